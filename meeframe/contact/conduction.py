@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.problem import ContactProblem
-from meeframe.fields import ELECTRIC, MAGNETIC, N_FIELDS, Array
-from meeframe.laws.base import ConductivityLaw, conducts, contact_conductivity
+from meeframe.fields import POTENTIALS, Array
+from meeframe.laws.base import ConductivityLaw, contact_conductivity
 from meeframe.system.capabilities import diagonal
 
 Mask = NDArray[np.bool_]
@@ -36,45 +36,49 @@ TOUCHING: Final = -float(np.finfo(float).tiny)
 
 
 def conducting(problem: ContactProblem) -> bool:
-    """Whether any of the laws conducts."""
-    return conducts(problem.electric_law) or conducts(problem.magnetic_law)
+    """Return whether any channel conducts."""
+    return any(channel.conducts for channel in problem.channels)
 
 
 def resistances(
     problem: ContactProblem, normal_traction: Array, contact_fraction: Array, own: Array, ahead: Array | None = None
 ) -> Array:
-    """Resistances 1/kappa of the electric and the magnetic contact, (n, 2): 0 conducts perfectly, inf insulates.
+    """Return the resistances 1/kappa of the channels, (n, channels): 0 conducts perfectly, inf insulates.
 
-    normal_traction: (n,) of the contact; contact_fraction: (n,); own: (n, 2) > 0, response of each node's potentials
-    to their own flux density, which is the measure of a fraction: the transmissivity kappa own / (1 + kappa own) is
-    interpolated, so that a fraction of a perfect conductor is one of finite resistance; ahead: (n, 5) of the indenter
-    over the body, as `unloaded` makes it, for laws that follow the gap or the drop. Nodes without an indenter above
-    are insulated.
+    normal_traction: (n,) of the contact; contact_fraction: (n,); own: (n, channels) > 0, response of each node's
+    potentials to their own flux density, which is the measure of a fraction: the transmissivity
+    kappa own / (1 + kappa own) is interpolated, so that a fraction of a perfect conductor is one of finite resistance;
+    ahead: (n, fields) of the indenter over the body, as `unloaded` makes it, for laws that follow the gap or the drop.
+    Nodes without an indenter above are insulated.
     """
-    ahead = np.zeros((N_FIELDS, len(own))).T if ahead is None else np.where(np.isfinite(ahead), ahead, 0.0)
+    n_fields = problem.fields.size
+    ahead = np.zeros((n_fields, len(own))).T if ahead is None else np.where(np.isfinite(ahead), ahead, 0.0)
+    gap, drops = np.maximum(ahead[:, 2], 0.0), ahead[:, POTENTIALS].T
     columns = [
-        _resistance(law, normal_traction, contact_fraction, own[:, k], np.maximum(ahead[:, 2], 0.0), ahead[:, 3 + k])
-        for k, law in enumerate((problem.electric_law, problem.magnetic_law))
+        _resistance(channel.law, normal_traction, contact_fraction, own[:, k], gap, drop)
+        for k, (channel, drop) in enumerate(zip(problem.channels, drops, strict=True))
     ]
     found = np.where(np.isfinite(problem.gap), columns, np.inf).T
     return found if problem.area_fraction is None else _at_edge(problem, problem.area_fraction, normal_traction, found)
 
 
 def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
-    """The indenter ahead of the body (n, 5) as if no node had its own flux (n, 2), whose response is `own` (n, 2).
+    """Return the indenter ahead of the body (n, fields) as if no node had its own flux (n, channels).
+
+    own: (n, channels) response to that flux.
 
     The conductivity of a drop is looked for together with it, node by node, from there: a law that conducts steeply
     above some drop would throw iterations on the drop itself to and fro.
     """
     moved = ahead.copy(order="K")
-    moved[:, ELECTRIC:] += own * flux
+    moved[:, POTENTIALS] += own * flux
     return moved
 
 
 @memoize_by_identity
 def own_response(problem: ContactProblem) -> Array:
-    """Response of each node's two potentials to their own flux density, (n, 2)."""
-    own = diagonal(problem.system, (ELECTRIC, MAGNETIC))
+    """Return the response of each node's potentials to their own flux density, (n, channels)."""
+    own = diagonal(problem.system, range(problem.fields.size)[POTENTIALS])
     own.setflags(write=False)  # the judge uses it, too
     return own
 
@@ -117,8 +121,8 @@ def switch(contact_fraction: Array, trial: Array, pressure: float) -> Array:
 
 
 def follows_gap(problem: ContactProblem) -> bool:
-    """Whether a conductivity of the problem depends on the gap or the drop."""
-    return problem.electric_law.across_gap or problem.magnetic_law.across_gap
+    """Return whether a conductivity of the problem depends on the gap or the drop."""
+    return any(channel.law.across_gap for channel in problem.channels)
 
 
 def _resistance(
@@ -177,11 +181,14 @@ def _alone(law: ConductivityLaw, normal_traction: Array, gap: Array, drop: Array
 
 
 def _at_edge(problem: ContactProblem, area_fraction: Array, normal_traction: Array, found: Array) -> Array:
-    """Resistances (n, 2) with those of nodes that are partly covered (n,): there what a law conducts without pressure
-    counts on the part that is covered alone, and does so whether the node itself has pressure or not."""
+    """Return resistances (n, channels) with those of nodes that are partly covered (n,).
+
+    There what a law conducts without pressure counts on the part that is covered alone, and does so whether the node
+    itself has pressure or not.
+    """
     resistance = found.copy()
     at = np.flatnonzero((area_fraction > 0.0) & (area_fraction < 1.0))
-    for k, law in enumerate((problem.electric_law, problem.magnetic_law)):
+    for k, law in enumerate(channel.law for channel in problem.channels):
         if law.across_gap:
             continue
         least = contact_conductivity(law, np.full(len(at), TOUCHING))

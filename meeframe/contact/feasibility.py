@@ -18,8 +18,8 @@ from meeframe.contact.free_motion import motions, reserve, strongest
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
-from meeframe.fields import ELECTRIC, MECHANICAL
-from meeframe.laws.base import attracts, conducts
+from meeframe.fields import MECHANICAL, N_MECHANICAL
+from meeframe.laws.base import attracts
 
 NEGLIGIBLE: Final = 1e-6
 MAX_GENERATORS: Final = 200
@@ -39,11 +39,11 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
         return (
             f"no pressure and friction in the contact add up to the prescribed forces and moments ({missing:.1e} off)"
         )
-    laws = (problem.electric_law, problem.magnetic_law)
     for freedom in problem.prescribed_resultants:
-        carried = [freedom.mode[:, ELECTRIC + k].any() and conducts(law) for k, law in enumerate(laws)]
-        if freedom.electromagnetic and freedom.total and not any(carried):
-            return "a charge or magnetic flux is prescribed, but the contact does not conduct it"
+        channels = [problem.channels[k - N_MECHANICAL] for k in freedom.moved if k >= N_MECHANICAL]
+        if channels and freedom.total and not any(channel.conducts for channel in channels):
+            names = " or ".join(channel.field.resultant.replace("_", " ") for channel in channels)
+            return f"a {names} is prescribed, but the contact does not conduct it"
     return None
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.conduction import follows_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant
-from meeframe.fields import ELECTRIC, N_FIELDS, Array, Indices
+from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.system.capabilities import Coarsening, Multigrid
 from meeframe.system.reduced import ReducedSystem
@@ -85,13 +85,13 @@ def nested_start(
     found = None if coarse is None else solution(coarse.problem)
     if coarse is None or found is None:
         return None
-    load = np.zeros((N_FIELDS, len(problem.gap))).T  # one field after another
+    load = np.zeros((problem.fields.size, len(problem.gap))).T  # one field after another
     loaded = np.flatnonzero(found.load.any(axis=0))
     load[:, loaded] = coarse.coarsening.prolong(found.load[:, loaded])
     above = np.isfinite(problem.gap)
     pressed = above & (load[:, 2] < 0.0)
     for field in loaded:
-        across = field >= ELECTRIC and follows_gap(problem)
+        across = field >= N_MECHANICAL and follows_gap(problem)
         load[:, field] = np.where(above if across else pressed, load[:, field], 0.0)
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), found.motion)
 

@@ -1,7 +1,7 @@
 """Contracts of contact: the contact problem on the reduced system, solvers and their honest status."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import ClassVar, Final
@@ -9,7 +9,8 @@ from typing import ClassVar, Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
+from meeframe.contact.channels import FluxChannel, field_set
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array, FieldSet
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.system.reduced import ReducedSystem
 
@@ -31,9 +32,9 @@ class Status(StrEnum):
 class PrescribedResultant:
     """A rigid motion or a potential of the indenter that is not given; what is given instead is a resultant.
 
-    mode: (n, 5) how the indenter's surface moves per unit of the motion, components and signs as a displacement of
-    ReducedSystem (a unit potential is -1 in its column): either the first three columns or the last two are zero;
-    measure: (n, 5): the resultant of a load is sum(measure * load); total: what it has to be. With measure =
+    mode: (n, fields) how the indenter's surface moves per unit of the motion, components and signs as a displacement of
+    ReducedSystem (a unit potential is -1 in its column): either the first three columns or the others are zero;
+    measure: (n, fields): the resultant of a load is sum(measure * load); total: what it has to be. With measure =
     weights * mode it is the force or moment [N, N m] on the body along the motion.
     Raises CaseError if an array has the wrong shape or a value that is not finite, or if the mode mixes motion and
     potential.
@@ -45,17 +46,17 @@ class PrescribedResultant:
 
     def __post_init__(self) -> None:
         shape = np.shape(self.mode)
-        if len(shape) != 2 or shape[1] != N_FIELDS or np.shape(self.measure) != shape:
-            raise CaseError(f"a freedom of {shape} and {np.shape(self.measure)}: mode and measure are both (n, 5)")
+        if len(shape) != 2 or shape[1] < N_MECHANICAL or np.shape(self.measure) != shape:
+            raise CaseError(f"a freedom of {shape} and {np.shape(self.measure)}: mode and measure are both (n, fields)")
         if not all(np.isfinite(part).all() for part in (self.mode, self.measure, self.total)):
             raise CaseError("a freedom of the indenter is not finite; allowed: finite mode, measure and total")
-        if len({k >= ELECTRIC for k in self.moved}) != 1:
+        if len({k >= N_MECHANICAL for k in self.moved}) != 1:
             raise CaseError("a freedom of the indenter is either a motion or a potential, not both and not nothing")
 
     @property
     def electromagnetic(self) -> bool:
         """Whether it is a potential and not a motion."""
-        return max(self.moved) >= ELECTRIC
+        return max(self.moved) >= N_MECHANICAL
 
     @cached_property
     def moved(self) -> tuple[int, ...]:
@@ -69,26 +70,26 @@ class PrescribedResultant:
 
 
 def _columns(values: Array) -> tuple[int, ...]:
-    """Of values (n, 5), those that are not zero."""
-    return tuple(k for k in range(N_FIELDS) if (values[:, k] != 0.0).any())  # faster than to ask numbers for any
+    """Return the numbers of the columns of values (n, fields) that are not zero."""
+    return tuple(k for k in range(values.shape[1]) if (values[:, k] != 0.0).any())  # faster than to ask numbers for any
 
 
 @dataclass(frozen=True, eq=False)
 class ContactProblem:
     """One load step: find the load on the contact zone that satisfies the laws.
 
-    gap: (n,) initial normal gap between body and indenter at this step [m], negative where they overlap, inf where
-    there is no indenter above; translation: (n, 2) tangential motion of the indenter in the local frame [m];
-    potentials: (n, 2) electric [V] and magnetic [A] potential of the indenter; freedoms: motions and potentials of the
-    indenter, on top of those, that follow from prescribed resultants; area_fraction: (n,) the part of each node's area
-    that is in contact where its edge lies between the nodes (EdgeResolution), None where it lies at nodes.
-    Raises CaseError if an array has the wrong shape or a value that is not allowed.
+    channels: of the scalar fields, in the order of their columns; gap: (n,) initial normal gap between body and
+    indenter at this step [m], negative where they overlap, inf where there is no indenter above; translation: (n, 2)
+    tangential motion of the indenter in the local frame [m]; potentials: (n, channels) of the indenter, SI units;
+    prescribed_resultants: motions and potentials of the indenter, on top of those, that follow from them;
+    area_fraction: (n,) the part of each node's area that is in contact where its edge lies between the nodes
+    (EdgeResolution), None where it lies at nodes. Raises CaseError if an array has the wrong shape or a value that is
+    not allowed.
     """
 
     system: ReducedSystem
     contact_law: ContactLaw
-    electric_law: ConductivityLaw
-    magnetic_law: ConductivityLaw
+    channels: tuple[FluxChannel, ...]
     gap: Array
     translation: Array
     potentials: Array
@@ -96,16 +97,22 @@ class ContactProblem:
     area_fraction: Array | None = None
 
     def __post_init__(self) -> None:
-        n = len(self.system.points)
+        n, count = len(self.system.points), len(self.channels)
+        if self.fields.size != self.system.n_fields:
+            raise CaseError(
+                f"the contact problem has {count} flux channels; {self.system.n_fields - N_MECHANICAL} are needed, "
+                "one for each scalar field of its reduced system"
+            )
         area_fraction = np.zeros(n) if self.area_fraction is None else self.area_fraction
         if np.shape(area_fraction) != (n,) or not ((area_fraction >= 0.0) & (area_fraction <= 1.0)).all():
             raise CaseError(
                 f"area_fraction of the contact problem is {area_fraction!r}; allowed: ({n},) numbers from 0 to 1"
             )
         for freedom in self.prescribed_resultants:
-            if len(freedom.mode) != n:
-                raise CaseError(f"a freedom of the contact problem has {len(freedom.mode)} nodes; {n} are needed")
-        for name, shape in (("gap", (n,)), ("translation", (n, 2)), ("potentials", (n, 2))):
+            if freedom.mode.shape != (n, self.fields.size):
+                needed = n, self.fields.size
+                raise CaseError(f"a freedom of the contact problem has shape {freedom.mode.shape}; {needed} is needed")
+        for name, shape in (("gap", (n,)), ("translation", (n, 2)), ("potentials", (n, count))):
             array = getattr(self, name)
             if np.shape(array) != shape:
                 raise CaseError(f"{name} of the contact problem has shape {np.shape(array)}; {shape} is needed")
@@ -115,15 +122,32 @@ class ContactProblem:
                 allowed = "finite values or inf" if name == "gap" else "finite values"
                 raise CaseError(f"{name} of the contact problem at node {node} is {array[node]}; allowed: {allowed}")
 
+    @cached_property
+    def fields(self) -> FieldSet:
+        """The field set of the channels."""
+        return field_set(self.channels)
+
+    def law_of(self, name: str) -> ConductivityLaw:
+        """Return the conductivity law of the scalar field of this name; raise ValueError if there is none."""
+        return self.channels[self.fields.names.index(name)].law
+
+    def with_laws(self, **laws: ConductivityLaw) -> "ContactProblem":
+        """Return the problem with other conductivity laws, given by the names of their fields."""
+        channels = (replace(channel, law=laws.pop(channel.field.name, channel.law)) for channel in self.channels)
+        changed = replace(self, channels=tuple(channels))
+        if laws:
+            raise ValueError(f"no scalar field is called {' or '.join(laws)}")
+        return changed
+
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
     """What a solver works on.
 
-    load: (n, 5) as in ReducedSystem; contact_fraction: (n,) in [0, 1], the fraction of a closed contact's conductivity
-    that is in force: 1 where p_nu < 0, 0 where the contact is open, between them only at nodes that graze (see
-    ContactState); memory: whatever the solver that made it wants to find again at its next step; nobody else reads it;
-    motion: (m,) of the problem's freedoms; estimate: the solver's own guess of the residual, None without one: the
+    load: (n, fields) as in ReducedSystem; contact_fraction: (n,) in [0, 1], the fraction of a closed contact's
+    conductivity that is in force: 1 where p_nu < 0, 0 where the contact is open, between them only at nodes that graze
+    (see ContactState); memory: whatever the solver that made it wants to find again at its next step; nobody else reads
+    it; motion: (m,) of the problem's freedoms; estimate: the solver's own guess of the residual, None without one: the
     driver, who judges by himself, looks less often before it is small.
     """
 
@@ -138,9 +162,10 @@ class Iterate:
 class ContactState:
     """A state of the contact zone.
 
-    load: (n, 5); displacement: (n, 5), both as in ReducedSystem; contact_fraction: (n,) in [0, 1], the fraction of a
-    closed contact's conductivity that is in force: 1 where p_nu < 0, 0 where the contact is open, between them only at
-    nodes that graze (zero traction and zero gap); motion: (m,) of the problem's freedoms, in the units of their modes.
+    load: (n, fields); displacement: (n, fields), both as in ReducedSystem; contact_fraction: (n,) in [0, 1], the
+    fraction of a closed contact's conductivity that is in force: 1 where p_nu < 0, 0 where the contact is open, between
+    them only at nodes that graze (zero traction and zero gap); motion: (m,) of the problem's freedoms, in the units of
+    their modes.
     """
 
     load: Array
@@ -201,20 +226,22 @@ class Solver(ABC):
 
 
 def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:
-    """Where the indenter is, (n, 5) = (translation, gap, -phi_o, -psi_o), with the motion (m,) of the freedoms.
+    """Return the indenter's position, (n, fields) = (translation, gap, -phi_o, -psi_o, ...).
+
+    motion: (m,) of the prescribed resultants, which is added.
 
     Its difference to the body's displacement is the contact gap and the drop of the potentials.
     """
-    position = np.empty((N_FIELDS, len(problem.gap))).T  # one field after another
-    for k in range(N_FIELDS):
+    position = np.empty((problem.fields.size, len(problem.gap))).T  # one field after another
+    for k in range(problem.fields.size):
         position[:, k] = indenter_field(problem, k, motion)
     return position
 
 
 def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST) -> Array:
-    """One field (n,) of the indenter's position (n, 5), with the motion (m,) of the freedoms."""
-    if field >= ELECTRIC:
-        position = -problem.potentials[:, field - ELECTRIC]
+    """Return one column (n,) of `indenter_position`."""
+    if field >= N_MECHANICAL:
+        position = -problem.potentials[:, field - N_MECHANICAL]
     else:
         position = (*problem.translation.T, problem.gap)[field].copy()
     for freedom, amount in zip(problem.prescribed_resultants, motion, strict=True):
@@ -224,7 +251,7 @@ def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST)
 
 
 def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT_REST) -> Array:
-    """Gap (n, 3) = (translation - u_tau, gap - u_nu) of a displacement (n, 5) or (n, 3) [m].
+    """Gap (n, 3) = (translation - u_tau, gap - u_nu) of a displacement (n, fields) or (n, 3) [m].
 
     motion: (m,) of the freedoms, which the indenter has gone besides.
     """
@@ -233,14 +260,15 @@ def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT
 
 
 def unbalance(problem: ContactProblem, load: Array) -> Array:
-    """Resultants of a load (n, 5) less the prescribed ones, (m,), for the problem's freedoms."""
+    """Resultants of a load (n, fields) less the prescribed ones, (m,), for the problem's freedoms."""
     return np.array(
         [sum(f.measure[:, k] @ load[:, k] for k in f.measured) - f.total for f in problem.prescribed_resultants]
     )
 
 
-def resultant(system: ReducedSystem, load: Array) -> tuple[Array, float, float]:
-    """Force on the body (3,) [N] in global axes, charge [C] and magnetic flux [Wb] of a load (n, 5)."""
-    tractions = np.einsum("na,nai->ni", load[:, :3], system.frames)
+def resultant(system: ReducedSystem, load: Array) -> tuple[Array, Array]:
+    """Return the force on the body (3,) [N] in global axes and the total fluxes (channels,) of a load (n, fields)."""
+    tractions = np.einsum("na,nai->ni", load[:, MECHANICAL], system.frames)
     force: Array = system.weights @ tractions
-    return force, float(system.weights @ load[:, 3]), float(system.weights @ load[:, 4])
+    fluxes: Array = system.weights @ load[:, POTENTIALS]
+    return force, fluxes

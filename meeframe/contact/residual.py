@@ -9,27 +9,27 @@ from meeframe.contact.conduction import conducting, follows_gap, own_response, r
 from meeframe.contact.nested import same_everywhere
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, problem_scales
-from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS
-from meeframe.laws.base import ContactLaw, augmented_traction, conducts, contact_traction, fixed_point_map
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS
+from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map
 from meeframe.system.capabilities import apply_load
 
-ALL_FIELDS: Final = tuple(range(N_FIELDS))
 BLOCK: Final = 2**14
 """Nodes at which laws are asked at once."""
 
 
 def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
-    """Fields of the displacement that the laws ask for: without them the law residual is the same."""
+    """Return the fields of the displacement on which the laws depend, by column."""
     law = problem.contact_law
     slides = not law.tangential_scaling().any() and type(law).resolve is ContactLaw.resolve
-    asked = (not slides, not slides, True, conducts(problem.electric_law), conducts(problem.magnetic_law))
+    asked = (not slides, not slides, True, *(channel.conducts for channel in problem.channels))
     return tuple(np.flatnonzero(asked).tolist())
 
 
-def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] = ALL_FIELDS) -> ContactState:
-    """The state of an iterate: its displacement by one application of the compliance, zero but in the given fields.
+def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] | None = None) -> ContactState:
+    """Return the state of an iterate: its displacement by one application of the compliance.
 
-    All of them are those of `apply`, some of them those of `apply_load`.
+    fields: columns of the displacement that are computed, all by default; the others are zero. All of them are those of
+    `apply`, some of them those of `apply_load`.
 
     Raises CaseError if its solver does not find the free motions of the problem.
     """
@@ -39,10 +39,12 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
             "potentials of the indenter that are free; allowed with prescribed resultants: a solver that finds them, "
             "such as 'auto'"
         )
-    displacement = np.zeros((N_FIELDS, len(iterate.load))).T
     system = problem.system
-    caused = system.apply(iterate.load) if fields == ALL_FIELDS else apply_load(system, iterate.load, fields)
-    for field, part in zip(fields, caused.T, strict=True):  # stored one after another
+    displacement = np.zeros((system.n_fields, len(iterate.load))).T
+    whole = fields is None or len(fields) == system.n_fields
+    columns = tuple(range(system.n_fields)) if fields is None else fields
+    caused = system.apply(iterate.load) if whole else apply_load(system, iterate.load, columns)
+    for field, part in zip(columns, caused.T, strict=True):  # stored one after another
         np.add(system.offset[:, field], part, out=displacement[:, field])
     return ContactState(iterate.load, displacement, iterate.contact_fraction, iterate.motion)
 
@@ -65,13 +67,13 @@ def residual(problem: ContactProblem, state: ContactState, scales: Scales | None
 
 
 def law_residual(
-    problem: ContactProblem, state: ContactState, scales: Scales, fields: tuple[int, ...] = ALL_FIELDS
+    problem: ContactProblem, state: ContactState, scales: Scales, fields: tuple[int, ...] | None = None
 ) -> float:
-    """The residual without the consistency of load and displacement.
+    """Return the residual without the consistency of load and displacement.
 
-    fields: of the displacement that are known, at least those that the laws ask for.
+    fields: columns of the displacement that are known, at least those of `judged_fields`; all by default.
     """
-    known = [state.displacement] if fields == ALL_FIELDS else [state.displacement[:, field] for field in fields]
+    known = [state.displacement] if fields is None else [state.displacement[:, field] for field in fields]
     if not all(np.isfinite(part).all() for part in (state.load, *known, state.contact_fraction, state.motion)):
         return np.inf
     balance = largest(unbalance(problem, state.load) / scales.totals)
@@ -88,7 +90,7 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
     """The largest of the contact law and of the closed fraction: by blocks of nodes, which stay near the processor,
     if the law is the same at all of them."""
     law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
-    asked = [axis for axis in judged_fields(problem) if axis < ELECTRIC]
+    asked = [axis for axis in judged_fields(problem) if axis < N_MECHANICAL]
     position = {axis: indenter_field(problem, axis, state.motion) for axis in asked}
     size, worst = BLOCK if same_everywhere(law, n) else max(n, 1), [0.0]
     for first in range(0, n, size):
@@ -108,19 +110,19 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
 
     One where a law says no number: it does not hold, but may where the iteration goes from there.
     """
-    compliance, potential = np.diag(scales.compliance)[3:], scales.displacement[3:]
+    compliance, potential = np.diag(scales.compliance)[POTENTIALS], scales.displacement[POTENTIALS]
     if not conducting(problem):
-        insulated = zip(state.load.T[3:], compliance, potential, strict=True)
+        insulated = zip(state.load.T[POTENTIALS], compliance, potential, strict=True)
         return [largest(flux) * c / scale for flux, c, scale in insulated]
     ahead = indenter_position(problem, state.motion)
     ahead -= state.displacement
     pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
     own = own_response(problem)
-    alone = unloaded(ahead, state.load[:, 3:], own) if follows_gap(problem) else None
+    alone = unloaded(ahead, state.load[:, POTENTIALS], own) if follows_gap(problem) else None
     resistance = resistances(problem, pressing, state.contact_fraction, own, alone)
-    difference = -ahead[:, 3:]
+    difference = -ahead[:, POTENTIALS]
     share = compliance / (compliance + resistance)
-    drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, 3:]
+    drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, POTENTIALS]
     return [
         largest(np.where(np.isnan(part), scale, part)) / scale for part, scale in zip(drop.T, potential, strict=True)
     ]

@@ -10,14 +10,13 @@ from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.nested import Coarse, alike, coarse_problem, same_area, same_everywhere
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, indenter_field, indenter_position
-from meeframe.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
-from meeframe.laws.base import attraction, conducts
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
+from meeframe.laws.base import attraction
 from meeframe.system.capabilities import Multigrid, apply_load
 from meeframe.system.reduced import ReducedSystem
 
 Mask = NDArray[np.bool_]
 
-POTENTIALS = (ELECTRIC, MAGNETIC)
 RESOLVED: Final = 4e-5
 """Of the way that a free indenter goes to the body: round-off of the gap leaves a shallower depth no ten digits."""
 ENOUGH: Final = 5_000
@@ -30,8 +29,9 @@ FOUNDATION_STEPS: Final = 3
 class Scales:
     """Characteristic magnitudes, from the data of the problem alone and homogeneous in units, moduli and lengths.
 
-    compliance: (5, 5) largest displacement of field J under a uniform unit load of field K over the nodes that the
-    indenter overlaps; displacement, load: (5,) and totals: (m,), of the freedoms, expected magnitudes, positive.
+    compliance: (fields, fields) largest displacement of field J under a uniform unit load of field K over the nodes
+    that the indenter overlaps; displacement, load: (fields,) and totals: (m,), of the prescribed resultants, expected
+    magnitudes, positive.
     """
 
     compliance: Array
@@ -52,7 +52,7 @@ class Scales:
 
 @memoize_by_identity
 def problem_scales(problem: ContactProblem) -> Scales:
-    """Scales of a problem: five applications of the compliance, more if the indenter moves freely.
+    """Return the scales of a problem: one application of the compliance a field, more if the indenter moves freely.
 
     The overlap of the indenter with the unloaded surface sets the displacements, where the indenter is free that of an
     elastic foundation under the prescribed forces; prescribed potentials and charges set the others, and the pressures
@@ -69,18 +69,17 @@ def problem_scales(problem: ContactProblem) -> Scales:
     compliance = _uniform_response(problem.system, loaded)
     pressure = _pressure(problem, overlap, depth, compliance[2, 2])
     charged = _prescribed_flux(problem, loaded)
-    drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in POTENTIALS]
-    potential = np.maximum(drop, charged * compliance[POTENTIALS, POTENTIALS])
-    laws = (problem.electric_law, problem.magnetic_law)
-    flux = np.where([conducts(law) for law in laws], potential / compliance[POTENTIALS, POTENTIALS], 0.0)
-    pressure = max(pressure, *(compliance[2, 3:] * flux / compliance[2, 2]))
-    load = np.array([pressure, pressure, pressure, 0.0, 0.0])
-    induced = compliance[3:, 2] * pressure
-    load[3:] = np.maximum(flux, induced / compliance[POTENTIALS, POTENTIALS])
+    numbers, own = range(problem.fields.size)[POTENTIALS], np.diag(compliance)[POTENTIALS]
+    drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in numbers]
+    potential = np.maximum(drop, charged * own)
+    flux = np.where([channel.conducts for channel in problem.channels], potential / own, 0.0)
+    pressure = float(np.max([pressure, *(compliance[2, POTENTIALS] * flux / compliance[2, 2])]))
+    induced = compliance[POTENTIALS, 2] * pressure
+    load = np.array([*(pressure,) * N_MECHANICAL, *np.maximum(flux, induced / own)])
     displacement = np.maximum([largest(column) for column in offset.T], compliance @ load)
     moved = [largest(indenter_field(problem, axis, motion)) for axis in range(2)]
     displacement[:2] = np.maximum(displacement[:2], moved)
-    displacement[3:] = np.maximum(displacement[3:], potential)
+    displacement[POTENTIALS] = np.maximum(displacement[POTENTIALS], potential)
     load = _positive(load)
     totals = [max(abs(f.total), _borne(f, loaded, load)) for f in problem.prescribed_resultants]
     return Scales(compliance, _positive(displacement), load, _positive(np.array(totals)))
@@ -110,7 +109,8 @@ def _foundation_motion(problem: ContactProblem) -> Array:
     loaded = _loaded(np.where(np.isfinite(problem.gap), 0.0, -np.inf))
     for _ in range(FOUNDATION_STEPS):
         system, nodes = _telling(problem.system, loaded)
-        press = np.where(nodes[:, None], [0.0, 0.0, 1.0, 0.0, 0.0], 0.0)
+        press = np.zeros_like(system.offset)
+        press[nodes, 2] = 1.0
         r = 1.0 / float(np.abs(apply_load(system, press, (2,))).max())
         gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
         motion[moving] += balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
@@ -140,12 +140,12 @@ def _loaded(overlap: Array) -> Mask:
 
 
 def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
-    """Mean flux densities of prescribed totals over the nodes (n,) that are loaded, (2,)."""
-    flux = np.zeros(2)
+    """Return mean flux densities (channels,) of prescribed totals over the nodes (n,) that are loaded."""
+    flux = np.zeros(len(problem.channels))
     for freedom in problem.prescribed_resultants:
         if freedom.electromagnetic:
-            measure = np.abs(freedom.measure[loaded, ELECTRIC:]).sum(axis=0)
-            flux += np.divide(abs(freedom.total), measure, out=np.zeros(2), where=measure > 0.0)
+            measure = np.abs(freedom.measure[loaded, POTENTIALS]).sum(axis=0)
+            flux += np.divide(abs(freedom.total), measure, out=np.zeros_like(flux), where=measure > 0.0)
     return flux
 
 
@@ -188,13 +188,13 @@ def _uniform_response(system: ReducedSystem, loaded: Mask) -> Array:
 
 @memoize_by_identity
 def _response_of_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
-    """Return the largest displacements (5, 5) under uniform unit loads of some nodes, given by the bytes of their mask.
+    """Return the largest displacements (fields, fields) under uniform unit loads; loaded_bytes: mask of the nodes.
 
     Increments under the same normal load ask for those of the same nodes again and again.
     """
     loaded = np.frombuffer(loaded_bytes, bool)
-    compliance = np.empty((N_FIELDS, N_FIELDS))
-    for field in range(N_FIELDS):
+    compliance = np.empty((system.n_fields, system.n_fields))
+    for field in range(system.n_fields):
         load = np.zeros_like(system.offset)
         load[loaded, field] = 1.0
         compliance[:, field] = np.abs(system.apply(load)).max(axis=0, initial=0.0)
@@ -202,7 +202,7 @@ def _response_of_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
 
 
 def _borne(freedom: PrescribedResultant, loaded: Mask, load: Array) -> float:
-    """What a load (5,) on the loaded nodes (n,) adds up to in a resultant, without regard to sign."""
+    """Return what a load (fields,) on the loaded nodes (n,) adds up to in a resultant, without regard to sign."""
     return sum(float(np.abs(freedom.measure[loaded, k]).sum() * load[k]) for k in freedom.measured)
 
 

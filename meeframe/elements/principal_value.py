@@ -13,7 +13,7 @@ import numpy as np
 from meeframe.elements._kernels.quadrature_order import MODERATE_ANISOTROPY
 from meeframe.elements.base import SurfaceElement, shape_derivatives
 from meeframe.elements.quadrature import element_rule
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.greens.base import Kernel
 from meeframe.greens.directions import spread_directions
 
@@ -105,7 +105,7 @@ def free_term(kernel: Kernel, facets: Array) -> Array:
     points, weights = _fan(_apex(arcs[0]), *arcs)
     spheres = np.floor(weights.sum() / (4.0 * np.pi))
     traction = kernel.evaluate(points, points)[1]
-    inside: Array = -np.einsum("m,mjk->jk", weights, traction) - spheres * np.eye(N_FIELDS)
+    inside: Array = -np.einsum("m,mjk->jk", weights, traction) - spheres * np.eye(traction.shape[1])
     return inside
 
 

@@ -1,29 +1,37 @@
-"""Extended fields, their scaling and their units."""
+"""Field sets, their scaling and their units."""
 
 from meeframe.fields.field_set import (
     ELECTRIC,
-    FLUX_NAMES,
-    FLUX_UNITS,
+    ELECTRIC_FIELD,
     MAGNETIC,
+    MAGNETIC_FIELD,
     MECHANICAL,
+    MEE,
     N_FIELDS,
-    VALUE_NAMES,
-    VALUE_UNITS,
+    N_MECHANICAL,
+    OPTIONAL_FIELDS,
+    POTENTIALS,
     Array,
     FieldScaling,
+    FieldSet,
     Indices,
+    ScalarField,
 )
 
 __all__ = [
     "ELECTRIC",
-    "FLUX_NAMES",
-    "FLUX_UNITS",
+    "ELECTRIC_FIELD",
     "MAGNETIC",
+    "MAGNETIC_FIELD",
     "MECHANICAL",
+    "MEE",
     "N_FIELDS",
-    "VALUE_NAMES",
-    "VALUE_UNITS",
+    "N_MECHANICAL",
+    "OPTIONAL_FIELDS",
+    "POTENTIALS",
     "Array",
     "FieldScaling",
+    "FieldSet",
     "Indices",
+    "ScalarField",
 ]

@@ -1,10 +1,12 @@
-"""The five extended fields, their units, and the one place where fields are scaled.
+"""Field sets: the displacement and the scalar potentials of a problem, their fluxes, units and scaling.
 
-Extended displacement u = (u1, u2, u3, phi, psi), extended traction t = (t1, t2, t3, q, s) with q = D.nu, s = B.nu and
-nu the outward unit normal (paper, appendix A). All arrays that carry an extended field index have length 5 along it.
+The extended displacement u = (u1, u2, u3, phi, psi, ...) holds three components and one potential for each scalar
+field; the extended traction t = (t1, t2, t3, q, s, ...) holds the conjugate fluxes on the outward unit normal nu, with
+q = D.nu and s = B.nu (paper, appendix A). Arrays with a field index have length FieldSet.size along it.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -13,15 +15,131 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-N_FIELDS: Final = 5
-MECHANICAL: Final = slice(0, 3)
-ELECTRIC: Final = 3
-MAGNETIC: Final = 4
+N_MECHANICAL: Final = 3
+"""Number of displacement components, which come before the potentials."""
+MECHANICAL: Final = slice(0, N_MECHANICAL)
+"""Columns of the displacement and the traction in arrays (n, fields)."""
+POTENTIALS: Final = slice(N_MECHANICAL, None)
+"""Columns of the potentials and the fluxes in arrays (n, fields), however many there are."""
 
-VALUE_NAMES: Final = ("displacement_1", "displacement_2", "displacement_3", "electric_potential", "magnetic_potential")
-VALUE_UNITS: Final = ("m", "m", "m", "V", "A")
-FLUX_NAMES: Final = ("traction_1", "traction_2", "traction_3", "electric_flux", "magnetic_flux")
-FLUX_UNITS: Final = ("Pa", "Pa", "Pa", "C/m^2", "Wb/m^2")
+
+@dataclass(frozen=True)
+class ScalarField:
+    """A scalar potential, its conjugate flux, and the names and units under which both appear.
+
+    The flux density on the outward normal is the normal component of -(coefficient) grad(potential), plus couplings.
+
+    Attributes
+    ----------
+    name : str
+        Name of the field, which is also its key in `[conductivity]` of a case file: "electric".
+    value_name, value_unit : str
+        The potential and its SI unit. A potential of the indenter counts among the indenter's motions by this name.
+    flux_name, flux_unit : str
+        The flux density and its SI unit.
+    resultant, resultant_unit : str
+        The total flux through the contact and its SI unit. A load step prescribes it in place of the potential.
+    coefficient, coefficient_unit : str
+        The material tensor that relates flux and gradient, which is a key of `[material]`, and its SI unit.
+    conductance_unit, strength_unit : str
+        SI units of flux density over potential (conductivity laws of the contact) and of the gradient.
+    """
+
+    name: str
+    value_name: str
+    value_unit: str
+    flux_name: str
+    flux_unit: str
+    resultant: str
+    resultant_unit: str
+    coefficient: str
+    coefficient_unit: str
+    conductance_unit: str
+    strength_unit: str
+
+
+ELECTRIC_FIELD: Final = ScalarField(
+    name="electric",
+    value_name="electric_potential",
+    value_unit="V",
+    flux_name="electric_flux",
+    flux_unit="C/m^2",
+    resultant="charge",
+    resultant_unit="C",
+    coefficient="permittivity",
+    coefficient_unit="F/m",
+    conductance_unit="F/m^2",
+    strength_unit="V/m",
+)
+MAGNETIC_FIELD: Final = ScalarField(
+    name="magnetic",
+    value_name="magnetic_potential",
+    value_unit="A",
+    flux_name="magnetic_flux",
+    flux_unit="Wb/m^2",
+    resultant="magnetic_flux",
+    resultant_unit="Wb",
+    coefficient="permeability",
+    coefficient_unit="H/m",
+    conductance_unit="H/m^2",
+    strength_unit="A/m",
+)
+
+
+@dataclass(frozen=True)
+class FieldSet:
+    """The displacement and some scalar fields, in the order of their columns.
+
+    scalars: the scalar fields; their columns follow the three of the displacement.
+    """
+
+    scalars: tuple[ScalarField, ...]
+
+    @cached_property
+    def size(self) -> int:
+        """Number of columns of arrays with a field index."""
+        return N_MECHANICAL + len(self.scalars)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the scalar fields."""
+        return tuple(scalar.name for scalar in self.scalars)
+
+    @cached_property
+    def value_names(self) -> tuple[str, ...]:
+        """Names of the columns of the extended displacement."""
+        return (*(f"displacement_{i}" for i in (1, 2, 3)), *(scalar.value_name for scalar in self.scalars))
+
+    @cached_property
+    def value_units(self) -> tuple[str, ...]:
+        """SI units of the columns of the extended displacement."""
+        return (*(("m",) * N_MECHANICAL), *(scalar.value_unit for scalar in self.scalars))
+
+    @cached_property
+    def flux_names(self) -> tuple[str, ...]:
+        """Names of the columns of the extended traction."""
+        return (*(f"traction_{i}" for i in (1, 2, 3)), *(scalar.flux_name for scalar in self.scalars))
+
+    @cached_property
+    def flux_units(self) -> tuple[str, ...]:
+        """SI units of the columns of the extended traction."""
+        return (*(("Pa",) * N_MECHANICAL), *(scalar.flux_unit for scalar in self.scalars))
+
+    def index(self, name: str) -> int:
+        """Return the column of the scalar field of this name; raise ValueError if there is none."""
+        return N_MECHANICAL + self.names.index(name)
+
+
+MEE: Final = FieldSet((ELECTRIC_FIELD, MAGNETIC_FIELD))
+"""The fields of a magneto-electro-elastic body, which every material has."""
+
+OPTIONAL_FIELDS: Final[tuple[ScalarField, ...]] = ()
+"""Further scalar fields, not coupled to the others, which a body has if its material gives their coefficient."""
+
+N_FIELDS: Final = MEE.size
+"""Size of the default field set: kernels that are compiled for one size take it from here."""
+ELECTRIC: Final = MEE.index(ELECTRIC_FIELD.name)
+MAGNETIC: Final = MEE.index(MAGNETIC_FIELD.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,38 +149,37 @@ class FieldScaling:
     C'_iJKm = s_J s_K C_iJKm, u' = u / s, t' = s t, where primes mark scaled fields. In SI units the extended stiffness
     has a condition number near 1e19; scaled, near 10.
 
-    factors: (5,) positive.
+    factors: (fields,) positive.
     """
 
     factors: Array
 
     @classmethod
     def of(cls, stiffness: Array) -> "FieldScaling":
-        """Scaling for an extended stiffness C_iJKm, (3, 5, 5, 3) in SI units."""
-        elastic = np.abs(stiffness[:, :3, :3, :]).max()
-        electric = np.abs(stiffness[:, ELECTRIC, ELECTRIC, :]).max()
-        magnetic = np.abs(stiffness[:, MAGNETIC, MAGNETIC, :]).max()
-        factors = np.array([elastic, elastic, elastic, electric, magnetic]) ** -0.5
+        """Return the scaling of an extended stiffness C_iJKm, (3, fields, fields, 3) in SI units."""
+        elastic = np.abs(stiffness[:, MECHANICAL, MECHANICAL, :]).max()
+        scalars = (np.abs(stiffness[:, k, k, :]).max() for k in range(N_MECHANICAL, stiffness.shape[1]))
+        factors = np.array([*(elastic,) * N_MECHANICAL, *scalars]) ** -0.5
         factors.setflags(write=False)
         return cls(factors)
 
     def scale_stiffness(self, stiffness: Array) -> Array:
-        """C'_iJKm of C_iJKm, (3, 5, 5, 3)."""
+        """Return C'_iJKm of C_iJKm, (3, fields, fields, 3)."""
         scaled: Array = stiffness * self.factors[None, :, None, None] * self.factors[None, None, :, None]
         return scaled
 
     def scale_values(self, values: Array) -> Array:
-        """u' of u (..., 5) in SI units."""
+        """Return u' of u (..., fields) in SI units."""
         return values / self.factors
 
     def unscale_values(self, values: Array) -> Array:
-        """u (..., 5) in SI units of u'."""
+        """Return u (..., fields) in SI units of u'."""
         return values * self.factors
 
     def scale_fluxes(self, fluxes: Array) -> Array:
-        """t' of t (..., 5) in SI units."""
+        """Return t' of t (..., fields) in SI units."""
         return fluxes * self.factors
 
     def unscale_fluxes(self, fluxes: Array) -> Array:
-        """t (..., 5) in SI units of t'."""
+        """Return t (..., fields) in SI units of t'."""
         return fluxes / self.factors

@@ -1,1 +1,1 @@
-"""Formulations: each condenses a body to a reduced system on its contact zone."""
+"""Formulations, which condense a body to a reduced system on its contact zone."""

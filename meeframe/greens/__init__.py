@@ -1,4 +1,4 @@
-"""Fundamental solutions of the extended equations of equilibrium."""
+"""Fundamental solutions of the extended equilibrium equations."""
 
 from meeframe.greens.isotropic import Isotropic
 from meeframe.greens.line_integral import LineIntegral

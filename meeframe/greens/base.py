@@ -1,4 +1,4 @@
-"""Contract of a fundamental solution: the response of an infinite body to extended point sources."""
+"""The contract of a fundamental solution, the response of an infinite body to extended point sources."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -7,41 +7,85 @@ from meeframe.fields import Array, Indices
 
 
 class Kernel(ABC):
-    """A fundamental solution bound to one material; all fields scaled (see FieldScaling).
+    """A fundamental solution of one material, in scaled fields (see FieldScaling).
 
-    Index J is the responding field at x, K the unit source at x'. offset = x - x', any length unit.
+    Notes
+    -----
+    Index J is the responding field at x, index K the unit source at x'. Offsets are x - x', in any unit of length.
     """
 
     @abstractmethod
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
         """Return the displacement and traction kernels U_JK and T_JK (eqs. 42, 47).
 
-        offset: (n, 3), nowhere zero; normal: (n, 3) unit normals at x.
-        Returns U (n, 5, 5), symmetric in J and K, and T (n, 5, 5); C-contiguous. Safe to call from several threads.
+        Parameters
+        ----------
+        offset : Array
+            Offsets, (n, 3), none of them zero.
+        normal : Array
+            Unit normals at x, (n, 3).
+
+        Returns
+        -------
+        Array
+            U, (n, fields, fields), symmetric in J and K, C-contiguous.
+        Array
+            T, (n, fields, fields), C-contiguous.
+
+        Notes
+        -----
+        Implementations must allow calls from several threads at once.
         """
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array] | None:
-        """Return the sums of U and T times weights over the points of plane pieces of surface; None if `evaluate` has
-        to serve.
+        """Return weighted sums of U and T over the points of plane pieces of surface.
 
-        offset: (n, 3); weights: (n, k); starts: (m + 1,), piece e has the points from starts[e] to starts[e + 1];
-        normals: (m, 3) unit normals of the pieces. Returns sums for U and T, (m, k, 25), entry 5 J + K.
-        A plane has one normal, with which the stiffness need be contracted once and not at every point.
+        Parameters
+        ----------
+        offset : Array
+            Offsets of all points, (n, 3).
+        weights : Array
+            Weights, (n, k).
+        starts : Indices
+            First point of each piece, and n, (m + 1,).
+        normals : Array
+            Unit normals of the pieces, (m, 3).
+
+        Returns
+        -------
+        tuple of Array or None
+            Sums for U and for T, (m, k, fields^2) each, with entry (J, K) row by row. None, the default, if the caller
+            must use `evaluate`.
+
+        Notes
+        -----
+        A plane piece has one normal, so that the stiffness can be contracted with it once, not at every point.
         """
         return None
 
     @abstractmethod
     def gradient(self, offset: Array) -> Array:
-        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, 5, 5, 3), for offset (n, 3)."""
+        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, fields, fields, 3), for offsets (n, 3)."""
 
 
 @dataclass(frozen=True)
 class FundamentalSolution(ABC):
-    """A way of computing the fundamental solution; the fields of a concrete class are its case-file keys."""
+    """A method to compute the fundamental solution.
+
+    The fields of a concrete class are its keys in case files.
+    """
 
     @abstractmethod
     def bind(self, stiffness: Array) -> Kernel:
-        """Return the kernel for one scaled extended stiffness C'_iJKm, (3, 5, 5, 3).
+        """Return the kernel of a material.
 
-        Raises MaterialError if this fundamental solution does not apply to the material.
+        Parameters
+        ----------
+        stiffness : Array
+            Scaled extended stiffness C'_iJKm, (3, 5, 5, 3).
+
+        Raises
+        ------
+        MaterialError
+            If this fundamental solution does not apply to the material.
         """

@@ -1,4 +1,4 @@
-"""Closed forms for isotropic uncoupled media: Kelvin's solution and two of Laplace's equation."""
+"""Closed forms for isotropic uncoupled media: the solution of Kelvin and two of the Laplace equation."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -10,28 +10,40 @@ from meeframe.common.errors import MaterialError
 from meeframe.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.greens._kernels.isotropic import isotropic_modulation
 from meeframe.greens.base import FundamentalSolution, Kernel
-from meeframe.greens.modulated import ModulatedKernel, checked_stiffness
+from meeframe.greens.modulated import ModulatedKernel, validate_stiffness
 
-TOLERANCE = 1e-12
+TOLERANCE = 1e-12  # of the largest scaled constant
 
 
 @final
 @dataclass(frozen=True)
 class Isotropic(FundamentalSolution):
-    """Kelvin's solution for the displacements, 1 / (4 pi r) for each potential, no coupling.
+    """The solution of Kelvin for the displacements and 1 / (4 pi r) for each potential, without coupling.
 
-    Source: Love, A Treatise on the Mathematical Theory of Elasticity, article 130.
+    References
+    ----------
+    Love, A Treatise on the Mathematical Theory of Elasticity, article 130.
     """
 
     def bind(self, stiffness: Array) -> Kernel:
-        """Return the kernel for a scaled stiffness (3, 5, 5, 3).
+        """Return the kernel of a material.
 
-        Raises MaterialError that names what is anisotropic or coupled.
+        Parameters
+        ----------
+        stiffness : Array
+            Scaled extended stiffness, (3, 5, 5, 3).
+
+        Raises
+        ------
+        MaterialError
+            If the material is anisotropic or coupled; the message says in which constants.
         """
-        checked = checked_stiffness(stiffness)
-        constants = np.array([checked[0, 0, 0, 0], checked[0, 1, 0, 1], checked[0, 3, 3, 0], checked[0, 4, 4, 0]])
-        _require_isotropic(checked, constants)
-        return ModulatedKernel(checked, partial(isotropic_modulation, constants))
+        stiffness = validate_stiffness(stiffness)
+        constants = np.array(
+            [stiffness[0, 0, 0, 0], stiffness[0, 1, 0, 1], stiffness[0, 3, 3, 0], stiffness[0, 4, 4, 0]]
+        )
+        _require_isotropic(stiffness, constants)
+        return ModulatedKernel(stiffness, partial(isotropic_modulation, constants))
 
 
 def _require_isotropic(stiffness: Array, constants: Array) -> None:
@@ -49,10 +61,10 @@ def _require_isotropic(stiffness: Array, constants: Array) -> None:
         "magneto-electric coupling is not zero": stiffness[:, ELECTRIC, MAGNETIC],
     }
     size = np.abs(stiffness).max()
-    wrong = {name: np.abs(part).max() / size for name, part in excess.items()}
-    found = [f"{name} (by {value:.1e})" for name, value in wrong.items() if value > TOLERANCE]
-    if found:
+    deviations = {name: np.abs(block).max() / size for name, block in excess.items()}
+    failures = [f"{name} (by {value:.1e})" for name, value in deviations.items() if value > TOLERANCE]
+    if failures:
         raise MaterialError(
-            f"fundamental solution isotropic: {'; '.join(found)}; "
-            f"allowed is {TOLERANCE:g} of the largest scaled constant"
+            f"fundamental solution isotropic: {'; '.join(failures)}; "
+            f"allowed: {TOLERANCE:g} of the largest scaled constant"
         )

@@ -1,4 +1,4 @@
-"""The production kernel: a piecewise polynomial table of the fundamental solution over all directions."""
+"""The default kernel, a piecewise polynomial table of the fundamental solution over all directions."""
 
 from dataclasses import dataclass
 from typing import Annotated, final
@@ -11,26 +11,34 @@ from meeframe.common.errors import CaseError, MaterialError
 from meeframe.fields import Array, Indices
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.greens._kernels.modulation import triads
-from meeframe.greens._kernels.tabulated import DEGREE, LINE, WIDTH, evaluate, gradient
+from meeframe.greens._kernels.tabulated import CACHE_LINE, DEGREE, WIDTH, evaluate, gradient
 from meeframe.greens._kernels.tabulated_sums import integrate
 from meeframe.greens.base import FundamentalSolution, Kernel
 from meeframe.greens.line_integral import LineIntegral, line_modulation
-from meeframe.greens.modulated import checked_stiffness
+from meeframe.greens.modulated import validate_stiffness
 
-MOST_CELLS = 64
-# Doubles in a huge page of 2 MB.
+MAX_CELLS = 64
+# Number of doubles in a huge page of 2 MB.
 HUGE_PAGE = 2**18
 LINE_POINTS = 16
-# The check sees a few directions of every cell and one normal of each; the worst of many is up to 2.2 times larger.
-MARGIN = 2.5
+# The check uses a few directions in every cell, with one normal each; the largest of many errors is up to 2.2 times
+# larger.
+ERROR_MARGIN = 2.5
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class TabulatedKernel(Kernel):
-    """Kernel from a table (3 cells^2, 720); see meeframe.greens._kernels.tabulated.
+    """A kernel that interpolates in a table; see meeframe.greens._kernels.tabulated.
 
-    coefficients: (3, 225), the stiffness as [face, J, M, 3 k + i] = C_iJMl with l = face + k mod 3.
+    Attributes
+    ----------
+    table : Array
+        Coefficients of the polynomials, (3 cells^2, 720).
+    cells : int
+        Cells along each side of a face.
+    coefficients : Array
+        Stiffness, (3, 225), as [face, J, M, 3 k + i] = C_iJMl with l = face + k mod 3.
     """
 
     table: Array
@@ -38,7 +46,7 @@ class TabulatedKernel(Kernel):
     coefficients: Array
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        """Return U and T, each (n, 5, 5), for offset (n, 3) and unit normal (n, 3)."""
+        """Return U and T, (n, 5, 5) each, for offsets (n, 3) and unit normals (n, 3)."""
         offset = np.ascontiguousarray(offset, dtype=float)
         normal = np.ascontiguousarray(normal, dtype=float)
         u, t = _uninitialised(2 * len(offset) * 25).reshape(2, -1, 25)
@@ -46,14 +54,14 @@ class TabulatedKernel(Kernel):
         return u.reshape(-1, 5, 5), t.reshape(-1, 5, 5)
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array]:
-        """Return the weighted sums of U and T over the points of plane pieces; see Kernel."""
-        offset, weights, normals = (np.ascontiguousarray(part, dtype=float) for part in (offset, weights, normals))
+        """Return weighted sums of U and T over the points of plane pieces; see `Kernel.integrate`."""
+        offset, weights, normals = (np.ascontiguousarray(array, dtype=float) for array in (offset, weights, normals))
         u, t = np.empty((2, len(normals), weights.shape[1], 25))
         integrate(self.table, self.cells, self.coefficients, offset, weights, starts, normals, u, t)
         return u, t
 
     def gradient(self, offset: Array) -> Array:
-        """Return U,q (n, 5, 5, 3) for offset (n, 3)."""
+        """Return U,q, (n, 5, 5, 3), for offsets (n, 3)."""
         result: Array = gradient(self.table, self.cells, np.ascontiguousarray(offset, dtype=float))
         return result
 
@@ -61,13 +69,25 @@ class TabulatedKernel(Kernel):
 @final
 @dataclass(frozen=True)
 class Tabulated(FundamentalSolution):
-    """The line integral tabulated over the faces of a cube, by polynomials of total degree 8 in each of its cells.
+    """The line integral tabulated over the faces of a cube, by polynomials of total degree 8 in each cell.
 
-    tolerance: largest error of U and of T at any direction, relative to their largest entries. T, a derivative,
-    decides; U comes out a hundred times better.
-    cells: cells along a face at first, 1 to 64; bind checks every cell against the line integral and refines all
-    of them if one fails. Raises CaseError if an option is out of bounds.
-    Source: docs/theory.md, Fundamental solution.
+    Attributes
+    ----------
+    tolerance : float
+        Largest error of U and T in any direction, relative to their largest entries. T, a derivative, is decisive; U is
+        about a hundred times more accurate.
+    cells : int
+        Initial number of cells along each side of a face, 1 to 64. `bind` checks all cells against the line integral
+        and refines them all if one fails.
+
+    Raises
+    ------
+    CaseError
+        If an option is out of bounds.
+
+    References
+    ----------
+    docs/theory.md, Fundamental solution.
     """
 
     tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 1e-8
@@ -75,32 +95,40 @@ class Tabulated(FundamentalSolution):
 
     def __post_init__(self) -> None:
         check_quantities(self)
-        if not 1 <= self.cells <= MOST_CELLS:
-            raise CaseError(f"Tabulated: cells = {self.cells!r}: allowed are 1 to {MOST_CELLS}")
+        if not 1 <= self.cells <= MAX_CELLS:
+            raise CaseError(f"Tabulated: cells = {self.cells!r}; allowed: 1 to {MAX_CELLS}")
 
     def bind(self, stiffness: Array) -> Kernel:
-        """Return the kernel for a scaled stiffness (3, 5, 5, 3).
+        """Return the kernel of a material.
 
-        Raises MaterialError if the stiffness is not symmetric or not elliptic, or too anisotropic for the tolerance.
+        Parameters
+        ----------
+        stiffness : Array
+            Scaled extended stiffness, (3, 5, 5, 3).
+
+        Raises
+        ------
+        MaterialError
+            If the stiffness is not symmetric, not elliptic, or too anisotropic for the tolerance.
         """
-        checked = checked_stiffness(stiffness)
-        reference = LineIntegral(LINE_POINTS).bind(checked)
-        coefficients = _face_coefficients(checked)
+        stiffness = validate_stiffness(stiffness)
+        reference = LineIntegral(LINE_POINTS).bind(stiffness)
+        coefficients = _face_coefficients(stiffness)
         cells = self.cells
         while True:
-            kernel = TabulatedKernel(_table(checked, cells), cells, coefficients)
-            excess = MARGIN * _largest_error(kernel, reference) / self.tolerance
+            kernel = TabulatedKernel(_table(stiffness, cells), cells, coefficients)
+            excess = ERROR_MARGIN * _largest_error(kernel, reference) / self.tolerance
             if excess <= 1.0:
                 return kernel
-            if cells == MOST_CELLS:
+            if cells == MAX_CELLS:
                 raise MaterialError(
-                    f"a table of {cells} cells misses the tolerance {self.tolerance:g} by a factor {excess:.1e}: the "
-                    "material is too anisotropic or too near to incompressible; allow a larger tolerance or choose the "
-                    "fundamental solution line-integral, or isotropic for a material that is"
+                    f"a table of {cells} cells exceeds the tolerance {self.tolerance:g} by a factor {excess:.1e}: the "
+                    "material is too anisotropic or too close to incompressible; use a larger tolerance, or the "
+                    "fundamental solution line-integral, or isotropic for an isotropic material"
                 )
-            # The error of T falls with about the eighth power of the cell size.
+            # The error of T decreases with about the eighth power of the cell size.
             growth = min(2.0, 1.05 * excess ** (1.0 / DEGREE))
-            cells = min(MOST_CELLS, max(cells + 2, round(cells * growth)))
+            cells = min(MAX_CELLS, max(cells + 2, round(cells * growth)))
 
 
 def _face_coefficients(stiffness: Array) -> Array:
@@ -119,11 +147,10 @@ def _directions(cells: int, s: Array, t: Array) -> Array:
 
 
 def _basis(count: int) -> Array:
-    """Return the powers (count, count), one column each, of 1 and the integrals of the Chebyshev polynomials T_0, T_1,
-    ...
+    """Return the monomial coefficients, column by column, of 1 and of the integrals of Chebyshev polynomials.
 
-    Cut off in this basis, a derivative loses Chebyshev polynomials, the smallest of all on the interval, and not their
-    derivatives, which grow at its ends. Tractions need derivatives and decide the size of the table.
+    Truncation in this basis removes Chebyshev polynomials from the derivative, the smallest of all on the interval, and
+    not derivatives of these, which grow at its ends. Tractions need derivatives and determine the size of the table.
     """
     basis = np.eye(count)
     for k in range(1, count):
@@ -132,7 +159,7 @@ def _basis(count: int) -> Array:
 
 
 def _table(stiffness: Array, cells: int) -> Array:
-    """Return G = H / |x| interpolated in every cell and cut off at the total degree, (3 cells^2, 720)."""
+    """Return G = H / |x| interpolated in every cell and truncated at the total degree, (3 cells^2, 720)."""
     count = DEGREE + 1
     nodes = chebpts1(count)
     offset = _directions(cells, np.repeat(nodes, count), np.tile(nodes, count)).reshape(-1, 3)
@@ -141,42 +168,41 @@ def _table(stiffness: Array, cells: int) -> Array:
     values = modulation[:, 0] / distance[:, None]
     powers = _basis(count)
     in_basis = np.linalg.inv(np.vander(nodes, increasing=True) @ powers)
-    row, place = np.tril_indices(count)
-    rows = count * (DEGREE - row) + row - place
-    # Two steps: a round-off in the first is a Chebyshev polynomial and stays small inside the cell.
+    degree_row, column = np.tril_indices(count)
+    rows = count * (DEGREE - degree_row) + degree_row - column
+    # In two steps: round-off of the first step is a Chebyshev polynomial and stays small inside the cell.
     to_series, to_powers = np.kron(in_basis, in_basis)[rows], np.kron(powers, powers)[np.ix_(rows, rows)]
     n_cells = 3 * cells**2
-    table = _zeros_on_lines(n_cells * len(row) * WIDTH).reshape(n_cells, len(row), WIDTH)
+    table = _zeros_on_lines(n_cells * len(degree_row) * WIDTH).reshape(n_cells, len(degree_row), WIDTH)
     table[..., : values.shape[1]] = to_powers @ (to_series @ values.reshape(n_cells, count**2, -1))
     return table.reshape(n_cells, -1)
 
 
 def _zeros_on_lines(count: int) -> Array:
-    """Return the zeros that begin with a line of the caches: no vector of eight is spread over two, as it would be
-    else."""
-    return _from_boundary(np.zeros(count + LINE), LINE)[:count]
+    """Return zeros that begin at a cache line, so that no vector of eight crosses the border of two lines."""
+    return _from_boundary(np.zeros(count + CACHE_LINE), CACHE_LINE)[:count]
 
 
 def _uninitialised(count: int) -> Array:
-    """Return an array (count,), a large one in whole huge pages, which NumPy asks for and the system hands over
-    fastest.
+    """Return an uninitialised array (count,), a large one aligned to huge pages.
 
-    It begins with such a page and has the rest of its last one behind it.
+    NumPy requests huge pages for large arrays, which the system provides fastest. The array begins with such a page,
+    and the rest of its last page is left unused.
     """
     if count < HUGE_PAGE:
         return np.empty(count)
     return _from_boundary(np.empty(count + 2 * HUGE_PAGE), HUGE_PAGE)[:count]
 
 
-def _from_boundary(room: Array, unit: int) -> Array:
-    """Return what is left of an array from the first address on that is a multiple of so many doubles."""
-    return room[-(room.ctypes.data // room.itemsize) % unit :]
+def _from_boundary(buffer: Array, unit: int) -> Array:
+    """Return the end of an array that begins at the first address that is a multiple of `unit` doubles."""
+    return buffer[-(buffer.ctypes.data // buffer.itemsize) % unit :]
 
 
 def _largest_error(kernel: TabulatedKernel, reference: Kernel) -> float:
-    """Return the larger one of the errors of U and T, at corners and inside of all cells.
+    """Return the larger of the errors of U and T, at test points of all cells.
 
-    Derivatives of an interpolant are worst at the ends of a cell, so its ends are among the test points.
+    Derivatives of an interpolant are least accurate at the ends of a cell, which are therefore among the test points.
     """
     inside = 1.0 - 1e-9
     along = np.array([-inside, -0.4, 0.3, inside])

@@ -1,4 +1,4 @@
-"""Rigid indenters: shapes, heights, placement and borders."""
+"""Rigid indenters: shapes, heights, placement and edges."""
 
 from meeframe.indenters.border import find_indenter_edge, longest_side
 from meeframe.indenters.heights import Heights, SampledHeights

@@ -1,56 +1,96 @@
 """Contract of a rigid indenter: the shape of its surface above the undeformed contact zone, and how it moves."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from meeframe.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
+from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet
 
-MOTIONS: Final = {
-    "approach": slice(0, 1),
-    "translation": slice(1, 3),
-    "tilt": slice(3, 5),
-    "twist": slice(5, 6),
-    "electric_potential": slice(6, 7),
-    "magnetic_potential": slice(7, 8),
-}
-"""Where each motion of the indenter stands among its eight degrees of freedom; its potentials count as motions."""
+N_RIGID: Final = 6
+"""Number of rigid motions of the indenter, which come before its potentials."""
 
-RESULTANTS: Final = {
+RIGID_MOTIONS: Final = {"approach": slice(0, 1), "translation": slice(1, 3), "tilt": slice(3, 5), "twist": slice(5, 6)}
+"""Places of the rigid motions among the degrees of freedom of the indenter."""
+
+RIGID_RESULTANTS: Final = {
     "normal_force": slice(0, 1),
     "tangential_force": slice(1, 3),
     "moment": slice(3, 5),
     "torque": slice(5, 6),
-    "charge": slice(6, 7),
-    "magnetic_flux": slice(7, 8),
 }
-"""The resultant that works on each motion, at the same place."""
+"""The resultant that works on each of them, at the same place."""
 
 FORCE_RATIO: Final = "force_ratio"
 """Tangential over normal force, which may be prescribed in place of the tangential force."""
 
-COLUMNS: Final = MOTIONS | RESULTANTS | {FORCE_RATIO: RESULTANTS["tangential_force"]}
-"""Places of everything that a load step may prescribe."""
-
-UNITS: Final = {
+_RIGID_UNITS: Final = {
     "approach": "m",
     "normal_force": "N",
     "translation": "m",
     "tangential_force": "N",
-    "force_ratio": "1",
+    FORCE_RATIO: "1",
     "tilt": "rad",
     "moment": "N m",
     "twist": "rad",
     "torque": "N m",
-    "electric_potential": "V",
-    "charge": "C",
-    "magnetic_potential": "A",
-    "magnetic_flux": "Wb",
 }
 
-N_MOTIONS: Final = 8
+
+@dataclass(frozen=True)
+class IndenterMotions:
+    """Names, places and units of the degrees of freedom of an indenter: six rigid motions and its potentials.
+
+    fields: the field set of the body; each of its scalar fields adds a potential, which counts as a motion, and a total
+    flux, which is the resultant that works on it.
+    """
+
+    fields: FieldSet = MEE
+
+    @cached_property
+    def size(self) -> int:
+        """Number of degrees of freedom."""
+        return N_RIGID + len(self.fields.scalars)
+
+    @cached_property
+    def motions(self) -> Mapping[str, slice]:
+        """Place of each motion by name."""
+        return RIGID_MOTIONS | self._scalars([scalar.value_name for scalar in self.fields.scalars])
+
+    @cached_property
+    def resultants(self) -> Mapping[str, slice]:
+        """Place of each resultant by name, which is that of the motion on which it works."""
+        return RIGID_RESULTANTS | self._scalars([scalar.resultant for scalar in self.fields.scalars])
+
+    @cached_property
+    def columns(self) -> Mapping[str, slice]:
+        """Place of everything that a load step may prescribe."""
+        return {**self.motions, **self.resultants, FORCE_RATIO: RIGID_RESULTANTS["tangential_force"]}
+
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """SI unit of everything that a load step may prescribe."""
+        scalars = (
+            unit
+            for scalar in self.fields.scalars
+            for unit in ((scalar.value_name, scalar.value_unit), (scalar.resultant, scalar.resultant_unit))
+        )
+        return _RIGID_UNITS | dict(scalars)
+
+    @staticmethod
+    def _scalars(names: Sequence[str]) -> dict[str, slice]:
+        return {name: slice(place, place + 1) for place, name in enumerate(names, N_RIGID)}
+
+
+MOTIONS: Final = IndenterMotions().motions
+RESULTANTS: Final = IndenterMotions().resultants
+COLUMNS: Final = IndenterMotions().columns
+UNITS: Final = IndenterMotions().units
+N_MOTIONS: Final = IndenterMotions().size
+"""Those of the default field set."""
 
 
 @dataclass(frozen=True)
@@ -70,29 +110,30 @@ class Indenter(ABC):
         return False
 
 
-def motion_modes(points: Array, frames: Array, axes: Array, reference: Array) -> Array:
-    """How the indenter's surface moves per unit of each motion, (8, n, 5), in the local frames of points (n, 3) [m].
+def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fields: FieldSet = MEE) -> Array:
+    """Return how the indenter's surface moves per unit of each motion, (motions, n, fields), in local frames.
 
-    frames: (n, 3, 3) as in ReducedSystem; axes: rows e1, e2, axis of the indenter's place, (3, 3); reference: point of
-    the indenter about which it tilts and twists, (3,) [m]. Small motions: approach against the axis, translation along
-    e1 and e2, right-handed rotations about e1, e2 and the axis; a unit potential is -1 in its column, as in a
-    displacement of ReducedSystem.
+    points: (n, 3) [m]; frames: (n, 3, 3) as in ReducedSystem; axes: rows e1, e2, axis of the indenter's place, (3, 3);
+    reference: point of the indenter about which it tilts and twists, (3,) [m]. Small motions: approach against the
+    axis, translation along e1 and e2, right-handed rotations about e1, e2 and the axis; a unit potential is -1 in its
+    column, as in a displacement of ReducedSystem.
     """
     turning = np.cross(axes[:, None, :], points - reference)
     shifting = np.broadcast_to(np.array([-axes[2], axes[0], axes[1]])[:, None, :], turning.shape)
-    modes = np.zeros((N_MOTIONS, len(points), N_FIELDS))
-    modes[:6, :, MECHANICAL] = np.einsum("nai,kni->kna", frames, np.concatenate([shifting, turning]))
-    modes[6, :, ELECTRIC] = modes[7, :, MAGNETIC] = -1.0
+    potentials = np.arange(len(fields.scalars))
+    modes = np.zeros((N_RIGID + len(potentials), len(points), fields.size))
+    modes[:N_RIGID, :, MECHANICAL] = np.einsum("nai,kni->kna", frames, np.concatenate([shifting, turning]))
+    modes[N_RIGID + potentials, :, N_MECHANICAL + potentials] = -1.0
     return modes
 
 
 def motion_measures(modes: Array, weights: Array) -> Array:
-    """Measures (8, n, 5) of the resultants that work on the motions: each is sum(measure * load) of a load (n, 5).
+    """Return measures (motions, n, fields) of the resultants that work on the motions.
 
-    modes: as motion_modes gives them; weights: (n,) [m^2] as in ReducedSystem. Forces [N] and moments [N m] are those
-    of the indenter on the body, the normal force positive in compression; charge [C] and magnetic flux [Wb] are what
-    leaves the body.
+    Each resultant is sum(measure * load) of a load (n, fields). modes: as motion_modes gives them; weights: (n,) [m^2]
+    as in ReducedSystem. Forces [N] and moments [N m] are those of the indenter on the body, the normal force positive
+    in compression; total fluxes, such as the charge [C], are what leaves the body.
     """
     measures: Array = weights[:, None] * modes
-    measures[6:] *= -1.0
+    measures[N_RIGID:] *= -1.0
     return measures

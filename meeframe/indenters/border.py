@@ -1,4 +1,4 @@
-"""Border of an indenter: the distance from it of points of the contact zone, found by evaluating gaps."""
+"""Search for the edge of an indenter near points of the contact zone, by evaluations of gaps."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -10,77 +10,101 @@ from meeframe.mesh.measures import corners
 from meeframe.system.capabilities import IndenterEdge
 
 Gaps = Callable[[Array, Array], Array]
-"""Gap (m,) [m] along the normals at points (m, 3) with frames (m, 3, 3), inf where there is no indenter above."""
+"""Function of points (m, 3) and frames (m, 3, 3) that returns gaps (m,) [m] along the normals, inf if there is none."""
 
-FIRST_LOOK: Final = 16
-"""Directions in which it is first asked whether the indenter ends within reach."""
-DIRECTIONS: Final = 64
-"""In which the rim is looked for: the nearest of them is at most 0.12 per cent farther than the rim."""
-HALVINGS: Final = 32
-CLEARLY: Final = 1e-9
-"""Of the reach: so far under the indenter a point belongs to it."""
+N_SEARCH_DIRECTIONS: Final = 16
+"""Number of directions of the first search, which decides whether the edge of the indenter is near."""
+N_DIRECTIONS: Final = 64
+"""Number of directions of the search for the nearest point of the edge; its distance is at most 0.12 % too large."""
+N_BISECTIONS: Final = 32
+INSIDE_FRACTION: Final = 1e-9
+"""Distance from the edge, relative to the search distance, at which points count as under the indenter."""
 
 
-def find_indenter_edge(gaps: Gaps, points: Array, frames: Array, reach: float) -> IndenterEdge | None:
-    """Return where the indenter ends, up to a distance [m] from points (n, 3) with frames (n, 3, 3); None if nowhere
-    near.
+def find_indenter_edge(gaps: Gaps, points: Array, frames: Array, max_distance: float) -> IndenterEdge | None:
+    """Find the edge of an indenter near points of the contact zone.
 
-    The gap beside the indenter is that of the rim, continued straight on from as far under the indenter.
+    Parameters
+    ----------
+    gaps : callable
+        Function that returns gaps (m,) [m] along the normals at points (m, 3) with frames (m, 3, 3), inf where no
+        indenter lies above.
+    points : Array
+        Positions, (n, 3) [m].
+    frames : Array
+        Local frames at the points, (n, 3, 3).
+    max_distance : float
+        Distance up to which the edge is searched [m].
+
+    Returns
+    -------
+    IndenterEdge or None
+        The edge near the points, None if it is farther than `max_distance` from all of them. The gap at points outside
+        the indenter is linearly extrapolated from two points under it.
     """
-    under = np.isfinite(gaps(points, frames))
-    looks = [np.isfinite(gaps(points + reach * ray, frames)) != under for ray in _rays(frames, FIRST_LOOK)]
-    near = np.flatnonzero(np.any(looks, axis=0))
+    is_under = np.isfinite(gaps(points, frames))
+    changes = [
+        np.isfinite(gaps(points + max_distance * ray, frames)) != is_under for ray in _rays(frames, N_SEARCH_DIRECTIONS)
+    ]
+    near = np.flatnonzero(np.any(changes, axis=0))
     if not near.size:
         return None
-    here, axes, inside = points[near], frames[near], under[near]
-    lengths = _crossings(gaps, here, axes, _rays(axes, DIRECTIONS), reach)
+    near_points, near_frames, near_under = points[near], frames[near], is_under[near]
+    lengths = _crossings(gaps, near_points, near_frames, _rays(near_frames, N_DIRECTIONS), max_distance)
     nearest = lengths.argmin(axis=0)
-    found = lengths.min(axis=0)
-    away = _circle(DIRECTIONS)[nearest]
-    distance = np.where(under, np.inf, -np.inf)
-    distance[near] = np.where(inside, found, -found)
+    shortest = lengths.min(axis=0)
+    direction = _circle(N_DIRECTIONS)[nearest]
+    distance = np.where(is_under, np.inf, -np.inf)
+    distance[near] = np.where(near_under, shortest, -shortest)
     outward = np.zeros((len(points), 2))
-    outward[near] = np.where(inside[:, None], away, -away)
+    outward[near] = np.where(near_under[:, None], direction, -direction)
     gap = np.full(len(points), np.inf)
-    into = np.einsum("na,nai->ni", away, axes[:, :2]) * (found + CLEARLY * reach)[:, None]
-    once, twice = gaps(here + into, axes), gaps(here + 2.0 * into, axes)
-    straight = np.where(np.isfinite(twice), 2.0 * once - np.where(np.isfinite(twice), twice, 0.0), once)
-    gap[near] = np.where(inside | ~np.isfinite(once), np.inf, straight)
+    step = np.einsum("na,nai->ni", direction, near_frames[:, :2]) * (shortest + INSIDE_FRACTION * max_distance)[:, None]
+    gap_1, gap_2 = gaps(near_points + step, near_frames), gaps(near_points + 2.0 * step, near_frames)
+    extrapolated = np.where(np.isfinite(gap_2), 2.0 * gap_1 - np.where(np.isfinite(gap_2), gap_2, 0.0), gap_1)
+    gap[near] = np.where(near_under | ~np.isfinite(gap_1), np.inf, extrapolated)
     return IndenterEdge(distance, outward, gap)
 
 
 def longest_side(points: Array, cells: Sequence[tuple[str, Indices]]) -> float:
-    """Return the longest side [m], from corner to corner, of cells of points (n, 3): pairs (meshio cell type,
-    connectivity)."""
+    """Return the longest side of cells, from corner to corner [m].
+
+    Parameters
+    ----------
+    points : Array
+        Positions, (n, 3) [m].
+    cells : sequence of tuple
+        meshio cell type and connectivity of each block.
+    """
     outlines = (points[numbers] for numbers in corners(cells))
     sides = (np.linalg.norm(outline - np.roll(outline, 1, axis=1), axis=2) for outline in outlines)
     return float(max((lengths.max(initial=0.0) for lengths in sides), default=0.0))
 
 
 def _circle(count: int) -> Array:
-    """Return the unit vectors (count, 2) around the circle."""
+    """Return unit vectors (count, 2) around the circle."""
     angles = 2.0 * np.pi * np.arange(count) / count
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def _rays(frames: Array, count: int) -> Array:
-    """Return the unit vectors (count, n, 3) around each normal."""
+    """Return unit vectors (count, n, 3) around each normal."""
     rays: Array = np.einsum("ka,nai->kni", _circle(count), frames[:, :2])
     return rays
 
 
-def _crossings(gaps: Gaps, points: Array, frames: Array, rays: Array, reach: float) -> Array:
-    """Return how far along rays (k, n, 3) the indenter ends, or begins, (k, n), inf if not within reach: by halving."""
-    directions, n = rays.shape[:2]
-    under = np.isfinite(gaps(points, frames))
-    crosses = np.array([np.isfinite(gaps(points + reach * ray, frames)) != under for ray in rays])
-    direction, point = np.nonzero(crosses)
-    start, along, axes, state = points[point], rays[direction, point], frames[point], under[point]
-    low, high = np.zeros(len(point)), np.full(len(point), reach)
-    for _ in range(HALVINGS):
+def _crossings(gaps: Gaps, points: Array, frames: Array, rays: Array, max_distance: float) -> Array:
+    """Return the distance (k, n) along rays (k, n, 3) at which the indenter ends, or begins, by bisection; else inf."""
+    n_rays, n = rays.shape[:2]
+    is_under = np.isfinite(gaps(points, frames))
+    crosses = np.array([np.isfinite(gaps(points + max_distance * ray, frames)) != is_under for ray in rays])
+    ray_number, point = np.nonzero(crosses)
+    start, ray, near_frames, start_under = points[point], rays[ray_number, point], frames[point], is_under[point]
+    low, high = np.zeros(len(point)), np.full(len(point), max_distance)
+    for _ in range(N_BISECTIONS):
         middle = 0.5 * (low + high)
-        same = np.isfinite(gaps(start + middle[:, None] * along, axes)) == state
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    lengths = np.full((directions, n), np.inf)
+        unchanged = np.isfinite(gaps(start + middle[:, None] * ray, near_frames)) == start_under
+        low, high = np.where(unchanged, middle, low), np.where(unchanged, high, middle)
+    lengths = np.full((n_rays, n), np.inf)
     lengths[crosses] = high
     return lengths

@@ -1,4 +1,4 @@
-"""Placement of an indenter, and the initial gap between it and the contact zone."""
+"""Placement of an indenter, and its initial gap to the contact zone."""
 
 import math
 from dataclasses import dataclass
@@ -15,22 +15,32 @@ from meeframe.mesh.zone import ContactZone, local_frames
 
 Flags = NDArray[np.bool_]
 
-MOST_STEPS: Final = 200
-SAMPLES: Final = 100  # of a ray that may meet a surface that is not convex
-ROUND_OFF: Final = 1e-13  # of a distance, in parts of the extent of the contact zone
+MAX_STEPS: Final = 200
+N_SAMPLES: Final = 100  # points on a ray that may meet a surface that is not convex
+ROUND_OFF: Final = 1e-13  # of a distance, relative to the extent of the contact zone
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Position of an indenter just touching: approach zero.
+    """Position of an indenter that just touches the body, with approach zero.
 
-    axis: direction from which the indenter comes, pointing away from the body; with the global x3 axis (the default)
-    the indenter's own axes are the global ones, else e1, e2 of local_frames(axis).
-    x, y: where its lowest point stands in those axes, from the origin [m]; along the axis it stands level with the
-    highest point of the contact zone. rotation: of the shape in its own plane, then tilt_2 about e2, then tilt_1 about
-    e1, all right-handed, about the lowest point that it has upright, exact for any angle [rad]; that point stays
-    where it is, so that what a tilt brings below it overlaps with the body at approach zero.
-    Raises CaseError if a number is not finite, a tilt reaches a right angle, or the axis is no direction.
+    Attributes
+    ----------
+    x, y : float
+        Position of the lowest point from the origin along the axes e1, e2 of the placement [m]. Along the third axis,
+        this point is level with the highest point of the contact zone.
+    rotation, tilt_1, tilt_2 : float
+        Rotation of the shape in its plane, then tilt_2 about e2, then tilt_1 about e1 [rad]. They are right-handed and
+        exact for any angle. Their centre is the lowest point of the upright indenter, so that parts that a tilt brings
+        below it overlap the body at approach zero.
+    axis : tuple of float
+        Direction from which the indenter approaches, pointing away from the body. With the global x3 axis (the
+        default), the axes of the placement are the global ones, else those of local_frames(axis).
+
+    Raises
+    ------
+    CaseError
+        If a number is not finite, a tilt is a right angle or more, or the axis is zero.
     """
 
     x: Annotated[float, Quantity("m", gt=-math.inf, lt=math.inf)] = 0.0
@@ -50,23 +60,33 @@ class Placement:
 
     @property
     def base(self) -> Array:
-        """Axes of the place, rows e1, e2, axis, (3, 3)."""
+        """Axes of the placement, (3, 3), with rows e1, e2, axis."""
         base: Array = local_frames(np.array([self.axis]) / math.hypot(*self.axis))[0]
         return base
 
     @property
-    def turn(self) -> Array:
-        """Rotation (3, 3) that takes coordinates of the shape to those along e1, e2, axis."""
-        turn: Array = _about(0, self.tilt_1) @ _about(1, self.tilt_2) @ _about(2, self.rotation)
-        return turn
+    def rotation_matrix(self) -> Array:
+        """Rotation (3, 3) from coordinates of the shape to those along e1, e2, axis."""
+        rotation_matrix: Array = _about(0, self.tilt_1) @ _about(1, self.tilt_2) @ _about(2, self.rotation)
+        return rotation_matrix
 
     def lowest(self, points: Array) -> Array:
-        """Return where the lowest point stands, just touching a contact zone of points (n, 3), (3,) along base's rows
-        [m]."""
+        """Return the position of the lowest point when it just touches a contact zone.
+
+        Parameters
+        ----------
+        points : Array
+            Points of the contact zone, (n, 3) [m].
+
+        Returns
+        -------
+        Array
+            Coordinates along the rows of `base`, (3,) [m].
+        """
         return np.array([self.x, self.y, np.max(points @ self.base[2])])
 
     def reference(self, points: Array) -> Array:
-        """Return the same point in global axes, (3,) [m]."""
+        """Return the point of `lowest` in global axes, (3,) [m]."""
         reference: Array = self.lowest(points) @ self.base
         return reference
 
@@ -74,77 +94,94 @@ class Placement:
 def initial_gap(
     indenter: Indenter, zone: ContactZone, placement: Placement | None = None, approach: float = 0.0
 ) -> Array:
-    """Return the distance from each point of the zone to the indenter's surface along the outward normal, (n,) [m].
+    """Return the distance from each point of the contact zone to the indenter along the outward normal.
 
-    Negative where they overlap, inf where the normal meets no surface of the indenter. approach: displacement of the
-    indenter against its axis [m]. On a flat zone with the indenter upright this is height(x, y) - approach.
-    Raises CaseError where the indenter's surface is so rough and steep that the distance cannot be found.
+    Parameters
+    ----------
+    indenter : Indenter
+        Shape of the indenter.
+    zone : ContactZone
+        The contact zone.
+    placement : Placement, optional
+        Position of the indenter.
+    approach : float
+        Displacement of the indenter against its axis [m].
+
+    Returns
+    -------
+    Array
+        Distances, (n,) [m], negative where the bodies overlap, inf where the normal does not meet the indenter. For an
+        upright indenter and a flat zone they are height(x, y) - approach.
+
+    Raises
+    ------
+    CaseError
+        If the surface of the indenter is too rough and steep to compute the distance.
     """
     placement = placement or Placement()
-    base, turn = placement.base, placement.turn
+    base, rotation_matrix = placement.base, placement.rotation_matrix
     lowest = placement.lowest(zone.points) - np.array([0.0, 0.0, approach])
-    # rays along the normals in coordinates of the shape
-    start = (zone.points @ base.T - lowest) @ turn
-    along = zone.frames[:, 2] @ base.T @ turn
+    # rays along the normals, in coordinates of the shape
+    start = (zone.points @ base.T - lowest) @ rotation_matrix
+    direction = zone.frames[:, 2] @ base.T @ rotation_matrix
     gap = np.full(len(start), np.inf)
-    ahead = along[:, 2] > 1e-9
-    found, settled = _meet(indenter, start[ahead], along[ahead])
-    if not settled.all():
-        worst = zone.points[ahead][~settled]
+    upward = direction[:, 2] > 1e-9
+    distances, converged = _intersect(indenter, start[upward], direction[upward])
+    if not converged.all():
+        failures = zone.points[upward][~converged]
         raise CaseError(
-            f"no distance to the indenter along the normal at {len(worst)} points, the first at {worst[0]} [m]: its "
-            "surface is too steep there for the tilt or the curvature of the contact zone"
+            f"no distance to the indenter along the normal at {len(failures)} points, the first at {failures[0]} [m]: "
+            "its surface is too steep there for the tilt or for the curvature of the contact zone"
         )
-    gap[ahead] = found
+    gap[upward] = distances
     return gap
 
 
-def _meet(indenter: Indenter, start: Array, along: Array) -> tuple[Array, Flags]:
-    """Return where rays from below (n, 3), not level, first meet the surface: signed distance (n,), and whether it is
-    settled.
+def _intersect(indenter: Indenter, start: Array, direction: Array) -> tuple[Array, Flags]:
+    """Return the signed distance (n,) to the first intersection of rising rays (n, 3), and flags of convergence.
 
-    Newton's method on level(s) = z - height(x, y) from the level of the lowest point, where level <= 0. For a convex
-    indenter level is concave along the ray, so that the steps never pass the first meeting, and where level stops
-    rising there is none. For others it may rise again: then the ray is not settled. Rays that pass beside the surface
-    meet none, whatever its sides look like.
+    Newton's method solves level(s) = z - height(x, y) = 0 from the level of the lowest point, where level <= 0. For a
+    convex indenter, level is concave along the ray, so that the steps never pass the first intersection, and there is
+    none if level stops rising. For other indenters it may rise again; the ray then has not converged. Rays that pass
+    outside the surface do not meet it, whatever the shape of its sides.
     """
-    distance = -start[:, 2] / along[:, 2]
+    distance = -start[:, 2] / direction[:, 2]
     scale = np.abs(start).max(initial=0.0) or 1.0
-    upright = not np.any(along[:, :2])
-    running, beside, falling = np.ones(len(start), bool), np.zeros(len(start), bool), np.zeros(len(start), bool)
-    for _ in range(MOST_STEPS):
+    upright = not np.any(direction[:, :2])
+    running, missed, falling = np.ones(len(start), bool), np.zeros(len(start), bool), np.zeros(len(start), bool)
+    for _ in range(MAX_STEPS):
         rays = np.flatnonzero(running)
         if rays.size == 0:
             break
-        at = start[rays] + distance[rays, None] * along[rays]
-        height = indenter.height(at[:, 0], at[:, 1])
-        rate = along[rays, 2] - (0.0 if upright else _slope(indenter, at, along[rays], 1e-6 * scale))
-        beside[rays] = np.isinf(height)
-        falling[rays] = ~beside[rays] & (rate <= 0)
-        lost = (beside | falling)[rays]
-        step = np.where(lost, 0.0, height - at[:, 2]) / np.where(lost, 1.0, rate)
+        position = start[rays] + distance[rays, None] * direction[rays]
+        height = indenter.height(position[:, 0], position[:, 1])
+        rate = direction[rays, 2] - (0.0 if upright else _slope(indenter, position, direction[rays], 1e-6 * scale))
+        missed[rays] = np.isinf(height)
+        falling[rays] = ~missed[rays] & (rate <= 0)
+        stopped = (missed | falling)[rays]
+        step = np.where(stopped, 0.0, height - position[:, 2]) / np.where(stopped, 1.0, rate)
         distance[rays] += step
-        running[rays] = ~lost & (np.abs(step) > ROUND_OFF * scale)
-    doubtful = falling.copy()
-    doubtful[falling] = _meets_ahead(indenter, start[falling], along[falling], distance[falling], scale)
-    return np.where(beside | falling, np.inf, distance), ~(running | doubtful)
+        running[rays] = ~stopped & (np.abs(step) > ROUND_OFF * scale)
+    undecided = falling.copy()
+    undecided[falling] = _intersects_later(indenter, start[falling], direction[falling], distance[falling], scale)
+    return np.where(missed | falling, np.inf, distance), ~(running | undecided)
 
 
-def _meets_ahead(indenter: Indenter, start: Array, along: Array, distance: Array, reach: float) -> Flags:
-    """Return whether the rays get above the surface within reach beyond a distance, by samples."""
-    met = np.zeros(len(start), bool)
-    for further in np.linspace(0, reach, SAMPLES + 1)[1:]:
-        at = start + (distance + further)[:, None] * along
-        met |= at[:, 2] > indenter.height(at[:, 0], at[:, 1])
-    return met
+def _intersects_later(indenter: Indenter, start: Array, direction: Array, distance: Array, length: float) -> Flags:
+    """Return whether rays rise above the surface within `length` beyond a distance, by samples."""
+    intersects = np.zeros(len(start), bool)
+    for extra in np.linspace(0, length, N_SAMPLES + 1)[1:]:
+        position = start + (distance + extra)[:, None] * direction
+        intersects |= position[:, 2] > indenter.height(position[:, 0], position[:, 1])
+    return intersects
 
 
-def _slope(indenter: Indenter, at: Array, along: Array, reach: float) -> Array:
-    """Return the change of height per length of ray, by central differences; 0 beside an edge."""
-    ahead = indenter.height(*(at[:, :2] + reach * along[:, :2]).T)
-    behind = indenter.height(*(at[:, :2] - reach * along[:, :2]).T)
-    known = np.isfinite(ahead) & np.isfinite(behind)
-    return np.subtract(ahead, behind, where=known, out=np.zeros(len(at))) / (2 * reach)
+def _slope(indenter: Indenter, position: Array, direction: Array, width: float) -> Array:
+    """Return the change of height per length of ray, by central differences; 0 at the end of the surface."""
+    forward = indenter.height(*(position[:, :2] + width * direction[:, :2]).T)
+    backward = indenter.height(*(position[:, :2] - width * direction[:, :2]).T)
+    defined = np.isfinite(forward) & np.isfinite(backward)
+    return np.subtract(forward, backward, where=defined, out=np.zeros(len(position))) / (2 * width)
 
 
 def _about(axis: int, angle: float) -> Array:

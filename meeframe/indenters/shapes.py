@@ -1,4 +1,4 @@
-"""Shapes of rigid indenters with closed forms."""
+"""Shapes of rigid indenters in closed form."""
 
 import math
 from dataclasses import dataclass
@@ -12,15 +12,25 @@ from meeframe.indenters.base import Indenter
 
 Profile = Literal["parabolic", "exact"]
 
-ON_THE_EDGE = 1 + 1e-9  # a node on the edge of a punch belongs to it, whatever its last digits
+BORDER_FACTOR = 1 + 1e-9  # nodes on the border of a punch belong to it in spite of round-off
 
 
 @final
 @dataclass(frozen=True)
 class Sphere(Indenter):
-    """Sphere. profile: r^2 / (2 R), as in Hertz's theory, or the exact R - sqrt(R^2 - r^2).
+    """Sphere.
 
-    The exact sphere has no surface beyond its equator. Raises CaseError unless 0 < radius < inf.
+    Attributes
+    ----------
+    radius : float
+        Radius R [m].
+    profile : {'parabolic', 'exact'}
+        r^2 / (2 R), as in the theory of Hertz, or R - sqrt(R^2 - r^2), which has no surface beyond its equator.
+
+    Raises
+    ------
+    CaseError
+        If the radius is not positive and finite.
     """
 
     radius: Annotated[float, Quantity("m", gt=0, lt=math.inf)]
@@ -31,15 +41,23 @@ class Sphere(Indenter):
 
     def height(self, x: Array, y: Array) -> Array:
         """Return the height above the lowest point, (n,) [m]."""
-        return _round(np.hypot(x, y), self.radius, self.profile)
+        return _circle_height(np.hypot(x, y), self.radius, self.profile)
 
 
 @final
 @dataclass(frozen=True)
 class Paraboloid(Indenter):
-    """Paraboloid of two principal radii, x^2 / (2 radius_x) + y^2 / (2 radius_y), as in Hertz's theory.
+    """Paraboloid x^2 / (2 radius_x) + y^2 / (2 radius_y), as in the theory of Hertz.
 
-    Its placement turns it. Raises CaseError unless 0 < radius < inf for both.
+    Attributes
+    ----------
+    radius_x, radius_y : float
+        Principal radii [m]. The placement rotates the axes.
+
+    Raises
+    ------
+    CaseError
+        If a radius is not positive and finite.
     """
 
     radius_x: Annotated[float, Quantity("m", gt=0, lt=math.inf)]
@@ -56,9 +74,17 @@ class Paraboloid(Indenter):
 @final
 @dataclass(frozen=True)
 class FlatPunch(Indenter):
-    """Flat circular end of a punch; no surface beyond its radius.
+    """Flat circular end of a punch, without surface beyond its radius.
 
-    Raises CaseError unless that is above zero.
+    Attributes
+    ----------
+    radius : float
+        Radius [m].
+
+    Raises
+    ------
+    CaseError
+        If the radius is not positive.
     """
 
     radius: Annotated[float, Quantity("m", gt=0)]
@@ -67,16 +93,24 @@ class FlatPunch(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return 0 on the end face, inf beside it, (n,) [m]."""
-        return np.where(np.hypot(x, y) <= self.radius * ON_THE_EDGE, 0.0, np.inf)
+        """Return 0 on the end face, inf outside, (n,) [m]."""
+        return np.where(np.hypot(x, y) <= self.radius * BORDER_FACTOR, 0.0, np.inf)
 
 
 @final
 @dataclass(frozen=True)
 class RectangularPunch(Indenter):
-    """Flat rectangular end of a punch; half widths along x and y of its own plane.
+    """Flat rectangular end of a punch, without surface beyond it.
 
-    Raises CaseError unless both are above zero.
+    Attributes
+    ----------
+    half_width_x, half_width_y : float
+        Half widths along x and y [m]. The placement rotates the axes.
+
+    Raises
+    ------
+    CaseError
+        If a half width is not positive.
     """
 
     half_width_x: Annotated[float, Quantity("m", gt=0)]
@@ -86,17 +120,25 @@ class RectangularPunch(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return 0 on the end face, inf beside it, (n,) [m]."""
-        within = (np.abs(x) <= self.half_width_x * ON_THE_EDGE) & (np.abs(y) <= self.half_width_y * ON_THE_EDGE)
-        return np.where(within, 0.0, np.inf)
+        """Return 0 on the end face, inf outside, (n,) [m]."""
+        is_inside = (np.abs(x) <= self.half_width_x * BORDER_FACTOR) & (np.abs(y) <= self.half_width_y * BORDER_FACTOR)
+        return np.where(is_inside, 0.0, np.inf)
 
 
 @final
 @dataclass(frozen=True)
 class Cone(Indenter):
-    """Cone, apex down; angle: between its side and the plane of the surface.
+    """Cone with its apex down.
 
-    Raises CaseError unless 0 < angle < pi/2.
+    Attributes
+    ----------
+    angle : float
+        Angle between its side and the plane of the surface [rad].
+
+    Raises
+    ------
+    CaseError
+        If the angle does not lie between 0 and pi / 2.
     """
 
     angle: Annotated[float, Quantity("rad", gt=0, lt=math.pi / 2)]
@@ -113,10 +155,23 @@ class Cone(Indenter):
 @final
 @dataclass(frozen=True)
 class Cylinder(Indenter):
-    """Cylinder lying on the surface. direction: angle of its axis from x in its own plane; profile as of the sphere.
+    """Cylinder that lies on the surface.
 
-    half_length: along the axis from the middle; no surface beyond flat ends. Raises CaseError unless 0 < radius < inf,
-    half_length > 0 and the direction is finite.
+    Attributes
+    ----------
+    radius : float
+        Radius [m].
+    direction : float
+        Angle of its axis from x in the plane of the surface [rad].
+    profile : {'parabolic', 'exact'}
+        Profile, as for the sphere.
+    half_length : float
+        Half of its length [m]. There is no surface beyond the flat ends.
+
+    Raises
+    ------
+    CaseError
+        If the radius is not positive and finite, the half length is not positive, or the direction is not finite.
     """
 
     radius: Annotated[float, Quantity("m", gt=0, lt=math.inf)]
@@ -130,14 +185,14 @@ class Cylinder(Indenter):
     def height(self, x: Array, y: Array) -> Array:
         """Return the height above the lowest line, (n,) [m]."""
         cos, sin = math.cos(self.direction), math.sin(self.direction)
-        rise = _round(np.abs(cos * y - sin * x), self.radius, self.profile)
-        return np.where(np.abs(cos * x + sin * y) <= self.half_length * ON_THE_EDGE, rise, np.inf)
+        rise = _circle_height(np.abs(cos * y - sin * x), self.radius, self.profile)
+        return np.where(np.abs(cos * x + sin * y) <= self.half_length * BORDER_FACTOR, rise, np.inf)
 
 
-def _round(r: Array, radius: float, profile: Profile) -> Array:
+def _circle_height(r: Array, radius: float, profile: Profile) -> Array:
     """Return the height at distance r >= 0 from the lowest point of a circle."""
     if profile == "parabolic":
         return r**2 / (2 * radius)
     depth = np.sqrt(np.maximum(radius**2 - r**2, 0.0))
-    # the same as radius - depth without cancellation near the lowest point
-    return np.where(r <= radius * ON_THE_EDGE, r**2 / (radius + depth), np.inf)
+    # equal to radius - depth, without cancellation near the lowest point
+    return np.where(r <= radius * BORDER_FACTOR, r**2 / (radius + depth), np.inf)

@@ -1,19 +1,21 @@
-"""Electric and magnetic conductivity of the contact."""
+"""Built-in conductivity laws, electric and magnetic."""
 
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import Annotated, Final, final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.fields import MEE, OPTIONAL_FIELDS, Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws.base import ConductivityLaw
+
+_CONDUCTANCES: Final = tuple(field.conductance_unit for field in (*MEE.scalars, *OPTIONAL_FIELDS))
 
 
 @final
 @dataclass(frozen=True)
 class Insulating(ConductivityLaw):
-    """Insulating contact without flux: kappa = 0."""
+    """Insulating contact: kappa = 0, without flux."""
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """Return zero, (n,)."""
@@ -23,13 +25,21 @@ class Insulating(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class StepConductivity(ConductivityLaw):
-    """kappa where there is contact pressure, zero elsewhere (eqs. 17, 18).
+    """Constant conductivity where there is contact pressure, zero elsewhere (eqs. 17, 18).
 
-    kappa: >= 0 [F/m^2 as the electric law, H/m^2 as the magnetic one]; 0 insulates, inf conducts perfectly.
-    Raises CaseError if it is negative or NaN.
+    Attributes
+    ----------
+    kappa : float
+        Conductivity >= 0, in F/m^2 for the electric law and H/m^2 for the magnetic one; 0 insulates, inf conducts
+        perfectly.
+
+    Raises
+    ------
+    CaseError
+        If it is negative or NaN.
     """
 
-    kappa: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)]
+    kappa: Annotated[float, Quantity(*_CONDUCTANCES, ge=0)]
 
     def __post_init__(self) -> None:
         check_quantities(self)

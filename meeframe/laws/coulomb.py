@@ -1,4 +1,4 @@
-"""Coulomb friction, isotropic and orthotropic."""
+"""Coulomb friction laws, isotropic and orthotropic."""
 
 import math
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws.base import ContactLaw
 
-LARGEST_RATIO: Final = 1e3
-"""Of finite principal friction coefficients."""
+MAX_FRICTION_RATIO: Final = 1e3
+"""Largest ratio of finite principal friction coefficients."""
 
 
 @final
@@ -21,7 +21,15 @@ LARGEST_RATIO: Final = 1e3
 class IsotropicCoulomb(ContactLaw):
     """Unilateral contact with isotropic friction (eqs. 11-16 with mu1 = mu2).
 
-    mu: friction coefficient, >= 0; inf sticks wherever there is pressure. Raises CaseError if it is negative or NaN.
+    Attributes
+    ----------
+    mu : float
+        Friction coefficient >= 0; with inf, all nodes with pressure stick.
+
+    Raises
+    ------
+    CaseError
+        If it is negative or NaN.
     """
 
     mu: Annotated[float, Quantity("", ge=0)]
@@ -34,7 +42,7 @@ class IsotropicCoulomb(ContactLaw):
         return _radial_return(trial, np.array([self.mu, self.mu]))
 
     def tangential_scaling(self) -> Array:
-        """Return the identity; zero if mu is zero."""
+        """Return the identity, or zero if mu is zero."""
         return _scaling(np.array([self.mu, self.mu]))
 
     def tangent(self, trial: Array) -> Array:
@@ -47,13 +55,24 @@ class IsotropicCoulomb(ContactLaw):
 class OrthotropicCoulomb(ContactLaw):
     """Unilateral contact with orthotropic friction (eqs. 11-16).
 
-    mu1, mu2: principal friction coefficients, >= 0; inf sticks in that direction wherever there is pressure;
-    angle: from the local axis e1 to the first principal direction, positive towards e2 [rad]. Raises CaseError if one
-    of them is out of bounds, or if one finite coefficient is more than 1000 times the other, neither being zero: the
-    metric is then too distorted to tell slip from stick in the weak direction.
+    Attributes
+    ----------
+    mu1, mu2 : float
+        Principal friction coefficients >= 0; with inf, all nodes with pressure stick in that direction.
+    angle : float
+        Angle from the local axis e1 to the first principal direction, positive towards e2 [rad].
 
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds, or if one finite coefficient is more than 1000 times the other and neither is
+        zero: the metric is then too distorted to distinguish slip from stick in the weak direction.
+
+    Notes
+    -----
     The radial return of eq. (16) is the projection in the norm ||.||_mu of eq. (13). With the step scaled by
-    M^2 / max(mu)^2 its fixed points slip along M^2 g, the associated rule of eq. (12) (docs/theory.md, Set and metric).
+    M^2 / max(mu)^2, its fixed points slip along M^2 g, the associated rule of eq. (12) (docs/theory.md, Set and
+    metric).
     """
 
     mu1: Annotated[float, Quantity("", ge=0)]
@@ -63,14 +82,14 @@ class OrthotropicCoulomb(ContactLaw):
     def __post_init__(self) -> None:
         check_quantities(self)
         smaller, larger = sorted((self.mu1, self.mu2))
-        if smaller > 0.0 and LARGEST_RATIO * smaller < larger < math.inf:
+        if smaller > 0.0 and MAX_FRICTION_RATIO * smaller < larger < math.inf:
             raise CaseError(
                 f"OrthotropicCoulomb: mu1 = {self.mu1:g} and mu2 = {self.mu2:g} differ by more than a factor of "
-                f"{LARGEST_RATIO:g}; allowed: less, or 0 or inf for one of them"
+                f"{MAX_FRICTION_RATIO:g}; allowed: less, or 0 or inf for one of them"
             )
 
     def project(self, trial: Array) -> Array:
-        """Return the radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
+        """Return the radial return to the ellipse with half axes mu1 |p_nu| and mu2 |p_nu|, (n, 3) [Pa]."""
         axes = self._axes()
         principal = np.column_stack([trial[:, :2] @ axes.T, trial[:, 2]])
         traction = _radial_return(principal, np.array([self.mu1, self.mu2]))
@@ -78,7 +97,7 @@ class OrthotropicCoulomb(ContactLaw):
         return traction
 
     def tangential_scaling(self) -> Array:
-        """Return M^2 / max(mu)^2 turned by the angle; see _scaling for coefficients that are zero or infinite."""
+        """Return M^2 / max(mu)^2, rotated by the angle."""
         axes = self._axes()
         scaling: Array = axes.T @ _scaling(np.array([self.mu1, self.mu2])) @ axes
         return scaling
@@ -88,21 +107,23 @@ class OrthotropicCoulomb(ContactLaw):
         return _radial_tangent(trial, np.array([self.mu1, self.mu2]), self._axes())
 
     def _axes(self) -> Array:
-        """Return the principal directions as rows, (2, 2)."""
+        """Return the principal directions, (2, 2), one in each row."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.array([[c, s], [-s, c]])
 
 
 def _scaling(mu: Array) -> Array:
-    """Return diag(mu^2) / max(mu)^2. An infinite coefficient leaves its direction free and the two decoupled: any
-    scaling will then do, and one is the fastest."""
+    """Return diag(mu^2) / max(mu)^2 with finite coefficients, and one for infinite coefficients.
+
+    An infinite coefficient decouples the two directions. Any scaling is then correct, and one converges fastest.
+    """
     largest = mu[np.isfinite(mu)].max(initial=0.0)
     factors = np.where(np.isinf(mu), 1.0, 0.0 if largest == 0.0 else (mu / (largest or 1.0)) ** 2)
     return np.diag(factors)
 
 
 def _radial_return(trial: Array, mu: Array) -> Array:
-    """Return the Eqs. (11) and (16) in principal directions, (n, 3); mu (2,) in [0, inf]."""
+    """Return the projection of eqs. (11) and (16) in principal directions, (n, 3); mu (2,) in [0, inf]."""
     traction = np.zeros_like(trial)
     pressure = -np.minimum(trial[:, 2], 0.0)
     traction[:, 2] = -pressure
@@ -117,34 +138,34 @@ def _radial_return(trial: Array, mu: Array) -> Array:
 
 
 def _radial_tangent(trial: Array, mu: Array, axes: Array) -> Array:
-    """Return the derivative (n, 3, 3) of the radial return by the trial (n, 3); mu (2,) along axes (2, 2), one a row.
+    """Return the derivative (n, 3, 3) of the radial return by the trial (n, 3); mu (2,) along the rows of axes (2, 2).
 
-    On the limit that of stick is taken, at zero normal trial that of open contact.
+    On the limit the derivative is that of stick, at zero normal trial that of open contact.
     """
     bounded = (mu > 0.0) & np.isfinite(mu)
-    sticking, slipping = ((axes.T * which) @ axes for which in (mu > 0.0, bounded))
-    contact_fraction = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
+    sticking, slipping = ((axes.T * mask) @ axes for mask in (mu > 0.0, bounded))
+    in_contact = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
     inverse = np.divide(1.0, mu, out=np.zeros(2), where=bounded)
-    factor, unit = _slip(trial, contact_fraction, inverse[:, None] * axes)
+    factor, unit = _slip(trial, in_contact, inverse[:, None] * axes)
     along, across = (axes.T * np.where(bounded, mu, 0.0)) @ unit, (axes.T * inverse) @ unit
     tangent = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)
-    tangent[:, 2, 2] = contact_fraction
+    tangent[:, 2, 2] = in_contact
     tangent[:, :2, 2] = -along.T
     along *= factor
     factor -= 1.0
     for i, j in np.ndindex(2, 2):
-        tangent[:, i, j] = contact_fraction * sticking[i, j] + factor * slipping[i, j] - along[i] * across[j]
+        tangent[:, i, j] = in_contact * sticking[i, j] + factor * slipping[i, j] - along[i] * across[j]
     return tangent
 
 
-def _slip(trial: Array, contact_fraction: NDArray[np.bool_], reduce: Array) -> tuple[Array, Array]:
-    """Return the factors (n,) of the radial return of trials (n, 3), and unit vectors (2, n) along reduce @ trial,
-    zero in stick.
+def _slip(trial: Array, in_contact: NDArray[np.bool_], reduce: Array) -> tuple[Array, Array]:
+    """Return factors (n,) of the radial return of trials (n, 3), and unit vectors (2, n) of slip, zero in stick.
 
-    Components before nodes, here and in what follows: numpy is much faster along the longer axis.
+    The unit vectors are along reduce @ trial. Arrays have components before nodes, since NumPy is much faster along the
+    longer axis.
     """
-    reach = reduce @ [np.where(contact_fraction, part, 0.0) for part in trial[:, :2].T]
-    norm = np.linalg.norm(reach, axis=0)
-    slips = contact_fraction & (norm > -trial[:, 2])
+    reduced = reduce @ [np.where(in_contact, row, 0.0) for row in trial[:, :2].T]
+    norm = np.linalg.norm(reduced, axis=0)
+    slips = in_contact & (norm > -trial[:, 2])
     norm[~slips] = 1.0
-    return np.where(slips, -trial[:, 2] / norm, 1.0), np.array([np.where(slips, part / norm, 0.0) for part in reach])
+    return np.where(slips, -trial[:, 2] / norm, 1.0), np.array([np.where(slips, row / norm, 0.0) for row in reduced])

@@ -15,17 +15,17 @@ class Signorini(ContactLaw):
     """Unilateral contact without friction (eqs. 10, 11): p_nu = min(0, p_nu*), zero tangential traction."""
 
     def project(self, trial: Array) -> Array:
-        """Return (0, 0, min(0, trial_nu)), (n, 3) [Pa]."""
+        """Return the traction (0, 0, min(0, trial_nu)), (n, 3) [Pa]."""
         traction = np.zeros_like(trial)
         traction[:, 2] = np.minimum(trial[:, 2], 0.0)
         return traction
 
     def tangential_scaling(self) -> Array:
-        """Return zero: no tangential traction is admitted."""
+        """Return zero, (2, 2), since tangential tractions are zero."""
         return np.zeros((2, 2))
 
     def tangent(self, trial: Array) -> Array:
-        """Return one in the normal direction where the contact is closed, else zero, (n, 3, 3)."""
+        """Return the derivative, (n, 3, 3): one in the normal direction where the contact is closed, else zero."""
         tangent = np.zeros((len(trial), 3, 3))
         tangent[:, 2, 2] = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
         return tangent

@@ -70,6 +70,22 @@ def validate_tensor(material: str, symbol: str, values: Array) -> Array:
     return tensor
 
 
+def validate_coefficient(material: str, name: str, values: Array) -> Array:
+    """Return the coefficient (3, 3) of a decoupled scalar field, read-only and exactly symmetric.
+
+    Raises MaterialError if the shape is wrong, an entry is not finite, or it is not symmetric and positive definite.
+    """
+    tensor: Array = np.array(values, dtype=float)
+    if tensor.shape != (3, 3) or not np.isfinite(tensor).all():
+        raise MaterialError(f"{material_phrase(material)}: {name} must be finite numbers of shape (3, 3)")
+    _check_symmetry(material, name, tensor, f"{name}_kl = {name}_lk", (1, 0))
+    tensor = (tensor + tensor.T) / 2.0
+    if not _lowest_eigenvalue(tensor)[1]:
+        raise MaterialError(f"{material_phrase(material)} is not admissible: {name} must be positive definite")
+    tensor.setflags(write=False)
+    return tensor
+
+
 def _check_symmetry(material: str, symbol: str, tensor: Array, law: str, axes: tuple[int, ...]) -> None:
     difference = np.abs(tensor - tensor.transpose(axes))
     # below the smallest normal number there is no relative accuracy left

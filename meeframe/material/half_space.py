@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meeframe.common.errors import MaterialError
-from meeframe.fields import Array, FieldScaling
+from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, FieldScaling
 
 _MIN_POINTS, _MAX_POINTS = 32, 4096
 _MAX_CHANGE = 1e-12  # between two rules; the error falls geometrically, so that of the finer one is round-off
@@ -26,7 +26,7 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
     Parameters
     ----------
     stiffness : Array
-        Extended stiffness C_iJKm, (3, 5, 5, 3), in SI units.
+        Extended stiffness C_iJKm, (3, fields, fields, 3), in SI units.
     normal : array_like
         Outward normal, (3,).
     directions : array_like
@@ -35,7 +35,7 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
     Returns
     -------
     ndarray of complex
-        Y(m), (n, 5, 5), Hermitian, in SI units and global axes.
+        Y(m), (n, fields, fields), Hermitian, in SI units and global axes.
 
     Raises
     ------
@@ -83,14 +83,14 @@ def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0
     Parameters
     ----------
     stiffness : Array
-        Extended stiffness C_iJKm, (3, 5, 5, 3), in SI units.
+        Extended stiffness C_iJKm, (3, fields, fields, 3), in SI units.
     normal : array_like
         Outward normal, (3,).
 
     Returns
     -------
     Array
-        xi, (3, 3).
+        xi, (1 + scalars, 1 + scalars).
 
     Raises
     ------
@@ -102,11 +102,11 @@ def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0
     e1 = np.cross(nu, helper)
     angles = np.linspace(0.0, np.pi, 7, endpoint=False)
     directions = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), np.cross(nu, e1))
-    rows = np.zeros((3, 5))
-    rows[0, :3] = nu
-    rows[1, 3] = rows[2, 4] = 1.0
+    n_fields = stiffness.shape[1]
+    rows = np.eye(n_fields)[N_MECHANICAL - 1 :]
+    rows[0, MECHANICAL] = nu
     blocks = rows @ surface_compliance(stiffness, nu, directions) @ rows.T / (2.0 * np.pi)
-    factors = FieldScaling.of(stiffness).factors[2:]
+    factors = FieldScaling.of(stiffness).factors[N_MECHANICAL - 1 :]
     # an antisymmetric imaginary part, or a dependence on the direction, rules out a pure 1/r response
     spread = np.abs((blocks - blocks[0].real) / np.outer(factors, factors)).max()
     if spread > _MAX_ANISOTROPY * np.abs(blocks[0] / np.outer(factors, factors)).max():
@@ -135,7 +135,7 @@ def _frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
 
 
 def _barnett_lothe(scaled: Array, inward: Array, tangents: Array, points: int) -> tuple[Array, Array]:
-    """Return S and L, (n, 5, 5) each, for planes of tangent and inward normal, by the trapezoidal rule."""
+    """Return S and L, (n, fields, fields) each, for planes of tangent and inward normal, by the trapezoidal rule."""
     theta = np.arange(points) * (np.pi / points)
     cos, sin = np.cos(theta)[:, None, None], np.sin(theta)[:, None, None]
     m, n = tangents[None], inward[None, None]

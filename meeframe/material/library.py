@@ -12,6 +12,7 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.common.toml import toml_tables
+from meeframe.fields import OPTIONAL_FIELDS, Array, ScalarField
 from meeframe.material.material import Material
 from meeframe.material.tables import check_keys, inline_material, quantity, read_material, rotate_by_table
 
@@ -90,7 +91,9 @@ def library_material(name: str, **options: float) -> Material:
     return entry.make(**options)
 
 
-def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> Material:
+def material_from_table(
+    table: Mapping[str, Any], directory: Path = Path(), scalar_fields: tuple[ScalarField, ...] = OPTIONAL_FIELDS
+) -> Material:
     """Return the material of a [material] table of a case file.
 
     Parameters
@@ -104,12 +107,21 @@ def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> M
         - {file = "..."}: a material file.
     directory : Path
         Directory to which the path of a material file is relative.
+    scalar_fields : tuple of ScalarField
+        Further scalar fields whose coefficients a table may have: one number, or three rows of three.
 
     Raises
     ------
     MaterialError
         If the table is not valid; the message names key, value and what is allowed.
     """  # fmt: skip
+    given = {field: table[field.coefficient] for field in scalar_fields if field.coefficient in table}
+    if given:
+        rest = {key: value for key, value in table.items() if key not in {field.coefficient for field in given}}
+        material = material_from_table({key: value for key, value in rest.items() if key != "rotation"}, directory, ())
+        for field, value in given.items():
+            material = material.with_field(field, _coefficient(field, value))
+        return rotate_by_table(material, rest)
     forms = table.keys() & {"components", "file"} or table.keys() & {"name"}
     if len(forms) != 1:
         raise MaterialError("a material needs exactly one of the keys name (from the library), components or file")
@@ -126,6 +138,15 @@ def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> M
         if key in table
     }
     return rotate_by_table(library_material(entry.name, **options), table)
+
+
+def _coefficient(field: ScalarField, value: Any) -> Array | float:
+    """Return the coefficient of a scalar field that a table gives: one number or three rows of three, SI units."""
+    if not isinstance(value, list | tuple):
+        return quantity(field.coefficient, value, field.coefficient_unit)
+    if len(value) != 3 or any(not isinstance(row, list | tuple) or len(row) != 3 for row in value):
+        raise MaterialError(f"{field.coefficient} is {value!r}, must be one number or three rows of three")
+    return np.array([[quantity(field.coefficient, entry, field.coefficient_unit) for entry in row] for row in value])
 
 
 def _entry(name: Any) -> LibraryEntry:

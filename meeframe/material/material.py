@@ -1,14 +1,14 @@
 """The frozen record of a magneto-electro-elastic material and its extended stiffness."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from meeframe.common.errors import MaterialError
-from meeframe.fields import ELECTRIC, MAGNETIC, Array, FieldScaling
-from meeframe.material.checks import check_elastic, check_electromagnetic, validate_tensor
+from meeframe.fields import ELECTRIC, MAGNETIC, MEE, Array, FieldScaling, FieldSet, ScalarField
+from meeframe.material.checks import check_elastic, check_electromagnetic, validate_coefficient, validate_tensor
 from meeframe.material.rotation import validate_rotation
 from meeframe.material.voigt import coupling_tensor, elastic_tensor
 
@@ -42,12 +42,14 @@ class Material:
         mu_kl, (3, 3) [N s^2/C^2].
     source : str
         Where the constants come from.
+    decoupled : tuple of (ScalarField, Array)
+        Further scalar fields, not coupled to the others, each with its coefficient (3, 3) in SI units.
 
     Raises
     ------
     MaterialError
-        If an entry is not finite, a symmetry of eq. (8) is violated, or c or the block [[eps, lambda], [lambda, mu]]
-        is not positive definite.
+        If an entry is not finite, a symmetry of eq. (8) is violated, or c, the block [[eps, lambda], [lambda, mu]]
+        or a further coefficient is not positive definite.
 
     Notes
     -----
@@ -62,12 +64,17 @@ class Material:
     magnetoelectric: Array
     permeability: Array
     source: str = ""
+    decoupled: tuple[tuple[ScalarField, Array], ...] = ()
 
     def __post_init__(self) -> None:
         for field, symbol in SYMBOLS.items():
             object.__setattr__(self, field, validate_tensor(self.name, symbol, getattr(self, field)))
         check_elastic(self.name, self.elastic)
         check_electromagnetic(self.name, self.permittivity, self.magnetoelectric, self.permeability)
+        checked = (
+            (field, validate_coefficient(self.name, field.coefficient, value)) for field, value in self.decoupled
+        )
+        object.__setattr__(self, "decoupled", tuple(checked))
 
     @classmethod
     def from_voigt(
@@ -149,10 +156,23 @@ class Material:
         elastic = lame * parallel + shear * crossed
         return cls(name, elastic, none, none, permittivity * one, np.zeros((3, 3)), permeability * one, source)
 
+    def with_field(self, field: ScalarField, coefficient: ArrayLike) -> "Material":
+        """Return the material with a further scalar field that is not coupled to the others.
+
+        coefficient: (3, 3), or one number if it is isotropic, in SI units. Raises MaterialError as Material does.
+        """
+        tensor = np.asarray(coefficient, float) * (np.eye(3) if np.ndim(coefficient) == 0 else 1.0)
+        return replace(self, decoupled=(*self.decoupled, (field, tensor)))
+
+    @cached_property
+    def fields(self) -> FieldSet:
+        """The fields of a body of this material."""
+        return FieldSet((*MEE.scalars, *(field for field, _ in self.decoupled)))
+
     @cached_property
     def stiffness(self) -> Array:
-        """Extended stiffness C_iJKm of eq. (40), (3, 5, 5, 3) in SI units, read-only; C_iJKm = C_mKJi."""
-        extended = np.empty((3, 5, 5, 3))
+        """Extended stiffness C_iJKm of eq. (40), (3, fields, fields, 3) in SI units, read-only; C_iJKm = C_mKJi."""
+        extended = np.zeros((3, self.fields.size, self.fields.size, 3))
         extended[:, :3, :3, :] = self.elastic
         for field, coupling in ((ELECTRIC, self.piezoelectric), (MAGNETIC, self.piezomagnetic)):
             extended[:, :3, field, :] = np.einsum("mij->ijm", coupling)
@@ -160,6 +180,8 @@ class Material:
         extended[:, ELECTRIC, ELECTRIC, :] = -self.permittivity
         extended[:, MAGNETIC, MAGNETIC, :] = -self.permeability
         extended[:, ELECTRIC, MAGNETIC, :] = extended[:, MAGNETIC, ELECTRIC, :] = -self.magnetoelectric
+        for column, (_, coefficient) in enumerate(self.decoupled, MEE.size):
+            extended[:, column, column, :] = -coefficient
         extended.setflags(write=False)
         return extended
 
@@ -192,6 +214,7 @@ class Material:
             r @ self.magnetoelectric @ r.T,
             r @ self.permeability @ r.T,
             self.source,
+            tuple((field, r @ coefficient @ r.T) for field, coefficient in self.decoupled),
         )
 
 
@@ -224,10 +247,17 @@ def mixture(first: Material, second: Material, fraction: float) -> Material:
     Raises
     ------
     MaterialError
-        If the fraction is outside [0, 1].
+        If the fraction is outside [0, 1], or the materials have other scalar fields.
     """
+    if first.fields != second.fields:
+        raise MaterialError(f"materials {first.name!r} and {second.name!r} have other scalar fields; allowed: the same")
     if not 0.0 <= fraction <= 1.0:
         raise MaterialError(f"volume fraction is {fraction}, must lie between 0 and 1")
     tensors = {field: fraction * getattr(first, field) + (1.0 - fraction) * getattr(second, field) for field in SYMBOLS}
     name = f"{fraction:g} {first.name} + {1.0 - fraction:g} {second.name}"
-    return Material(name, **tensors, source=f"rule of mixture of [{first.source}] and [{second.source}]")
+    decoupled = tuple(
+        (field, fraction * one + (1.0 - fraction) * other)
+        for (field, one), (_, other) in zip(first.decoupled, second.decoupled, strict=True)
+    )
+    source = f"rule of mixture of [{first.source}] and [{second.source}]"
+    return Material(name, **tensors, source=source, decoupled=decoupled)

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import FLUX_NAMES, N_FIELDS, VALUE_NAMES, Array
+from meeframe.fields import MEE, Array, FieldSet
 from meeframe.mesh.surface import SurfaceMesh
 
 
@@ -21,7 +21,7 @@ class BoundaryCondition:
     group : str
         Name of the face group.
     field : int
-        Index of the field, 0 to 4, in global axes.
+        Column of the field, in global axes.
     kind : {'value', 'flux'}
         Whether the value (displacement, potential) or the flux (traction, D.nu, B.nu, outward normal) is prescribed.
     data : float or Array
@@ -41,19 +41,22 @@ class Body:
     Attributes
     ----------
     stiffness : Array
-        Extended stiffness C_iJKm, (3, 5, 5, 3), in SI units.
+        Extended stiffness C_iJKm, (3, fields, fields, 3), in SI units.
     mesh : SurfaceMesh
         Boundary of the body.
     conditions : tuple of BoundaryCondition
         Boundary conditions, none of them on the contact group.
     contact_group : str or None
         Face group that may come into contact, None for a boundary value problem without contact.
+    fields : FieldSet
+        Names of the columns.
     """
 
     stiffness: Array
     mesh: SurfaceMesh
     conditions: tuple[BoundaryCondition, ...]
     contact_group: str | None
+    fields: FieldSet = MEE
 
 
 def check_conditions(body: Body) -> None:
@@ -68,7 +71,7 @@ def check_conditions(body: Body) -> None:
     """
     seen: set[tuple[str, int]] = set()
     for condition in body.conditions:
-        _check_condition(condition, len(body.mesh.group_points(condition.group)))
+        _check_condition(condition, len(body.mesh.group_points(condition.group)), body.fields.size)
         if condition.group == body.contact_group:
             others = ", ".join(name for name in body.mesh.group_names if name != body.contact_group)
             raise CaseError(
@@ -77,17 +80,17 @@ def check_conditions(body: Body) -> None:
             )
         key = (condition.group, condition.field)
         if key in seen:
-            name = f"{VALUE_NAMES[condition.field]} or {FLUX_NAMES[condition.field]}"
+            name = f"{body.fields.value_names[condition.field]} or {body.fields.flux_names[condition.field]}"
             raise CaseError(f"boundary conditions on {condition.group!r} prescribe {name} twice")
         seen.add(key)
 
 
-def _check_condition(condition: BoundaryCondition, n_points: int) -> None:
+def _check_condition(condition: BoundaryCondition, n_points: int, n_fields: int) -> None:
     name = f"boundary condition on {condition.group!r}"
     if condition.kind not in ("value", "flux"):
         raise CaseError(f"{name}: kind = {condition.kind!r}; allowed: 'value', 'flux'")
-    if condition.field not in range(N_FIELDS):
-        raise CaseError(f"{name}: field = {condition.field!r}; allowed: 0 to {N_FIELDS - 1}")
+    if condition.field not in range(n_fields):
+        raise CaseError(f"{name}: field = {condition.field!r}; allowed: 0 to {n_fields - 1}")
     if np.shape(condition.data) not in ((), (n_points,)):
         raise CaseError(
             f"{name}: data has shape {np.shape(condition.data)}; allowed: one number or shape ({n_points},)"

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.elements.base import shape_functions
-from meeframe.fields import ELECTRIC, Array, Indices
+from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.mesh.body import Body
 from meeframe.mesh.parts import body_parts
 from meeframe.mesh.surface import SurfaceMesh
@@ -67,9 +67,9 @@ def find_slender_limbs(body: Body, ratio: float) -> tuple[SlenderLimb, ...]:
     mesh = body.mesh
     if mesh.semi_infinite:
         return ()
-    fixed = np.zeros((len(mesh.points), ELECTRIC), bool)
+    fixed = np.zeros((len(mesh.points), N_MECHANICAL), bool)
     for condition in body.conditions:
-        if condition.kind == "value" and condition.field < ELECTRIC:
+        if condition.kind == "value" and condition.field < N_MECHANICAL:
             fixed[mesh.group_points(condition.group), condition.field] = True
     part = body_parts(mesh)
     triangles, points = _triangles(mesh)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import ELECTRIC, MAGNETIC, N_FIELDS, Array
+from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, FieldSet
 from meeframe.mesh.body import Body
 from meeframe.mesh.parts import body_parts
 from meeframe.mesh.surface import SurfaceMesh
@@ -24,7 +24,7 @@ def check_supports(body: Body) -> None:
     """
     if body.mesh.semi_infinite:
         return
-    fixed = np.zeros((len(body.mesh.points), N_FIELDS), bool)
+    fixed = np.zeros((len(body.mesh.points), body.fields.size), bool)
     for condition in body.conditions:
         if condition.kind == "value":
             fixed[body.mesh.group_points(condition.group), condition.field] = True
@@ -32,15 +32,18 @@ def check_supports(body: Body) -> None:
     n_parts = int(parts.max()) + 1
     for part in range(n_parts):
         members = parts == part
-        _check_part(body.mesh.points[members], fixed[members], _name(body.mesh, members) if n_parts > 1 else "")
+        name = _name(body.mesh, members) if n_parts > 1 else ""
+        _check_part(body.mesh.points[members], fixed[members], body.fields, name)
 
 
-def _check_part(points: Array, fixed: Flags, name: str) -> None:
-    """Check the supports of a separate part with points (p, 3); fixed: fields (p, 5) with prescribed values."""
-    for field, key in ((ELECTRIC, "electric_potential"), (MAGNETIC, "magnetic_potential")):
+def _check_part(points: Array, fixed: Flags, fields: FieldSet, name: str) -> None:
+    """Check the supports of a separate part with points (p, 3); fixed: fields (p, fields) with prescribed values."""
+    for field, scalar in enumerate(fields.scalars, N_MECHANICAL):
         if not fixed[:, field].any():
-            raise CaseError(f"no boundary condition prescribes {key}{name}, so that its constant is undetermined")
-    free = 6 - _rank(points, fixed[:, :ELECTRIC])
+            raise CaseError(
+                f"no boundary condition prescribes {scalar.value_name}{name}, so that its constant is undetermined"
+            )
+    free = 6 - _rank(points, fixed[:, MECHANICAL])
     if free:
         motions = f"{free} of the 6 rigid motions{name}"
         raise CaseError(f"the boundary conditions leave {motions} free; prescribe more of the displacement")

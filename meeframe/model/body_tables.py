@@ -7,6 +7,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from meeframe.elements.base import SurfaceElement
+from meeframe.fields import FieldSet
 from meeframe.fields.units import Quantity
 from meeframe.formulations.base import Formulation
 from meeframe.mesh.body import BoundaryCondition
@@ -14,18 +15,16 @@ from meeframe.model.values import (
     DEFAULT_FORMULATION,
     Count,
     CountPair,
-    ElectricFlux,
-    ElectricPotential,
     Flag,
     FreeLength,
     FreePressure,
-    MagneticFlux,
-    MagneticPotential,
     Size,
     SizePair,
     Table,
     Text,
     by_name,
+    finite,
+    with_keys,
 )
 from meeframe.plugin.validation import Problem, TableError, problems_of
 
@@ -125,10 +124,16 @@ class BoundaryTable(Table):
     group: Annotated[tuple[Text, ...], Field(min_length=1), _ONE_OR_MORE]
     displacement: tuple[FreeLength, FreeLength, FreeLength] | None = None
     traction: tuple[FreePressure, FreePressure, FreePressure] | None = None
-    electric_potential: ElectricPotential | None = None
-    electric_flux: ElectricFlux | None = None
-    magnetic_potential: MagneticPotential | None = None
-    magnetic_flux: MagneticFlux | None = None
+
+    @classmethod
+    def of(cls, fields: FieldSet) -> "type[BoundaryTable]":
+        """Return the table with the keys of scalar fields: a potential or a flux each."""
+        keys = [
+            key
+            for scalar in fields.scalars
+            for key in ((scalar.value_name, scalar.value_unit), (scalar.flux_name, scalar.flux_unit))
+        ]
+        return with_keys(cls, fields, {name: (finite(unit) | None, None) for name, unit in keys})
 
     def conditions(self) -> tuple[BoundaryCondition, ...]:
         """Everything prescribed, on each group."""
@@ -136,8 +141,9 @@ class BoundaryTable(Table):
 
     def _prescribed(self) -> list[tuple[int, Literal["value", "flux"], float]]:
         """(field, kind, number in SI)."""
-        values = (*(self.displacement or (None,) * 3), self.electric_potential, self.magnetic_potential)
-        fluxes = (*(self.traction or (None,) * 3), self.electric_flux, self.magnetic_flux)
+        scalars = self.field_set.scalars
+        values = (*(self.displacement or (None,) * 3), *(getattr(self, scalar.value_name) for scalar in scalars))
+        fluxes = (*(self.traction or (None,) * 3), *(getattr(self, scalar.flux_name) for scalar in scalars))
         return [
             *((field, "value", number) for field, number in enumerate(values) if number is not None),
             *((field, "flux", number) for field, number in enumerate(fluxes) if number is not None),
@@ -155,3 +161,8 @@ class SecondBodyTable(Table):
     boundary: tuple[BoundaryTable, ...] = ()
     zone: Text = "contact"
     formulation: Annotated[Formulation, BY_NAME] = Field(default=DEFAULT_FORMULATION, validate_default=True)
+
+    @classmethod
+    def of(cls, fields: FieldSet) -> "type[SecondBodyTable]":
+        """Return the table for the fields of a case."""
+        return with_keys(cls, fields, {"boundary": (tuple[BoundaryTable.of(fields), ...], ())})  # type: ignore[misc]

@@ -54,7 +54,7 @@ def cached_body(
     stored = read_arrays(path, key)
     if stored is not None and isinstance(formulation, PersistentFormulation):
         with suppress(ValueError), faults_of_plugins(ValueError):  # not arrays of this formulation
-            return checked(formulation, formulation.from_arrays(body, stored))
+            return checked(formulation, formulation.from_arrays(body, stored), body.fields.size)
     system = reduce_for_contact(formulation, body, progress)
     with faults_of_plugins():
         matrix, arrays = system.dense(), stored_arrays(formulation, system)

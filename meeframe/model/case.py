@@ -1,16 +1,17 @@
 """A case: everything that determines a result, as objects."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import FluxChannel, field_set
 from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement, initial_gap
 from meeframe.indenters.base import Indenter, motion_modes
-from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.base import ContactLaw
 from meeframe.mesh import FrictionAxes, check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.surface import SurfaceMesh
@@ -20,9 +21,10 @@ from meeframe.model.frames import frames_along
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
-from meeframe.model.second_body import check_alike, check_match
-from meeframe.model.step import check_duration, check_first, check_pull, check_resisted, resisted
+from meeframe.model.second_body import check_alike, check_fields, check_match
+from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
 from meeframe.plugin.sources import faults_of_plugins
+from meeframe.plugin.validation import choices
 
 Warn = Callable[[str], None]
 """Is told what may come out wrong, in words."""
@@ -33,11 +35,13 @@ class Case(CaseData):
     """One contact problem with its load steps, checked when it is made.
 
     conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
-    contact; steps: load steps, one after the other; potentials: electric [V] and magnetic [A] potential of the indenter
-    from the beginning; restart: the state to go on from, with potentials of its own, in place of the undeformed body;
-    axes: direction of the local axis e1, from which a contact law measures its angle, by default as local_frames has
-    it; second_body: the second of two deformable bodies, whose supports and grounds move as the indenter, and whose
-    distance from the first is the indenter's shape; text: the case file, verbatim, kept with the result.
+    contact; conductivity: laws of the contact by the name of their scalar field, those without one insulate; steps:
+    load steps, one after the other; potentials: of the indenter from the beginning, by name, such as
+    {"electric_potential": 5.0} [V], zero if not given; restart: the state to go on from, with potentials of its own, in
+    place of the undeformed body; axes: which way the local axis e1 points, from which a contact law measures its angle,
+    by default as local_frames has it; second_body: the second of two deformable bodies, whose supports and grounds
+    move as the indenter, and whose distance from the first is the indenter's shape; text: the case file, verbatim,
+    kept with the result.
 
     Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
@@ -54,6 +58,8 @@ class Case(CaseData):
 
     def _check(self) -> None:
         check_title(self.title)
+        _check_keys("conductivity", self.conductivity, self.fields.names)
+        _check_keys("potentials", self.potentials, [scalar.value_name for scalar in self.fields.scalars])
         check_contact_zone(self.mesh, self.zone)
         self.formulation.check(self.body)
         if not self.steps:
@@ -62,27 +68,28 @@ class Case(CaseData):
         place = find_contact_zone(self.mesh, self.zone)
         gap_of_law(self.contact_law, place.points)
         check_tractions(self.contact_law, len(place.points))
-        for law in (self.electric_law, self.magnetic_law):
-            check_conductivity(law, len(place.points))
+        for channel in self.channels:
+            check_conductivity(channel.law, len(place.points))
+        check_fields(self.second_body, self.fields)
         check_alike(self.second_body, self.formulation)
         check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])
         else:
             check_same_zone(self.restart, place, self.axes)
-        laws = self.contact_law, self.electric_law, self.magnetic_law
-        resists = resistance(self.placement, self.mesh, self.zone, self.axes, laws)
+        resists = resistance(self.placement, self.mesh, self.zone, self.axes, self.contact_law, self.channels)
         for number, step in enumerate(self.steps, 1):
+            check_names(step, self.motions)
             check_duration(step, number, self.contact_law)
             check_pull(step, self.contact_law)
-            check_resisted(step, resists)
+            check_resisted(step, self.motions, resists)
         law_of_increment(self.contact_law, np.zeros(len(place.points)), self.steps[0].increment_duration)
         check_solver(self, self.solver)
 
     @property
     def body(self) -> Body:
         """The boundary value problem for the formulation."""
-        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone)
+        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.fields)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -117,6 +124,12 @@ def ignore(text: str) -> None:
     """Ignore a warning."""
 
 
+def _check_keys(what: str, given: Iterable[str], allowed: Sequence[str]) -> None:
+    for key in given:
+        if key not in allowed:
+            raise CaseError(f"{what}: unknown name {key!r}; {choices(key, allowed)}")
+
+
 def check_title(title: str) -> None:
     """Raises CaseError for a title that no result file can hold."""
     if "\0" in title:
@@ -134,9 +147,11 @@ def resistance(
     mesh: SurfaceMesh,
     zone: str,
     axes: FrictionAxes | None,
-    laws: tuple[ContactLaw, ConductivityLaw, ConductivityLaw],
+    law: ContactLaw,
+    channels: tuple[FluxChannel, ...],
 ) -> NDArray[np.bool_]:
-    """Which of the indenter's motions the laws of contact, electric and magnetic conductivity may resist, (8,)."""
+    """Return which of the indenter's motions the law and the channels of the contact may resist, (motions,)."""
     place = find_contact_zone(mesh, zone)
     frames, reference = frames_along(place, axes), placement.reference(place.points)
-    return resisted(motion_modes(place.points, frames, placement.base, reference), *laws)
+    modes = motion_modes(place.points, frames, placement.base, reference, field_set(channels))
+    return resisted(modes, law, channels)

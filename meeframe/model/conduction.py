@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import ContactProblem, ContactSolution, Status, indenter_position
 from meeframe.contact.scales import problem_scales
-from meeframe.fields import ELECTRIC, MAGNETIC, Array
+from meeframe.fields import N_MECHANICAL, Array
 from meeframe.laws.base import GAPS, PRESSURES, ConductivityLaw, contact_traction
 
 _ASTRAY: Final = 10.0
@@ -79,21 +79,23 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
     the size of the problem's, which may be why. States on the way and larger tractions a good law need not be fit for:
     then the message says so.
     """
-    laws = (("electric", problem.electric_law, ELECTRIC, "V"), ("magnetic", problem.magnetic_law, MAGNETIC, "A"))
     state = solution.state
     finite = bool(np.isfinite(state.load).all() and np.isfinite(state.displacement).all())
     most = _ASTRAY * problem_scales(problem).pressure
-    for key, law, column, unit in laws:
+    for column, channel in enumerate(problem.channels, N_MECHANICAL):
+        law, field = channel.law, channel.field
         if finite:
             found = list(_wrong_in_state(problem, solution, law, column))
         else:
             watch = vars(law).get("conductivity")
             found = watch.answers if isinstance(watch, _Watch) else []
         for answer in found:
-            across = f", a gap of {answer.gap:g} m and a drop of {answer.drop:g} {unit}" if law.across_gap else ""
+            drop = f" and a drop of {answer.drop:g} {field.value_unit}"
+            across = f", a gap of {answer.gap:g} m{drop}" if law.across_gap else ""
             told = (
-                f"conductivity.{key}: conductivity of the conductivity law {type(law).__name__} is {answer.kappa:g} "
-                f"under a normal traction of {answer.traction:g} Pa{across}; allowed: numbers >= 0 and inf"
+                f"conductivity.{field.name}: conductivity of the conductivity law {type(law).__name__} is "
+                f"{answer.kappa:g} under a normal traction of {answer.traction:g} Pa{across}; "
+                "allowed: numbers >= 0 and inf"
             )
             spoilt = not finite or np.isnan(answer.kappa)
             if solution.status is Status.CONVERGED or (spoilt and -answer.traction <= most):

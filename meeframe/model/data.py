@@ -1,13 +1,17 @@
 """The data of a case, unchecked: what its checks and its solution work on."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import FluxChannel
 from meeframe.contact.problem import Solver
+from meeframe.fields import FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.indenters import Placement
-from meeframe.indenters.base import Indenter
+from meeframe.indenters.base import Indenter, IndenterMotions
 from meeframe.laws import Insulating, Signorini
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.material import Material
@@ -55,13 +59,12 @@ class CaseData:
     indenter: Indenter
     steps: tuple[Step, ...]
     placement: Placement = field(default_factory=Placement)
-    potentials: tuple[float, float] = (0.0, 0.0)
+    potentials: Mapping[str, float] = field(default_factory=dict)
     restart: Restart | None = None
     zone: str = "contact"
     contact_law: ContactLaw = field(default_factory=Signorini)
     axes: FrictionAxes | None = None
-    electric_law: ConductivityLaw = field(default_factory=Insulating)
-    magnetic_law: ConductivityLaw = field(default_factory=Insulating)
+    conductivity: Mapping[str, ConductivityLaw] = field(default_factory=dict)
     formulation: Formulation = field(default_factory=DenseBEM)
     solver: Solver = field(default_factory=Auto)
     limits: StoppingCriteria = field(default_factory=StoppingCriteria)
@@ -69,3 +72,19 @@ class CaseData:
     second_body: SecondBody | None = None
     title: str = ""
     text: str = ""
+
+    @property
+    def fields(self) -> FieldSet:
+        """The fields, which are those of the material."""
+        return self.material.fields
+
+    @cached_property
+    def motions(self) -> IndenterMotions:
+        """Names and places of the motions of the indenter."""
+        return IndenterMotions(self.fields)
+
+    @cached_property
+    def channels(self) -> tuple[FluxChannel, ...]:
+        """How each scalar field crosses the contact."""
+        insulating = Insulating()
+        return tuple(FluxChannel(one, self.conductivity.get(one.name, insulating)) for one in self.fields.scalars)

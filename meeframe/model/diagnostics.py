@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.contact.problem import Status
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
-from meeframe.indenters.base import COLUMNS, MOTIONS, RESULTANTS, UNITS, motion_modes
+from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, motion_modes
 from meeframe.laws.base import ContactLaw, attracts, augmented_traction, fixed_point_map
 from meeframe.mesh.measures import corners
 from meeframe.model.kinematics import Increment, IndenterKinematics
@@ -190,11 +190,11 @@ def _rim(zone: Zone, step: StepResult) -> int:
 
 
 def _large(zone: Zone, step: StepResult) -> Iterator[str]:
-    """Yield a diagnostic for each motion that is not small; potentials always are."""
+    """Yield a diagnostic for each rigid motion that is not small."""
     limits = {"m": float(np.ptp(zone.points, axis=0).max()), "rad": _LARGEST_ANGLE}
-    for name in MOTIONS:
+    for name in RIGID_MOTIONS:
         size = float(np.linalg.norm(np.atleast_1d(getattr(step.loading, name))))
-        unit = UNITS[name]
+        unit = IndenterMotions().units[name]
         if size > limits.get(unit, np.inf):
             yield f"{name} of {size:.3g} {unit}: beyond small motions, {limits[unit]:.3g} {unit}"
 
@@ -202,12 +202,13 @@ def _large(zone: Zone, step: StepResult) -> Iterator[str]:
 def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     """Return whether friction resists a free motion in the plane of the contact to the full: the tractions stay as they
     are, by the law, when everything slips further along it."""
-    prescribed = [COLUMNS[key] for key in step.loading.prescribed]
-    free = [key for key in ("tangential_force", "torque") if RESULTANTS[key] in prescribed]
+    columns = IndenterMotions().columns
+    prescribed = [columns.get(key) for key in step.loading.prescribed]
+    free = [key for key in ("tangential_force", "torque") if RIGID_RESULTANTS[key] in prescribed]
     slips = step.region == Region.SLIP
     if not free or not slips.any() or not law.tangential_scaling().any():
         return False
-    numbers = np.concatenate([np.r_[COLUMNS[key]] for key in free])
+    numbers = np.concatenate([np.r_[RIGID_RESULTANTS[key]] for key in free])
     modes = motion_modes(zone.points, zone.frames, step.loading.axes, step.loading.reference)[numbers, :, :2]
     modes = modes / np.linalg.norm(modes, axis=(1, 2), keepdims=True)
     way = np.linalg.norm(step.slip, axis=1)

@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.contact.problem import ContactState
 from meeframe.fields import MECHANICAL, Array
-from meeframe.indenters.base import COLUMNS, FORCE_RATIO, MOTIONS, N_MOTIONS
+from meeframe.indenters.base import FORCE_RATIO, IndenterMotions
 from meeframe.laws.base import ContactLaw
 
 Controls = Mapping[str, Array]
@@ -18,9 +18,12 @@ Controls = Mapping[str, Array]
 class Converged:
     """A converged state to go on from.
 
-    motion, resultants: (8,) of the indenter, at the places of meeframe.indenters.base.COLUMNS; total_slip: (n, 2) and
-    slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the undeformed body.
+    motions: names and places of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
+    places; total_slip: (n, 2) and slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the
+    undeformed body.
     """
+
+    motions: IndenterMotions
 
     motion: Array
     resultants: Array
@@ -30,31 +33,33 @@ class Converged:
 
     def value(self, key: str) -> Array:
         """What could have been prescribed to have this state, (1,) or (2,)."""
-        if key in MOTIONS:
-            return self.motion[COLUMNS[key]]
-        value = self.resultants[COLUMNS[key]]
+        if key in self.motions.motions:
+            return self.motion[self.motions.columns[key]]
+        value = self.resultants[self.motions.columns[key]]
         if key == FORCE_RATIO:
-            pressing = self.resultants[COLUMNS["normal_force"]]
+            pressing = self.resultants[self.motions.columns["normal_force"]]
             value = np.divide(value, pressing, out=np.zeros_like(value), where=pressing > 0.0)
         return value
 
 
-def at_rest(potentials: tuple[float, float], n: int) -> Converged:
-    """The beginning, n nodes without load: the indenter just touches and has its electric and magnetic potential."""
-    motion = np.zeros(N_MOTIONS)
-    motion[COLUMNS["electric_potential"]], motion[COLUMNS["magnetic_potential"]] = potentials
-    return Converged(motion, np.zeros(N_MOTIONS), np.zeros((n, 2)), np.zeros(n), None)
+def at_rest(motions: IndenterMotions, potentials: Mapping[str, float], n: int) -> Converged:
+    """Return the beginning, n nodes without load: the indenter just touches and has some potentials, by name."""
+    motion = np.zeros(motions.size)
+    for name, potential in potentials.items():
+        motion[motions.columns[name]] = potential
+    return Converged(motions, motion, np.zeros(motions.size), np.zeros((n, 2)), np.zeros(n), None)
 
 
 def held(start: Converged, prescribed: Controls) -> Controls:
     """The resultants that are prescribed, and every other motion held where it is."""
-    return ramped({key: start.value(key) for key in MOTIONS}, start, prescribed)
+    return ramped({key: start.value(key) for key in start.motions.motions}, start, prescribed)
 
 
 def ramped(controls: Controls, start: Converged, given: Controls, fraction: float = 1.0) -> Controls:
     """The controls with those of a step instead, after a fraction of the linear way from its start to what is given."""
-    taken = [COLUMNS[key] for key in given]
-    others = {key: value for key, value in controls.items() if COLUMNS[key] not in taken}
+    columns = start.motions.columns
+    taken = [columns[key] for key in given]
+    others = {key: value for key, value in controls.items() if columns[key] not in taken}
     return others | {key: (1.0 - fraction) * start.value(key) + fraction * value for key, value in given.items()}
 
 

@@ -15,9 +15,9 @@ from meeframe.contact.problem import (
     contact_gap,
 )
 from meeframe.contact.scales import problem_scales
-from meeframe.fields import ELECTRIC, MECHANICAL, Array, Indices
+from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
-from meeframe.indenters.base import COLUMNS, FORCE_RATIO, MOTIONS, motion_measures, motion_modes
+from meeframe.indenters.base import FORCE_RATIO, N_RIGID, motion_measures, motion_modes
 from meeframe.laws.base import attracts, augmented_traction
 from meeframe.mesh import ContactZone
 from meeframe.model.conduction import watched
@@ -43,8 +43,8 @@ _UNCERTAIN: Final = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Increment:
-    """One increment. problem: of contact; base: (8,) motions of the indenter from which its freedoms count; free: (m,)
-    numbers of those that are free; prescribed, duration: as in Loading."""
+    """One increment. problem: of contact; base: (motions,) motions of the indenter from which its freedoms count; free:
+    (m,) numbers of those that are free; prescribed, duration: as in Loading."""
 
     problem: ContactProblem
     base: Array
@@ -110,22 +110,25 @@ class IndenterKinematics:
     def rim(self, increment: Increment) -> IndenterEdge | None:
         """Where the indenter ends, as the increment has it."""
         rim = self._touching_rim
-        return rim and replace(rim, gap=rim.gap + np.einsum("k,kn->n", increment.base[:6], self.modes[:6, :, 2]))
+        return rim and replace(
+            rim, gap=rim.gap + np.einsum("k,kn->n", increment.base[:N_RIGID], self.modes[:N_RIGID, :, 2])
+        )
 
     @cached_property
     def modes(self) -> Array:
-        """Of its motions, (8, n, 5), as of motion_modes."""
-        return motion_modes(self.system.points, self.system.frames, self.case.placement.base, self.reference)
+        """Modes of its motions, (motions, n, fields); see motion_modes."""
+        place = self.system.points, self.system.frames, self.case.placement.base, self.reference
+        return motion_modes(*place, self.case.fields)
 
     @cached_property
     def measures(self) -> Array:
-        """Of the resultants that work on its motions, (8, n, 5)."""
+        """Measures of the resultants that work on its motions, (motions, n, fields)."""
         return motion_measures(self.modes, self.system.weights)
 
     @cached_property
     def resists(self) -> NDArray[np.bool_]:
-        """Which of its motions anything may resist, (8,)."""
-        return resisted(self.modes, self.case.contact_law, self.case.electric_law, self.case.magnetic_law)
+        """Which of its motions anything may resist, (motions,)."""
+        return resisted(self.modes, self.case.contact_law, self.case.channels)
 
     def increment(self, controls: Controls, start: Converged, duration: float | None = None) -> Increment:
         """The increment from a converged state to where the controls are in force, in a duration [s].
@@ -134,30 +137,30 @@ class IndenterKinematics:
         count from the converged state, and those that nothing can resist stay there.
         """
         base = start.motion.copy()
-        for key in controls.keys() & MOTIONS.keys():
-            base[COLUMNS[key]] = controls[key]
-        prescribed = {key: value for key, value in controls.items() if key not in MOTIONS}
+        for key in controls.keys() & self.case.motions.motions.keys():
+            base[self.case.motions.columns[key]] = controls[key]
+        prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._freedoms(prescribed)
-        gap = self.touching_gap + np.einsum("k,kn->n", base[:6], self.modes[:6, :, 2])
-        tangential = np.einsum("k,knt->nt", base[:6], self.modes[:6, :, :2])
-        potentials = np.tile(base[6:], (len(gap), 1))
+        gap = self.touching_gap + np.einsum("k,kn->n", base[:N_RIGID], self.modes[:N_RIGID, :, 2])
+        tangential = np.einsum("k,knt->nt", base[:N_RIGID], self.modes[:N_RIGID, :, :2])
+        potentials = np.tile(base[N_RIGID:], (len(gap), 1))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
-        laws = contact_law, watched(self.case.electric_law), watched(self.case.magnetic_law)
+        channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         translation = tangential - start.total_slip
         problem = ContactProblem(
-            self.system, *laws, gap, translation, potentials, tuple(prescribed_resultants.values())
+            self.system, contact_law, channels, gap, translation, potentials, tuple(prescribed_resultants.values())
         )
         return Increment(problem, base, np.array(list(prescribed_resultants), int), prescribed, duration)
 
     def _freedoms(self, prescribed: Controls) -> dict[int, PrescribedResultant]:
         """Free motions that something may resist, by their number."""
-        prescribed_resultants = {}
+        prescribed_resultants, columns = {}, self.case.motions.columns
         for key, totals in prescribed.items():
-            numbers = range(*COLUMNS[key].indices(len(self.modes)))
+            numbers = range(*columns[key].indices(len(self.modes)))
             for number, total in zip(numbers, totals, strict=True):
                 measure = self.measures[number]
                 if key == FORCE_RATIO:
-                    measure, total = measure - total * self.measures[COLUMNS["normal_force"]][0], 0.0
+                    measure, total = measure - total * self.measures[columns["normal_force"]][0], 0.0
                 if self.resists[number]:
                     prescribed_resultants[number] = PrescribedResultant(self.modes[number], measure, float(total))
         return dict(sorted(prescribed_resultants.items()))
@@ -171,7 +174,7 @@ class IndenterKinematics:
         if touches.any():
             return state
         modes = self.modes[increment.free]
-        felt = modes[:, :, 2].any(axis=1) | (modes * state.load)[:, :, ELECTRIC:].any(axis=(1, 2))
+        felt = modes[:, :, 2].any(axis=1) | (modes * state.load)[:, :, POTENTIALS].any(axis=(1, 2))
         return replace(state, motion=np.where(felt, state.motion, 0.0))
 
     def reached(
@@ -182,7 +185,9 @@ class IndenterKinematics:
         motion[increment.free] += state.motion
         slip = slip_of(increment, state)
         way = np.where(touches, np.linalg.norm(slip, axis=1), 0.0)
-        return Converged(motion, self.resultants(state), start.total_slip + slip, start.slip_path + way, state)
+        return Converged(
+            self.case.motions, motion, self.resultants(state), start.total_slip + slip, start.slip_path + way, state
+        )
 
     def dissipation(self, increment: Increment, start: Converged, state: ContactState, region: Indices) -> Array:
         """Work of friction in an increment from a converged state, (n,) [J/m^2], where nodes (n,) of `region` slip.
@@ -194,7 +199,7 @@ class IndenterKinematics:
         traction = state.load[:, :2]
         if start.state is not None:
             # of the problem as solved: with an edge between nodes, those beside the indenter have gaps, too
-            back = np.einsum("k,kn->n", (start.motion - increment.base)[:6], self.modes[:6, :, 2])
+            back = np.einsum("k,kn->n", (start.motion - increment.base)[:N_RIGID], self.modes[:N_RIGID, :, 2])
             gap = np.column_stack([slip, problem.gap + back - start.state.displacement[:, 2]])
             stiffness = 1.0 / problem_scales(problem).normal_compliance
             r = stiffness, _FIRM * stiffness
@@ -205,7 +210,7 @@ class IndenterKinematics:
         return np.where(region == Region.SLIP, np.einsum("nt,nt->n", traction, slip) / 2.0, 0.0)
 
     def resultants(self, state: ContactState) -> Array:
-        """Those that work on its motions in a state of the contact zone, (8,)."""
+        """Return those that work on its motions in a state of the contact zone, (motions,)."""
         totals: Array = np.einsum("kni,ni->k", self.measures, state.load)
         return totals
 
@@ -214,11 +219,11 @@ def beginning(kinematics: IndenterKinematics) -> tuple[Converged, Controls]:
     """The state to start from and what is in force there: the undeformed body, or where an earlier run ended."""
     case = kinematics.case
     if case.restart is None:
-        here = at_rest(case.potentials, len(kinematics.system.points))
+        here = at_rest(case.motions, case.potentials, len(kinematics.system.points))
         return here, held(here, {})
     step = case.restart.step
     totals = kinematics.resultants(step.state)
-    here = Converged(step.loading.motion, totals, step.total_slip, step.slip_path, step.state)
+    here = Converged(case.motions, step.loading.motion, totals, step.total_slip, step.slip_path, step.state)
     return here, held(here, step.loading.prescribed)
 
 

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from meeframe.common.errors import CaseError, MeeframeError
 from meeframe.common.toml import check_integers, read_toml
 from meeframe.contact.problem import Solver
+from meeframe.fields import MEE, FieldSet
 from meeframe.material import Material, material_from_table
 from meeframe.mesh import Grading, block_mesh, half_space_mesh, read_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
@@ -61,9 +62,11 @@ def case_from_tables(
         raise TableError(Problem((), str(error))) from None
     registry = replace(registry or plugins.load(), folder=folder)
     problems: list[Problem] = []
-    checked = _attempt(problems, lambda: _validate(tables, registry))
-    material = _material(problems, tables, folder)
-    other_material = _material(problems, tables.get("second_body"), folder, "second_body")
+    material = _material([], tables, registry, folder)
+    fields = FieldSet((*MEE.scalars, *registry.scalar_fields)) if material is None else material.fields
+    checked = _attempt(problems, lambda: _validate(tables, registry, fields))
+    material = _material(problems, tables, registry, folder)
+    other_material = _material(problems, tables.get("second_body"), registry, folder, "second_body")
     if checked is None:
         raise TableError(*problems)
     mesh = _attempt(problems, lambda: _mesh(checked.mesh, registry, folder), "mesh")
@@ -77,7 +80,7 @@ def case_from_tables(
     try:
         return assemble(checked.solver.named)
     except MeeframeError as error:
-        body = Body(material.stiffness, mesh, (), checked.contact.zone)
+        body = Body(material.stiffness, mesh, (), checked.contact.zone, material.fields)
         problem = locate(error, checked, body, second_body, restart, assemble)
         raise TableError(problem.quoting(tables)) from error.__cause__
     except MemoryError as error:
@@ -97,11 +100,12 @@ def _attempt(problems: list[Problem], make: Callable[[], T], *location: str) -> 
     return None
 
 
-def _material(problems: list[Problem], table: Any, folder: Path, *location: str) -> Material | None:
+def _material(problems: list[Problem], table: Any, registry: Registry, folder: Path, *location: str) -> Material | None:
     """The material in the table of a body; that there is none is for the validation to say."""
     if not isinstance(table, Mapping) or not isinstance(table.get("material"), Mapping):
         return None
-    return _attempt(problems, lambda: material_from_table(table["material"], folder), *location, "material")
+    make = partial(material_from_table, table["material"], folder, registry.scalar_fields)
+    return _attempt(problems, make, *location, "material")
 
 
 def _second_body(table: SecondBodyTable, material: Material, registry: Registry, folder: Path) -> SecondBody:
@@ -112,7 +116,7 @@ def _second_body(table: SecondBodyTable, material: Material, registry: Registry,
     try:
         return SecondBody(material, mesh, _conditions(table.boundary), table.zone, table.formulation)
     except MeeframeError as error:
-        body = Body(material.stiffness, mesh, (), table.zone)
+        body = Body(material.stiffness, mesh, (), table.zone, material.fields)
         raise TableError(locate_in_second_body(error, table, body)) from error.__cause__
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
@@ -143,12 +147,11 @@ def _assemble(
         restart=restart,
         steps=tuple(step.step() for step in table.steps),
         placement=table.indenter.record,
-        potentials=(table.indenter.electric_potential, table.indenter.magnetic_potential),
+        potentials=table.indenter.potentials,
         zone=table.contact.zone,
         contact_law=table.contact.law,
         axes=table.contact.axes,
-        electric_law=table.conductivity.electric,
-        magnetic_law=table.conductivity.magnetic,
+        conductivity=table.conductivity.laws,
         formulation=table.formulation,
         solver=solver,
         limits=table.solver.record,
@@ -159,11 +162,12 @@ def _assemble(
     )
 
 
-def _validate(tables: Mapping[str, Any], registry: Registry) -> CaseTable:
+def _validate(tables: Mapping[str, Any], registry: Registry, fields: FieldSet) -> CaseTable:
+    model = CaseTable.of(fields)
     try:
-        return CaseTable.model_validate(dict(tables), context=registry)
+        return model.model_validate(dict(tables), context=registry)
     except ValidationError as error:
-        raise TableError(*problems_of(error, CaseTable)) from None
+        raise TableError(*problems_of(error, model)) from None
 
 
 def _restart(table: RestartTable | None, folder: Path, file: str) -> Restart | None:

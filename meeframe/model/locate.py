@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import MeeframeError, MeshError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import Solver
+from meeframe.indenters.base import IndenterMotions
 from meeframe.laws.base import conducts
 from meeframe.mesh import check_contact_zone, check_mesh, check_supports, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
@@ -19,7 +21,7 @@ from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law,
 from meeframe.model.preflight import check_solver
 from meeframe.model.restart import Restart, check_same_zone
 from meeframe.model.schema import CaseTable
-from meeframe.model.second_body import SecondBody, check_alike, check_match
+from meeframe.model.second_body import SecondBody, check_alike, check_fields, check_match
 from meeframe.model.step import Step, check_duration, check_first, check_pull, check_resisted
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import Problem, TableError
@@ -105,10 +107,11 @@ def _case_checks(
     points = place.points
     yield Problem(("contact", "law"), ""), partial(gap_of_law, law, points)
     yield Problem(("contact", "law"), ""), partial(check_tractions, law, len(points))
-    conductivities = {field: getattr(table.conductivity, field) for field in ("electric", "magnetic")}
+    conductivities = table.conductivity.laws
     for field, conductivity in conductivities.items():
         yield Problem(("conductivity", field), ""), partial(check_conductivity, conductivity, len(points))
     yield Problem(("second_body", "formulation"), ""), partial(check_alike, second_body, table.formulation)
+    yield Problem(("second_body", "material"), ""), partial(check_fields, second_body, body.fields)
     yield Problem(("second_body", "mesh"), ""), partial(check_match, second_body, body.mesh, zone)
     steps = [step.step() for step in table.steps]
     if table.restart is None or restart is None:
@@ -118,19 +121,20 @@ def _case_checks(
         yield source, partial(check_same_zone, restart, place, table.contact.axes)
     for field, conductivity in conductivities.items():
         yield Problem(("conductivity", field), ""), partial(conducts, conductivity)
-    held = partial(resistance, placement, body.mesh, zone, table.contact.axes, (law, *conductivities.values()))
+    channels = flux_channels(*conductivities.values(), fields=body.fields)
+    held = partial(resistance, placement, body.mesh, zone, table.contact.axes, law, channels)
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
         yield Problem(("steps", number), ""), partial(check_pull, step, law)
-        yield Problem(("steps", number), ""), partial(_check_held, step, held)
+        yield Problem(("steps", number), ""), partial(_check_held, step, IndenterMotions(body.fields), held)
     duration = steps[0].increment_duration
     yield Problem(("contact", "law"), ""), partial(law_of_increment, law, np.zeros(len(points)), duration)
     yield Problem(("solver",), ""), partial(_check_solver, assemble, table.solver.named)
 
 
-def _check_held(step: Step, held: Callable[[], NDArray[np.bool_]]) -> None:
+def _check_held(step: Step, motions: IndenterMotions, held: Callable[[], NDArray[np.bool_]]) -> None:
     """As check_resisted, by motions that are found only now: laws of plugins may fail there."""
-    check_resisted(step, held())
+    check_resisted(step, motions, held())
 
 
 def _check_solver(assemble: Callable[[Solver], Case], solver: Solver) -> None:

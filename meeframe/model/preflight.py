@@ -8,9 +8,9 @@ import numpy as np
 
 from meeframe.contact.free_motion import motions
 from meeframe.contact.problem import Solver
-from meeframe.fields import N_FIELDS, Array
-from meeframe.indenters.base import COLUMNS
-from meeframe.laws.base import attracts, conducts
+from meeframe.fields import Array
+from meeframe.indenters.base import RIGID_MOTIONS
+from meeframe.laws.base import attracts
 from meeframe.mesh import find_contact_zone
 from meeframe.model.data import CaseData
 from meeframe.model.frames import frames_along
@@ -28,26 +28,26 @@ class RigidSystem(ReducedSystem):
     """Reduced system of a rigid body: the contact zone, which is known before the body is reduced."""
 
     def apply(self, load: Array) -> Array:
-        """No displacement, (n, 5) for load (n, 5)."""
+        """Return no displacement, (n, fields) for load (n, fields)."""
         return np.zeros_like(load)
 
     def diagonal_blocks(self) -> Array:
-        """No response of a node to its own load, (n, 5, 5)."""
-        return np.zeros((len(self.points), N_FIELDS, N_FIELDS))
+        """Return no response of a node to its own load, (n, fields, fields)."""
+        return np.zeros((len(self.points), self.n_fields, self.n_fields))
 
     def dense(self) -> Array | None:
         """No matrix is held."""
         return None
 
     def recover(self, load: Array) -> NodalFields:
-        """The load (n, 5), and no displacement, on the contact zone alone."""
+        """Return the load (n, fields), and no displacement, on the contact zone alone."""
         return NodalFields(self.points, self.cells, self.apply(load), load)
 
 
 def undeformed(case: CaseData) -> IndenterKinematics:
     """Return the indenter of a case on its undeformed body."""
     place = find_contact_zone(case.mesh, case.zone)
-    frames, offset = frames_along(place, case.axes), np.zeros((len(place.points), N_FIELDS))
+    frames, offset = frames_along(place, case.axes), np.zeros((len(place.points), case.fields.size))
     return IndenterKinematics(case, RigidSystem(place.points, frames, place.weights, place.cells, offset))
 
 
@@ -88,7 +88,7 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
                 "large"
             )
             return
-    across = any(law.across_gap and conducts(law) for law in (case.electric_law, case.magnetic_law))
+    across = any(channel.law.across_gap and channel.conducts for channel in case.channels)
     if across or attracts(case.contact_law) or len(held) < len(case.steps):
         return
     nearer = min(held, key=lambda increment: float(increment.problem.gap.min()))
@@ -106,21 +106,20 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
 
 def unused_potentials(kinematics: IndenterKinematics) -> Iterator[str]:
     """Yield a warning for each potential of the indenter that has no effect because the contact insulates."""
-    case = kinematics.case
-    laws = {"electric": (case.electric_law, "V"), "magnetic": (case.magnetic_law, "A")}
-    for column, (name, (law, unit)) in enumerate(laws.items()):
-        if conducts(law):
+    for column, channel in enumerate(kinematics.case.channels):
+        if channel.conducts:
             continue
+        field = channel.field
         largest = max(float(np.abs(increment.problem.potentials[:, column]).max()) for increment in planned(kinematics))
         if largest > 0.0:
             yield (
-                f"{name}_potential of {largest:.3g} {unit} changes nothing: the contact insulates, unless "
-                f"[conductivity.{name}] names a law that conducts"
+                f"{field.value_name} of {largest:.3g} {field.value_unit} changes nothing: the contact insulates, "
+                f"unless [conductivity.{field.name}] names a law that conducts"
             )
 
 
 def _approach(increment: Increment) -> float:
-    return float(increment.base[COLUMNS["approach"]][0])
+    return float(increment.base[RIGID_MOTIONS["approach"]][0])
 
 
 def _beside(case: CaseData) -> str:

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Annotated, Any, Final
 
 from pydantic import (
@@ -16,10 +17,11 @@ from pydantic import (
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
+from meeframe.fields import FieldSet, ScalarField
 from meeframe.fields.units import Quantity
 from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement
-from meeframe.indenters.base import Indenter
+from meeframe.indenters.base import Indenter, IndenterMotions
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.mesh import FrictionAxes
 from meeframe.model.body_tables import (
@@ -35,22 +37,20 @@ from meeframe.model.values import (
     DEFAULT_SOLVER,
     FINITE,
     Angle,
-    Charge,
     Count,
-    ElectricPotential,
     Flag,
     Force,
     Length,
-    MagneticPotential,
     Moment,
     Ratio,
     Table,
     Text,
     Time,
-    TotalMagneticFlux,
     by_name,
+    finite,
     named,
     registry_of,
+    with_keys,
 )
 from meeframe.plugin.registry import CONTRACTS
 from meeframe.plugin.validation import Problem, TableError, build
@@ -74,10 +74,23 @@ _INSULATING: Final = Field(default="insulating", validate_default=True)
 
 
 class ConductivityTable(Table):
-    """[conductivity]: laws of the contact zone; a field without one is insulated."""
+    """[conductivity]: laws of the contact zone, one for each scalar field; a field without one is insulated."""
 
-    electric: Annotated[ConductivityLaw, by_name(ConductivityLaw, "F/m^2 F/m V/m")] = _INSULATING
-    magnetic: Annotated[ConductivityLaw, by_name(ConductivityLaw, "H/m^2 H/m A/m")] = _INSULATING
+    @classmethod
+    def of(cls, fields: FieldSet) -> "type[ConductivityTable]":
+        """Return the table with the names of scalar fields as keys."""
+        keys = {scalar.name: (_law_of(scalar), _INSULATING) for scalar in fields.scalars}
+        return with_keys(cls, fields, keys)
+
+    @property
+    def laws(self) -> dict[str, ConductivityLaw]:
+        """The laws by the name of their field."""
+        return {name: getattr(self, name) for name in self.field_set.names}
+
+
+def _law_of(scalar: ScalarField) -> Any:
+    units = scalar.conductance_unit, scalar.coefficient_unit, scalar.strength_unit
+    return Annotated[ConductivityLaw, by_name(ConductivityLaw, " ".join(units))]
 
 
 def _divided(value: Any, info: ValidationInfo, contract: type, record: type, others: tuple[str, ...] = ()) -> Any:
@@ -100,13 +113,23 @@ class IndenterTable(Table):
 
     named: Indenter
     record: Placement
-    electric_potential: ElectricPotential = 0.0
-    magnetic_potential: MagneticPotential = 0.0
+
+    @classmethod
+    def of(cls, fields: FieldSet) -> "type[IndenterTable]":
+        """Return the table with the potentials of scalar fields as keys."""
+        keys = {scalar.value_name: (finite(scalar.value_unit), 0.0) for scalar in fields.scalars}
+        return with_keys(cls, fields, keys)
+
+    @property
+    def potentials(self) -> dict[str, float]:
+        """The potentials by name."""
+        return {scalar.value_name: getattr(self, scalar.value_name) for scalar in self.field_set.scalars}
 
     @model_validator(mode="before")
     @classmethod
     def _flat(cls, value: Any, info: ValidationInfo) -> Any:
-        return _divided(value, info, Indenter, Placement, ("electric_potential", "magnetic_potential"))
+        names = tuple(scalar.value_name for scalar in cls.field_set.scalars)
+        return _divided(value, info, Indenter, Placement, names)
 
 
 class SolverTable(Table):
@@ -137,12 +160,15 @@ class StepTable(Table):
     moment: tuple[Moment, Moment] | None = None
     twist: Angle | None = None
     torque: Moment | None = None
-    electric_potential: ElectricPotential | None = None
-    charge: Charge | None = None
-    magnetic_potential: MagneticPotential | None = None
-    magnetic_flux: TotalMagneticFlux | None = None
     duration: Time | None = None
     increments: Count = 1
+
+    @classmethod
+    def of(cls, fields: FieldSet) -> "type[StepTable]":
+        """Return the table with the keys of scalar fields: the potential of the indenter or the total flux."""
+        motions = IndenterMotions(fields)
+        names = (name for scalar in fields.scalars for name in (scalar.value_name, scalar.resultant))
+        return with_keys(cls, fields, {name: (finite(motions.units[name]) | None, None) for name in names})
 
     @model_validator(mode="before")
     @classmethod
@@ -177,7 +203,10 @@ class StepTable(Table):
 
     def step(self) -> Step:
         """The load step."""
-        return Step(**self.model_dump(exclude={"direction"}))
+        given = {name: getattr(self, name) for name in StepTable.model_fields if name != "direction"}
+        names = (name for scalar in self.field_set.scalars for name in (scalar.value_name, scalar.resultant))
+        scalars = {name: value for name in names if (value := getattr(self, name)) is not None}
+        return Step(**given, scalars=scalars, fields=self.field_set)
 
 
 def _checked(key: str, quantity: Quantity, table: Mapping[str, Any]) -> float:
@@ -226,3 +255,16 @@ class CaseTable(Table):
     restart: RestartTable | None = None
     steps: tuple[StepTable, ...] = Field(min_length=1)
     output: OutputTable = OutputTable()
+
+    @classmethod
+    @lru_cache(maxsize=8)
+    def of(cls, fields: FieldSet) -> "type[CaseTable]":
+        """Return the table for the fields of a case."""
+        keys = {
+            "boundary": (tuple[BoundaryTable.of(fields), ...], ()),  # type: ignore[misc]
+            "second_body": (SecondBodyTable.of(fields) | None, None),
+            "conductivity": (ConductivityTable.of(fields), Field(default_factory=dict, validate_default=True)),
+            "indenter": (IndenterTable.of(fields), ...),
+            "steps": (tuple[StepTable.of(fields), ...], Field(min_length=1)),  # type: ignore[misc]
+        }
+        return with_keys(cls, fields, keys)

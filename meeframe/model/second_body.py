@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from meeframe.common.errors import CaseError
+from meeframe.fields import FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material
@@ -38,7 +39,14 @@ class SecondBody:
     @property
     def body(self) -> Body:
         """The boundary value problem for the formulation."""
-        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone)
+        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.material.fields)
+
+
+def check_fields(second_body: SecondBody | None, fields: FieldSet) -> None:
+    """Raise CaseError unless the material of the second body, if there is one, has the fields of the first."""
+    if second_body is not None and second_body.material.fields != fields:
+        theirs, ours = ", ".join(second_body.material.fields.names), ", ".join(fields.names)
+        raise CaseError(f"the second body has the scalar fields {theirs}, the first {ours}; allowed: the same fields")
 
 
 def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> None:

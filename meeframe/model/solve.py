@@ -87,7 +87,7 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
     """The reduced system of one body. Raises as reduce."""
     try:
         with faults_of_plugins():
-            return checked(formulation, formulation.reduce(body, progress))
+            return checked(formulation, formulation.reduce(body, progress), body.fields.size)
     except MemoryError as error:
         raise TooLargeError(
             f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
@@ -106,7 +106,7 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
             arrays = stored_arrays(formulation, system)
             if arrays is None or not isinstance(formulation, PersistentFormulation):
                 return system
-            return checked(formulation, formulation.from_arrays(body, arrays))
+            return checked(formulation, formulation.from_arrays(body, arrays), body.fields.size)
     return replace(system, recovery=recovery_of(formulation, body, progress))
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from itertools import combinations
 from typing import Any, Final
 
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import Array
+from meeframe.contact.channels import FluxChannel
+from meeframe.fields import MECHANICAL, MEE, Array, FieldSet
 from meeframe.fields.units import Quantity
-from meeframe.indenters.base import COLUMNS, MOTIONS, UNITS
-from meeframe.laws.base import ConductivityLaw, ContactLaw, attracts, conducts
-from meeframe.plugin.validation import Problem, TableError
+from meeframe.indenters.base import N_RIGID, IndenterMotions
+from meeframe.laws.base import ContactLaw, attracts
+from meeframe.plugin.validation import Problem, TableError, choices
 
 _LEAST_PART: Final = 1e-9
 """Of a motion that is along the normal: less is round-off of the frames."""
@@ -29,11 +30,12 @@ class Step:
     For each of the indenter's motions either the motion, from where it just touched, or the resultant that works on it:
     approach [m] or normal_force [N], >= 0 in compression, < 0 only under laws whose surfaces attract each other;
     translation (2,) [m], tangential_force (2,) [N] or force_ratio (2,), the tangential over the normal force; tilt (2,)
-    [rad] or moment (2,) [N m]; twist [rad] or torque [N m]; electric_potential [V] or charge [C]; magnetic_potential
-    [A] or magnetic_flux [Wb]. Axes, signs and reference point as in Loading and `resultants`. duration: time of the
-    whole step [s] > 0, for laws that need it; increments: in how many equal parts it is applied. Texts with units, such
-    as "5 N", become SI numbers as in case files. Raises CaseError if two of them name the same motion, or what is given
-    is not allowed.
+    [rad] or moment (2,) [N m]; twist [rad] or torque [N m]; scalars: by name, for each scalar field the potential of
+    the indenter or the total flux, such as {"electric_potential": 5.0} [V] or {"charge": 0.0} [C]; fields: the field
+    set that these names belong to. Axes, signs and reference point as in Loading and `resultants`. duration: time of
+    the whole step [s] > 0, for laws that need it; increments: in how many equal parts it is applied. Texts with units,
+    such as "5 N", become SI numbers as in case files. Raises CaseError if two of them name the same motion, or what is
+    given is not allowed.
     """
 
     approach: float | None = None
@@ -45,23 +47,29 @@ class Step:
     moment: Pair | None = None
     twist: float | None = None
     torque: float | None = None
-    electric_potential: float | None = None
-    charge: float | None = None
-    magnetic_potential: float | None = None
-    magnetic_flux: float | None = None
+    scalars: Mapping[str, float] = field(default_factory=dict)
     duration: float | None = None
     increments: int = 1
+    fields: FieldSet = MEE
 
     def __post_init__(self) -> None:
-        for key in (field.name for field in fields(self) if field.name != "increments"):
-            object.__setattr__(self, key, _in_si(key, getattr(self, key)))
+        motions = IndenterMotions(self.fields)
+        for key in (*_rigid_keys(), "duration"):
+            object.__setattr__(self, key, _in_si(key, getattr(self, key), motions))
+        for key in self.scalars:
+            if key not in motions.columns or key in _rigid_keys():
+                names = [name for name in motions.columns if name not in _rigid_keys()]
+                raise CaseError(f"scalars: unknown name {key!r}; {choices(key, names)}")
+        scalars = {key: _in_si(key, value, motions) for key, value in self.scalars.items()}
+        object.__setattr__(self, "scalars", scalars)
         for key, value in self.given.items():
-            columns = COLUMNS[key]
+            columns = motions.columns[key]
             if value.shape != (columns.stop - columns.start,) or not np.isfinite(value).all():
                 count = "one finite number" if columns.stop - columns.start == 1 else "two finite numbers"
-                raise CaseError(f"{key} = {getattr(self, key)!r}; allowed: {count} [{UNITS[key]}]")
+                given = scalars[key] if key in scalars else getattr(self, key)
+                raise CaseError(f"{key} = {given!r}; allowed: {count} [{motions.units[key]}]")
         for one, other in combinations(self.given, 2):
-            if COLUMNS[one] == COLUMNS[other]:
+            if motions.columns[one] == motions.columns[other]:
                 raise CaseError(
                     f"{one} and {other} are both given; allowed: one of them, the other one follows from it"
                 )
@@ -73,7 +81,7 @@ class Step:
     @property
     def given(self) -> Mapping[str, Array]:
         """What it prescribes by key, (1,) or (2,)."""
-        values = {field.name: getattr(self, field.name) for field in fields(self) if field.name in COLUMNS}
+        values = {key: getattr(self, key) for key in _rigid_keys()} | dict(self.scalars)
         return {key: np.atleast_1d(np.asarray(value, float)) for key, value in values.items() if value is not None}
 
     @property
@@ -82,9 +90,14 @@ class Step:
         return None if self.duration is None else self.duration / self.increments
 
 
-def _in_si(key: str, value: Any) -> Any:
-    """What is given for a key as a number or a tuple of them, in SI units. Raises CaseError for what holds none."""
-    quantity = Quantity(UNITS.get(key, "s").removeprefix("1"))
+def _rigid_keys() -> tuple[str, ...]:
+    """Return the keys of rigid motions and their resultants."""
+    return tuple(entry.name for entry in fields(Step) if entry.name in IndenterMotions().columns)
+
+
+def _in_si(key: str, value: Any, motions: IndenterMotions) -> Any:
+    """Return what is given for a key as a number or a tuple of them, in SI units; raise CaseError if it holds none."""
+    quantity = Quantity(motions.units.get(key, "s").removeprefix("1"))
     try:
         if isinstance(value, str):
             return quantity.convert(value)
@@ -122,24 +135,30 @@ def check_duration(step: Step, number: int, law: ContactLaw) -> None:
         )
 
 
-def check_resisted(step: Step, resists: NDArray[np.bool_]) -> None:
-    """Raises TableError if a resultant is asked of a motion that nothing resists; resists: (8,) as of `resisted`."""
+def check_names(step: Step, motions: IndenterMotions) -> None:
+    """Raise CaseError if a load step prescribes a potential or flux of a field that the case does not have."""
+    for key in step.scalars:
+        if key not in motions.columns:
+            names = [name for name in motions.columns if name not in _rigid_keys()]
+            raise CaseError(f"{key}: no field of the case has this potential or flux; {choices(key, names)}")
+
+
+def check_resisted(step: Step, motions: IndenterMotions, resists: NDArray[np.bool_]) -> None:
+    """Raise TableError if a resultant is asked of a motion that nothing resists; resists: (motions.size,)."""
     for key, value in step.given.items():
-        if key not in MOTIONS and np.any((value != 0.0) & ~resists[COLUMNS[key]]):
-            why = "insulate" if key in ("charge", "magnetic_flux") else "admit no traction that resists this motion"
+        if key not in motions.motions and np.any((value != 0.0) & ~resists[motions.columns[key]]):
+            why = "insulate" if key in step.scalars else "admit no traction that resists this motion"
             given = value.item() if value.size == 1 else value.tolist()
             raise TableError(Problem((key,), f"the laws of the contact {why}; allowed: 0, or other laws", given))
 
 
-def resisted(
-    modes: Array, contact: ContactLaw, electric: ConductivityLaw, magnetic: ConductivityLaw
-) -> NDArray[np.bool_]:
-    """Which motions of the indenter, of modes (8, n, 5), the laws may resist, (8,).
+def resisted(modes: Array, contact: ContactLaw, channels: tuple[FluxChannel, ...]) -> NDArray[np.bool_]:
+    """Return which motions of the indenter, of modes (motions, n, fields), the laws may resist, (motions,).
 
     By normal tractions, or by tangential ones that the law admits in that direction; potentials if their law conducts.
     """
-    moving = modes[:6, :, :3]
+    moving = modes[:N_RIGID, :, MECHANICAL]
     size = np.abs(moving).max(axis=(1, 2))
     held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
     mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_PART * size
-    return np.concatenate([mechanical, [conducts(electric), conducts(magnetic)]])
+    return np.concatenate([mechanical, [channel.conducts for channel in channels]])

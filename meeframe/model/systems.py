@@ -5,7 +5,6 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import N_FIELDS
 from meeframe.formulations.base import Formulation
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import ReducedSystem
@@ -14,23 +13,23 @@ _SHAPES: Final[dict[str, tuple[int, ...]]] = {
     "points": (3,),
     "frames": (3, 3),
     "weights": (),
-    "offset": (N_FIELDS,),
 }
 """Shapes of the arrays of a system, after the axis of the nodes."""
 
 
-def checked(formulation: Formulation, system: object) -> ReducedSystem:
+def checked(formulation: Formulation, system: object, n_fields: int) -> ReducedSystem:
     """Return the system of a formulation if it is a reduced system with finite arrays of the contract's shapes.
 
-    Without these shapes a run ends in the middle, far from the formulation. Raises CaseError.
+    n_fields: number of fields of the body. Without these shapes a run ends in the middle, far from the formulation.
+    Raises CaseError.
     """
     name = type(formulation).__name__
     if not isinstance(system, ReducedSystem):
         raise CaseError(f"the formulation {name} returns a {type(system).__name__}; allowed: a reduced system")
     n = len(system.points) if np.ndim(system.points) else 0
-    shapes = {key: (n, *shape) for key, shape in _SHAPES.items()}
+    shapes = {key: (n, *shape) for key, shape in _SHAPES.items()} | {"offset": (n, n_fields)}
     if isinstance(system, DenseSystem):
-        shapes["matrix"] = (n, N_FIELDS, n, N_FIELDS)
+        shapes["matrix"] = (n, n_fields, n, n_fields)
     for key, shape in shapes.items():
         array, what = getattr(system, key), f"{key} of the reduced system of the formulation {name}"
         if not isinstance(array, np.ndarray) or array.dtype.kind != "f":

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, ClassVar, Final, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationInfo
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationInfo, create_model
 
+from meeframe.fields import MEE, FieldSet
 from meeframe.fields.units import Quantity
 from meeframe.plugin.registry import CONTRACTS, Registry
 
@@ -23,12 +24,6 @@ Angle = Annotated[float, Quantity("rad", **FINITE)]
 Force = Annotated[float, Quantity("N", **FINITE)]
 Moment = Annotated[float, Quantity("N m", **FINITE)]
 Pressure = Annotated[float, Quantity("Pa", **FINITE)]
-ElectricPotential = Annotated[float, Quantity("V", **FINITE)]
-MagneticPotential = Annotated[float, Quantity("A", **FINITE)]
-ElectricFlux = Annotated[float, Quantity("C/m^2", **FINITE)]
-MagneticFlux = Annotated[float, Quantity("Wb/m^2", **FINITE)]
-Charge = Annotated[float, Quantity("C", **FINITE)]
-TotalMagneticFlux = Annotated[float, Quantity("Wb", **FINITE)]
 Time = Annotated[float, Quantity("s", gt=0, lt=math.inf)]
 Ratio = Annotated[float, Quantity("", **FINITE)]
 
@@ -56,10 +51,30 @@ def registry_of(info: ValidationInfo) -> Registry:
     return registry
 
 
+Model = TypeVar("Model", bound="Table")
+
+
 class Table(BaseModel):
-    """Base of all tables: frozen, no unknown keys."""
+    """Base of all tables: frozen, no unknown keys.
+
+    field_set: the fields of the case, in tables whose keys depend on them.
+    """
+
+    field_set: ClassVar[FieldSet] = MEE
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+def finite(unit: str) -> Any:
+    """Return the type of a finite quantity in this unit."""
+    return Annotated[float, Quantity(unit, **FINITE)]
+
+
+def with_keys(base: type[Model], fields: FieldSet, keys: Mapping[str, Any]) -> type[Model]:
+    """Return a table like `base` for the fields of a case, with further keys: their types and defaults."""
+    model = create_model(base.__name__, __base__=base, __doc__=base.__doc__, **keys)
+    model.field_set = fields
+    return model
 
 
 def _pair(check: Callable[[Any], Any]) -> BeforeValidator:

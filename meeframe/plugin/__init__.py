@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from meeframe.common.errors import MaterialError as MaterialError
     from meeframe.common.errors import MeshError as MeshError
     from meeframe.common.errors import TooLargeError as TooLargeError
+    from meeframe.contact.channels import FluxChannel as FluxChannel
     from meeframe.contact.conduction import Switches as Switches
     from meeframe.contact.conduction import own_response as own_response
     from meeframe.contact.conduction import resistances as resistances
@@ -31,10 +32,13 @@ if TYPE_CHECKING:
     from meeframe.fields import ELECTRIC as ELECTRIC
     from meeframe.fields import MECHANICAL as MECHANICAL
     from meeframe.fields import N_FIELDS as N_FIELDS
-    from meeframe.fields import VALUE_NAMES as VALUE_NAMES
+    from meeframe.fields import N_MECHANICAL as N_MECHANICAL
+    from meeframe.fields import POTENTIALS as POTENTIALS
     from meeframe.fields import Array as Array
     from meeframe.fields import FieldScaling as FieldScaling
+    from meeframe.fields import FieldSet as FieldSet
     from meeframe.fields import Indices as Indices
+    from meeframe.fields import ScalarField as ScalarField
     from meeframe.fields.units import Quantity as Quantity
     from meeframe.fields.units import check_quantities as check_quantities
     from meeframe.formulations.base import Formulation as Formulation
@@ -50,7 +54,7 @@ if TYPE_CHECKING:
     from meeframe.laws.base import augmented_traction as augmented_traction
     from meeframe.laws.base import contact_traction as contact_traction
     from meeframe.laws.base import fixed_point_map as fixed_point_map
-    from meeframe.laws.coulomb import LARGEST_RATIO as LARGEST_RATIO
+    from meeframe.laws.coulomb import MAX_FRICTION_RATIO as MAX_FRICTION_RATIO
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
@@ -101,10 +105,13 @@ _HOMES = {
     "Array": "meeframe.fields",
     "ELECTRIC": "meeframe.fields",
     "FieldScaling": "meeframe.fields",
+    "FieldSet": "meeframe.fields",
     "Indices": "meeframe.fields",
+    "ScalarField": "meeframe.fields",
     "MECHANICAL": "meeframe.fields",
     "N_FIELDS": "meeframe.fields",
-    "VALUE_NAMES": "meeframe.fields",
+    "N_MECHANICAL": "meeframe.fields",
+    "POTENTIALS": "meeframe.fields",
     "Quantity": "meeframe.fields.units",
     "check_quantities": "meeframe.fields.units",
     # Laws
@@ -115,7 +122,7 @@ _HOMES = {
     "contact_traction": "meeframe.laws.base",
     "fixed_point_map": "meeframe.laws.base",
     "IsotropicCoulomb": "meeframe.laws.coulomb",
-    "LARGEST_RATIO": "meeframe.laws.coulomb",
+    "MAX_FRICTION_RATIO": "meeframe.laws.coulomb",
     "OrthotropicCoulomb": "meeframe.laws.coulomb",
     # Indenters
     "Indenter": "meeframe.indenters.base",
@@ -131,6 +138,7 @@ _HOMES = {
     "Solver": "meeframe.contact.problem",
     "indenter_position": "meeframe.contact.problem",
     "unbalance": "meeframe.contact.problem",
+    "FluxChannel": "meeframe.contact.channels",
     "Switches": "meeframe.contact.conduction",
     "own_response": "meeframe.contact.conduction",
     "resistances": "meeframe.contact.conduction",

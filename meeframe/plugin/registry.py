@@ -13,6 +13,7 @@ import pluggy
 from meeframe.common.errors import PluginError
 from meeframe.contact.problem import Solver
 from meeframe.elements.base import SurfaceElement
+from meeframe.fields import OPTIONAL_FIELDS, ScalarField
 from meeframe.formulations.base import Formulation
 from meeframe.greens.base import FundamentalSolution
 from meeframe.indenters.base import Indenter
@@ -70,13 +71,14 @@ class Registry:
     """Everything that is registered, and the plugins that failed. Made by `load` or `from_plugins`.
 
     folder: where relative paths in tables start; unit: those of keys whose dimension depends on where they are used,
-    with blanks between.
+    with blanks between; scalar_fields: further ones that materials may have.
     """
 
     entries: tuple[Entry, ...]
     broken: tuple[Broken, ...] = ()
     folder: Path = Path()
     unit: str = ""
+    scalar_fields: tuple[ScalarField, ...] = OPTIONAL_FIELDS
 
     @classmethod
     def from_plugins(cls, plugins: Iterable[tuple[Provider, object]], broken: Iterable[Broken] = ()) -> "Registry":

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
 
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import own_response, resistances
 from meeframe.contact.problem import (
     ContactProblem,
@@ -110,7 +111,7 @@ def contact_problem(local: LocalProblem) -> ContactProblem:
     )
     q = (scale * local.q).reshape(n, PER_CONTACT)
     law = IsotropicCoulomb(float(local.mu.max()))
-    return ContactProblem(system, law, Insulating(), Insulating(), q[:, 0], q[:, 1:], np.zeros((n, 2)))
+    return ContactProblem(system, law, flux_channels(Insulating(), Insulating()), q[:, 0], q[:, 1:], np.zeros((n, 2)))
 
 
 def reactions(local: LocalProblem, state: ContactState) -> LocalSolution:
@@ -176,12 +177,12 @@ def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
         ahead = indenter_position(problem, state.motion) - state.displacement
         pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
         return resistances(problem, pressing, state.contact_fraction, own_response(problem), ahead)
-    for name, law in (("electric", problem.electric_law), ("magnetic", problem.magnetic_law)):
+    for name, law in ((channel.field.name, channel.law) for channel in problem.channels):
         if law.across_gap or contact_conductivity(law, _PRESSURES).any():
             raise CaseError(
                 f"FCLIB: the {name} law {law} conducts; allowed: insulating laws, or a state whose conductivities hold"
             )
-    return np.full((len(problem.gap), 2), np.inf)
+    return np.full((len(problem.gap), len(problem.channels)), np.inf)
 
 
 def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from meeframe.common.errors import ResultError
 from meeframe.contact.problem import Status
-from meeframe.fields import FLUX_UNITS, MECHANICAL, N_FIELDS, VALUE_UNITS, Array, Indices
+from meeframe.fields import MEE, N_FIELDS, Array, Indices
 from meeframe.indenters.base import COLUMNS, MOTIONS, N_MOTIONS, UNITS, motion_modes
 from meeframe.results import schema
 from meeframe.results.hdf5 import changed_file, numbers_of, table_of, text_of
@@ -38,8 +38,8 @@ _LOADING_UNITS: Final = {name: UNITS[name] for name in MOTIONS} | {"reference": 
 _SHAPES: Final = {key: (columns.stop - columns.start,) for key, columns in COLUMNS.items()}
 _BOUNDARY_UNITS: Final = {
     "points": "m",
-    "values": ", ".join(VALUE_UNITS),
-    "fluxes": ", ".join(FLUX_UNITS),
+    "values": ", ".join(MEE.value_units),
+    "fluxes": ", ".join(MEE.flux_units),
 }
 _SMALL: Final = 4096
 """Arrays of fewer bytes are not compressed."""
@@ -361,7 +361,7 @@ def _get_fields(group: Any, rows: Sequence[NodalField], n: int) -> dict[str, Any
         if row.column is None:
             arrays[row.attribute] = values
         else:
-            arrays.setdefault(row.attribute, np.empty((n, N_FIELDS - MECHANICAL.stop)))[:, row.column] = values
+            arrays.setdefault(row.attribute, np.empty((n, len(schema.SCALARS))))[:, row.column] = values
     return arrays
 
 

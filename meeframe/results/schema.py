@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.fields import FLUX_NAMES, FLUX_UNITS, MECHANICAL, N_FIELDS, VALUE_NAMES, VALUE_UNITS, Array
+from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, ScalarField
 from meeframe.indenters.base import MOTIONS, UNITS
 from meeframe.results.records import Region, StepResult, Zone, resultants
 
@@ -36,6 +36,8 @@ class View(StrEnum):
     SUMMARY = "summary"
 
 
+SCALARS: Final = MEE.scalars
+"""Scalar fields that results hold."""
 EVERYWHERE: Final = frozenset(View)
 NOWHERE: Final[frozenset[View]] = frozenset()
 
@@ -100,22 +102,10 @@ def _state(
     return NodalField(name, unit, label, values, components, stored, views, source, column, integer)
 
 
-def _scalars(
-    names: tuple[str, ...], units: tuple[str, ...], attribute: str, views: frozenset[View]
-) -> list[NodalField]:
-    """Return a field for each scalar field of the medium, which follow the mechanical ones."""
-    scalars = range(MECHANICAL.stop, N_FIELDS)
-    return [
-        _state(
-            names[i],
-            units[i],
-            names[i].replace("_", " "),
-            views=views,
-            attribute=attribute,
-            column=i - MECHANICAL.stop,
-        )
-        for i in scalars
-    ]
+def _scalars(names: Iterable[tuple[str, str]], attribute: str, views: frozenset[View]) -> Iterator[NodalField]:
+    """Yield a nodal field for each scalar field, from its name and unit."""
+    for column, (name, unit) in enumerate(names):
+        yield _state(name, unit, name.replace("_", " "), views=views, attribute=attribute, column=column)
 
 
 def _pressure(_: Zone, step: StepResult) -> Array:
@@ -144,8 +134,8 @@ NODAL_FIELDS: tuple[NodalField, ...] = (
         lambda _, step: (step.region == Region.STICK).astype(float),
         views=frozenset({View.STUDY, View.SWEEP}),
     ),
-    *_scalars(VALUE_NAMES, VALUE_UNITS, "potentials", _NUMERIC | {View.MAP}),
-    *_scalars(FLUX_NAMES, FLUX_UNITS, "fluxes", NOWHERE),
+    *_scalars(((scalar.value_name, scalar.value_unit) for scalar in SCALARS), "potentials", _NUMERIC | {View.MAP}),
+    *_scalars(((scalar.flux_name, scalar.flux_unit) for scalar in SCALARS), "fluxes", NOWHERE),
     _state("initial_gap", "m", "initial gap"),
     NodalField("gap", "m", "gap", lambda _, step: step.gap, views=NOWHERE),
     _state("traction", "Pa", "traction", 3),
@@ -205,13 +195,13 @@ class BoundaryField:
 
 def _boundary_fields(names: tuple[str, ...], units: tuple[str, ...], source: str) -> Iterator[BoundaryField]:
     yield BoundaryField(names[0].removesuffix("_1"), units[0], source, MECHANICAL)
-    for column in range(MECHANICAL.stop, N_FIELDS):
+    for column in range(N_MECHANICAL, len(names)):
         yield BoundaryField(names[column], units[column], source, slice(column, column + 1))
 
 
 BOUNDARY_FIELDS: tuple[BoundaryField, ...] = (
-    *_boundary_fields(VALUE_NAMES, VALUE_UNITS, "values"),
-    *_boundary_fields(FLUX_NAMES, FLUX_UNITS, "fluxes"),
+    *_boundary_fields(MEE.value_names, MEE.value_units, "values"),
+    *_boundary_fields(MEE.flux_names, MEE.flux_units, "fluxes"),
 )
 
 
@@ -258,16 +248,22 @@ _IN_PLANE: Final = ("1", "2")
 
 _SUMMARY: Final = frozenset({View.SUMMARY})
 
+
+def _scalar_totals(scalar: ScalarField) -> Iterator[Total]:
+    """Yield the total flux of a scalar field and its largest potential."""
+    flux, potential = (name.replace("_", " ") for name in (scalar.resultant, scalar.value_name))
+    yield Total(scalar.resultant, scalar.resultant_unit, flux, phenomenon=scalar.name)
+    name = f"max_abs_{scalar.value_name}"
+    yield Total(name, scalar.value_unit, f"largest |{potential}|", phenomenon=scalar.name)
+
+
 TOTALS: tuple[Total, ...] = (
     Total("force", "N", "force", _XYZ),
     Total("normal_force", "N", "normal force", views=NOWHERE),
     Total("tangential_force", "N", "tangential force", _IN_PLANE, views=NOWHERE),
     Total("moment", "N m", "moment", _IN_PLANE, views=NOWHERE),
     Total("torque", "N m", "torque", views=NOWHERE),
-    Total("charge", "C", "charge", phenomenon="electric"),
-    Total("max_abs_electric_potential", "V", "largest |electric potential|", phenomenon="electric"),
-    Total("magnetic_flux", "Wb", "magnetic flux", phenomenon="magnetic"),
-    Total("max_abs_magnetic_potential", "A", "largest |magnetic potential|", phenomenon="magnetic"),
+    *(total for scalar in SCALARS for total in _scalar_totals(scalar)),
     Total("contact_area", "m^2", "contact area"),
     Total("stick_area", "m^2", "sticking area", phenomenon="friction", views=_SUMMARY),
     Total("slip_area", "m^2", "slipping area", views=NOWHERE),

@@ -13,9 +13,9 @@ from meeframe.common.errors import CaseError
 from meeframe.common.memory import keep_freed_memory
 from meeframe.contact.feasibility import beyond_friction, unreachable
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
-from meeframe.contact.residual import ALL_FIELDS, evaluate, judged_fields, law_residual
+from meeframe.contact.residual import evaluate, judged_fields, law_residual
 from meeframe.contact.scales import Scales, largest, motion_scales, problem_scales
-from meeframe.fields import MECHANICAL, Array
+from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.system.reduced import Progress, silent
 
@@ -137,7 +137,7 @@ def solve(
     keep_freed_memory()
     limits = limits or StoppingCriteria()
     by_residual = limits.criterion == "residual"
-    fields = judged_fields(problem) if by_residual else ALL_FIELDS
+    fields = judged_fields(problem) if by_residual else None
     hopeless = cache(lambda: unreachable(problem, scales) if problem.prescribed_resultants else None)
     # one thread: products of contact size are too small to share, and waiting for each other costs far more
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore", category=LinAlgWarning), ONE_BLAS_THREAD:
@@ -199,7 +199,7 @@ def _judged(
     problem: ContactProblem,
     iterate: Iterate,
     scales: Scales,
-    fields: tuple[int, ...] = ALL_FIELDS,
+    fields: tuple[int, ...] | None = None,
     tolerance: float = 0.0,
 ) -> tuple[ContactState, float]:
     """State of an iterate and its residual, by the given fields alone while that is above the tolerance.
@@ -207,7 +207,7 @@ def _judged(
     By all of them at once if the solver itself thinks that it is not.
     """
     near = iterate.estimate is not None and iterate.estimate <= tolerance
-    if fields != ALL_FIELDS and not near:
+    if fields is not None and len(fields) < problem.fields.size and not near:
         state = evaluate(problem, iterate, fields)
         value = law_residual(problem, state, scales, fields)
         if not value <= tolerance:
@@ -239,10 +239,10 @@ def _point(iterate: Iterate, scales: Scales, units: Array) -> Array:
 
 
 def _paper_change(previous: ContactState, state: ContactState) -> float:
-    """Largest Euclidean norm of the changes of u [m], phi [GV], psi [GA] and p [GPa] (section 6)."""
+    """Return the largest Euclidean norm of the changes of u [m], the potentials [GV, GA] and p [GPa] (section 6)."""
     moved = state.displacement - previous.displacement
     tractions = (state.load - previous.load)[:, MECHANICAL]
-    changes = (moved[:, MECHANICAL], moved[:, 3] / GIGA, moved[:, 4] / GIGA, tractions / GIGA)
+    changes = (moved[:, MECHANICAL], *moved.T[POTENTIALS] / GIGA, tractions / GIGA)
     return max(float(np.linalg.norm(change)) for change in changes)
 
 

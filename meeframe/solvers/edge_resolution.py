@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.contact.conduction import TOUCHING
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
-from meeframe.laws.base import conducts, contact_conductivity
+from meeframe.laws.base import contact_conductivity
 from meeframe.solvers.driver import StoppingCriteria, solve
 from meeframe.system.capabilities import EdgeResolution, IndenterEdge
 from meeframe.system.edge_correction import correct_edge
@@ -70,6 +70,6 @@ def _charged_edge(problem: ContactProblem) -> bool:
     """Whether a law conducts where the pressure fades."""
     least = np.array([TOUCHING])
     return any(
-        conducts(law) and not law.across_gap and bool((contact_conductivity(law, least) > 0.0).any())
-        for law in (problem.electric_law, problem.magnetic_law)
+        channel.conducts and not channel.law.across_gap and bool((contact_conductivity(channel.law, least) > 0.0).any())
+        for channel in problem.channels
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError, ResultError
 from meeframe.contact.problem import ContactProblem, Status
+from meeframe.indenters.base import N_RIGID
 from meeframe.model.case import Case
 from meeframe.model.solve import reduce, solve_steps
 from meeframe.plugin.registry import Kind, Registry
@@ -110,7 +111,6 @@ def exchanged(case: Case, system: ReducedSystem, step: StepResult) -> tuple[Loca
 def held_problem(case: Case, system: ReducedSystem, step: StepResult) -> ContactProblem:
     """Return the contact problem of an increment with its indenter where it was found: nothing is free."""
     here = step.state
-    laws = case.contact_law, case.electric_law, case.magnetic_law
     translation = step.slip + here.displacement[:, :2]
-    potentials = np.tile(step.loading.motion[6:], (len(translation), 1))
-    return ContactProblem(system, *laws, step.initial_gap, translation, potentials)
+    potentials = np.tile(step.loading.motion[N_RIGID:], (len(translation), 1))
+    return ContactProblem(system, case.contact_law, case.channels, step.initial_gap, translation, potentials)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.fields import Array, Indices
 
 if TYPE_CHECKING:
     from meeframe.system.reduced import ReducedSystem
@@ -31,9 +31,9 @@ errors may be somewhat larger."""
 
 
 class FieldwiseApply(ABC):
-    """Products with the compliance in some of the fields, at a lower cost than `apply` in all five.
+    """Products with the compliance in some of the fields, at a lower cost than `apply` in all of them.
 
-    Frictionless contact without conduction then needs one field in place of five.
+    Frictionless contact without conduction then needs one field in place of all.
     """
 
     @abstractmethod
@@ -258,7 +258,7 @@ def apply_fields(system: "ReducedSystem", load: Array, loaded: Sequence[int], fi
     fieldwise = system.capability(FieldwiseApply)
     if fieldwise is not None:
         return fieldwise.apply_fields(load, loaded, fields)
-    full = np.zeros((N_FIELDS, len(load)), load.dtype).T
+    full = np.zeros((system.n_fields, len(load)), load.dtype).T
     full[:, list(loaded)] = load
     return system.apply(full)[:, list(fields)]
 
@@ -266,7 +266,7 @@ def apply_fields(system: "ReducedSystem", load: Array, loaded: Sequence[int], fi
 def apply_load(system: "ReducedSystem", load: Array, fields: Sequence[int]) -> Array:
     """Return the displacement (n, k) in k fields due to a load (n, 5), skipping fields that are unloaded."""
     loaded = np.flatnonzero(load.any(axis=0)).tolist()
-    some = load if len(loaded) == N_FIELDS else load.T[loaded].T
+    some = load if len(loaded) == system.n_fields else load.T[loaded].T
     return apply_fields(system, some, loaded, fields)
 
 

@@ -16,7 +16,7 @@ from typing import Final, TypeVar, final
 
 import numpy as np
 
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.fields import Array, Indices
 from meeframe.system.capabilities import (
     AnyArray,
     ApproximateApply,
@@ -40,7 +40,6 @@ from meeframe.system.capabilities import (
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 C = TypeVar("C")
-ALL_FIELDS: Final = tuple(range(N_FIELDS))
 TANGENTIAL: Final = (0, 1)
 ROUND_OFF: Final = 1e-14
 
@@ -55,24 +54,27 @@ class Rotation:
     entries
         Nonzero coefficients of component j in the new component i, by (i, j): one number if all nodes share it, else
         (n,).
+    n_fields
+        Number of components.
     """
 
     entries: Mapping[tuple[int, int], float | Array]
+    n_fields: int
 
     @classmethod
     def of(cls, blocks: Array) -> "Rotation":
         """Return the rotation of blocks (n, 5, 5); entries that are zero or uniform to round-off are stored so."""
         entries: dict[tuple[int, int], float | Array] = {}
-        for i, j in np.ndindex(N_FIELDS, N_FIELDS):
+        for i, j in np.ndindex(*blocks.shape[1:]):
             entry = blocks[:, i, j]
             if np.abs(entry).max(initial=0.0) > ROUND_OFF:
                 entries[i, j] = float(entry[0]) if np.ptp(entry) < ROUND_OFF else np.ascontiguousarray(entry)
-        return cls(entries)
+        return cls(entries, blocks.shape[1])
 
     @cached_property
     def inverse(self) -> "Rotation":
         """The transposed blocks."""
-        return Rotation({(j, i): entry for (i, j), entry in self.entries.items()})
+        return Rotation({(j, i): entry for (i, j), entry in self.entries.items()}, self.n_fields)
 
     @cached_property
     def is_uniform(self) -> bool:
@@ -82,7 +84,7 @@ class Rotation:
     @cached_property
     def mixed(self) -> tuple[frozenset[int], ...]:
         """For each field all fields that depend on each other with it."""
-        groups = [{field} for field in ALL_FIELDS]
+        groups = [{field} for field in range(self.n_fields)]
         for i, j in self.entries:
             if groups[i] is not groups[j]:
                 groups[i] |= groups[j]
@@ -98,7 +100,8 @@ class Rotation:
     def at(self, nodes: Indices) -> "Rotation":
         """Return the rotation at some nodes."""
         return Rotation(
-            {ij: entry[nodes] if isinstance(entry, np.ndarray) else entry for ij, entry in self.entries.items()}
+            {ij: entry[nodes] if isinstance(entry, np.ndarray) else entry for ij, entry in self.entries.items()},
+            self.n_fields,
         )
 
     def change(self, values: AnyArray, given: Sequence[int], wanted: Sequence[int]) -> AnyArray:
@@ -112,7 +115,7 @@ class Rotation:
 
     def change_blocks(self, blocks: Array) -> Array:
         """Return R B R^T for blocks B (n, 5, 5)."""
-        changed = np.zeros((N_FIELDS, N_FIELDS, len(blocks)))
+        changed = np.zeros((self.n_fields, self.n_fields, len(blocks)))
         for (i, j), first in self.entries.items():
             for (k, m), second in self.entries.items():
                 changed[k, i] += first * second * blocks[:, j, m]
@@ -236,7 +239,8 @@ class ComposedSystem(
         if self.matrix is not None:
             response: Array = self.matrix.reshape(load.size, load.size) @ np.ravel(load)
             return response.reshape(load.shape)
-        return self._sum([_in_all_fields(term.system) for term in self.terms], load, ALL_FIELDS, ALL_FIELDS)
+        fields = range(self.n_fields)
+        return self._sum([_in_all_fields(term.system) for term in self.terms], load, fields, fields)
 
     def diagonal_blocks(self) -> Array:
         """Return the response of each node to its own load, (n, 5, 5)."""
@@ -248,7 +252,8 @@ class ComposedSystem(
 
     def recover(self, load: Array) -> NodalFields:
         """Return the fields on the whole boundary of the first body."""
-        return self.terms[0].system.recover(self.terms[0].to_body(load, ALL_FIELDS, ALL_FIELDS))
+        fields = range(self.n_fields)
+        return self.terms[0].system.recover(self.terms[0].to_body(load, fields, fields))
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the sum of the products of the bodies in the fields that depend on the given ones."""
@@ -443,8 +448,8 @@ def _rotated_stencil(term: Term, stencil: Stencil, fields: Sequence[int]) -> Ste
     if term.rotation is None:
         return Stencil(lattice, stencil.periodic, stencil.responses)
     shape = stencil.responses.shape
-    responses = term.rotation.change_blocks(stencil.responses.reshape(-1, N_FIELDS, N_FIELDS)).reshape(shape)
-    others = [field for field in ALL_FIELDS if field not in fields]
+    responses = term.rotation.change_blocks(stencil.responses.reshape(-1, *shape[2:])).reshape(shape)
+    others = [field for field in range(term.rotation.n_fields) if field not in fields]
     responses[..., others, :] = responses[..., others] = 0.0
     return Stencil(lattice, stencil.periodic, np.ascontiguousarray(responses))
 

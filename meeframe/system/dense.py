@@ -6,7 +6,7 @@ from typing import final
 
 import numpy as np
 
-from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, Indices
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 
@@ -66,11 +66,12 @@ def in_local_frames(
     fields
         Function that returns the fields on the whole boundary for extended tractions (n, 5) in global axes.
     """
-    to_load = np.zeros((len(frames), N_FIELDS, N_FIELDS))
+    n_fields = offset.shape[1]
+    to_load = np.zeros((len(frames), n_fields, n_fields))
     to_load[:, MECHANICAL, MECHANICAL] = frames
-    to_load[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
+    to_load[:, range(N_MECHANICAL, n_fields), range(N_MECHANICAL, n_fields)] = 1.0
     to_displacement = to_load.copy()
-    to_displacement[:, ELECTRIC:] *= -1.0
+    to_displacement[:, POTENTIALS] *= -1.0
     matrix = np.einsum("naj,njmk,mbk->namb", to_displacement, compliance, to_load, optimize=True)
     return DenseSystem(
         points=points,

@@ -71,6 +71,11 @@ class ReducedSystem(ABC):
     cells: tuple[tuple[str, Indices], ...]
     offset: Array
 
+    @property
+    def n_fields(self) -> int:
+        """Number of fields: three displacements and the potentials."""
+        return int(self.offset.shape[1])
+
     @abstractmethod
     def apply(self, load: Array) -> Array:
         """Return compliance(load), (n, 5), of a load (n, 5), which must not be changed."""

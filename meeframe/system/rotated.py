@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.system.composed import ALL_FIELDS, Rotation, Term, compose
+from meeframe.fields import MECHANICAL, Array
+from meeframe.system.composed import Rotation, Term, compose
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
@@ -39,13 +39,13 @@ def rotate_frames(system: ReducedSystem, directions: Array) -> ReducedSystem:
         If directions have another shape or are not finite.
     """
     frames = rotated_frames(system.frames, directions)
-    blocks = np.tile(np.eye(N_FIELDS), (len(frames), 1, 1))
+    blocks = np.tile(np.eye(system.n_fields), (len(frames), 1, 1))
     blocks[:, MECHANICAL, MECHANICAL] = frames @ system.frames.transpose(0, 2, 1)
     # rotations about the normal mix nothing but the tangential components
     blocks[:, :2, 2] = blocks[:, 2, :2] = 0.0
     blocks[:, 2, 2] = 1.0
     rotation = Rotation.of(blocks)
-    offset = rotation.change(system.offset, ALL_FIELDS, ALL_FIELDS)
+    offset = rotation.change(system.offset, range(system.n_fields), range(system.n_fields))
     composed = compose(system, (Term(system, rotation),), frames, offset)
     if composed.matrix is None:
         return composed
@@ -82,4 +82,4 @@ def rotated_frames(frames: Array, directions: Array) -> Array:
 
 
 def _recover(recover: Callable[[Array], NodalFields], rotation: Rotation, load: Array) -> NodalFields:
-    return recover(rotation.inverse.change(load, ALL_FIELDS, ALL_FIELDS))
+    return recover(rotation.inverse.change(load, range(rotation.n_fields), range(rotation.n_fields)))

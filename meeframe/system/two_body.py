@@ -17,8 +17,8 @@ import numpy as np
 import scipy  # its parts load where they are used
 
 from meeframe.common.errors import MeshError
-from meeframe.fields import MECHANICAL, N_FIELDS, Array, Indices
-from meeframe.system.composed import ALL_FIELDS, ComposedSystem, Rotation, Term, compose
+from meeframe.fields import MECHANICAL, Array, Indices
+from meeframe.system.composed import ComposedSystem, Rotation, Term, compose
 from meeframe.system.reduced import ReducedSystem
 
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
@@ -60,18 +60,18 @@ def combine_bodies(first: ReducedSystem, second_body: ReducedSystem) -> Composed
     MeshError
         As `match_nodes`.
     """
-    partners = match_nodes(first, second_body)
-    blocks = np.tile(np.eye(N_FIELDS), (len(partners), 1, 1))
+    partners, fields = match_nodes(first, second_body), range(first.n_fields)
+    blocks = np.tile(np.eye(first.n_fields), (len(partners), 1, 1))
     turned_over = second_body.frames[partners] * TURN_OVER
     blocks[:, MECHANICAL, MECHANICAL] = first.frames @ turned_over.transpose(0, 2, 1)
     second = Term(second_body, Rotation.of(blocks), partners)
-    offset = first.offset - second.from_body(second_body.offset, ALL_FIELDS, ALL_FIELDS)
+    offset = first.offset - second.from_body(second_body.offset, fields, fields)
     return compose(first, (Term(first), second), first.frames, offset)
 
 
 def second_load(system: ComposedSystem, load: Array) -> Array:
     """Return the reaction (n, 5) on the second body, at its nodes and in its frames, to a load (n, 5) on the first."""
-    return -system.terms[1].to_body(load, ALL_FIELDS, ALL_FIELDS)
+    return -system.terms[1].to_body(load, range(system.n_fields), range(system.n_fields))
 
 
 def second_displacement(system: ReducedSystem, load: Array) -> Array | None:
@@ -84,7 +84,7 @@ def second_displacement(system: ReducedSystem, load: Array) -> Array | None:
         return None
     body = system.terms[1].system
     displacement = body.offset + body.apply(second_load(system, load))
-    return system.terms[1].from_body(displacement, ALL_FIELDS, ALL_FIELDS)
+    return system.terms[1].from_body(displacement, range(system.n_fields), range(system.n_fields))
 
 
 def match_nodes(first: ZoneGeometry, second_body: ZoneGeometry) -> Indices:

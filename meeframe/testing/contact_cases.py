@@ -11,6 +11,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array
 from meeframe.laws.base import ConductivityLaw, ContactLaw
@@ -82,8 +83,7 @@ class SphereCase:
         return ContactProblem(
             system,
             self.law,
-            self.electric,
-            self.magnetic,
+            flux_channels(self.electric, self.magnetic),
             gap=(x**2 + y**2) / (2.0 * RADIUS) - APPROACH,
             translation=np.tile(translation, (n, 1)),
             potentials=np.tile(self.potentials, (n, 1)),

@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import (
     ContactProblem,
     ContactSolution,
@@ -18,7 +19,7 @@ from meeframe.contact.problem import (
     Solver,
     Status,
 )
-from meeframe.fields import Array
+from meeframe.fields import N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws import OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.laws.base import ConductivityLaw
 from meeframe.solvers import StoppingCriteria, residual, solve
@@ -98,8 +99,8 @@ def exact_pressure(problem: ContactProblem) -> Array:
 
 
 def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> ContactProblem:
-    """Return the same problem in other units: displacements and loads multiplied by factors (5,), alike in the first
-    three.
+    """Return the same problem in other units: displacements and loads multiplied by factors (fields,), alike in the
+    first three.
 
     For dense systems, and laws of meeframe.testing.interfaces, step conductivities, or laws without fields of a unit.
     Lengths, moduli and potentials in other units, or bodies of other size and stiffness, are special cases. Motions of
@@ -118,11 +119,13 @@ def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> Conta
         contact_law=problem.contact_law.rescaled(displacement[2], load[2])
         if isinstance(problem.contact_law, SoftAttractedContact)
         else problem.contact_law,
-        electric_law=_rescaled_law(problem.electric_law, displacement[2], displacement[3], load[3]),
-        magnetic_law=_rescaled_law(problem.magnetic_law, displacement[2], displacement[4], load[4]),
+        channels=tuple(
+            replace(channel, law=_rescaled_law(channel.law, displacement[2], displacement[field], load[field]))
+            for field, channel in enumerate(problem.channels, N_MECHANICAL)
+        ),
         gap=problem.gap * displacement[2],
         translation=problem.translation * displacement[0],
-        potentials=problem.potentials * displacement[3:],
+        potentials=problem.potentials * displacement[POTENTIALS],
         prescribed_resultants=tuple(
             _rescaled_freedom(freedom, displacement, load) for freedom in problem.prescribed_resultants
         ),
@@ -179,7 +182,7 @@ def _problems(friction: bool) -> dict[str, ContactProblem]:
     }
     across = (GapConductivity(2e-11, 2e-6, 5e3), GapConductivity(8e-7, 2e-6, 10.0))
     conducting = problems["conducting"]
-    problems["across the gap"] = replace(conducting, electric_law=across[0], magnetic_law=across[1])
+    problems["across the gap"] = replace(conducting, channels=flux_channels(across[0], across[1]))
     if friction:
         law, drag = OrthotropicCoulomb(0.1, 0.5, 0.4), (8e-6, 3e-6)
         problems["friction"] = indentation_problem(system, height, 5e-5, law, (0.0, np.inf), translation=drag)

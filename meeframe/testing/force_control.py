@@ -69,7 +69,7 @@ def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple
     given: those that are set free, of 'approach', 'translation' and 'potentials'.
     """
     system, nothing = problem.system, np.zeros_like(problem.potentials)
-    force, charge, flux = resultant(system, state.load)
+    force, (charge, flux) = resultant(system, state.load)
     prescribed_resultants: list[PrescribedResultant] = []
     motions: list[float] = []
     if "approach" in given:

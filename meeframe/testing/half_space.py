@@ -6,6 +6,7 @@ response xi_JK/r is integrated over a rectangle exactly (Love, Phil. Trans. R. S
 
 import numpy as np
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array
 from meeframe.laws import Signorini, StepConductivity
@@ -48,8 +49,7 @@ def indentation_problem(
     return ContactProblem(
         system,
         contact_law or Signorini(),
-        StepConductivity(conductivity[0]),
-        StepConductivity(conductivity[1]),
+        flux_channels(*map(StepConductivity, conductivity)),
         height - approach,
         np.tile(np.array(translation, float), (n, 1)),
         np.tile(np.array(potentials, float), (n, 1)),

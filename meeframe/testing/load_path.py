@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.common.errors import MeeframeError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status, contact_gap, resultant
 from meeframe.fields import Array
 from meeframe.laws import Insulating
@@ -49,8 +50,7 @@ def follow(
         problem = ContactProblem(
             system,
             contact_law,
-            Insulating(),
-            Insulating(),
+            flux_channels(Insulating(), Insulating()),
             position.gap,
             position.translation - slipped,
             np.zeros((len(slipped), 2)),

@@ -13,7 +13,7 @@ import numpy as np
 
 from meeframe.contact.problem import ContactProblem, ContactState, indenter_position, unbalance
 from meeframe.contact.scales import Scales, problem_scales
-from meeframe.fields import MECHANICAL, Array
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 
 _DIRECTIONS: Final = 36
@@ -198,16 +198,16 @@ def _of_flux(
 
     normal: contact tractions (n,).
     """
-    drop = ahead[:, 3:]  # phi - phi_o
+    drop = ahead[:, POTENTIALS]  # phi - phi_o
     above = np.isfinite(problem.gap)
     pressing = np.where(state.contact_fraction == 1.0, np.minimum(normal, _TOUCHING), 0.0)
     gap = np.where(above & (state.contact_fraction < 1.0), np.maximum(ahead[:, 2], 0.0), 0.0)
     found = {}
-    for k, name in enumerate(("electric flux", "magnetic flux")):
-        law = (problem.electric_law, problem.magnetic_law)[k]
-        unit = scales.displacement[3 + k]
-        own = scales.compliance[3 + k, 3 + k]
-        flux, difference = state.load[:, 3 + k] * own / unit, drop[:, k] / unit
+    for k, channel in enumerate(problem.channels):
+        law, name = channel.law, f"{channel.field.name} flux"
+        unit = scales.displacement[N_MECHANICAL + k]
+        own = scales.compliance[N_MECHANICAL + k, N_MECHANICAL + k]
+        flux, difference = state.load[:, N_MECHANICAL + k] * own / unit, drop[:, k] / unit
         kappa, steepness = (own * part for part in _conduction(law, pressing, gap, drop[:, k]))
         with np.errstate(invalid="ignore"):
             contact_fraction = np.where(np.isinf(kappa), difference, (flux - kappa * difference) / (1.0 + steepness))

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.system.capabilities import diagonal
 from meeframe.system.reduced import ReducedSystem
 
@@ -14,7 +14,7 @@ LOADS: Final = 6
 
 def typical_load(system: ReducedSystem) -> Array:
     """Return the sizes (5,) of loads whose own displacements do work alike."""
-    own: Array = diagonal(system, range(N_FIELDS)).mean(axis=0)
+    own: Array = diagonal(system, range(system.n_fields)).mean(axis=0)
     return 1.0 / np.sqrt(np.abs(own))
 
 

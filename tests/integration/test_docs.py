@@ -116,7 +116,7 @@ def test_law_of_the_readme_fits_the_main_case(tmp_path):
     (tmp_path / "case.toml").write_text(EMII.read_text(encoding="utf-8") + text, encoding="utf-8")
     case = load_case(tmp_path / "case.toml")
     assert case.contact_law.mu2 == 0.3
-    assert case.electric_law.kappa == np.inf
+    assert case.conductivity["electric"].kappa == np.inf
 
 
 def test_defaults_of_the_formulation():

@@ -94,7 +94,7 @@ def imbalance(element: SurfaceElement, divisions: int, rings: int, layers: int) 
     law, perfect = OrthotropicCoulomb(0.2, 0.5, 0.3), (np.inf, np.inf)
     problem = indentation_problem(system, height, 8e-5, law, perfect, (1e3, -1.0), (2e-5, 1e-5))
     load = _solved(problem)
-    force, charge, flux = resultant(system, load)
+    force, (charge, flux) = resultant(system, load)
     assert np.abs(force).min() > 0.05 * np.linalg.norm(force), "all components act"
     total = integral(system.recover(load))
     return np.abs([np.linalg.norm(total[:3]) / np.linalg.norm(force), total[3] / charge, total[4] / flux])

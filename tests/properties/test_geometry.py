@@ -143,8 +143,8 @@ def test_points_at_the_gap_lie_on_the_indenter(shape, x, y, rotation, tilts, app
     gap = initial_gap(shape, ZONE, placement, approach)
     assume(np.isfinite(gap).all())
     meeting = ZONE.points + gap[:, None] * ZONE.frames[:, 2]
-    local = (meeting - [x, y, -approach]) @ placement.turn
+    local = (meeting - [x, y, -approach]) @ placement.rotation_matrix
     np.testing.assert_allclose(shape.height(local[:, 0], local[:, 1]), local[:, 2], atol=1e-12)
-    np.testing.assert_allclose(placement.turn @ placement.turn.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(placement.rotation_matrix @ placement.rotation_matrix.T, np.eye(3), atol=1e-15)
     # moving the indenter along its axis moves the gap of a flat zone by as much
     np.testing.assert_allclose(initial_gap(shape, ZONE, placement), gap + approach, atol=1e-12)

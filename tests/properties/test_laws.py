@@ -115,6 +115,7 @@ class WrongAcrossGap(ConductivityLaw):
         return kappa
 
 
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
@@ -137,6 +138,7 @@ def test_wrong_conductivities_are_caught(fault: str, message: str) -> None:
         check_conductivity_law(WrongConductivity(fault))
 
 
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize(
     ("fault", "message"),
     [

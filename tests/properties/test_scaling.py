@@ -88,6 +88,7 @@ MU = st.floats(0.05, 5.0)
 KAPPA = st.sampled_from([0.0, 1e-2, 1.0, 1e2, np.inf])
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(SEEDS, st.tuples(MU, MU), st.tuples(KAPPA, KAPPA), st.integers(-15, 15))

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status, contact_gap
 from meeframe.fields import Array
 from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
@@ -57,11 +58,11 @@ def without_offset(problem: ContactProblem) -> ContactProblem:
 
 
 def without_conductivity(problem: ContactProblem) -> ContactProblem:
-    return replace(problem, electric_law=Insulating(), magnetic_law=Insulating())
+    return replace(problem, channels=flux_channels(Insulating(), Insulating()))
 
 
 def with_exchanged_conductivities(problem: ContactProblem) -> ContactProblem:
-    return replace(problem, electric_law=problem.magnetic_law, magnetic_law=problem.electric_law)
+    return problem.with_laws(electric=problem.law_of("magnetic"), magnetic=problem.law_of("electric"))
 
 
 def without_potentials(problem: ContactProblem) -> ContactProblem:
@@ -222,13 +223,13 @@ class PartOfConductivity(ConductivityLaw):
 
 
 def without_drop(problem: ContactProblem) -> ContactProblem:
-    electric, magnetic = (PartOfConductivity(law, drop=0.0) for law in (problem.electric_law, problem.magnetic_law))
-    return replace(problem, electric_law=electric, magnetic_law=magnetic)
+    electric, magnetic = (PartOfConductivity(channel.law, drop=0.0) for channel in problem.channels)
+    return replace(problem, channels=flux_channels(electric, magnetic))
 
 
 def without_gap_of_conduction(problem: ContactProblem) -> ContactProblem:
-    electric, magnetic = (PartOfConductivity(law, gap=0.0) for law in (problem.electric_law, problem.magnetic_law))
-    return replace(problem, electric_law=electric, magnetic_law=magnetic)
+    electric, magnetic = (PartOfConductivity(channel.law, gap=0.0) for channel in problem.channels)
+    return replace(problem, channels=flux_channels(electric, magnetic))
 
 
 def with_smaller_resultants(problem: ContactProblem) -> ContactProblem:
@@ -382,7 +383,7 @@ FLUX = r"the worst condition is '(electric|magnetic) flux'"
 FRICTION = r"the worst condition is '(friction limit|slip)'"
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("solver", "message"),
     [
@@ -441,6 +442,7 @@ def test_an_exact_state_has_converged(problem: ContactProblem) -> None:
     assert (solution.status, solution.residual) == (Status.CONVERGED, 0.0)
 
 
+@pytest.mark.full
 def test_solvers_without_fault_pass() -> None:
     check_solver(Reports(lambda iterate: iterate))
     check_solver(ProjectedCG(), friction=False)

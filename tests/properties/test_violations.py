@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
@@ -136,7 +137,7 @@ def manufactured() -> tuple[ContactProblem, ContactState]:
         load[:, 3 + k] = law.constant / distance * (1.0 + 2.0 * square) / (1.0 + square) * drop[:, k]
     displacement = system.apply(load)
     position = displacement + np.column_stack([slip, gap, drop])
-    problem = ContactProblem(system, SOFT, *ACROSS, position[:, 2], position[:, :2], -position[:, 3:])
+    problem = ContactProblem(system, SOFT, flux_channels(*ACROSS), position[:, 2], position[:, :2], -position[:, 3:])
     return problem, ContactState(load, displacement, (gap < 0.0).astype(float))
 
 

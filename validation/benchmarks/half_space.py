@@ -14,6 +14,7 @@ from half_space_others import TOLERANCE, WIDTH, Answer, Job, contact_mechanics_a
 from isotropic import MODULUS, STIFFNESS
 from meeframe_halfspace import HalfSpace, SelfAffine
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -98,7 +99,7 @@ def pressed(job: Job, system: ReducedSystem, place: Array) -> ContactProblem:
     gap = np.empty(len(place))
     gap[place] = job.heights.ravel()
     none = np.zeros((len(place), 2))
-    return ContactProblem(system, Signorini(), Insulating(), Insulating(), gap, none, none, (freedom,))
+    return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (freedom,))
 
 
 SOLVERS: dict[str, Callable[[Job], Answer]] = dict(

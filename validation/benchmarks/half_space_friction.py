@@ -11,6 +11,7 @@ import numpy as np
 from common import Record, command_line, figures, loglog, prose, slope, table, threads
 from meeframe_halfspace import HalfSpace
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -56,7 +57,7 @@ def dragged(
     none = np.zeros((len(x), 2))
     flux: ConductivityLaw = StepConductivity(np.inf) if conducting else Insulating()
     return ContactProblem(
-        system, law, flux, flux, (x**2 + y**2) / (2.0 * radius), none, none, tuple(prescribed_resultants)
+        system, law, flux_channels(flux, flux), (x**2 + y**2) / (2.0 * radius), none, none, tuple(prescribed_resultants)
     )
 
 
@@ -71,8 +72,7 @@ def timed(problem: ContactProblem, solver: Solver, tolerance: float = TOLERANCE)
     problem = ContactProblem(
         counted,
         problem.contact_law,
-        problem.electric_law,
-        problem.magnetic_law,
+        problem.channels,
         problem.gap,
         problem.translation,
         problem.potentials,

@@ -6,7 +6,16 @@ from machine import least_times, multiply_adds
 from numba import njit
 
 from meeframe.fields import N_FIELDS, Array
-from meeframe.greens._kernels.tabulated import BLOCK, DEGREE, WIDE, WIDTH, evaluate, horner, sort_by_cell, tractions
+from meeframe.greens._kernels.tabulated import (
+    BLOCK,
+    DEGREE,
+    PADDED_BLOCK,
+    WIDTH,
+    evaluate,
+    horner,
+    sort_by_cell,
+    tractions,
+)
 from meeframe.greens.tabulated import TabulatedKernel
 
 
@@ -43,7 +52,7 @@ def parts_us(kernel: TabulatedKernel, offset: Array, repeats: int) -> Record:
     """Return the times [µs per point] of sorting points (n, 3) by cell and of tractions in full blocks."""
     room = len(offset)
     place, key, order = np.empty((3, room)), np.empty(room, np.int32), np.empty(room, np.int32)
-    near, values, out = np.ones((7, BLOCK)), np.ones((WIDTH, 3 * WIDE)), np.empty((5, 5 * BLOCK))
+    near, values, out = np.ones((7, BLOCK)), np.ones((WIDTH, 3 * PADDED_BLOCK)), np.empty((5, 5 * BLOCK))
     calls, blocks = 100, 3000
 
     def sorting() -> None:

@@ -120,7 +120,7 @@ def alternatives(problem: ContactProblem, chosen: dict[str, Solver], states: lis
             found = solve(problem, solver, LIMITS, replace(state, load=NEARBY * state.load))
             if found.status is not Status.CONVERGED or difference(problem, found.state, state) > AGREEMENT:
                 leave.add(label)
-    laws = (problem.electric_law, problem.magnetic_law)
+    laws = [channel.law for channel in problem.channels]
     jumps = any(isinstance(law, StepConductivity) and law.kappa > 0.0 for law in laws)
     return {"count": len(distinct), "jumps": jumps, "left by": sorted(leave)}
 

@@ -13,6 +13,7 @@ from meeframe_halfspace import HalfSpace, SelfAffine
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, contact_gap
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -76,7 +77,9 @@ def ours(system: ReducedSystem, heights: Array, mean_pressure: float) -> Contact
     gap = np.empty(len(place))
     gap[place] = heights.ravel()
     none = np.zeros((len(gap), 2))
-    problem = ContactProblem(system, Signorini(), Insulating(), Insulating(), gap, none, none, (freedom,))
+    problem = ContactProblem(
+        system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (freedom,)
+    )
     state = converged(solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10))).state
     opening = contact_gap(problem, state.displacement, state.motion)[:, 2]
     shape = heights.shape

@@ -103,7 +103,7 @@ def section_differences(solved: Solved, exact: Indentation, insulated: Indentati
 
 def conducting(case: Case, electric: float, magnetic: float) -> Case:
     """Return a case with step conductivities [F/m^2], [H/m^2]."""
-    return replace(case, electric_law=StepConductivity(electric), magnetic_law=StepConductivity(magnetic))
+    return replace(case, conductivity={"electric": StepConductivity(electric), "magnetic": StepConductivity(magnetic)})
 
 
 @dataclass(frozen=True, eq=False)

@@ -114,7 +114,7 @@ def rigid_share(name: str) -> float:
 def conducting(case: Case, condition: str) -> Case:
     """Return a case in one of the four conditions, perfectly conducting or insulating."""
     electric, magnetic = (0.0 if potential is None else np.inf for potential in CONDITIONS[condition])
-    return replace(case, electric_law=StepConductivity(electric), magnetic_law=StepConductivity(magnetic))
+    return replace(case, conductivity={"electric": StepConductivity(electric), "magnetic": StepConductivity(magnetic)})
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def exchanged(case: Case) -> Case:
         second_body=SecondBody(case.material, case.mesh, case.conditions, case.zone, case.formulation),
         contact_law=law,
         placement=replace(place, y=-place.y),
-        potentials=(-case.potentials[0], -case.potentials[1]),
+        potentials={name: -value for name, value in case.potentials.items()},
         steps=tuple(
             step if step.translation is None else replace(step, translation=(-step.translation[0], step.translation[1]))
             for step in case.steps

@@ -1,4 +1,4 @@
-"""Assembly of the collocated system: sources are shared out over threads, whose kernels release the interpreter."""
+"""Assembly of the collocated system by threads, whose kernels release the global interpreter lock."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from meeframe.common.errors import MeshError
 from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL
 from meeframe.elements.base import shape_functions
 from meeframe.elements.quadrature import gauss_table, shape_table
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem._kernels import assembly as kernels
 from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.half_space import exterior_terms
@@ -20,8 +20,9 @@ from meeframe.greens.base import Kernel
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 from meeframe.system.reduced import Progress
 
-# Quadrature points handed to the fundamental solution at a time, on curved elements: their kernels fit the second-level
-# cache. Twice as many, of which more share a cell of the table, take as long, four times as many longer.
+# Quadrature points for one call of the fundamental solution, on curved elements: their kernels fit into a second-level
+# cache. With twice as many points, of which more share a cell of the table, the time is the same, with four times as
+# many it is longer.
 POINTS_PER_CALL = 1024
 PIECES_PER_CALL = 128
 SOURCES_PER_TASK = 8
@@ -29,23 +30,29 @@ SOURCES_PER_TASK = 8
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """matrix @ unknowns = load_matrix @ loads + rhs, in one array: columns (u, u + 5 n + 1), in Fortran order."""
+    """The system matrix @ unknowns = load_matrix @ loads + rhs.
+
+    Attributes
+    ----------
+    columns : Array
+        Matrix, load matrix and right-hand side, (u, u + f n + 1), in Fortran order.
+    """
 
     columns: Array
 
     @property
     def matrix(self) -> Array:
-        """(u, u)."""
+        """Matrix, (u, u)."""
         return self.columns[:, : len(self.columns)]
 
     @property
     def load_matrix(self) -> Array:
-        """(u, 5 n)."""
+        """Load matrix, (u, f n)."""
         return self.columns[:, len(self.columns) : -1]
 
     @property
     def rhs(self) -> Array:
-        """(u,)."""
+        """Right-hand side, (u,)."""
         return self.columns[:, -1]
 
 
@@ -53,15 +60,32 @@ class System:
 class Problem:
     """Data that every assembly task reads.
 
-    mesh: in units of the system; own_shape: (o, k) shape functions at Sources.source_xi, zero-padded; accuracy, rules:
-    how the elements are integrated; exterior: (s, 25) terms of the plane outside the mesh of a semi-infinite body;
-    planes: for each block whose elements are all plane, their normals (e, 3).
+    Attributes
+    ----------
+    mesh : SurfaceMesh
+        The mesh, in units of the system.
+    layout : Layout
+        Numbers of the unknowns.
+    sources : Sources
+        Collocation points.
+    singular_shape : Array
+        Shape functions at Sources.singular_xi, (o, k), zero-padded.
+    kernel : Kernel
+        Fundamental solution.
+    accuracy : Accuracy
+        Accuracy of the element integrals.
+    exterior : Array or None
+        Terms of the plane outside the mesh of a semi-infinite body, (s, f^2).
+    rules : tuple of RuleTable
+        Tensor rules of each block.
+    planes : tuple of Array or None
+        Normals (e, 3) of each block, if all its elements are plane.
     """
 
     mesh: SurfaceMesh
     layout: Layout
     sources: Sources
-    own_shape: Array
+    singular_shape: Array
     kernel: Kernel
     accuracy: kernels.Accuracy
     exterior: Array | None
@@ -77,15 +101,36 @@ def assemble(
     accuracy: kernels.Accuracy,
     progress: Progress,
 ) -> System:
-    """Return the boundary element system (eqs. 19, 20). Raises MeshError if a source lies on an element not its own."""
+    """Assemble the boundary element system (eqs. 19, 20).
+
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        The mesh, in units of the system.
+    layout : Layout
+        Numbers of the unknowns.
+    sources : Sources
+        Collocation points.
+    kernel : Kernel
+        Fundamental solution.
+    accuracy : Accuracy
+        Accuracy of the element integrals.
+    progress : callable
+        Function that receives a stage and the fraction done.
+
+    Raises
+    ------
+    MeshError
+        If a source lies on an element of which it is not a node.
+    """
     rules = tuple(tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
     exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
     planes = tuple(plane_normals(rule) for rule in rules)
-    own_shape = _own_shapes(mesh, sources)
-    problem = Problem(mesh, layout, sources, own_shape, kernel, accuracy, exterior, rules, planes)
-    n = layout.n_unknowns
-    # Not of zeros, for which NumPy asks for no huge pages; the tasks write every entry of the matrix.
-    system = System(np.empty((n, n + N_FIELDS * len(layout.zone) + 1), order="F"))
+    singular_shape = _singular_shapes(mesh, sources)
+    problem = Problem(mesh, layout, sources, singular_shape, kernel, accuracy, exterior, rules, planes)
+    n, n_fields = layout.n_unknowns, layout.value_column.shape[1]
+    # Not np.zeros, for which NumPy requests no huge pages; the tasks write every entry of the matrix.
+    system = System(np.empty((n, n + n_fields * len(layout.zone) + 1), order="F"))
     system.columns[:, n:] = 0.0
     n_sources = len(sources.position)
     tasks = [range(i, min(i + SOURCES_PER_TASK, n_sources)) for i in range(0, n_sources, SOURCES_PER_TASK)]
@@ -97,8 +142,7 @@ def assemble(
 
 @dataclass(frozen=True, eq=False)
 class _Panels:
-    """Coefficients of one source: value (p, 25) and flux (m, 25); total (25,), see
-    meeframe.formulations.dense_bem._kernels.assembly."""
+    """Coefficients of one source, value (p, f^2), flux (m, f^2) and total (f^2,); see _kernels.assembly."""
 
     value: Array
     flux: Array
@@ -106,22 +150,25 @@ class _Panels:
 
 
 def _collocate(problem: Problem, task: range, system: System) -> None:
-    """Enter the rows of some sources."""
+    """Enter the equations of some sources into the system."""
     layout, sources = problem.layout, problem.sources
-    panels = _Panels(np.empty((len(layout.value_column), 25)), np.empty((len(layout.flux_column), 25)), np.empty(25))
+    entries = layout.value_column.shape[1] ** 2
+    values, fluxes = np.empty((len(layout.value_column), entries)), np.empty((len(layout.flux_column), entries))
+    panels = _Panels(values, fluxes, np.empty(entries))
     buffers = [_buffers(block, 16 * len(block.connectivity) + 8192) for block in problem.mesh.blocks]
     for source in task:
         for panel in (panels.value, panels.flux, panels.total):
             panel[:] = 0.0
         for number in range(len(problem.mesh.blocks)):
-            buffers[number] = _add_others(problem, source, number, buffers[number], panels)
+            buffers[number] = _add_regular_elements(problem, source, number, buffers[number], panels)
         if problem.exterior is not None:
             panels.total[:] -= problem.exterior[source]
         kernels.subtract_constant(panels.total, sources.mesh_points[source], sources.shape[source], panels.value)
-        for own in range(sources.own_start[source], sources.own_start[source + 1]):
-            number = sources.own_block[own]
-            buffers[number] = _add_own(problem, source, own, buffers[number], panels)
+        for entry in range(sources.singular_start[source], sources.singular_start[source + 1]):
+            number = sources.singular_block[entry]
+            buffers[number] = _add_singular_element(problem, source, entry, buffers[number], panels)
         kernels.enter_rows(
+            tuple(range(layout.value_column.shape[1])),
             sources.row[source],
             panels.value,
             panels.flux,
@@ -136,17 +183,17 @@ def _collocate(problem: Problem, task: range, system: System) -> None:
         )
 
 
-def _add_others(
+def _add_regular_elements(
     problem: Problem, source: int, number: int, buffers: kernels.Buffers, panels: _Panels
 ) -> kernels.Buffers:
-    """Add the elements of a block that do not hold the source; returns the buffers, enlarged if need be."""
+    """Add the regular elements of a block and return the buffers, enlarged if necessary."""
     block, sources = problem.mesh.blocks[number], problem.sources
     position = sources.position[source]
-    held = slice(sources.own_start[source], sources.own_start[source + 1])
-    own = np.zeros(len(block.connectivity), bool)
-    own[sources.own_element[held][sources.own_block[held] == number]] = True
+    elements = slice(sources.singular_start[source], sources.singular_start[source + 1])
+    singular = np.zeros(len(block.connectivity), bool)
+    singular[sources.singular_element[elements][sources.singular_block[elements] == number]] = True
     while True:
-        count, n_near = kernels.far_points(position, own, problem.accuracy, problem.rules[number], buffers)
+        count, n_near = kernels.far_points(position, singular, problem.accuracy, problem.rules[number], buffers)
         if count >= 0:
             count = kernels.near_points(
                 position,
@@ -161,21 +208,22 @@ def _add_others(
             )
         if count >= 0:
             break
-        buffers = _enlarged(count, block, buffers, position)
+        buffers = _enlarged_buffers(count, block, buffers, position)
     _accumulate(problem, number, count, buffers, panels)
     return buffers
 
 
 def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buffers, panels: _Panels) -> None:
-    """Add count quadrature points on elements of a block to the panels."""
+    """Add `count` quadrature points on elements of a block to the panels."""
     if _add_planes(problem, number, count, buffers, panels):
         return
     for first in range(0, count, POINTS_PER_CALL):
         points = slice(first, min(first + POINTS_PER_CALL, count))
         u, t = problem.kernel.evaluate(buffers.offsets[points], buffers.normals[points])
         kernels.accumulate(
-            u.reshape(-1, 25),
-            t.reshape(-1, 25),
+            tuple(range(u.shape[1])),
+            u.reshape(len(u), -1),
+            t.reshape(len(t), -1),
             buffers.shape_weights[points],
             buffers.elements[points],
             problem.mesh.blocks[number].connectivity,
@@ -187,16 +235,15 @@ def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buff
 
 
 def _add_planes(problem: Problem, number: int, count: int, buffers: kernels.Buffers, panels: _Panels) -> bool:
-    """Accumulate if the block is plane and the kernel integrates over planes; otherwise add nothing and return
-    False."""
+    """Add the points if the block is plane and the kernel integrates over planes, and return whether this is so."""
     planes = problem.planes[number]
     if planes is None:
         return False
     starts = kernels.piece_starts(buffers.elements[:count])
     for first in range(0, len(starts) - 1, PIECES_PER_CALL):
-        part = starts[first : first + PIECES_PER_CALL + 1]
-        elements = buffers.elements[part[:-1]]
-        sums = problem.kernel.integrate(buffers.offsets, buffers.shape_weights, part, planes[elements])
+        piece_starts = starts[first : first + PIECES_PER_CALL + 1]
+        elements = buffers.elements[piece_starts[:-1]]
+        sums = problem.kernel.integrate(buffers.offsets, buffers.shape_weights, piece_starts, planes[elements])
         if sums is None:
             return False
         kernels.add_pieces(
@@ -211,10 +258,16 @@ def _add_planes(problem: Problem, number: int, count: int, buffers: kernels.Buff
     return True
 
 
-def _add_own(problem: Problem, source: int, own: int, buffers: kernels.Buffers, panels: _Panels) -> kernels.Buffers:
-    """Add one element that holds the source; returns the buffers, enlarged if need be."""
+def _add_singular_element(
+    problem: Problem, source: int, entry: int, buffers: kernels.Buffers, panels: _Panels
+) -> kernels.Buffers:
+    """Add one singular element and return the buffers, enlarged if necessary."""
     sources = problem.sources
-    number, element, xi = sources.own_block[own], sources.own_element[own], sources.source_xi[own]
+    number, element, xi = (
+        sources.singular_block[entry],
+        sources.singular_element[entry],
+        sources.singular_xi[entry],
+    )
     block = problem.mesh.blocks[number]
     position = sources.position[source]
     table = shape_table(block.element)
@@ -233,14 +286,14 @@ def _add_own(problem: Problem, source: int, own: int, buffers: kernels.Buffers, 
         )
         if count >= 0:
             break
-        buffers = _enlarged(count, block, buffers, position)
+        buffers = _enlarged_buffers(count, block, buffers, position)
     u, t = problem.kernel.evaluate(buffers.offsets[:count], buffers.normals[:count])
-    kernels.accumulate_own(
-        u.reshape(-1, 25),
-        t.reshape(-1, 25),
+    kernels.accumulate_singular(
+        u.reshape(len(u), -1),
+        t.reshape(len(t), -1),
         buffers.shape_weights[:count],
         buffers.weights[:count],
-        problem.own_shape[own],
+        problem.singular_shape[entry],
         block.connectivity[element],
         problem.layout.patches.connectivity[number][element],
         panels.value,
@@ -264,19 +317,19 @@ def _buffers(block: ElementBlock, capacity: int) -> kernels.Buffers:
     )
 
 
-def _enlarged(code: int, block: ElementBlock, buffers: kernels.Buffers, position: Array) -> kernels.Buffers:
+def _enlarged_buffers(code: int, block: ElementBlock, buffers: kernels.Buffers, position: Array) -> kernels.Buffers:
     if code == BUFFER_TOO_SMALL:
         return _buffers(block, 2 * len(buffers.elements))
     raise MeshError(
         f"the collocation point {np.array2string(position, precision=6)} (in units of the contact zone) lies on an "
-        "element that does not hold it: the mesh overlaps itself"
+        "element of which it is not a node: the mesh overlaps itself"
     )
 
 
-def _own_shapes(mesh: SurfaceMesh, sources: Sources) -> Array:
-    """Return the shape functions at the sources on the elements that hold them, (o, k)."""
-    shapes = np.zeros((len(sources.own_block), sources.shape.shape[1]))
+def _singular_shapes(mesh: SurfaceMesh, sources: Sources) -> Array:
+    """Return the shape functions at the sources on their singular elements, (o, k)."""
+    shapes = np.zeros((len(sources.singular_block), sources.shape.shape[1]))
     for number, block in enumerate(mesh.blocks):
-        rows = sources.own_block == number
-        shapes[rows, : block.connectivity.shape[1]] = shape_functions(block.element, sources.source_xi[rows])
+        rows = sources.singular_block == number
+        shapes[rows, : block.connectivity.shape[1]] = shape_functions(block.element, sources.singular_xi[rows])
     return shapes

@@ -1,7 +1,7 @@
-"""Routines of BLAS and LAPACK in place, on parts of matrices in Fortran order, of which SciPy's wrappers make copies.
+"""Routines of BLAS and LAPACK that work in place on blocks of matrices, which the wrappers of SciPy would copy.
 
-All matrices are float64 and Fortran-ordered, or rectangular parts of such arrays; others raise ValueError. Library and
-threads are SciPy's.
+All matrices are float64 and Fortran-ordered, or rectangular blocks of such arrays; others raise ValueError. The library
+and its threads are those of SciPy.
 """
 
 from ctypes import CFUNCTYPE, byref, c_double, c_int, c_void_p
@@ -14,22 +14,31 @@ from numpy.typing import NDArray
 from meeframe.fields import Array
 
 Swaps = NDArray[np.int32]
-"""Row i was exchanged with row swaps[i], counted from 1, one after the other: LAPACK's pivots."""
+"""Pivots of LAPACK: row i was exchanged with row swaps[i], counted from 1, one after the other."""
 
 
 def factorise(matrix: Array, swaps: Swaps) -> None:
-    """Factorise a matrix (m, n), m >= n, in place into LU by partial pivoting; fill swaps (n,).
+    """Factorise a matrix (m, n), m >= n, in place into LU by partial pivoting, and fill swaps (n,).
 
-    For a few columns: by one thread, column by column.
+    One thread works column by column, which suits a few columns.
     """
     rows, columns = matrix.shape
-    _dgetf2(*_numbers(rows, columns), *_part(matrix), swaps.ctypes.data, *_numbers(0))
+    _dgetf2(*_integers(rows, columns), *_array(matrix), swaps.ctypes.data, *_integers(0))
 
 
 def subtract_product(target: Array, left: Array, right: Array) -> None:
     """Compute target (m, n) -= left (m, k) @ right (k, n)."""
-    sizes = _numbers(*target.shape, len(right))
-    _dgemm(b"N", b"N", *sizes, byref(c_double(-1.0)), *_part(left), *_part(right), byref(c_double(1.0)), *_part(target))
+    sizes = _integers(*target.shape, len(right))
+    _dgemm(
+        b"N",
+        b"N",
+        *sizes,
+        byref(c_double(-1.0)),
+        *_array(left),
+        *_array(right),
+        byref(c_double(1.0)),
+        *_array(target),
+    )
 
 
 def divide_by_lower(target: Array, factors: Array, *, from_right: bool = False) -> None:
@@ -43,25 +52,34 @@ def divide_by_upper(target: Array, factors: Array) -> None:
 
 
 def _divide(side: bytes, triangle: bytes, diagonal: bytes, target: Array, factors: Array) -> None:
-    sizes = _numbers(*target.shape)
-    _dtrsm(side, triangle, b"N", diagonal, *sizes, byref(c_double(1.0)), *_part(factors), *_part(target))
+    sizes = _integers(*target.shape)
+    _dtrsm(
+        side,
+        triangle,
+        b"N",
+        diagonal,
+        *sizes,
+        byref(c_double(1.0)),
+        *_array(factors),
+        *_array(target),
+    )
 
 
-def _numbers(*values: int) -> tuple[Any, ...]:
+def _integers(*values: int) -> tuple[Any, ...]:
     return tuple(byref(c_int(value)) for value in values)
 
 
-def _part(matrix: Array) -> tuple[Any, Any]:
-    """Return the first entry, and what lies between columns, which is not looked at where there is one only."""
+def _array(matrix: Array) -> tuple[Any, Any]:
+    """Return the address of the first entry and the leading dimension, which is irrelevant for a single column."""
     (rows, columns), (down, across) = matrix.shape, matrix.strides
-    sound = matrix.dtype == np.float64
-    sound &= rows <= 1 or columns == 0 or down == matrix.itemsize
-    sound &= columns <= 1 or rows == 0 or across >= rows * matrix.itemsize
-    if not sound:
+    supported = matrix.dtype == np.float64
+    supported &= rows <= 1 or columns == 0 or down == matrix.itemsize
+    supported &= columns <= 1 or rows == 0 or across >= rows * matrix.itemsize
+    if not supported:
         raise ValueError(
             f"matrix of {matrix.dtype}, shape {matrix.shape} and strides {matrix.strides}; allowed: columns of float64"
         )
-    return matrix.ctypes.data, *_numbers(max(1, rows, across // matrix.itemsize))
+    return matrix.ctypes.data, *_integers(max(1, rows, across // matrix.itemsize))
 
 
 def _routine(library: str, name: str, n_arguments: int) -> Any:

@@ -1,8 +1,8 @@
-"""Collocation points: as many equations of each field at each mesh point as there are unknowns.
+"""Collocation points, with as many equations of each field at each mesh point as there are unknowns.
 
-Where one unknown of a field belongs to a point, eq. (19) is collocated there. Where a value is prescribed on several
-patches that meet at a point, each of them has an unknown flux there and the equations at the point itself would be
-alike; each is then collocated a little inside its own patch.
+If a point has one unknown of a field, eq. (19) is collocated at the point. If a value is prescribed on several patches
+that meet at a point, each of them has an unknown flux there, and their equations at the point would be the same. Each
+equation is then collocated at a point inside its patch.
 """
 
 from dataclasses import dataclass
@@ -10,37 +10,48 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.elements.base import shape_functions
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.fields import Array, Indices
 from meeframe.formulations.dense_bem.layout import NONE, Layout
 from meeframe.mesh.surface import SurfaceMesh
 
 INWARD_SHIFT = 0.35
-"""How far, from node to centre of the element, a collocation point moves inside its patch."""
+"""Shift of a collocation point into its patch, as a fraction of the distance from node to centre of the element."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sources:
     """Collocation points.
 
-    position: (s, 3); row: (s, 5) row of each field's equation, NONE where it is not collocated;
-    own_start: (s + 1,) into own_block, own_element and source_xi (o, 2), the elements that hold each point;
-    mesh_points, shape: (s, k) mesh points and shape values that interpolate at it, zero-padded.
+    Attributes
+    ----------
+    position : Array
+        Positions, (s, 3).
+    row : Indices
+        Row of the equation of each field, (s, fields), NONE if it is not collocated here.
+    singular_start : Indices
+        First singular element of each point, and their number, (s + 1,). Singular elements contain the point.
+    singular_block, singular_element : Indices
+        Block and element in the block of each singular element, (o,).
+    singular_xi : Array
+        Reference coordinates of the point on each singular element, (o, 2).
+    mesh_points, shape : Indices, Array
+        Mesh points and shape functions that interpolate at each collocation point, (s, k), zero-padded.
     """
 
     position: Array
     row: Indices
-    own_start: Indices
-    own_block: Indices
-    own_element: Indices
-    source_xi: Array
+    singular_start: Indices
+    singular_block: Indices
+    singular_element: Indices
+    singular_xi: Array
     mesh_points: Indices
     shape: Array
 
 
 def collocate(mesh: SurfaceMesh, layout: Layout) -> Sources:
-    """Return the collocation points for a layout; every row 0..n_unknowns-1 appears once."""
+    """Return the collocation points of a layout, with each row from 0 to n_unknowns - 1 once."""
     patches = layout.patches
-    n_flux_unknowns = np.zeros((len(mesh.points), N_FIELDS), int)
+    n_flux_unknowns = np.zeros((len(mesh.points), layout.flux_column.shape[1]), int)
     np.add.at(n_flux_unknowns, patches.point, layout.flux_column != NONE)
     shared = n_flux_unknowns[patches.point] > 1
     at_node = layout.value_column.copy()
@@ -57,20 +68,20 @@ def _at_nodes(mesh: SurfaceMesh, layout: Layout, rows: Indices) -> Sources:
     order = np.argsort(corners.point, kind="stable")
     start = np.searchsorted(corners.point[order], points)
     stop = np.searchsorted(corners.point[order], points, side="right")
-    own = np.concatenate([order[a:b] for a, b in zip(start, stop, strict=True)])
+    singular = np.concatenate([order[a:b] for a, b in zip(start, stop, strict=True)])
     width = max(block.connectivity.shape[1] for block in mesh.blocks)
     mesh_points = np.zeros((len(points), width), np.int64)
     shape = np.zeros((len(points), width))
     mesh_points[:, 0], shape[:, 0] = points, 1.0
     nodes = [block.element.nodes for block in mesh.blocks]
-    xi = np.array([nodes[b][a] for b, a in zip(corners.block[own], corners.local[own], strict=True)])
-    own_start = np.concatenate([[0], np.cumsum(stop - start)])
+    xi = np.array([nodes[b][a] for b, a in zip(corners.block[singular], corners.local[singular], strict=True)])
+    singular_start = np.concatenate([[0], np.cumsum(stop - start)])
     return Sources(
         mesh.points[points],
         rows[points],
-        own_start,
-        corners.block[own],
-        corners.element[own],
+        singular_start,
+        corners.block[singular],
+        corners.element[singular],
         xi.reshape(-1, 2),
         mesh_points,
         shape,
@@ -80,13 +91,13 @@ def _at_nodes(mesh: SurfaceMesh, layout: Layout, rows: Indices) -> Sources:
 def _inside_patches(mesh: SurfaceMesh, layout: Layout, rows: Indices) -> Sources:
     corners = layout.patches.corners
     patch = np.flatnonzero((rows != NONE).any(axis=1))
-    _, first_of_patch = np.unique(layout.patches.of_corner, return_index=True)
-    own = first_of_patch[patch]
+    _, first_of_patch = np.unique(layout.patches.corner_patch, return_index=True)
+    singular = first_of_patch[patch]
     width = max(block.connectivity.shape[1] for block in mesh.blocks)
-    xi = np.zeros((len(own), 2))
-    mesh_points = np.zeros((len(own), width), np.int64)
-    shape = np.zeros((len(own), width))
-    for k, corner in enumerate(own):
+    xi = np.zeros((len(singular), 2))
+    mesh_points = np.zeros((len(singular), width), np.int64)
+    shape = np.zeros((len(singular), width))
+    for k, corner in enumerate(singular):
         block = mesh.blocks[corners.block[corner]]
         nodes = block.element.nodes
         node = nodes[corners.local[corner]]
@@ -97,9 +108,9 @@ def _inside_patches(mesh: SurfaceMesh, layout: Layout, rows: Indices) -> Sources
     return Sources(
         position,
         rows[patch],
-        np.arange(len(own) + 1),
-        corners.block[own],
-        corners.element[own],
+        np.arange(len(singular) + 1),
+        corners.block[singular],
+        corners.element[singular],
         xi,
         mesh_points,
         shape,
@@ -107,7 +118,7 @@ def _inside_patches(mesh: SurfaceMesh, layout: Layout, rows: Indices) -> Sources
 
 
 def _join(a: Sources, b: Sources) -> Sources:
-    own_start = np.concatenate([a.own_start, a.own_start[-1] + b.own_start[1:]])
+    singular_start = np.concatenate([a.singular_start, a.singular_start[-1] + b.singular_start[1:]])
 
     def stack(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
         joined: Array = np.concatenate([getattr(a, name), getattr(b, name)])
@@ -116,10 +127,10 @@ def _join(a: Sources, b: Sources) -> Sources:
     return Sources(
         stack("position"),
         stack("row").astype(np.int64),
-        own_start,
-        stack("own_block").astype(np.int64),
-        stack("own_element").astype(np.int64),
-        stack("source_xi"),
+        singular_start,
+        stack("singular_block").astype(np.int64),
+        stack("singular_element").astype(np.int64),
+        stack("singular_xi"),
         stack("mesh_points").astype(np.int64),
         stack("shape"),
     )

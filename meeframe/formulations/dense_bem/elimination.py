@@ -1,11 +1,11 @@
-"""Elimination of a dense system whose last unknowns alone are wanted for many right-hand sides.
+"""Elimination of a dense system of which only the last unknowns are needed for many right-hand sides.
 
 With A = [[A11, A12], [A21, A22]], right-hand sides B and P A = LU on the columns of the first k unknowns,
 
     W = A21 A11^-1,    (A22 - W A12) x2 = B2 - W B1,    A11 x1 = B1 - A12 x2,
 
-rows exchanged. As W is found once from the factor L21 = A21 U11^-1, which pivoting makes anyway, neither A12 nor B1 is
-divided by L11, as an elimination of the whole matrix would: a sixth less to do where the last unknowns and the
+with rows exchanged. W follows from the factor L21 = A21 U11^-1, which pivoting provides. An elimination of the complete
+matrix would also divide A12 and B1 by L11; this one saves a sixth of the work where the last unknowns and the
 right-hand sides are a quarter each.
 """
 
@@ -24,20 +24,31 @@ from meeframe.formulations.dense_bem.blas import (
     subtract_product,
 )
 
-PANEL: Final = 32
-"""Columns that are factorised at once, by one thread: several would wait for each other at every few columns, which
-takes long on a machine with other work."""
-SAMPLES: Final = 8
-"""Random right-hand sides for the condition; that all are a tenth as large as expected has a probability of 1e-7."""
+PANEL_WIDTH: Final = 32
+"""Number of columns that one thread factorises at once.
+
+Several threads would have to wait for each other after every few columns, which is slow on a busy machine.
+"""
+N_SAMPLES: Final = 8
+"""Number of random right-hand sides of the estimate; it is ten times too small with a probability of 1e-7."""
 
 
 def eliminate(columns: Array, k: int) -> None:
-    """Eliminate the first k unknowns of columns (u, w), in Fortran order and in place, then the others.
+    r"""Eliminate the first k unknowns of a system in place, then the others.
 
-    The first u columns are the matrix, the rest right-hand sides. Left behind are, in rows exchanged alike,
+    Parameters
+    ----------
+    columns : Array
+        Matrix, the first u columns, and right-hand sides, (u, w), in Fortran order.
+    k : int
+        Number of unknowns to eliminate first.
 
-        L11 \\ U11   A12      B1
-        W           L2 \\ U2  L2^-1 (B2 - W B1)
+    Notes
+    -----
+    The result is, with rows exchanged alike,
+
+        L11 \ U11   A12      B1
+        W           L2 \ U2  L2^-1 (B2 - W B1)
     """
     u = len(columns)
     swaps = np.empty(u, np.int32)
@@ -47,49 +58,68 @@ def eliminate(columns: Array, k: int) -> None:
     divide_by_lower(below[:, :k], columns[:k, :k], from_right=True)
     subtract_product(below[:, k:], below[:, :k], columns[:k, k:])
     _factorise(below[:, k:u], swaps[k:])
-    for part in (below[:, :k], below[:, u:]):
-        swap_rows(part, swaps[k:])
+    for block in (below[:, :k], below[:, u:]):
+        swap_rows(block, swaps[k:])
     divide_by_lower(below[:, u:], below[:, k:u])
 
 
 def last_unknowns(columns: Array, k: int, right: Array) -> Array:
-    """Return the unknowns after the first k, (u - k, m), of an eliminated system, for right-hand sides as it left
-    them."""
-    found = np.array(right[k:], order="F")
-    divide_by_upper(found, columns[k:, k : len(columns)])
-    return found
+    """Return the unknowns after the first k of an eliminated system.
+
+    Parameters
+    ----------
+    columns : Array
+        Result of `eliminate`, (u, w).
+    k : int
+        Number of unknowns that were eliminated first.
+    right : Array
+        Right-hand sides, (u, m), as `eliminate` leaves them.
+
+    Returns
+    -------
+    Array
+        Unknowns, (u - k, m).
+    """
+    unknowns = np.array(right[k:], order="F")
+    divide_by_upper(unknowns, columns[k:, k : len(columns)])
+    return unknowns
 
 
 def all_unknowns(columns: Array, k: int, right: Array) -> Array:
-    """Return the unknowns (u, m) of an eliminated system for right-hand sides (u, m) as it left them."""
-    found = np.array(right, order="F")
-    first, last = found[:k], found[k:]
+    """Return all unknowns, (u, m), of an eliminated system, for right-hand sides (u, m) as `eliminate` leaves them."""
+    unknowns = np.array(right, order="F")
+    first, last = unknowns[:k], unknowns[k:]
     divide_by_upper(last, columns[k:, k : len(columns)])
     subtract_product(first, columns[:k, k : len(columns)], last)
     divide_by_lower(first, columns[:k, :k])
     divide_by_upper(first, columns[:k, :k])
-    return found
+    return unknowns
 
 
 def inverse_norm(columns: Array, k: int) -> float:
-    """Return the Frobenius norm of the inverse of an eliminated matrix, estimated; not finite if a pivot is zero.
+    """Estimate the Frobenius norm of the inverse of an eliminated matrix; it is not finite if a pivot is zero.
 
-    The root of the mean square of the solutions for independent right-hand sides of variance 1 (Gudmundsson, Kenney,
-    Laub 1995, Small-sample statistical estimates for matrix norms).
+    Notes
+    -----
+    The estimate is the root mean square of the solutions for independent right-hand sides of variance 1.
+
+    References
+    ----------
+    Gudmundsson, Kenney and Laub, Small-sample statistical estimates for matrix norms, 1995.
     """
-    right = np.asfortranarray(np.random.default_rng(0).standard_normal((len(columns), SAMPLES)))
+    right = np.asfortranarray(np.random.default_rng(0).standard_normal((len(columns), N_SAMPLES)))
     subtract_product(right[k:], columns[k:, :k], right[:k])
     divide_by_lower(right[k:], columns[k:, k : len(columns)])
-    return float(dlange("F", all_unknowns(columns, k, right))) / SAMPLES**0.5
+    return float(dlange("F", all_unknowns(columns, k, right))) / N_SAMPLES**0.5
 
 
 def _factorise(matrix: Array, swaps: Swaps) -> None:
-    """Factorise a matrix (m, n), m >= n, into LU in blocks: one call of LAPACK fails from 22,450 columns on.
+    """Factorise a matrix (m, n), m >= n, into LU, since one call of LAPACK fails for 22,450 columns and more.
 
-    Halves of the columns, halved in turn, so that nearly all is done by products of large matrices (Toledo 1997).
+    The columns are halved recursively, so that products of large matrices do nearly all the work (Toledo 1997).
     """
     half = matrix.shape[1] // 2
-    if matrix.shape[1] <= PANEL:
+    if matrix.shape[1] <= PANEL_WIDTH:
         factorise(matrix, swaps)
         return
     left, right = matrix[:, :half], matrix[:, half:]

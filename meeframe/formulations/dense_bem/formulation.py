@@ -1,5 +1,6 @@
-"""The dense boundary element formulation: body in, reduced system out."""
+"""The dense boundary element formulation, which condenses a body to a reduced system."""
 
+import math
 import os
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -9,7 +10,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.elements.anisotropy import anisotropy
-from meeframe.fields import N_FIELDS, Array, FieldScaling
+from meeframe.fields import Array, FieldScaling
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
@@ -20,6 +21,7 @@ from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
 from meeframe.greens import Tabulated
 from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.greens.decoupled import bind_fields
 from meeframe.mesh import check_mesh, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.slenderness import bending_warnings
@@ -30,11 +32,21 @@ from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 @final
 @dataclass(frozen=True)
 class DenseBEM(Formulation):
-    """Collocation at the nodes, one dense matrix, one factorisation.
+    """Boundary elements with collocation at the nodes and one factorisation of one dense matrix.
 
-    fundamental_solution: the kernels; quadrature_tolerance: relative error of each element integral;
-    edge_angle: tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
-    Raises CaseError if a number is out of bounds.
+    Attributes
+    ----------
+    fundamental_solution : FundamentalSolution
+        Method to compute the kernels.
+    quadrature_tolerance : float
+        Relative error of each element integral.
+    edge_angle : float
+        Tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
+
+    Raises
+    ------
+    CaseError
+        If a number is out of bounds.
     """
 
     fundamental_solution: FundamentalSolution = field(default_factory=Tabulated)
@@ -47,46 +59,65 @@ class DenseBEM(Formulation):
     def check(self, body: Body) -> None:
         """Check mesh, boundary conditions, material and memory.
 
-        Raises MeshError unless the mesh is a closed surface with outward normals; TooLargeError if its matrices would
-        not fit into this machine's memory; CaseError if boundary conditions contradict each other, touch the contact
-        zone or leave a field undetermined; MaterialError if the fundamental solution does not apply, or the material is
-        too near to inadmissible.
+        Raises
+        ------
+        MeshError
+            If the mesh is not a closed surface with outward normals.
+        TooLargeError
+            If the matrices do not fit into the memory of this machine.
+        CaseError
+            If boundary conditions contradict each other, touch the contact zone or leave a field undetermined.
+        MaterialError
+            If the fundamental solution does not apply, or the material is too close to inadmissible.
         """
         _check_memory(body)
         check_mesh(body.mesh)
         self._layout(body)
-        stiffness = _scaled(body)
-        _bound(self.fundamental_solution, stiffness.tobytes())
+        stiffness = _scaled_stiffness(body)
+        _bind(self.fundamental_solution, stiffness.tobytes())
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Return warnings of slender parts, whose bending may be wrong, for a body that `check` accepts."""
+        """Return warnings about slender limbs, whose bending may be inaccurate, of a body that `check` accepts."""
         return bending_warnings(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
-        """Assemble, factorise once, condense to the contact zone.
+        """Assemble and factorise the system, and condense it to the contact zone.
 
-        Raises as check, and CaseError if the system is singular.
+        Raises
+        ------
+        CaseError
+            If the body has no contact zone, or the system is singular; also as `check`.
+        MeshError, MaterialError
+            As `check`.
         """
         if body.contact_group is None:
-            raise CaseError("this body has no contact zone to condense to")
+            raise CaseError("the body has no contact zone; use boundary_fields")
         solution = self._solve(body, progress)
         zone = find_contact_zone(body.mesh, body.contact_group)
         offset, compliance = zone_relation(solution)
-        parts = zone.points, zone.frames, zone.weights, zone.cells
-        return in_local_frames(*parts, offset, compliance, solution.fields)
+        geometry = zone.points, zone.frames, zone.weights, zone.cells
+        return in_local_frames(*geometry, offset, compliance, solution.fields)
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
-        """Return the fields on the boundary of a body without contact zone. Raises as reduce."""
+        """Return the fields on the boundary of a body without contact zone.
+
+        Raises
+        ------
+        CaseError
+            If the body has a contact zone, or the system is singular; also as `check`.
+        MeshError, MaterialError
+            As `check`.
+        """
         if body.contact_group is not None:
             raise CaseError(f"the body has a contact zone {body.contact_group!r}; use reduce")
-        return self._solve(body, progress).fields(np.zeros((0, N_FIELDS)))
+        return self._solve(body, progress).fields(np.zeros((0, body.fields.size)))
 
     def _solve(self, body: Body, progress: Progress) -> BoundarySolution:
         progress("fundamental solution", 0.0)
         self.check(body)
-        stiffness = _scaled(body)
-        kernel = _bound(self.fundamental_solution, stiffness.tobytes())
+        stiffness = _scaled_stiffness(body)
+        kernel = _bind(self.fundamental_solution, stiffness.tobytes())
         accuracy = Accuracy(self.quadrature_tolerance, anisotropy(stiffness))
         progress("assembly", 0.0)
         layout, units = self._layout(body)
@@ -102,27 +133,29 @@ class DenseBEM(Formulation):
         return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
 
 
-def _scaled(body: Body) -> Array:
+def _scaled_stiffness(body: Body) -> Array:
     return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
 
 
 @lru_cache(maxsize=4)
-def _bound(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kernel:
-    """Return the kernel of a scaled stiffness, given as bytes so that checks and further meshes find it again by
-    content."""
-    return fundamental_solution.bind(np.frombuffer(stiffness).reshape(3, N_FIELDS, N_FIELDS, 3))
+def _bind(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kernel:
+    """Return the kernel of a scaled stiffness; its bytes are the key of the cache for checks and further meshes."""
+    values = np.frombuffer(stiffness)
+    size = math.isqrt(len(values) // 9)
+    return bind_fields(fundamental_solution, values.reshape(3, size, size, 3))
 
 
 def _check_memory(body: Body) -> None:
-    """Raise TooLargeError if the matrices, of five unknowns a point, are larger than the memory of the machine."""
-    unknowns = N_FIELDS * len(body.mesh.points)
-    loads = 0 if body.contact_group is None else N_FIELDS * len(body.mesh.group_points(body.contact_group))
-    needed = 8 * unknowns * (unknowns + loads)
+    """Raise TooLargeError if the matrices, with one unknown for each field and point, exceed the memory."""
+    n_fields = body.fields.size
+    unknowns = n_fields * len(body.mesh.points)
+    loads = 0 if body.contact_group is None else n_fields * len(body.mesh.group_points(body.contact_group))
+    required = 8 * unknowns * (unknowns + loads)
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > available:
+    if required > available:
         other = "half-space" if body.mesh.semi_infinite else "hmatrix-bem"
         raise TooLargeError(
-            f"{len(body.mesh.points)} points, {loads // N_FIELDS} of them in the contact zone, need matrices of "
-            f"{needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh, or the "
+            f"{len(body.mesh.points)} points, {loads // n_fields} of them in the contact zone, require matrices of "
+            f"{required / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh, or the "
             f"formulation {other!r}"
         )

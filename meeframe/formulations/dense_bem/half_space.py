@@ -1,8 +1,8 @@
-"""The plane outside the mesh of a semi-infinite body, where tractions and fluxes vanish and values are neglected."""
+"""Terms of the plane outside the mesh of a semi-infinite body, where fluxes vanish and values are neglected."""
 
 import numpy as np
 
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.greens.base import Kernel
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.mesh.topology import boundary_polygon
@@ -11,12 +11,27 @@ GAUSS_POINTS = 24
 
 
 def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array:
-    """Return the free term less the integral of T over the plane outside the mesh, (s, 25), entry 5 J + K, for
-    positions (s, 3).
+    """Return the free term minus the integral of T over the plane outside the mesh.
 
-    The value at the source is subtracted on the mesh; over the whole plane the principal value of T vanishes, because T
-    is odd, and the free term is one half. With T = t(theta) / rho^2 and the outer edge at rho = R(theta) the integral
-    outside is - int t ln R dtheta, here a line integral along that edge.
+    Parameters
+    ----------
+    kernel : Kernel
+        Fundamental solution.
+    mesh : SurfaceMesh
+        The mesh, in units of the system.
+    positions : Array
+        Collocation points, (s, 3).
+
+    Returns
+    -------
+    Array
+        Terms, (s, fields^2), entry (J, K) row by row.
+
+    Notes
+    -----
+    The value at the source is subtracted on the mesh. Over the entire plane the principal value of T vanishes, because
+    T is odd, and the free term is one half. With T = t(theta) / rho^2 and the outer border at rho = R(theta), the
+    integral outside is - int t ln R dtheta, here a line integral along that border.
     """
     sides = mesh.points[boundary_polygon(mesh)]
     abscissae, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
@@ -29,11 +44,11 @@ def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array
     normal = np.cross(b - a, c - a) / np.linalg.norm(np.cross(b - a, c - a))
     normals = np.broadcast_to(normal, points.shape)
     size = np.ptp(mesh.points, axis=0).max()
-    terms = np.empty((len(positions), N_FIELDS**2))
-    for source, position in enumerate(positions):
+    terms = []
+    for position in positions:
         offset = points - position
         turn = np.cross(offset, steps) @ normal
         _, t = kernel.evaluate(offset, np.ascontiguousarray(normals))
         shares = turn * np.log(np.linalg.norm(offset, axis=1) / size)
-        terms[source] = np.eye(N_FIELDS).ravel() / 2.0 + shares @ t.reshape(-1, N_FIELDS**2)
-    return terms
+        terms.append(np.eye(t.shape[1]).ravel() / 2.0 + shares @ t.reshape(len(t), -1))
+    return np.array(terms)

@@ -1,7 +1,7 @@
-"""Degrees of freedom: which values and fluxes are known, unknown or contact loads.
+"""Degrees of freedom: numbers of unknown values and fluxes and of contact loads, and prescribed data.
 
-Every unknown has a collocation row of the same number, see collocation.py. Data are in the units of the system: lengths
-by a length, fields by FieldScaling.
+Every unknown has a collocation equation of the same number, see collocation.py. Data are in units of the system, with
+lengths relative to a unit of length and fields scaled by FieldScaling.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling, Indices
+from meeframe.fields import Array, FieldScaling, Indices
 from meeframe.formulations.dense_bem.patches import Patches
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.mesh.supports import check_supports
@@ -22,25 +22,33 @@ NONE = -1
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """Units of the system: points / length; values u / s; fluxes t * s * length (docs/theory.md, Scaling)."""
+    """Units of the system: points / length; values u / s; fluxes t * s * length (docs/theory.md, Scaling).
+
+    Attributes
+    ----------
+    length : float
+        Unit of length [m].
+    scaling : FieldScaling
+        Factors s of the fields.
+    """
 
     length: float
     scaling: FieldScaling
 
     def values(self, values: Array) -> Array:
-        """Return the values (..., 5) in SI units into units of the system."""
+        """Convert values (..., fields) from SI units to units of the system."""
         return self.scaling.scale_values(values)
 
     def fluxes(self, fluxes: Array) -> Array:
-        """Return the fluxes (..., 5) in SI units into units of the system."""
+        """Convert fluxes (..., fields) from SI units to units of the system."""
         return self.scaling.scale_fluxes(fluxes) * self.length
 
     def values_si(self, values: Array) -> Array:
-        """Return the values (..., 5) of the system into SI units."""
+        """Convert values (..., fields) from units of the system to SI units."""
         return self.scaling.unscale_values(values)
 
     def fluxes_si(self, fluxes: Array) -> Array:
-        """Return the fluxes (..., 5) of the system into SI units."""
+        """Convert fluxes (..., fields) from units of the system to SI units."""
         return self.scaling.unscale_fluxes(fluxes) / self.length
 
 
@@ -48,9 +56,22 @@ class Units:
 class Layout:
     """Columns of unknowns and contact loads (NONE where there is none), and known data in units of the system.
 
-    value_column, value_data: (p, 5); flux_column, flux_data, load_column: (m, 5);
-    zone: (n,) points of the contact zone; n_unknowns: size of the system. Unknowns have zero data. The values of the
-    zone, all of them unknown, are numbered last and in its order.
+    The values of the contact zone, all of them unknown, are numbered last and in the order of the zone.
+
+    Attributes
+    ----------
+    patches : Patches
+        Flux nodes.
+    value_column, value_data : Indices, Array
+        Column of each unknown value, and known values (zero where unknown), (p, fields).
+    flux_column, flux_data : Indices, Array
+        Column of each unknown flux, and known fluxes (zero where unknown), (m, fields).
+    load_column : Indices
+        Column of each contact load, (m, fields).
+    zone : Indices
+        Points of the contact zone, (n,).
+    n_unknowns : int
+        Size of the system.
     """
 
     patches: Patches
@@ -64,13 +85,19 @@ class Layout:
 
 
 def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
-    """Return the number the unknowns of a body. At the outer edge of a semi-infinite one all fields are taken as zero.
+    """Assign numbers to the unknowns of a body.
 
-    Raises MeshError for an unknown face group, CaseError if conditions contradict each other, touch the contact zone,
-    or leave a field undetermined.
+    At the outer border of the mesh of a semi-infinite body all fields are taken as zero.
+
+    Raises
+    ------
+    MeshError
+        For an unknown face group.
+    CaseError
+        If conditions contradict each other, touch the contact zone, or leave a field undetermined.
     """
-    values = np.full((len(body.mesh.points), N_FIELDS), np.nan)
-    fluxes = np.zeros((len(patches.point), N_FIELDS))
+    values = np.full((len(body.mesh.points), body.fields.size), np.nan)
+    fluxes = np.zeros((len(patches.point), body.fields.size))
     flux_unknown = np.zeros(fluxes.shape, bool)
     check_conditions(body)
     check_supports(body)
@@ -81,9 +108,9 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
         contact = patches.group == body.mesh.group(body.contact_group)
     _check_zone(body, values, patches.point[contact])
     if body.mesh.semi_infinite:
-        edge = np.unique(boundary_polygon(body.mesh))
-        values[edge] = np.where(np.isnan(values[edge]), 0.0, values[edge])
-        flux_unknown[np.isin(patches.point, edge)] = False
+        border = np.unique(boundary_polygon(body.mesh))
+        values[border] = np.where(np.isnan(values[border]), 0.0, values[border])
+        flux_unknown[np.isin(patches.point, border)] = False
 
     unknown_value = np.isnan(values)
     zone = np.unique(patches.point[contact])
@@ -94,7 +121,8 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
     flux_column = _number(flux_unknown, int((unknown_value & ~in_zone).sum()))
     value_column[in_zone] = np.arange(n_unknowns - in_zone.sum(), n_unknowns)
     load_column = np.full(fluxes.shape, NONE)
-    load_column[contact] = N_FIELDS * np.searchsorted(zone, patches.point[contact])[:, None] + np.arange(N_FIELDS)
+    n_fields = body.fields.size
+    load_column[contact] = n_fields * np.searchsorted(zone, patches.point[contact])[:, None] + np.arange(n_fields)
     return Layout(
         patches,
         value_column,
@@ -110,14 +138,24 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
 def boundary_fields(
     layout: Layout, units: Units, mesh: SurfaceMesh, values: Array, fluxes: Array, loads: Array
 ) -> NodalFields:
-    """Return the fields on the boundary, SI units and global axes, at the nodes of each patch.
+    """Return the fields on the boundary at the nodes of each patch, in SI units and global axes.
 
-    values, fluxes: the unknowns, (u,) each, in units of values and of fluxes of the system; loads: (5 n,) on the zone,
-    in those of fluxes.
+    Parameters
+    ----------
+    layout : Layout
+        Numbers of the unknowns.
+    units : Units
+        Units of the system.
+    mesh : SurfaceMesh
+        The mesh [m].
+    values, fluxes : Array
+        The unknowns, (u,) each, in units of values and of fluxes of the system.
+    loads : Array
+        Loads on the zone, (f n,), in units of fluxes of the system.
     """
-    all_values = _filled(layout.value_data, layout.value_column, values)
-    all_fluxes = _filled(layout.flux_data, layout.flux_column, fluxes)
-    all_fluxes = _filled(all_fluxes, layout.load_column, loads)
+    all_values = _fill(layout.value_data, layout.value_column, values)
+    all_fluxes = _fill(layout.flux_data, layout.flux_column, fluxes)
+    all_fluxes = _fill(all_fluxes, layout.load_column, loads)
     points = layout.patches.point
     cells = tuple(
         (block.element.meshio_type, connectivity)
@@ -126,11 +164,11 @@ def boundary_fields(
     return NodalFields(mesh.points[points], cells, units.values_si(all_values)[points], units.fluxes_si(all_fluxes))
 
 
-def _filled(data: Array, columns: Indices, found: Array) -> Array:
-    filled = data.copy()
+def _fill(data: Array, columns: Indices, entries: Array) -> Array:
+    result = data.copy()
     mask = columns != NONE
-    filled[mask] = found[columns[mask]]
-    return filled
+    result[mask] = entries[columns[mask]]
+    return result
 
 
 def _number(mask: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], start: int) -> Indices:
@@ -147,7 +185,7 @@ def _apply(
     fluxes: Array,
     flux_unknown: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
 ) -> None:
-    """Enter one condition into values (p, 5), fluxes (m, 5) and flux_unknown (m, 5), in SI units."""
+    """Enter one condition into values (p, fields), fluxes (m, fields) and flux_unknown (m, fields), in SI units."""
     field = condition.field
     points = body.mesh.group_points(condition.group)
     data = np.broadcast_to(np.asarray(condition.data, float), points.shape)
@@ -160,7 +198,7 @@ def _apply(
     conflict = ~np.isnan(old) & (np.abs(old - data) > tolerance)
     if conflict.any():
         raise CaseError(
-            f"{VALUE_NAMES[field]} on {condition.group!r} contradicts another face at "
+            f"{body.fields.value_names[field]} on {condition.group!r} contradicts another face at "
             f"{int(conflict.sum())} shared points: {data[conflict][0]:g} and {old[conflict][0]:g}"
         )
     values[points, field] = data
@@ -168,8 +206,8 @@ def _apply(
 
 
 def _check_zone(body: Body, values: Array, contact_points: Indices) -> None:
-    """Refuse a field in the contact zone that a neighbouring face already prescribes."""
-    pinned = np.atleast_1d((~np.isnan(values[contact_points])).any(axis=0))
-    if pinned.any():
-        names = ", ".join(name for name, hit in zip(VALUE_NAMES, pinned, strict=True) if hit)
+    """Raise CaseError for a field in the contact zone that is prescribed on a neighbouring face."""
+    prescribed = np.atleast_1d((~np.isnan(values[contact_points])).any(axis=0))
+    if prescribed.any():
+        names = ", ".join(name for name, hit in zip(body.fields.value_names, prescribed, strict=True) if hit)
         raise CaseError(f"{names} is prescribed on a face that touches the contact zone {body.contact_group!r}")

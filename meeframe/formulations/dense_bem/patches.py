@@ -1,8 +1,8 @@
-"""Flux nodes: where tractions may jump.
+"""Flux nodes, which allow jumps of tractions and fluxes at edges of the body.
 
-Values (extended displacements) are continuous: one node per mesh point. Fluxes (extended tractions) are continuous on a
-face only: one node per *patch*, the elements that meet at a point, belong to one face group and have no edge between
-them.
+Values (extended displacements) are continuous and have one node at each mesh point. Fluxes (extended tractions) are
+continuous on a face only and have one node for each *patch*: the elements that meet at a point, belong to one face
+group and have no sharp edge between them.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,15 @@ from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Local nodes of all elements of a mesh: each array has one entry (normal: one row) per corner."""
+    """Local nodes of all elements of a mesh, here called corners.
+
+    Attributes
+    ----------
+    block, element, local, point, group : Indices
+        Block, element in the block, local node, mesh point and face group of each corner, (c,).
+    normal : Array
+        Outward unit normal of the element at each corner, (c, 3).
+    """
 
     block: Indices
     element: Indices
@@ -30,35 +38,50 @@ class Corners:
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Flux nodes.
+    """Flux nodes of a mesh.
 
-    point, group: (m,) of each flux node; connectivity: flux nodes of the elements, per block (e, n);
-    corners: the corners of the mesh; of_corner: (c,) the flux node of each.
+    Attributes
+    ----------
+    point, group : Indices
+        Mesh point and face group of each flux node, (m,).
+    connectivity : tuple of Indices
+        Flux nodes of the elements of each block, (e, n).
+    corners : Corners
+        Corners of the mesh.
+    corner_patch : Indices
+        Flux node of each corner, (c,).
     """
 
     point: Indices
     group: Indices
     connectivity: tuple[Indices, ...]
     corners: Corners
-    of_corner: Indices
+    corner_patch: Indices
 
 
 def find_patches(mesh: SurfaceMesh, edge_angle: float) -> Patches:
-    """Return the flux nodes of a mesh; elements whose normals at a point differ by more than edge_angle [rad] are on
-    two."""
+    """Return the flux nodes of a mesh.
+
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        The mesh.
+    edge_angle : float
+        Elements whose normals at a point differ by more than this [rad] belong to different patches.
+    """
     corners = mesh_corners(mesh)
-    of_corner = _number_patches(corners, np.cos(edge_angle))
-    _, first = np.unique(of_corner, return_index=True)
+    corner_patch = _number_patches(corners, np.cos(edge_angle))
+    _, first = np.unique(corner_patch, return_index=True)
     sizes = [block.connectivity.size for block in mesh.blocks]
-    parts = np.split(of_corner, np.cumsum(sizes)[:-1])
-    connectivity = tuple(part.reshape(block.connectivity.shape) for part, block in zip(parts, mesh.blocks, strict=True))
-    return Patches(corners.point[first], corners.group[first], connectivity, corners, of_corner)
+    numbers = np.split(corner_patch, np.cumsum(sizes)[:-1])
+    connectivity = tuple(n.reshape(block.connectivity.shape) for n, block in zip(numbers, mesh.blocks, strict=True))
+    return Patches(corners.point[first], corners.group[first], connectivity, corners, corner_patch)
 
 
 def mesh_corners(mesh: SurfaceMesh) -> Corners:
     """Return the corners of a mesh, block by block, element by element."""
-    parts = [_block_corners(number, block, mesh.points) for number, block in enumerate(mesh.blocks)]
-    return Corners(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    arrays = [_block_corners(number, block, mesh.points) for number, block in enumerate(mesh.blocks)]
+    return Corners(*(np.concatenate(columns) for columns in zip(*arrays, strict=True)))
 
 
 def _block_corners(number: int, block: ElementBlock, points: Array) -> tuple[Indices, ...]:
@@ -73,10 +96,10 @@ def _block_corners(number: int, block: ElementBlock, points: Array) -> tuple[Ind
 
 
 def _number_patches(corners: Corners, cosine: float) -> Indices:
-    """Return the flux node of each corner: connected components of 'same point, same group, nearly the same normal'."""
+    """Return the patch of each corner: corners of one point and group are linked if their normals nearly agree."""
     order = np.lexsort((corners.group, corners.point))
     link_from, link_to = [], []
-    for shift in range(1, _most_corners_at_a_point(corners)):
+    for shift in range(1, _max_corners_at_a_point(corners)):
         a, b = order[:-shift], order[shift:]
         same = (corners.point[a] == corners.point[b]) & (corners.group[a] == corners.group[b])
         smooth = np.einsum("nx,nx->n", corners.normal[a], corners.normal[b]) > cosine
@@ -89,5 +112,5 @@ def _number_patches(corners: Corners, cosine: float) -> Indices:
     return np.asarray(labels, dtype=np.int64)
 
 
-def _most_corners_at_a_point(corners: Corners) -> int:
+def _max_corners_at_a_point(corners: Corners) -> int:
     return int(np.bincount(corners.point).max())

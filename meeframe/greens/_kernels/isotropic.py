@@ -8,10 +8,10 @@ from meeframe.greens._kernels.modulation import PACKED
 
 @njit(cache=True, nogil=True)
 def isotropic_modulation(constants, triad):
-    """Return the modulation (n, 3, 15) = H, A, B on triads (n, 3, 3); constants: c_1111, c_1212, and C_1441, C_1551
-    (negative).
+    """Return the modulation (n, 3, 15) = H, A, B on triads (n, 3, 3).
 
-    H = alpha 1 + beta e e on the displacements, so that A = beta (n e + e n), B = beta (m e + e m).
+    constants: c_1111, c_1212, and C_1441, C_1551 (negative). On the displacements H = alpha 1 + beta e e, so that
+    A = beta (n e + e n) and B = beta (m e + e m).
     """
     p_wave, shear, electric, magnetic = constants
     alpha = 0.5 / shear + 0.5 / p_wave

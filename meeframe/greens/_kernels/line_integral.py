@@ -1,7 +1,7 @@
 """H and its tangential derivatives as means over the half circle normal to a direction (Barnett, docs/theory.md).
 
-Directions are taken in groups of LANES, of which the compiler makes vectors: arrays are flat, lanes run fastest, and
-what is called in a loop over them is inlined.
+Directions are processed in groups of LANES, over which the compiler vectorises: arrays are flat, lanes run fastest, and
+functions that are called in a loop over lanes are inlined.
 """
 
 import math
@@ -12,24 +12,24 @@ from numba import njit
 LANES = 32
 MATRIX = 25 * LANES
 """Length of a group of 5x5 matrices."""
-FORMS = np.array([[0, 0], [0, 1], [1, 1], [0, 2], [1, 2]])
-"""Axes of a triad (n, m, e) that make the forms."""
-UPPER = np.flatnonzero(np.triu(np.ones((5, 5))))
-"""Entries of the packed upper triangle."""
+FORM_AXES = np.array([[0, 0], [0, 1], [1, 1], [0, 2], [1, 2]])
+"""Axes of a triad (n, m, e) of each form."""
+UPPER_ENTRIES = np.flatnonzero(np.triu(np.ones((5, 5))))
+"""Entries of a 5x5 matrix in its packed upper triangle."""
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _form(stiffness, a, b, pairs, form):
+def _form(stiffness, a, b, products, form):
     """Fill form (MATRIX,) with C_iJKm (a_i b_m + b_i a_m) as [J, K], for vectors a, b (3 LANES,).
 
-    pairs (6 LANES,) is scratch.
+    products (6 LANES,) is scratch.
     """
     for p in range(LANES):
         ax, ay, az = a[p], a[LANES + p], a[2 * LANES + p]
         bx, by, bz = b[p], b[LANES + p], b[2 * LANES + p]
-        pairs[p], pairs[LANES + p], pairs[2 * LANES + p] = 2.0 * ax * bx, 2.0 * ay * by, 2.0 * az * bz
-        pairs[3 * LANES + p], pairs[4 * LANES + p] = ax * by + bx * ay, ay * bz + by * az
-        pairs[5 * LANES + p] = az * bx + bz * ax
+        products[p], products[LANES + p], products[2 * LANES + p] = 2.0 * ax * bx, 2.0 * ay * by, 2.0 * az * bz
+        products[3 * LANES + p], products[4 * LANES + p] = ax * by + bx * ay, ay * bz + by * az
+        products[5 * LANES + p] = az * bx + bz * ax
     for j in range(5):
         for k in range(5):
             c = stiffness[:, j, k, :]
@@ -38,22 +38,21 @@ def _form(stiffness, a, b, pairs, form):
             first = (5 * j + k) * LANES
             for p in range(LANES):
                 form[first + p] = (
-                    xx * pairs[p]
-                    + yy * pairs[LANES + p]
-                    + zz * pairs[2 * LANES + p]
-                    + xy * pairs[3 * LANES + p]
-                    + yz * pairs[4 * LANES + p]
-                    + zx * pairs[5 * LANES + p]
+                    xx * products[p]
+                    + yy * products[LANES + p]
+                    + zz * products[2 * LANES + p]
+                    + xy * products[3 * LANES + p]
+                    + yz * products[4 * LANES + p]
+                    + zx * products[5 * LANES + p]
                 )
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _inverse(g00, g01, g02, g03, g04, g11, g12, g13, g14, g22, g23, g24, g33, g34, g44):
-    """Return the inverse of a symmetric 5x5 matrix with definite mechanical and electromagnetic blocks of opposite
-    sign.
+    """Return the inverse of a symmetric 5x5 matrix with definite diagonal blocks of opposite sign.
 
-    Of [[A, B], [B^T, D]] it is [[A^-1 + X Y^T, -Y], [-Y^T, S^-1]], X = A^-1 B, S = D - B^T X, Y = X S^-1: A and S are
-    definite. Other matrices may give what is not finite.
+    The inverse of [[A, B], [B^T, D]] is [[A^-1 + X Y^T, -Y], [-Y^T, S^-1]] with X = A^-1 B, S = D - B^T X, Y = X S^-1,
+    where A (mechanical) and S are definite. The result may not be finite for other matrices.
     """
     a00, a01, a02 = g11 * g22 - g12 * g12, g02 * g12 - g01 * g22, g01 * g12 - g02 * g11
     scale = 1.0 / (g00 * a00 + g01 * a01 + g02 * a02)
@@ -120,7 +119,7 @@ def _invert(f, c, s, inverse):
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _multiply(a, b, product):
-    """Fill product (MATRIX,) with those of matrices a and b (MATRIX,)."""
+    """Fill product (MATRIX,) with the products of matrices a and b (MATRIX,)."""
     for i in range(5):
         for j in range(5):
             for p in range(LANES):
@@ -133,7 +132,7 @@ def _multiply(a, b, product):
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _add_angles(forms, first, step, count, with_tangents, total, work):
     """Add to total (3 MATRIX,) the integrands G^-1, cos F, sin F at angles first + k step; work: scratch arrays."""
-    inverse, turned, product = work
+    inverse, rotated, product = work
     for node in range(count):
         angle = first + node * step
         c, s = math.cos(angle), math.sin(angle)
@@ -142,17 +141,17 @@ def _add_angles(forms, first, step, count, with_tangents, total, work):
             total[q] += inverse[q]
         if with_tangents:
             for q in range(MATRIX):
-                turned[q] = c * forms[3 * MATRIX + q] + s * forms[4 * MATRIX + q]
-            _multiply(inverse, turned, product)
-            _multiply(product, inverse, turned)
+                rotated[q] = c * forms[3 * MATRIX + q] + s * forms[4 * MATRIX + q]
+            _multiply(inverse, rotated, product)
+            _multiply(product, inverse, rotated)
             for q in range(MATRIX):
-                total[MATRIX + q] += c * turned[q]
-                total[2 * MATRIX + q] += s * turned[q]
+                total[MATRIX + q] += c * rotated[q]
+                total[2 * MATRIX + q] += s * rotated[q]
 
 
 @njit(cache=True, nogil=True)
 def _compare(total, previous, change, largest):
-    """Fill change and largest (LANES,): of the entries of total, with respect to twice the previous, and themselves."""
+    """Fill change, with respect to twice the previous sum, and largest (LANES,) of the entries of total."""
     change[:] = 0.0
     largest[:] = 0.0
     for first in range(0, len(total), LANES):
@@ -163,47 +162,46 @@ def _compare(total, previous, change, largest):
 
 
 @njit(cache=True, nogil=True)
-def line_integrals(stiffness, triad, points, max_points_per_direction, tolerance, with_tangents):
-    """Return the modulation (n, 3, 15) = H, A, B on triads (n, 3, 3), or H alone, (n, 1, 15), and whether all of them
-    converged.
+def line_integrals(stiffness, triad, points, max_points, tolerance, with_tangents):
+    """Return H, A, B (n, 3, 15) on triads (n, 3, 3), or H alone, (n, 1, 15), and a flag of convergence of all.
 
-    The trapezoidal rule starts with half of points and doubles, keeping its nodes, until it changes by less than the
-    tolerance, relative to the largest entry: each direction for itself.
+    The trapezoidal rule starts with points / 2 nodes and doubles them, reusing the values, until it changes by less
+    than the tolerance, relative to the largest entry. Each direction stops by itself.
     """
     n = triad.shape[0]
-    axes, pairs, forms = np.empty((3, 3 * LANES)), np.empty(6 * LANES), np.empty(5 * MATRIX)
+    axes, products, forms = np.empty((3, 3 * LANES)), np.empty(6 * LANES), np.empty(5 * MATRIX)
     work = (np.empty(MATRIX), np.empty(MATRIX), np.empty(MATRIX))
     change, largest = np.empty(LANES), np.empty(LANES)
-    rows = 3 if with_tangents else 1
-    modulation = np.zeros((n, rows, 15))
-    total = np.empty(rows * MATRIX)
+    n_functions = 3 if with_tangents else 1
+    modulation = np.zeros((n, n_functions, 15))
+    total = np.empty(n_functions * MATRIX)
     for first in range(0, n, LANES):
-        used = min(LANES, n - first)
+        n_used = min(LANES, n - first)
         for p in range(LANES):
             for axis in range(3):
                 for i in range(3):
-                    axes[axis, i * LANES + p] = triad[first + min(p, used - 1), axis, i]
+                    axes[axis, i * LANES + p] = triad[first + min(p, n_used - 1), axis, i]
         for form in range(5 if with_tangents else 3):
-            a, b = FORMS[form]
-            _form(stiffness, axes[a], axes[b], pairs, forms[form * MATRIX : (form + 1) * MATRIX])
+            a, b = FORM_AXES[form]
+            _form(stiffness, axes[a], axes[b], products, forms[form * MATRIX : (form + 1) * MATRIX])
         total[:] = 0.0
         count = points // 2
         step = math.pi / count
         _add_angles(forms, 0.0, step, count, with_tangents, total, work)
-        settled = np.arange(LANES) >= used
-        while not settled.all():
-            if count > max_points_per_direction:
+        converged = np.arange(LANES) >= n_used
+        while not converged.all():
+            if count > max_points:
                 return modulation, False
             previous = total.copy()
             _add_angles(forms, 0.5 * step, step, count, with_tangents, total, work)
             count *= 2
             step *= 0.5
             _compare(total, previous, change, largest)
-            for p in range(used):
-                if not settled[p] and change[p] <= tolerance * largest[p]:
-                    settled[p] = True
-                    for row in range(rows):
+            for p in range(n_used):
+                if not converged[p] and change[p] <= tolerance * largest[p]:
+                    converged[p] = True
+                    for function in range(n_functions):
                         for entry in range(15):
-                            where = row * MATRIX + UPPER[entry] * LANES + p
-                            modulation[first + p, row, entry] = total[where] / count
+                            source = function * MATRIX + UPPER_ENTRIES[entry] * LANES + p
+                            modulation[first + p, function, entry] = total[source] / count
     return modulation, bool(np.isfinite(modulation).all())

@@ -1,9 +1,9 @@
-"""U, T and U,q from the direction-dependent part of a fundamental solution.
+"""U, T and U,q from the direction-dependent part of a fundamental solution, its modulation.
 
-Every fundamental solution here is written, at x = r e with (n, m, e) a right-handed orthonormal triad, as
+At x = r e, with (n, m, e) a right-handed orthonormal triad, every fundamental solution has the form
     4 pi r U = H,    4 pi r^2 U,q = n_q A + m_q B - e_q H,
-with symmetric 5x5 matrices H, A, B of direction alone: A and B are the tangential derivatives of H (eqs. 42, 48, 49).
-They are packed as the 15 entries of the upper triangle, row by row.
+with symmetric 5x5 matrices H, A, B that depend on the direction alone: A and B are the tangential derivatives of H
+(eqs. 42, 48, 49). They are packed as the 15 entries of the upper triangle, row by row.
 """
 
 import math
@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-# A module constant of numpy type is frozen into the compiled code.
+# Module constants of NumPy types are compiled in as constants.
 PACKED = np.array([[0, 1, 2, 3, 4], [1, 5, 6, 7, 8], [2, 6, 9, 10, 11], [3, 7, 10, 12, 13], [4, 8, 11, 13, 14]])
 
 
@@ -27,7 +27,7 @@ def triads(offset):
         length = math.sqrt(x * x + y * y + z * z)
         x, y, z = x / length, y / length, z / length
         distance[point] = scale * length
-        # The axis least aligned with e gives a well-conditioned n.
+        # The axis that is least aligned with e gives a well-conditioned n.
         if abs(x) <= abs(y) and abs(x) <= abs(z):
             nx, ny, nz = 0.0, z, -y
         elif abs(y) <= abs(z):
@@ -45,7 +45,7 @@ def triads(offset):
 
 @njit(cache=True, nogil=True)
 def contract(stiffness, a, b, out):
-    """Return out_JK = C_iJKm a_i b_m, (5, 5), for stiffness (3, 5, 5, 3)."""
+    """Fill out (5, 5) with C_iJKm a_i b_m, for stiffness (3, 5, 5, 3)."""
     for j in range(5):
         for k in range(5):
             total = 0.0
@@ -57,7 +57,7 @@ def contract(stiffness, a, b, out):
 
 @njit(cache=True, nogil=True)
 def displacement_and_traction(stiffness, normal, distance, triad, modulation):
-    """Return U and T (n, 5, 5) of modulation (n, 3, 15) = H, A, B (eqs. 42, 47)."""
+    """Return U and T, (n, 5, 5) each, from the modulation (n, 3, 15) = H, A, B (eqs. 42, 47)."""
     count = distance.shape[0]
     u = np.empty((count, 5, 5))
     t = np.empty((count, 5, 5))
@@ -81,7 +81,7 @@ def displacement_and_traction(stiffness, normal, distance, triad, modulation):
 
 @njit(cache=True, nogil=True)
 def displacement_gradient(distance, triad, modulation):
-    """Return U,q (n, 5, 5, 3) of modulation (n, 3, 15) = H, A, B (eq. 48)."""
+    """Return U,q, (n, 5, 5, 3), from the modulation (n, 3, 15) = H, A, B (eq. 48)."""
     gradient = np.empty((distance.shape[0], 5, 5, 3))
     for point in range(distance.shape[0]):
         r = distance[point]

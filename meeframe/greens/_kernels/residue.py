@@ -1,4 +1,4 @@
-"""Explicit fundamental solution: residues at the five upper Stroh eigenvalues (eqs. 43-54)."""
+"""The explicit fundamental solution, by residues at the five upper Stroh eigenvalues (eqs. 43-54)."""
 
 import math
 
@@ -7,10 +7,10 @@ from numba import njit
 
 from meeframe.greens._kernels.modulation import PACKED, contract
 
-SAMPLES = 16
-TERMS = 9
-UNIT = np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)
-OTHERS = np.array([[j for j in range(5) if j != i] for i in range(5)])
+N_SAMPLES = 16
+N_TERMS = 9
+ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(N_SAMPLES) / N_SAMPLES)
+COMPLEMENT = np.array([[j for j in range(5) if j != i] for i in range(5)])
 
 
 @njit(cache=True, nogil=True)
@@ -28,9 +28,9 @@ def characteristic_forms(stiffness, triad):
 
 @njit(cache=True, nogil=True)
 def _cofactor(matrix, i, j):
-    """Return the cofactor of a 5x5 matrix, by the 2x2 minors of two pairs of rows."""
-    a, b, c, d = matrix[OTHERS[i, 0]], matrix[OTHERS[i, 1]], matrix[OTHERS[i, 2]], matrix[OTHERS[i, 3]]
-    w, x, y, z = OTHERS[j, 0], OTHERS[j, 1], OTHERS[j, 2], OTHERS[j, 3]
+    """Return a cofactor of a 5x5 matrix, from 2x2 minors."""
+    a, b, c, d = matrix[COMPLEMENT[i, 0]], matrix[COMPLEMENT[i, 1]], matrix[COMPLEMENT[i, 2]], matrix[COMPLEMENT[i, 3]]
+    w, x, y, z = COMPLEMENT[j, 0], COMPLEMENT[j, 1], COMPLEMENT[j, 2], COMPLEMENT[j, 3]
     value = (
         (a[w] * b[x] - a[x] * b[w]) * (c[y] * d[z] - c[z] * d[y])
         - (a[w] * b[y] - a[y] * b[w]) * (c[x] * d[z] - c[z] * d[x])
@@ -44,38 +44,38 @@ def _cofactor(matrix, i, j):
 
 @njit(cache=True, nogil=True)
 def _adjugate(forms, roots, coefficients):
-    """Return the coefficients (15, 9) of w^4 adj(G) and the constant of det(G), from samples on the unit circle.
+    """Fill coefficients (15, 9) of w^4 adj(G) and return the constant of det(G), from samples on the unit circle.
 
     With p = tan(angle) and w = exp(2 i angle) real directions z = cos n + sin m lie on the unit circle, where G(z) is
     real, adj(G) = w^-4 (polynomial of degree 8) and det(G) = constant w^-5 prod (w - w_i)(1 - conj(w_i) w).
     """
     coefficients[:] = 0.0
     constant = 0.0
-    for sample in range(SAMPLES):
-        angle = math.pi * sample / SAMPLES
+    for sample in range(N_SAMPLES):
+        angle = math.pi * sample / N_SAMPLES
         c, s = math.cos(angle), math.sin(angle)
         matrix = (c * c) * forms[0] + (c * s) * forms[1] + (s * s) * forms[2]
         determinant = 0.0
         for i in range(5):
             for j in range(i, 5):
                 value = _cofactor(matrix, i, j)
-                for k in range(TERMS):
-                    coefficients[PACKED[i, j], k] += value * UNIT[((4 - k) * sample) % SAMPLES] / SAMPLES
+                for k in range(N_TERMS):
+                    coefficients[PACKED[i, j], k] += value * ROOTS_OF_UNITY[((4 - k) * sample) % N_SAMPLES] / N_SAMPLES
                 if i == 0:
                     determinant += matrix[0, j] * value
         for root in roots:
-            determinant /= abs(UNIT[sample] - root) ** 2
-        constant += determinant / SAMPLES
+            determinant /= abs(ROOTS_OF_UNITY[sample] - root) ** 2
+        constant += determinant / N_SAMPLES
     return constant
 
 
 @njit(cache=True, nogil=True)
 def _moments(nodes, roots, repeat, vector, moments):
-    """Return the divided differences at nodes (N,) of w^k / prod (1 - conj(root) w)^repeat for all k of moments.
+    """Fill moments with the divided differences at nodes (N,) of w^k / prod (1 - conj(root) w)^repeat, for all k.
 
-    By Opitz' theorem the divided difference of f at nodes z is the last entry of the first row of f(Z), Z with z on its
-    diagonal and ones above. It is the sum of residues of f / prod (w - z) whether nodes coincide or not, and its
-    evaluation divides by no difference of nodes.
+    By the theorem of Opitz, the divided difference of f at nodes z is the last entry of the first row of f(Z), where Z
+    has z on its diagonal and ones above it. It is the sum of residues of f / prod (w - z) even if nodes coincide, and
+    its evaluation does not divide by differences of nodes.
     """
     last = nodes.shape[0] - 1
     vector[: last + 1] = 0.0
@@ -94,16 +94,16 @@ def _moments(nodes, roots, repeat, vector, moments):
 
 @njit(cache=True, nogil=True)
 def _double_residues(adjugate, moments, double):
-    """Return M_ijPKMN of eq. 50 times the squared constant, as (3, 15, 15): nn, nm and mm of eq. 52, then PK and MN
-    packed.
+    """Fill double (3, 15, 15) with M_ijPKMN of eq. 50 times the squared constant.
 
-    Only MN >= PK is computed, and three of the nine ij (eqs. 53, 54).
+    The indices are nn, nm and mm of eq. 52, then PK and MN, packed. Only MN >= PK and three of the nine ij are computed
+    (eqs. 53, 54).
     """
-    weighted = np.empty((3, TERMS), np.complex128)
+    weighted = np.empty((3, N_TERMS), np.complex128)
     for pk in range(15):
-        for b in range(TERMS):
+        for b in range(N_TERMS):
             x0, x1, x2 = 0.0j, 0.0j, 0.0j
-            for a in range(TERMS):
+            for a in range(N_TERMS):
                 x0 += adjugate[pk, a] * moments[a + b]
                 x1 += adjugate[pk, a] * moments[a + b + 1]
                 x2 += adjugate[pk, a] * moments[a + b + 2]
@@ -114,14 +114,14 @@ def _double_residues(adjugate, moments, double):
         for mn in range(pk, 15):
             for form in range(3):
                 total = 0.0
-                for b in range(TERMS):
+                for b in range(N_TERMS):
                     total += (weighted[form, b] * adjugate[mn, b]).real
                 double[form, pk, mn] = double[form, mn, pk] = total
 
 
 @njit(cache=True, nogil=True)
 def _tangents(stiffness, triad, double, scale, modulation):
-    """Return a and B (15,) into modulation[1:] from M (eq. 49 less its first term, along n and m)."""
+    """Fill modulation[1:] with A and B (15,) from M (eq. 49 without its first term, along n and m)."""
     along_n, along_m = np.empty((5, 5)), np.empty((5, 5))
     contract(stiffness, triad[0], triad[2], along_n)
     contract(stiffness, triad[1], triad[2], along_m)
@@ -140,21 +140,20 @@ def _tangents(stiffness, triad, double, scale, modulation):
 
 @njit(cache=True, nogil=True)
 def residue_modulation(stiffness, triad, forms, eigenvalues):
-    """Return the modulation (n, 3, 15) = H, A, B on triads (n, 3, 3) from forms (n, 3, 5, 5) and upper eigenvalues (n,
-    5)."""
+    """Return H, A, B (n, 3, 15) on triads (n, 3, 3) from forms (n, 3, 5, 5) and upper eigenvalues (n, 5)."""
     n = triad.shape[0]
     modulation = np.empty((n, 3, 15))
-    adjugate = np.empty((15, TERMS), np.complex128)
+    adjugate = np.empty((15, N_TERMS), np.complex128)
     double = np.empty((3, 15, 15))
     nodes, vector = np.empty(10, np.complex128), np.empty(10, np.complex128)
-    single_moments, double_moments = np.empty(TERMS, np.complex128), np.empty(2 * TERMS + 1, np.complex128)
+    single_moments, double_moments = np.empty(N_TERMS, np.complex128), np.empty(2 * N_TERMS + 1, np.complex128)
     for point in range(n):
         roots = (1j - eigenvalues[point]) / (1j + eigenvalues[point])
         constant = _adjugate(forms[point], roots, adjugate)
         _moments(roots, roots, 1, vector, single_moments)
         for entry in range(15):
             total = 0.0
-            for k in range(TERMS):
+            for k in range(N_TERMS):
                 total += (adjugate[entry, k] * single_moments[k]).real
             modulation[point, 0, entry] = total / constant
         for k in range(5):

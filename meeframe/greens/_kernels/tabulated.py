@@ -1,12 +1,12 @@
-"""Piecewise polynomial fundamental solution on the three pairs of faces of a cube.
+"""Piecewise polynomial fundamental solution on the faces of a cube, opposite ones taken together.
 
 On the faces |x_a| = max |x|, with u = x_b / x_a and v = x_c / x_a in [-1, 1] and (a, b, c) cyclic,
     4 pi |x_a| U = G(u, v),
 so that with s = x_a |x_a|
     4 pi s U,b = G_u,   4 pi s U,c = G_v,   4 pi s U,a = -(G + u G_u + v G_v).
 G is a polynomial of total degree 8 in the local coordinates s, t of each of cells x cells squares a face. The table
-(3 cells^2, 45 * 16) holds its coefficients: of s^(8 - i) t^(i - j) in row i (i + 1) / 2 + j, of 16 columns: the packed
-upper triangle and one of padding.
+(3 cells^2, 45 * 16) holds its coefficients: that of s^(8 - i) t^(i - j) in row i (i + 1) / 2 + j of 16 columns, which
+are the packed upper triangle and one column of padding.
 """
 
 import math
@@ -21,24 +21,25 @@ DEGREE = 8
 WIDTH = 16
 # Points of one cell that are interpolated together, and points whose tractions are computed together.
 LANES, BLOCK = 8, 32
-# From so many points of one cell on it pays to interpolate them together, though some lanes stay idle.
-FEW = 5
-WIDE = BLOCK + LANES
-# Points sorted together: enough for one or two in each cell, few enough for their packed results (0.66 MB) to stay in a
-# second-level cache of 1 MiB, where that is so large, until they are written out in order.
+# Least number of points of one cell that are interpolated together, even if some lanes are idle.
+MIN_BATCH = 5
+PADDED_BLOCK = BLOCK + LANES
+# Points that are sorted together: enough for one or two in each cell, and few enough for their packed results (0.66 MB)
+# to stay in a second-level cache of 1 MiB until they are written in order.
 CHUNK = 2048
-FLAT = PACKED.ravel()
+PACKED_FLAT = PACKED.ravel()
 N_PACKED = 15
-# Doubles of one point's U, packed, and T: five lines of cache. Those of so many points ahead are fetched.
-ROW, LINE, AHEAD = N_PACKED + 25, 8, 8
+# Doubles of U, packed, and T of one point (five cache lines), doubles of a cache line, and the number of points by
+# which results are prefetched.
+POINT_WIDTH, CACHE_LINE, PREFETCH_DISTANCE = N_PACKED + 25, 8, 8
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _face(x, y, z):
     """Return the face number, x_a, u and v of an offset.
 
-    The choices are written so that the compiler makes vectors of them in a loop over points: branches would be guessed
-    wrong at most points.
+    The conditions are written so that the compiler vectorises them in a loop over points; branches would be predicted
+    wrongly at most points.
     """
     ax, ay, az = abs(x), abs(y), abs(z)
     first, second = (ax >= ay) & (ax >= az), ay >= az
@@ -51,29 +52,30 @@ def _face(x, y, z):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cell(coordinate, cells):
-    """Return the cell along one parameter in [-1, 1]; a valid one for NaN too."""
+    """Return the cell number along one parameter in [-1, 1], a valid number for NaN, too."""
     return max(0, min(int(0.5 * (coordinate + 1.0) * cells), cells - 1))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _local(coordinate, number, cells):
-    """Return where in [-1, 1] of a cell along one parameter a coordinate lies."""
+    """Return the local coordinate in [-1, 1] within a cell, along one parameter."""
     return (coordinate + 1.0) * cells - (2 * number + 1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sort_by_cell(offset, cells, place, key, order):
-    """Fill place (3, n): x_a, u, v; key (n,): cells of the table; order (n,): point numbers ordered by cell.
+def sort_by_cell(offset, cells, coordinates, key, order):
+    """Sort points by cell and return the bounds of the three faces in that order, (4,).
 
-    Returns the bounds of the three faces in that order, (4,).
+    Fills coordinates (3, n) with x_a, u, v; key (n,) with cells of the table; order (n,) with point numbers ordered by
+    cell.
     """
     n = offset.shape[0]
     start = np.zeros(3 * cells * cells + 1, np.int64)
-    # A step of three that the compiler knows: it would make vectors for rows of one alone.
+    # With a constant step of three the compiler vectorises the loop; with rows it would do so for a step of one only.
     flat = offset.ravel()
     for point in range(n):
         face, xa, u, v = _face(flat[3 * point], flat[3 * point + 1], flat[3 * point + 2])
-        place[0, point], place[1, point], place[2, point] = xa, u, v
+        coordinates[0, point], coordinates[1, point], coordinates[2, point] = xa, u, v
         key[point] = (face * cells + _cell(u, cells)) * cells + _cell(v, cells)
     for point in range(n):
         start[key[point] + 1] += 1
@@ -90,8 +92,8 @@ def sort_by_cell(offset, cells, place, key, order):
 def horner(table, cell, column, s, t):
     """Return G, G_s, G_t of one column at local coordinates s, t of one cell of the table, by Horner's rule in both.
 
-    The bounds of the inner loop are constants: in a loop over the columns the compiler unrolls it and makes vectors of
-    them. Zeros with which the rule would begin are left out.
+    The inner loop has constant bounds, so that in a loop over the columns the compiler unrolls it and vectorises over
+    the columns. The zeros at the start of the rule are left out.
     """
     g_s = table[cell, column]
     g_t = table[cell, column + WIDTH]
@@ -120,7 +122,7 @@ def _interpolate(table, cell, s, t, value):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def locate(x, y, z, cells):
-    """Return the face, x_a, u, v, cell of the table and local coordinates in it, of an offset."""
+    """Return face, x_a, u, v, cell of the table and local coordinates s, t of an offset."""
     face, xa, u, v = _face(x, y, z)
     i, j = _cell(u, cells), _cell(v, cells)
     return face, xa, u, v, (face * cells + i) * cells + j, _local(u, i, cells), _local(v, j, cells)
@@ -128,19 +130,18 @@ def locate(x, y, z, cells):
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _interpolate_lanes(table, cell, s, t, first, values):
-    """Interpolate at LANES points of one cell with s, t (LANES,), into columns first... of values (see _block)."""
+    """Interpolate at LANES points of one cell with s, t (LANES,) into values (see _block) from column `first` on."""
     for column in range(N_PACKED):
         out = values[column, first:]
-        # A length that the compiler does not know: it would unroll a short loop and make no vectors.
+        # The compiler must not know this length: it would unroll a short loop instead of vectorising it.
         for p in range(len(s)):
-            out[p], out[WIDE + p], out[2 * WIDE + p] = horner(table, cell, column, s[p], t[p])
+            out[p], out[PADDED_BLOCK + p], out[2 * PADDED_BLOCK + p] = horner(table, cell, column, s[p], t[p])
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
-def _row(c, o, place):
-    """Return the factors of G, G_u, G_v in T for one J and M, from c[o], ..., c[o + 8]: C_iJMl as [3 k + i]; see
-    tractions."""
-    x, y, z, u, v = place
+def _traction_factors(c, o, coordinates):
+    """Return the factors of G, G_u, G_v in T for one J and M, with C_iJMl in c[o], ..., c[o + 8] as [3 k + i]."""
+    x, y, z, u, v = coordinates
     along = c[o] * x + c[o + 1] * y + c[o + 2] * z
     return (
         -along,
@@ -150,8 +151,8 @@ def _row(c, o, place):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
-def _product(k, values, p, factors):
-    """Return the row k of a packed symmetric matrix, with its entries in column p of values, times factors."""
+def _packed_product(k, values, p, factors):
+    """Return row k of a packed symmetric matrix, with entries in column p of values, times factors."""
     return (
         factors[0] * values[PACKED[k, 0], p]
         + factors[1] * values[PACKED[k, 1], p]
@@ -162,93 +163,93 @@ def _product(k, values, p, factors):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
-def _entry(k, values, p, scale, slope, a, b, c):
+def _traction_entry(k, values, p, scale, slope, a, b, c):
     """Return T_JK of one J at point p, from the factors of G, G_u, G_v."""
-    steep = _product(k, values, WIDE + p, b) + _product(k, values, 2 * WIDE + p, c)
-    return scale * _product(k, values, p, a) + slope * steep
+    steep = _packed_product(k, values, PADDED_BLOCK + p, b) + _packed_product(k, values, 2 * PADDED_BLOCK + p, c)
+    return scale * _packed_product(k, values, p, a) + slope * steep
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def tractions(coefficients, place, values, traction):
-    """Return T into traction (5, 5 blocks) of one block of points on one face; the points run fastest.
+def tractions(coefficients, point_data, values, traction):
+    """Fill traction (5, 5 BLOCK) with T at one block of points on one face; the points run fastest.
 
-    coefficients (225,): C_iJMl as [J, M, 3 k + i] with l = a, b, c for k = 0, 1, 2; place (7, BLOCK): normal, u, v,
-    1 / (4 pi s) and that times cells; values: see _block. No inner loop: with one the compiler makes no vectors.
+    coefficients (225,): C_iJMl as [J, M, 3 k + i] with l = a, b, c for k = 0, 1, 2; point_data (7, BLOCK): normal, u,
+    v, 1 / (4 pi s) and that times cells; values: see _block. The compiler vectorises only without an inner loop.
     """
     for j in range(5):
         o = 45 * j
         out = traction[j]
         for p in range(BLOCK):
-            here = place[0, p], place[1, p], place[2, p], place[3, p], place[4, p]
-            a0, b0, c0 = _row(coefficients, o, here)
-            a1, b1, c1 = _row(coefficients, o + 9, here)
-            a2, b2, c2 = _row(coefficients, o + 18, here)
-            a3, b3, c3 = _row(coefficients, o + 27, here)
-            a4, b4, c4 = _row(coefficients, o + 36, here)
+            point = point_data[0, p], point_data[1, p], point_data[2, p], point_data[3, p], point_data[4, p]
+            a0, b0, c0 = _traction_factors(coefficients, o, point)
+            a1, b1, c1 = _traction_factors(coefficients, o + 9, point)
+            a2, b2, c2 = _traction_factors(coefficients, o + 18, point)
+            a3, b3, c3 = _traction_factors(coefficients, o + 27, point)
+            a4, b4, c4 = _traction_factors(coefficients, o + 36, point)
             a, b, c = (a0, a1, a2, a3, a4), (b0, b1, b2, b3, b4), (c0, c1, c2, c3, c4)
-            scale, slope = place[5, p], place[6, p]
-            out[p] = _entry(0, values, p, scale, slope, a, b, c)
-            out[BLOCK + p] = _entry(1, values, p, scale, slope, a, b, c)
-            out[2 * BLOCK + p] = _entry(2, values, p, scale, slope, a, b, c)
-            out[3 * BLOCK + p] = _entry(3, values, p, scale, slope, a, b, c)
-            out[4 * BLOCK + p] = _entry(4, values, p, scale, slope, a, b, c)
+            scale, slope = point_data[5, p], point_data[6, p]
+            out[p] = _traction_entry(0, values, p, scale, slope, a, b, c)
+            out[BLOCK + p] = _traction_entry(1, values, p, scale, slope, a, b, c)
+            out[2 * BLOCK + p] = _traction_entry(2, values, p, scale, slope, a, b, c)
+            out[3 * BLOCK + p] = _traction_entry(3, values, p, scale, slope, a, b, c)
+            out[4 * BLOCK + p] = _traction_entry(4, values, p, scale, slope, a, b, c)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _prefetch(array, begin, end):
-    """Fetch entries begin to end of a contiguous array, counted flat, while others are in use."""
-    for entry in range(begin, end, LINE):
+    """Prefetch the flat entries begin to end of a contiguous array."""
+    for entry in range(begin, end, CACHE_LINE):
         prefetch(array, entry)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _block(table, cells, points, following, place, key, normal, work):
-    """Evaluate G at up to BLOCK points of one face, points (b,) of place and key (see sort_by_cell) and normal.
+def _block(table, cells, points, next_cell, coordinates, key, normal, work):
+    """Evaluate G at up to BLOCK points of one face, points (b,) of coordinates and key (see sort_by_cell) and normal.
 
-    following: cell of the point after these, -1 if there is none. Fills work: local (2, WIDE) with s, t; near
-    (7, BLOCK), see tractions; values (16, 3 WIDE): of each column G, G_s, G_t at all points. Columns beyond those used
-    hold old points: finite, and not written out.
+    next_cell: cell of the point after these, -1 if there is none. Fills work: local (2, PADDED_BLOCK) with s, t;
+    point_data (7, BLOCK), see tractions; values (16, 3 PADDED_BLOCK): G, G_s, G_t of each column at all points. Unused
+    columns hold earlier points, which are finite and not written.
     """
-    local, near, values, value = work
+    local, point_data, values, value = work
     for p in range(len(points)):
         point = points[p]
-        xa, u, v = place[0, point], place[1, point], place[2, point]
+        xa, u, v = coordinates[0, point], coordinates[1, point], coordinates[2, point]
         local[0, p] = _local(u, _cell(u, cells), cells)
         local[1, p] = _local(v, _cell(v, cells), cells)
         for axis in range(3):
-            near[axis, p] = normal[point, axis]
-        near[3, p], near[4, p] = u, v
-        near[5, p] = 0.25 / (math.pi * xa * abs(xa))
-        near[6, p] = cells * near[5, p]
+            point_data[axis, p] = normal[point, axis]
+        point_data[3, p], point_data[4, p] = u, v
+        point_data[5, p] = 0.25 / (math.pi * xa * abs(xa))
+        point_data[6, p] = cells * point_data[5, p]
     p = 0
     while p < len(points):
         cell = key[points[p]]
-        # Points without order seldom come so many to a cell, those of an assembly mostly do: a good guess either way.
-        together = p + FEW <= len(points) and key[points[p + FEW - 1]] == cell
-        end = p + (FEW if together else 1)
-        while together and end < min(p + LANES, len(points)) and key[points[end]] == cell:
+        # Unordered points rarely have so many in a cell, those of an assembly mostly do: the branch predicts well.
+        batched = p + MIN_BATCH <= len(points) and key[points[p + MIN_BATCH - 1]] == cell
+        end = p + (MIN_BATCH if batched else 1)
+        while batched and end < min(p + LANES, len(points)) and key[points[end]] == cell:
             end += 1
-        ahead = key[points[end]] if end < len(points) else following
-        if ahead >= 0 and ahead != cell:
-            # Sorted points seldom find the coefficients of the next cell near the processor.
-            _prefetch(table, ahead * table.shape[1], (ahead + 1) * table.shape[1])
-        if together:
-            # Idle lanes fill columns of points that follow, before these do.
+        upcoming = key[points[end]] if end < len(points) else next_cell
+        if upcoming >= 0 and upcoming != cell:
+            # The coefficients of the next cell of sorted points are rarely in the caches.
+            _prefetch(table, upcoming * table.shape[1], (upcoming + 1) * table.shape[1])
+        if batched:
+            # Idle lanes write into columns of later points, which overwrite them.
             _interpolate_lanes(table, cell, local[0, p : p + LANES], local[1, p : p + LANES], p, values)
         else:
             _interpolate(table, cell, local[0, p], local[1, p], value)
             for q in range(N_PACKED):
                 values[q, p] = value[q]
-                values[q, WIDE + p] = value[WIDTH + q]
-                values[q, 2 * WIDE + p] = value[2 * WIDTH + q]
+                values[q, PADDED_BLOCK + p] = value[WIDTH + q]
+                values[q, 2 * PADDED_BLOCK + p] = value[2 * WIDTH + q]
         p = end
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pack(points, place, values, traction, packed):
-    """Return the results of a block of points (see _block, tractions) as rows of packed (b, 40): U, packed, and T."""
+def _pack(points, coordinates, values, traction, packed):
+    """Write U, packed, and T of a block of points (see _block, tractions) into rows of packed (b, 40)."""
     for p in range(len(points)):
-        scale = 0.25 / (math.pi * abs(place[0, points[p]]))
+        scale = 0.25 / (math.pi * abs(coordinates[0, points[p]]))
         for q in range(N_PACKED):
             packed[p, q] = scale * values[q, p]
         for q in range(25):
@@ -256,70 +257,73 @@ def _pack(points, place, values, traction, packed):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _write(points, place, values, traction, u_out, t_out):
-    """Return the results of a block of points into their rows of U and T (n, 25): fastest where all of these are in
-    the caches."""
+def _write(points, coordinates, values, traction, u_out, t_out):
+    """Write U and T of a block of points into rows of the results (n, 25); fastest if these are in the caches."""
     for p in range(len(points)):
         point = points[p]
-        scale = 0.25 / (math.pi * abs(place[0, point]))
+        scale = 0.25 / (math.pi * abs(coordinates[0, point]))
         for q in range(25):
-            u_out[point, q] = scale * values[FLAT[q], p]
+            u_out[point, q] = scale * values[PACKED_FLAT[q], p]
         for q in range(25):
             t_out[point, q] = traction[q // 5, BLOCK * (q % 5) + p]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _write_in_order(packed, order, row_of, u_out, t_out):
-    """Write U and T (n, 25) from rows of packed of the points in that order (n,); fills row_of (n,), its inverse.
+def _write_in_order(packed, order, row_number, u_out, t_out):
+    """Write U and T (n, 25) from packed, whose rows are the points of order (n,); fill row_number (n,), its inverse.
 
-    Written in the order of the points, whole lines one after the other: memory takes those much faster than rows here
-    and there, which it would have to read first.
+    The results are written in the order of the points, complete lines one after the other. That is much faster than
+    scattered rows, which memory would have to read first.
     """
     n = len(order)
     for row in range(n):
-        row_of[order[row]] = row
+        row_number[order[row]] = row
     for point in range(n):
-        ahead = ROW * row_of[min(point + AHEAD, n - 1)]
-        _prefetch(packed, ahead, ahead + ROW)
-        found = packed[row_of[point]]
+        upcoming = POINT_WIDTH * row_number[min(point + PREFETCH_DISTANCE, n - 1)]
+        _prefetch(packed, upcoming, upcoming + POINT_WIDTH)
+        result = packed[row_number[point]]
         for q in range(25):
-            u_out[point, q] = found[FLAT[q]]
+            u_out[point, q] = result[PACKED_FLAT[q]]
         for q in range(25):
-            t_out[point, q] = found[N_PACKED + q]
+            t_out[point, q] = result[N_PACKED + q]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
-    """Write U and T (n, 25) for offset (n, 3), normal (n, 3); coefficients (3, 225) per face as in tractions."""
+    """Write U and T (n, 25) for offset and normal (n, 3); coefficients (3, 225): for each face as in tractions."""
     n = offset.shape[0]
-    room = min(n, CHUNK)
-    place, key, packed = np.empty((3, room)), np.empty(room, np.int32), np.empty((room if n > room else 0, ROW))
-    order, row_of = np.empty((2, room), np.int32)
-    near, values, traction = np.zeros((7, BLOCK)), np.zeros((WIDTH, 3 * WIDE)), np.empty((5, 5 * BLOCK))
-    work = np.zeros((2, WIDE)), near, values, np.empty(3 * WIDTH)
+    capacity = min(n, CHUNK)
+    coordinates, key, packed = (
+        np.empty((3, capacity)),
+        np.empty(capacity, np.int32),
+        np.empty((capacity if n > capacity else 0, POINT_WIDTH)),
+    )
+    order, row_number = np.empty((2, capacity), np.int32)
+    point_data, values, traction = np.zeros((7, BLOCK)), np.zeros((WIDTH, 3 * PADDED_BLOCK)), np.empty((5, 5 * BLOCK))
+    work = np.zeros((2, PADDED_BLOCK)), point_data, values, np.empty(3 * WIDTH)
     for begin in range(0, n, CHUNK):
-        part = slice(begin, min(begin + CHUNK, n))
-        # They are needed in another order, in which the processor cannot foresee them.
-        _prefetch(normal, 3 * part.start, 3 * part.stop)
-        bounds = sort_by_cell(offset[part], cells, place, key, order)
+        chunk = slice(begin, min(begin + CHUNK, n))
+        # The normals are needed in sorted order, which the hardware cannot predict.
+        _prefetch(normal, 3 * chunk.start, 3 * chunk.stop)
+        bounds = sort_by_cell(offset[chunk], cells, coordinates, key, order)
         for face in range(3):
             for first in range(bounds[face], bounds[face + 1], BLOCK):
                 last = min(first + BLOCK, bounds[face + 1])
                 points = order[first:last]
-                following = key[order[last]] if last < bounds[3] else -1
-                _block(table, cells, points, following, place, key, normal[part], work)
-                tractions(coefficients[face], near, values, traction)
-                if n > room:
-                    _pack(points, place, values, traction, packed[first:])
+                next_cell = key[order[last]] if last < bounds[3] else -1
+                _block(table, cells, points, next_cell, coordinates, key, normal[chunk], work)
+                tractions(coefficients[face], point_data, values, traction)
+                if n > capacity:
+                    _pack(points, coordinates, values, traction, packed[first:])
                 else:
-                    _write(points, place, values, traction, u_out, t_out)
-        if n > room:
-            _write_in_order(packed, order[: part.stop - part.start], row_of, u_out[part], t_out[part])
+                    _write(points, coordinates, values, traction, u_out, t_out)
+        if n > capacity:
+            _write_in_order(packed, order[: chunk.stop - chunk.start], row_number, u_out[chunk], t_out[chunk])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gradient(table, cells, offset):
-    """Return U,q (n, 5, 5, 3) for offset (n, 3)."""
+    """Return U,q, (n, 5, 5, 3), for offset (n, 3)."""
     n = offset.shape[0]
     out = np.empty((n, 5, 5, 3))
     value = np.empty(3 * WIDTH)

@@ -7,6 +7,8 @@ part, and of their loads only what these cause a few places around: everything e
 import numpy as np
 from numba import njit
 
+NORMAL = 2
+"""Column of the normal displacement and traction, before those of the potentials."""
 FRACTION_STEPS = 3
 """Secant steps for a closed fraction: the gap is nearly linear in it."""
 
@@ -58,40 +60,43 @@ def _differs(pressed, i, j, k, m, periodic):
 def relax_edge(
     number, places, periodic, responses, conducting, insulating, slips, load, ahead, contact_fraction, sweeps, settled
 ):
-    """Sweeps to and fro over m nodes, each of which is given the load at which it satisfies the laws beside the others.
+    """Sweep to and fro over m nodes; give each the load at which it satisfies the laws beside the others.
 
-    number: (nx, ny) of the nodes at their places (m, 2), -1 of the others; responses: (2 s + 1, 2 s + 1, 5, 5) of a
-    node to the load of another, by the places from that to this one; conducting, insulating: (m, 2) transmissivities
-    when closed and open; slips: (m,) whose tangential load follows the pressure; load (m, 5), ahead (m, 5) of the
-    indenter over the body, but for its tangential part, and closed (m,) are changed; settled: a sweep that does no more
-    of the work of the greatest one is the last.
+    number: (nx, ny) of the nodes at their places (m, 2), -1 of the others; responses: (2 s + 1, 2 s + 1, fields,
+    fields) of a node to the load of another, by the places from that to this one; conducting, insulating: (m, channels)
+    transmissivities when closed and open; slips: (m,) whose tangential load follows the pressure; load (m, fields),
+    ahead (m, fields) of the indenter over the body, but for its tangential part, and contact_fraction (m,) are changed;
+    settled: a sweep that does no more of the work of the greatest one is the last.
     """
     nx, ny = number.shape
+    n_fields = load.shape[1]
+    n_channels = n_fields - NORMAL - 1
     reach = responses.shape[0] // 2
     own = responses[reach, reach]
-    rest, change, found = np.empty(3), np.empty(5), np.empty(4)
+    rest, change = np.empty(n_channels + 1), np.empty(n_fields)
+    found, work_space = np.empty(n_channels + 2), np.zeros((n_channels + 4, n_channels + 1))
     first = 0.0
     for sweep in range(sweeps):
         work = 0.0
         for turn in range(len(places)):
             node = turn if sweep % 2 == 0 else len(places) - 1 - turn
             mine = load[node]
-            for row in range(3):
-                rest[row] = ahead[node, 2 + row]
-                for column in range(2, 5):
-                    rest[row] += own[2 + row, column] * mine[column]
-            alone(rest, own, conducting[node], insulating[node], contact_fraction[node] == 0.0, found)
-            contact_fraction[node] = found[3]
-            for field in range(3):
-                change[2 + field] = found[field] - mine[2 + field]
+            for row in range(n_channels + 1):
+                rest[row] = ahead[node, NORMAL + row]
+                for column in range(NORMAL, n_fields):
+                    rest[row] += own[NORMAL + row, column] * mine[column]
+            alone(rest, own, conducting[node], insulating[node], contact_fraction[node] == 0.0, found, work_space)
+            contact_fraction[node] = found[n_channels + 1]
+            for row in range(n_channels + 1):
+                change[NORMAL + row] = found[row] - mine[NORMAL + row]
             part = 0.0
             if found[0] == 0.0:
                 part = -1.0
-            elif slips[node] and mine[2] < 0.0:
-                part = found[0] / mine[2] - 1.0
+            elif slips[node] and mine[NORMAL] < 0.0:
+                part = found[0] / mine[NORMAL] - 1.0
             change[0], change[1] = part * mine[0], part * mine[1]
             done = 0.0
-            for field in range(5):
+            for field in range(n_fields):
                 mine[field] += change[field]
                 done += own[field, field] * change[field] ** 2
             if done == 0.0:
@@ -104,9 +109,9 @@ def relax_edge(
                         k, m = k % nx, m % ny
                     if 0 <= k < nx and 0 <= m < ny and number[k, m] >= 0:
                         other, response = ahead[number[k, m]], responses[reach + di, reach + dj]
-                        for column in range(5):
+                        for column in range(n_fields):
                             if change[column] != 0.0:
-                                for row in range(2, 5):  # nobody asks for the others
+                                for row in range(NORMAL, n_fields):  # the tangential ones are not used
                                     other[row] -= response[row, column] * change[column]
         first = max(first, work)
         if work <= settled * first:
@@ -114,47 +119,70 @@ def relax_edge(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def alone(rest, own, conducting, insulating, opened, found):
-    """Pressure, fluxes and closed fraction, found (4,), of a node ahead by `rest` (3,) without them.
+def alone(rest, own, conducting, insulating, opened, found, work_space):
+    """Find pressure, fluxes and contact fraction, found (channels + 2,), of a node ahead by `rest` without them.
 
-    An open node that may stay open does so, since both may satisfy the laws. Where an insulated node overlaps and a
-    conducting one is apart, the fraction is that at which they touch.
+    rest: (channels + 1,) normal and of the potentials; work_space: (channels + 4, channels + 1), its last row
+    zero. An open node that may
+    stay open does so, since both may satisfy the laws. Where an insulated node overlaps and a conducting one is apart,
+    the fraction is that at which they touch.
     """
-    electric, magnetic = fluxes(rest, own, insulating, 0.0)
-    apart = rest[0] - own[2, 3] * electric - own[2, 4] * magnetic
-    found[0], found[1], found[2], found[3] = 0.0, electric, magnetic, 0.0
+    n_channels = len(rest) - 1
+    equations, nothing = work_space[:n_channels], work_space[n_channels + 3]
+    flux, change, between = work_space[n_channels], work_space[n_channels + 1], work_space[n_channels + 2]
+    apart = gap_of_fluxes(rest, own, insulating, 0.0, flux, equations)
+    found[0], found[n_channels + 1] = 0.0, 0.0
+    for k in range(n_channels):
+        found[1 + k] = flux[k]
     if opened and apart >= 0.0:
         return
-    electric, magnetic = fluxes(rest, own, conducting, 0.0)
-    shut = rest[0] - own[2, 3] * electric - own[2, 4] * magnetic
+    shut = gap_of_fluxes(rest, own, conducting, 0.0, flux, equations)
     if shut < 0.0:
-        with_electric, with_magnetic = fluxes(rest, own, conducting, 1.0)
-        softness = own[2, 2] + own[2, 3] * (with_electric - electric) + own[2, 4] * (with_magnetic - magnetic)
-        pressure = shut / softness
-        found[0], found[3] = pressure, 1.0
-        found[1] = electric + (with_electric - electric) * pressure
-        found[2] = magnetic + (with_magnetic - magnetic) * pressure
+        pressed = gap_of_fluxes(nothing, own, conducting, 1.0, change, equations)
+        pressure = shut / (own[NORMAL, NORMAL] - pressed)
+        found[0], found[n_channels + 1] = pressure, 1.0
+        for k in range(n_channels):
+            found[1 + k] = flux[k] + change[k] * pressure
     elif apart < 0.0:
-        low, high, between = 0.0, 1.0, np.empty(2)
+        low, high, fraction = 0.0, 1.0, 0.0
         for _ in range(FRACTION_STEPS):
             fraction = low - apart * (high - low) / (shut - apart)
-            for k in range(2):
+            for k in range(n_channels):
                 between[k] = insulating[k] + fraction * (conducting[k] - insulating[k])
-            electric, magnetic = fluxes(rest, own, between, 0.0)
-            gap = rest[0] - own[2, 3] * electric - own[2, 4] * magnetic
+            gap = gap_of_fluxes(rest, own, between, 0.0, flux, equations)
             if gap < 0.0:
                 low, apart = fraction, gap
             else:
                 high, shut = fraction, gap
-        found[1], found[2], found[3] = electric, magnetic, fraction
+        for k in range(n_channels):
+            found[1 + k] = flux[k]
+        found[n_channels + 1] = fraction
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fluxes(rest, own, transmissivity, pressure):
-    """Both fluxes of a node under a pressure: own flux = T (drop without this flux)."""
-    first = transmissivity[0] * (rest[1] - own[3, 2] * pressure)
-    second = transmissivity[1] * (rest[2] - own[4, 2] * pressure)
-    a, b = own[3, 3], transmissivity[0] * own[3, 4]
-    c, d = transmissivity[1] * own[4, 3], own[4, 4]
-    determinant = a * d - b * c
-    return (first * d - b * second) / determinant, (a * second - c * first) / determinant
+def gap_of_fluxes(rest, own, transmissivity, pressure, flux, equations):
+    """Fill flux (channels,) of a node under a pressure, own flux = T (drop without it), and return the gap with it.
+
+    The gap is without the displacement due to the pressure itself. equations: scratch (channels, channels + 1).
+    Elimination needs no pivots: rows are those of a matrix with positive-definite symmetric part, times T.
+    """
+    n = len(rest) - 1
+    for row in range(n):
+        field = NORMAL + 1 + row
+        for column in range(n):
+            equations[row, column] = transmissivity[row] * own[field, NORMAL + 1 + column]
+        equations[row, row] = own[field, field]
+        equations[row, n] = transmissivity[row] * (rest[1 + row] - own[field, NORMAL] * pressure)
+    for pivot in range(n):
+        for row in range(pivot + 1, n):
+            factor = equations[row, pivot] / equations[pivot, pivot]
+            for column in range(pivot, n + 1):
+                equations[row, column] -= factor * equations[pivot, column]
+    gap = rest[0]
+    for row in range(n - 1, -1, -1):
+        value = equations[row, n]
+        for column in range(row + 1, n):
+            value -= equations[row, column] * flux[column]
+        flux[row] = value / equations[row, row]
+        gap -= own[NORMAL, NORMAL + 1 + row] * flux[row]
+    return gap

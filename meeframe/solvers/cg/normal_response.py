@@ -10,16 +10,13 @@ from meeframe.contact.conduction import Mask
 from meeframe.contact.free_motion import start_motion
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate
 from meeframe.contact.scales import Scales
-from meeframe.fields import N_FIELDS, Array
-from meeframe.laws.base import conducts
+from meeframe.fields import N_MECHANICAL, POTENTIALS, Array
 from meeframe.solvers.cg.biactive import Grazing
 from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.conduction.elimination import Conductors
-from meeframe.solvers.conduction.floating import POTENTIALS
 from meeframe.solvers.gradient.steps import Conduction, Ground, start_load
 from meeframe.system.capabilities import apply_fields, diagonal
 
-NO_FLUX: Final = np.zeros((0, 2))
 CHANGED: Final = 3e-3
 """What a change may leave of the potentials as part of its displacement; those at a pressure make up for it."""
 FOLLOWING: Final = 0.01
@@ -34,7 +31,10 @@ SINGLE: Final = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """Of a pressure: normal gap (n,) [m], flux (n, 2), (0, 2) where nothing conducts, and motion (m,), or changes."""
+    """Normal gap (n,) [m], flux (n, channels), and motion (m,) of a pressure, or their changes.
+
+    The flux is (0, channels) where nothing conducts.
+    """
 
     gap: Array
     flux: Array
@@ -83,12 +83,15 @@ class NormalResponse(ABC):
         """With the conduction that belongs to a pressure (n,) and its effect; itself if nothing else responds."""
 
 
-def load_of(pressure: Array, flux: Array = NO_FLUX) -> Array:
-    """Load (n, 5) of a pressure (n,) and a flux (n, 2) or (0, 2); fields are stored one after another."""
-    load = np.zeros((N_FIELDS, len(pressure))).T
+def load_of(pressure: Array, flux: Array) -> Array:
+    """Return the load (n, fields) of a pressure (n,) and a flux (n, channels) or (0, channels).
+
+    Fields are stored one after another.
+    """
+    load = np.zeros((N_MECHANICAL + flux.shape[1], len(pressure))).T
     np.negative(pressure, out=load[:, NORMAL])
     if flux.size:
-        load[:, NORMAL + 1 :] = flux
+        load[:, POTENTIALS] = flux
     return load
 
 
@@ -114,19 +117,19 @@ class Insulated(NormalResponse):
         gap = self.apart + self._opened(pressure)
         for mode, amount in zip(self.modes, near.motion, strict=True):
             gap += amount * mode
-        return Effect(gap, NO_FLUX, near.motion)
+        return Effect(gap, self._no_flux, near.motion)
 
     def change(self, pressure: Array) -> Effect:
         """See NormalResponse: one normal response, in single precision."""
         return Effect(
             self._opened(pressure.astype(np.float32, copy=False)),
-            NO_FLUX,
+            self._no_flux,
             np.zeros(len(self.problem.prescribed_resultants)),
         )
 
     def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
         """See NormalResponse: that of the change."""
-        return Effect(effect.gap + self.change(change).gap, NO_FLUX, effect.motion)
+        return Effect(effect.gap + self.change(change).gap, self._no_flux, effect.motion)
 
     @property
     def lasting(self) -> float:
@@ -150,6 +153,10 @@ class Insulated(NormalResponse):
         """See NormalResponse."""
         return self
 
+    @property
+    def _no_flux(self) -> Array:
+        return np.zeros((0, len(self.problem.channels)))
+
     def _opened(self, pressure: Array) -> Array:
         return apply_fields(self.problem.system, pressure[:, None], (NORMAL,), (NORMAL,))[:, 0]
 
@@ -158,9 +165,9 @@ class Insulated(NormalResponse):
 @dataclass(frozen=True, eq=False)
 class Conducting(NormalResponse):
     """Fluxes follow the pressure. ground: see there; own: (n,) normal response of the nodes to their own pressure;
-    following: (n, 2) flux that a pressure of one has, about; conduction, conductors: in force; grazing: see there, the
-    nodes that do are held: their fraction, not a pressure, is to close their gap; opened: (n,) those that conducted
-    before the conduction last followed."""
+    following: (n, channels) flux that a pressure of one has, about; conduction, conductors: in force; grazing: see
+    there, the nodes that do are held: their fraction, not a pressure, is to close their gap; opened: (n,) those that
+    conducted before the conduction last followed."""
 
     ground: Ground
     own: Array
@@ -176,7 +183,7 @@ class Conducting(NormalResponse):
         """Of a problem, with the conduction of a start, or none."""
         n = len(problem.gap)
         ground, conduction = Ground.of(problem), Conduction.of(start, n)
-        near = Iterate(start_load(start, n), conduction.contact_fraction, motion=start_motion(problem, start))
+        near = Iterate(start_load(problem, start), conduction.contact_fraction, motion=start_motion(problem, start))
         conduction, conductors = ground.conductors(near, conduction, None)
         own = diagonal(problem.system, (NORMAL,))[:, 0]
         grazing = Grazing.unknown(n)
@@ -243,13 +250,15 @@ class Conducting(NormalResponse):
 
 
 def _following(problem: ContactProblem) -> Array:
-    """Flux (n, 2) with which a node's own potentials do not change under a pressure of one: if a body responds alike
-    along all directions of its surface, that is so for all pressures together."""
+    """Flux (n, channels) with which a node's own potentials do not change under a pressure of one: if a body responds
+    alike along all directions of its surface, that is so for all pressures together."""
     blocks = problem.system.diagonal_blocks()
-    fields = [NORMAL + 1 + k for k, law in enumerate((problem.electric_law, problem.magnetic_law)) if conducts(law)]
-    flux = np.zeros((len(blocks), 2))
+    fields = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.conducts]
+    flux = np.zeros((len(blocks), len(problem.channels)))
     raised = blocks[:, fields, NORMAL, None]
-    flux[:, [field - NORMAL - 1 for field in fields]] = np.linalg.solve(blocks[:, fields][:, :, fields], raised)[..., 0]
+    flux[:, [field - N_MECHANICAL for field in fields]] = np.linalg.solve(blocks[:, fields][:, :, fields], raised)[
+        ..., 0
+    ]
     return flux
 
 

@@ -93,7 +93,7 @@ class ProjectedCG(Solver):
     def _begun(self, problem: ContactProblem, start: ContactState | None, scales: Scales) -> _Memory:
         # what is characteristic of the problem is so on any division
         start = start or nested_start(problem, lambda coarse: self._coarse_solution(coarse, scales))
-        load, motion = start_load(start, len(problem.gap)), start_motion(problem, start)
+        load, motion = start_load(problem, start), start_motion(problem, start)
         if not conducting(problem):
             return _started(Insulated.of(problem, scales), load, motion)
         # fractions of a start are those of other nodes: what touches tells more, after a step

@@ -18,8 +18,8 @@ from scipy.linalg import lu_factor, lu_solve
 
 from meeframe.contact.conduction import Mask
 from meeframe.contact.problem import ContactProblem
-from meeframe.fields import MECHANICAL, N_FIELDS, Array, Indices
-from meeframe.solvers.conduction.floating import POTENTIALS, Floating
+from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
+from meeframe.solvers.conduction.floating import Floating
 
 EXACT: Final = 1e-13
 """What iterations leave of the equations, if nobody asks for less."""
@@ -27,7 +27,7 @@ EXACT: Final = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Flux (n, 2), displacement (n, 3), and the floating potentials (j,) or their change."""
+    """Flux (n, channels), displacement (n, 3), and the floating potentials (j,) or their change."""
 
     flux: Array
     displacement: Array
@@ -38,8 +38,8 @@ class Response:
 class Conductors:
     """The contact with given resistances, prepared for repeated responses.
 
-    resistance: (n, 2) 1/kappa, inf where insulated; floating: see there; parts: what else the elimination that made it
-    wants to find again.
+    resistance: (n, channels) 1/kappa, inf where insulated; floating: see there; parts: what else the elimination that
+    made it wants to find again.
     """
 
     resistance: Array
@@ -47,7 +47,7 @@ class Conductors:
     parts: Any
 
     def fixed(self, flux: Array, potential: Array) -> Array:
-        """Flux (n, 2) less what potentials (j,) of the floating conductors add to it."""
+        """Flux (n, channels) less what potentials (j,) of the floating conductors add to it."""
         if potential.size == 0:
             return flux
         return flux - filled(np.isfinite(self.resistance), self.floating.flux @ potential)
@@ -61,13 +61,13 @@ class Elimination(ABC):
 
     @abstractmethod
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
-        """Conductors of the resistances (n, 2); those of `previous` are used again as far as they fit."""
+        """Conductors of the resistances (n, channels); those of `previous` are used again as far as they fit."""
 
     @abstractmethod
     def respond(
         self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
     ) -> Response:
-        """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer, as of Conductors.fixed.
+        """Response to tractions (n, 3) alone; guess: (n, channels), a flux near the answer, as of Conductors.fixed.
 
         rest: part of the guess's error that may be left: iterations whose guesses get better need no more; enough: as
         much potential may be left, as part of the displacement with the guess where something conducts, both in roots
@@ -89,8 +89,8 @@ class Elimination(ABC):
     ) -> Response:
         """As `respond`, but all of it: due to the offset, the indenter's potentials and prescribed totals, too.
 
-        flux: (n, 2), potential: (j,) of the floating conductors, near those to be found; enough: as much potential may
-        be left, divided by roots of the nodes' own responses: its norm.
+        flux: (n, channels), potential: (j,) of the floating conductors, near those to be found; enough: as much
+        potential may be left, divided by roots of the nodes' own responses: its norm.
         """
 
 
@@ -134,8 +134,8 @@ class _Prepared:
 class DenseElimination(Elimination):
     """Elimination by LU factorisation.
 
-    matrix: (5n, 5n) compliance; dofs: (k,) flat numbers of the (node, field) pairs that can carry a traction;
-    mechanical: (k, k) their block of the matrix.
+    matrix: (n fields, n fields) compliance; dofs: (k,) flat numbers of the (node, field) pairs that can carry a
+    traction; mechanical: (k, k) their block of the matrix.
     """
 
     matrix: Array
@@ -166,7 +166,7 @@ class DenseElimination(Elimination):
         """See Elimination. The guess is not used."""
         factor: _Factor | None = conductors.parts.factor
         potential = np.zeros(0)
-        load, flux, moved = np.zeros((3, len(traction), N_FIELDS))
+        load, flux, moved = np.zeros((3, *self.problem.system.offset.shape))
         load[:, MECHANICAL] = traction
         active = load.flat[self.dofs]
         response = self.mechanical @ active
@@ -214,13 +214,13 @@ class DenseElimination(Elimination):
 
 
 def filled(conducts: Mask, flux: Array) -> Array:
-    """Flux (n, 2) of the pairs (n, 2) that conduct (a of them), zero elsewhere."""
+    """Flux (n, channels) of the pairs (n, channels) that conduct (a of them), zero elsewhere."""
     filled = np.zeros(conducts.shape)
     filled[conducts] = flux
     return filled
 
 
 def difference(problem: ContactProblem) -> Array:
-    """Rise of (-phi, -psi), (n, 2), that brings the unloaded surface to the indenter's potentials."""
+    """Rise of (-phi, -psi), (n, channels), that brings the unloaded surface to the indenter's potentials."""
     difference: Array = -problem.potentials - problem.system.offset[:, POTENTIALS]
     return difference

@@ -8,23 +8,20 @@ Where nothing conducts, or nothing that touches them, the potentials are not det
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from meeframe.contact.conduction import Mask
 from meeframe.contact.free_motion import potentials
 from meeframe.contact.problem import ContactProblem
-from meeframe.fields import Array, Indices
-
-POTENTIALS: Final = slice(3, 5)
+from meeframe.fields import POTENTIALS, Array, Indices
 
 
 @dataclass(frozen=True, eq=False)
 class Floating:
     """The potentials of the indenter that prescribed total fluxes determine.
 
-    numbers: (j,) among the problem's freedoms; totals: (j,) [C], [Wb]; flux: (a, j) densities on the conducting pairs
+    numbers: (j,) among the problem's freedoms; totals: (j,) SI units; flux: (a, j) densities on the conducting pairs
     due to unit potentials; measure: (j, a); elastance: (j, j) potentials due to unit totals.
     """
 
@@ -36,7 +33,10 @@ class Floating:
 
     @classmethod
     def of(cls, problem: ContactProblem, conducts: Mask, solve: Callable[[Array], Array]) -> "Floating":
-        """On the pairs (n, 2) that conduct; solve: flux densities (a,) that raise (-phi, -psi) by differences (a,)."""
+        """Return those on the pairs (n, channels) that conduct.
+
+        solve: gives flux densities (a,) that raise the negated potentials by differences (a,).
+        """
         modes = {i: problem.prescribed_resultants[i].mode[:, POTENTIALS][conducts] for i in potentials(problem)}
         numbers = np.array([i for i, mode in modes.items() if mode.any()], int)
         if numbers.size == 0:

@@ -8,10 +8,9 @@ import numpy as np
 
 from meeframe.contact.conduction import Mask
 from meeframe.contact.problem import ContactProblem
-from meeframe.fields import N_FIELDS, Array, Indices
-from meeframe.laws.base import conducts
+from meeframe.fields import N_MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.solvers.conduction.elimination import EXACT, Conductors, DenseElimination, Elimination, Response, filled
-from meeframe.solvers.conduction.floating import POTENTIALS, Floating
+from meeframe.solvers.conduction.floating import Floating
 from meeframe.solvers.krylov import LEAST_FALL, gmres
 from meeframe.system.capabilities import ApproximateInverse, Restriction, apply_fields, diagonal
 from meeframe.system.reduced import ReducedSystem
@@ -45,10 +44,10 @@ class _Places:
 class _Equations:
     """(C + R) flux = difference on the (node, potential) pairs that conduct (a of them), both sides divided by `size`.
 
-    system: the part of the body's that holds the pairs, if it has one; fields: those of 3 and 4 that conduct;
-    conducting: (n, 2) the pairs; nodes: those of the pairs; places, inner: of the pairs in the zone and in that part;
-    own: (a,) response to their own flux; resistance: (a,); size: (a,) roots of the sums of both; inverse: the body's
-    approximate one, None if it has none.
+    system: the part of the body's that holds the pairs, if it has one; fields: those that conduct; conducting: (n,
+    channels) the pairs; nodes: those of the pairs; places, inner: of the pairs in the zone and in that part; own: (a,)
+    response to their own flux; resistance: (a,); size: (a,) roots of the sums of both; inverse: the body's approximate
+    one, None if it has none.
     """
 
     system: ReducedSystem
@@ -71,11 +70,11 @@ class _Equations:
         own: Array,
         inverse: Callable[[Array], Array] | None,
     ) -> "_Equations":
-        """Of resistances and own responses (n, 2)."""
+        """Of resistances and own responses (n, channels)."""
         conducting = np.isfinite(resistance)
         at, potentials = np.nonzero(conducting)
-        chosen, n = np.searchsorted(fields, potentials + POTENTIALS.start), len(own)
-        nodes = np.flatnonzero(conducting[:, 0] | conducting[:, 1])
+        chosen, n = np.searchsorted(fields, potentials + N_MECHANICAL), len(own)
+        nodes = np.flatnonzero(conducting.any(axis=1))
         places = inner = _Places(chosen * n + at, (len(fields), n))
         restriction = system.capability(Restriction)
         part = None if restriction is None else restriction.restrict(nodes)
@@ -131,8 +130,8 @@ class _Equations:
 class KrylovElimination(Elimination):
     """Elimination by GMRES, for compliances without a matrix.
 
-    mechanical: the fields, of 0 to 2, in which the law asks for tractions; conducting: those of 3 and 4 that the laws
-    conduct; own: (n, 2) response of each node's potentials to their own flux; root: (n, m) roots of that of the
+    mechanical: the fields, of 0 to 2, in which the law asks for tractions; conducting: those that the laws
+    conduct; own: (n, channels) response of each node's potentials to their own flux; root: (n, m) roots of that of the
     mechanical fields; inverse: the system's approximate one in the conducting fields, (n, k) of (n, k), None if it has
     none or nothing conducts. Products are of these fields alone, which are stored one after another.
     """
@@ -146,12 +145,11 @@ class KrylovElimination(Elimination):
     @classmethod
     def of(cls, problem: ContactProblem) -> "KrylovElimination":
         """Of a problem."""
-        laws = enumerate((problem.electric_law, problem.magnetic_law), POTENTIALS.start)
-        conducting = [field for field, law in laws if conducts(law)]
+        conducting = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.conducts]
         approximate = problem.system.capability(ApproximateInverse) if conducting else None
         inverse = None if approximate is None else approximate.approximate_inverse(conducting)
         mechanical = [0, 1, 2] if problem.contact_law.tangential_scaling().any() else [2]
-        own = diagonal(problem.system, range(N_FIELDS))
+        own = diagonal(problem.system, range(problem.fields.size))
         return cls(problem, mechanical, conducting, own[:, POTENTIALS], np.sqrt(own[:, mechanical]), inverse)
 
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
@@ -191,7 +189,7 @@ class KrylovElimination(Elimination):
         start = conductors.fixed(flux, potential)[equations.conducting]
         unloaded = self.problem.system.offset.T[self.mechanical + self.conducting]
         potentials = unloaded[len(self.mechanical) :]
-        potentials += self.problem.potentials.T[[field - POTENTIALS.start for field in self.conducting]]
+        potentials += self.problem.potentials.T[[field - N_MECHANICAL for field in self.conducting]]
         # what potentials are made of, not displacements: these may be anything beside them where nothing couples both
         terms = np.hypot(
             np.linalg.norm(start * equations.size), np.linalg.norm(equations.places.taken(potentials) / equations.size)

@@ -13,9 +13,8 @@ import numpy as np
 from meeframe.contact.conduction import follows_gap, resistances, unloaded
 from meeframe.contact.problem import ContactProblem
 from meeframe.contact.scales import Scales
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import POTENTIALS, Array
 from meeframe.laws.base import contact_conductivity
-from meeframe.solvers.conduction.floating import POTENTIALS
 
 WIDTH: Final = 6e-6
 """Of differences on a logarithmic scale of pressure."""
@@ -27,36 +26,37 @@ NEAREST: Final = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Transmissivity:
-    """Of the contact of a problem. scales: of its data; own: (n, 2)."""
+    """Of the contact of a problem. scales: of its data; own: (n, channels)."""
 
     problem: ContactProblem
     scales: Scales
     own: Array
 
     def __call__(self, pressing: Array, ahead: Array, contact_fraction: float) -> Array:
-        """T, (n, 2), at contact tractions (n,) and (n, 5) ahead if all nodes have one closed fraction."""
+        """T, (n, channels), at contact tractions (n,) and (n, fields) ahead if all nodes have one closed fraction."""
         fraction = np.full_like(pressing, contact_fraction)
         across = ahead if follows_gap(self.problem) else None
         return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, across)))
 
     def unloaded(self, ahead: Array, flux: Array) -> Array:
-        """The indenter ahead of the body (n, 5) as if no node had its own flux (n, 2), if a law asks how far it is."""
+        """The indenter ahead of the body (n, fields) as if no node had its own flux (n, channels), if a law asks how
+        far it is."""
         return unloaded(ahead, flux, self.own) if follows_gap(self.problem) else ahead
 
     def open(self, pressing: Array, ahead: Array) -> Array:
-        """T, (n, 2), if all contacts are open: the same at all states, most often."""
+        """T, (n, channels), if all contacts are open: the same at all states, most often."""
         return self(pressing, ahead, 0.0) if self._open is None else self._open
 
     @cached_property
     def _open(self) -> Array | None:
-        """That of open contacts, (n, 2); None if it depends on the state."""
+        """That of open contacts, (n, channels); None if it depends on the state."""
         if follows_gap(self.problem) or self.problem.area_fraction is not None:
             return None
-        nothing = np.zeros((len(self.own), N_FIELDS))
+        nothing = np.zeros((len(self.own), self.problem.fields.size))
         return self(nothing[:, 2], nothing, 0.0)
 
     def slope(self, pressing: Array, answered: Array, ahead: Array) -> Array:
-        """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences.
+        """dT/dp_nu of closed contacts, (n, channels) [1/Pa]: the conductivity's derivative, by central differences.
 
         pressing: tractions (n,) of the contact; answered: (n,) those that the law makes of them. Where there is no
         pressure yet power laws are steepest: there it is the slope at what is answered, if that is the smaller one and
@@ -73,7 +73,7 @@ class Transmissivity:
     def _slope(self, here: Array, ahead: Array) -> Array:
         above, below = here * (1.0 + WIDTH), here * (1.0 - WIDTH)
         if not follows_gap(self.problem):  # most laws are steps, without a slope: that costs less to be seen
-            laws = self.problem.electric_law, self.problem.magnetic_law
+            laws = [channel.law for channel in self.problem.channels]
             kappas = ((contact_conductivity(law, above), contact_conductivity(law, below)) for law in laws)
             if all(np.array_equal(more, less) for more, less in kappas):
                 return np.zeros_like(self.own)
@@ -81,7 +81,7 @@ class Transmissivity:
         return np.asarray((more - less) / (2.0 * WIDTH * here)[:, None])
 
     def across(self, pressing: Array, ahead: Array, contact_fraction: Array) -> tuple[Array, Array]:
-        """dT/dgap [1/m] and dT/ddrop [1/V], [1/A] of closed fractions (n,), (n, 2) each, by central differences.
+        """dT/dgap [1/m] and dT/ddrop [1/V], [1/A] of closed fractions (n,), (n, channels) each, by central differences.
 
         For conductivities that follow the gap or the drop. Widths are fractions of the gap and the drop themselves: a
         breakdown happens within a small fraction of a drop that may be far below the others.

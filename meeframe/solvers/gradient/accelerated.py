@@ -15,7 +15,7 @@ import numpy as np
 
 from meeframe.contact.free_motion import start_motion
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
-from meeframe.fields import Array
+from meeframe.fields import POTENTIALS, Array
 from meeframe.solvers.conduction.elimination import Conductors
 from meeframe.solvers.gradient.spectrum import Spectrum
 from meeframe.solvers.gradient.steps import Conduction, Ground, Slope, start_load, traction_of
@@ -155,7 +155,7 @@ class Nesterov(Solver):
 
 def _init(problem: ContactProblem, start: ContactState | None, wary: bool) -> Iterate:
     n = len(problem.gap)
-    conduction, load = Conduction.of(start, n), start_load(start, n)
+    conduction, load = Conduction.of(start, n), start_load(problem, start)
     memory = _Memory(Ground.of(problem), conduction, traction_of(load), guard=_Guard(wary=wary))
     return Iterate(load, conduction.contact_fraction, memory, start_motion(problem, start))
 
@@ -175,7 +175,7 @@ def _measured(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memo
     """
     ground = memory.ground
     conduction, conductors = ground.conductors(iterate, memory.conduction, memory.conductors)
-    slope = ground.slope(traction, conductors, iterate.load[:, 3:], iterate.motion)
+    slope = ground.slope(traction, conductors, iterate.load[:, POTENTIALS], iterate.motion)
     spectrum = ground.spectrum(ground.touching(traction, slope.gap), conductors, memory.spectrum)
     plain = PLAIN_STEP / ground.largest(spectrum)
     step = ground.projected(traction, slope, (plain, plain))

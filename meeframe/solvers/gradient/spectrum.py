@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.contact.scales import Scales
-from meeframe.fields import Array
+from meeframe.fields import POTENTIALS, Array
 from meeframe.solvers.conduction.elimination import Conductors, Elimination
 
 TOLERANCE: Final = 5e-3
@@ -20,7 +20,7 @@ SHRINKAGE: Final = 0.9
 class Spectrum:
     """largest: eigenvalue [m/Pa] of the compliance, potentials eliminated, in the law's metric, on the exposed nodes.
 
-    exposure: (n, 3) in [0, 1], mechanical (in contact or about to be), electric and magnetic (share of the flux
+    exposure: (n, 1 + channels) in [0, 1], mechanical (in contact or about to be) and of each channel (share of the flux
     that a perfect conductor would draw) at which it was computed; vector: (n, 3) its eigenvector, where the next
     computation starts.
     """
@@ -37,8 +37,8 @@ class Spectrum:
 
 
 def contact_exposure(touching: NDArray[np.bool_], resistance: Array, scales: Scales) -> Array:
-    """Exposure (n, 3) of nodes touching (n,) with resistances (n, 2)."""
-    compliance = np.diag(scales.compliance)[3:]
+    """Return the exposure (n, 1 + channels) of nodes touching (n,) with resistances (n, channels)."""
+    compliance = np.diag(scales.compliance)[POTENTIALS]
     return np.column_stack([touching, compliance / (compliance + resistance)])
 
 
@@ -56,7 +56,7 @@ def largest_eigenvalue(
     # not symmetric about anything, so that no eigenvector is missed; alike everywhere, as the largest one nearly is
     seed = np.array([0.8, 0.6, 1.0]) if start is None else start + 0.01 * np.abs(start).max()
     vector = weight * np.broadcast_to(seed, (len(exposure), 3)) @ root
-    guess = np.zeros((len(exposure), 2))
+    guess = np.zeros_like(exposure[:, 1:])
     largest, norm = 0.0, float(np.linalg.norm(vector))
     for _ in range(MAX_ITERATIONS):
         vector = vector / norm

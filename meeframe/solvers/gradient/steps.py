@@ -9,7 +9,7 @@ from meeframe.contact.conduction import Mask, Switches, follows_gap, own_respons
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
 from meeframe.contact.scales import Scales, problem_scales
-from meeframe.fields import MECHANICAL, Array
+from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, attracts, contact_traction
 from meeframe.solvers.conduction.elimination import Conductors, Elimination
 from meeframe.solvers.conduction.krylov_elimination import eliminate
@@ -26,8 +26,8 @@ FOLLOWED: Final = 1e-3
 class Slope:
     """The gap at given tractions.
 
-    gap: (n, 3) as of contact_gap; flux: (n, 2); motion: (m,) of the freedoms, potentials as the flux equations have
-    them and motions as they were given.
+    gap: (n, 3) as of contact_gap; flux: (n, channels); motion: (m,) of the freedoms, potentials as the flux equations
+    have them and motions as they were given.
     """
 
     gap: Array
@@ -47,7 +47,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What does not change during an iteration: elimination, own responses (n, 2) and scales of the problem."""
+    """What does not change during an iteration: elimination, own responses (n, channels) and scales of the problem."""
 
     problem: ContactProblem
     elimination: Elimination
@@ -68,7 +68,7 @@ class Ground:
             displacement = problem.system.offset + problem.system.apply(iterate.load)
             ahead = indenter_position(problem, iterate.motion) - displacement
             pressing = contact_traction(problem.contact_law, pressing, ahead[:, 2])
-            ahead = unloaded(ahead, iterate.load[:, 3:], self.own)
+            ahead = unloaded(ahead, iterate.load[:, POTENTIALS], self.own)
         resistance = resistances(problem, pressing, conduction.contact_fraction, self.own, ahead)
         if follows_gap(problem):
             conduction, transmissivity = conduction.followed(self.own / (self.own + resistance))
@@ -88,7 +88,8 @@ class Ground:
         return conduction.next(earlier, later, step.trial[:, 2], self.scales)
 
     def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array, left: float = 0.0) -> Slope:
-        """The gap at tractions (n, 3) and motion (m,); flux: (n, 2) near that to be found; left: see Elimination."""
+        """The gap at tractions (n, 3) and motion (m,); flux: (n, channels) near that to be found; left: see
+        Elimination."""
         floating = conductors.floating.numbers
         found = self.elimination.state(traction, conductors, flux, motion[floating], FOLLOWED, left)
         if floating.size:
@@ -128,9 +129,10 @@ class Ground:
 class Conduction:
     """The conduction of the nodes during an iteration.
 
-    closed: fractions (n,), and the switches that move them; transmissivity: (n, 2), in [0, 1], of laws that follow the
-    gap or the drop, which go only a part, `follow` (n, 2), of the way that these ask for: less where they ask for the
-    contrary at the next step, which would go on and on; way: (n, 2) sign of the last one. No transmissivity at first.
+    closed: fractions (n,), and the switches that move them; transmissivity: (n, channels), in [0, 1], of laws that
+    follow the gap or the drop, which go only a part, `follow` (n, channels), of the way that these ask for: less where
+    they ask for the contrary at the next step, which would go on and on; way: (n, channels) sign of the last one. No
+    transmissivity at first.
     """
 
     contact_fraction: Array
@@ -145,7 +147,7 @@ class Conduction:
         return cls(np.zeros(n) if start is None else start.contact_fraction, Switches.unused(n))
 
     def followed(self, asked: Array) -> tuple["Conduction", Array]:
-        """After the part of the way to the transmissivity (n, 2) that is asked for, with where it is then."""
+        """After the part of the way to the transmissivity (n, channels) that is asked for, with where it is then."""
         if self.transmissivity is None:
             return replace(self, transmissivity=asked), asked
         change = asked - self.transmissivity
@@ -162,11 +164,11 @@ class Conduction:
         return replace(self, contact_fraction=contact_fraction, switches=switches)
 
 
-def start_load(start: ContactState | None, n: int) -> Array:
-    """Load (n, 5) of the previous load step, or none."""
-    return np.zeros((n, 5)) if start is None else start.load
+def start_load(problem: ContactProblem, start: ContactState | None) -> Array:
+    """Return the load (n, fields) of the previous load step, zero if there is none."""
+    return np.zeros_like(problem.system.offset) if start is None else start.load
 
 
 def traction_of(load: Array) -> Array:
-    """Tractions (n, 3) of a load (n, 5)."""
+    """Tractions (n, 3) of a load (n, fields)."""
     return load[:, MECHANICAL]

@@ -8,7 +8,7 @@ import numpy as np
 from meeframe.common.errors import CaseError
 from meeframe.contact.free_motion import start_motion
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
-from meeframe.fields import Array
+from meeframe.fields import POTENTIALS, Array
 from meeframe.fields.units import Quantity
 from meeframe.solvers.conduction.elimination import Conductors
 from meeframe.solvers.gradient.spectrum import Spectrum
@@ -72,14 +72,14 @@ class Uzawa(Solver):
         n = len(problem.gap)
         conduction = Conduction.of(start, n)
         memory = _Memory(Ground.of(problem), conduction)
-        return Iterate(start_load(start, n), conduction.contact_fraction, memory, start_motion(problem, start))
+        return Iterate(start_load(problem, start), conduction.contact_fraction, memory, start_motion(problem, start))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Eq. (30) for the displacement, then eqs. (31), (32) for the tractions."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
         ground = memory.ground
         conduction, conductors = ground.conductors(iterate, memory.conduction, memory.conductors)
-        slope = ground.slope(traction, conductors, iterate.load[:, 3:], iterate.motion)
+        slope = ground.slope(traction, conductors, iterate.load[:, POTENTIALS], iterate.motion)
         memory = replace(memory, conductors=conductors)
         if "auto" in (self.step_normal, self.step_tangential):
             touching = ground.touching(traction, slope.gap)

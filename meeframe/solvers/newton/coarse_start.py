@@ -15,7 +15,7 @@ import numpy as np
 
 from meeframe.contact.nested import Coarse
 from meeframe.contact.problem import unbalance
-from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS, Indices
+from meeframe.fields import MECHANICAL, POTENTIALS, Indices
 from meeframe.solvers.newton.contact_edge import relaxed_edge
 from meeframe.solvers.newton.globalization import newton_step
 from meeframe.solvers.newton.moves import moved_by
@@ -45,7 +45,7 @@ def corrected(point: Point, nodes: Indices, coarse: Coarse, below: Equation, pla
     _, moved = moved_by(there, np.zeros(len(places)), step, 1.0)
     if not moved.merit < there.merit:
         return point
-    change = np.zeros((N_FIELDS, len(coarse.problem.gap))).T
+    change = np.zeros((point.equation.problem.fields.size, len(coarse.problem.gap))).T
     change[places] = moved.load - there.load
     fields = np.flatnonzero(change.any(axis=0))
     load = point.load.copy(order="K")
@@ -75,7 +75,7 @@ def _seen_from_below(point: Point, nodes: Indices, coarse: Coarse, below: Equati
         problem,
         translation=problem.translation + moved[:, :2],
         gap=problem.gap + moved[:, 2],
-        potentials=problem.potentials - moved[:, ELECTRIC:],
+        potentials=problem.potentials - moved[:, POTENTIALS],
         prescribed_resultants=tuple(prescribed_resultants),
     )
     return replace(below, problem=elsewhere).beside(load, ahead + moved, contact_fraction, grazing, point.motion)

@@ -7,9 +7,9 @@ import numpy as np
 from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 from meeframe.contact.conduction import Mask
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.fields import Array, Indices
 from meeframe.solvers.newton.linear import UNRESISTED, Inverse, krylov_step
-from meeframe.solvers.newton.residual import CLOSED, Blocks, Equation
+from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
 
 ACCURATE: Final = 1e-10
 """Fraction of the residual that iterations leave unless they are told otherwise."""
@@ -17,8 +17,8 @@ ACCURATE: Final = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A Newton step. local: (n, 6) of load and closed fraction; motion: (m,) of the freedoms; inverse: roughly that of
-    the equations, where there is no matrix."""
+    """A Newton step. local: (n, fields + 1) of load and closed fraction; motion: (m,) of the freedoms; inverse: roughly
+    that of the equations, where there is no matrix."""
 
     local: Array
     motion: Array
@@ -52,13 +52,15 @@ def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE,
 
 
 def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array, matrix: Array) -> tuple[Array, Array]:
-    """Step (n, 6) and amounts (m,) of the motions: first the step at rest, then the responses to each motion.
+    """Step (n, fields + 1) and amounts (m,) of the motions: first the step at rest, then the responses to each motion.
 
-    Free motions are eliminated, which leaves the stiffness of the contact against them. given: (n, 6), what the other
-    rows say; matrix: (5n, 5n) compliance.
+    Free motions are eliminated, which leaves the stiffness of the contact against them. given: (n, fields + 1), what
+    the other rows say; matrix: (n fields, n fields) compliance.
     """
     right = -blocks.residual - (_product(equation, blocks, given) if given.any() else 0.0)
-    rights = np.concatenate([right[:, :, None], blocks.b.dense(N_FIELDS) @ equation.modes], axis=2)[coupled]
+    rights = np.concatenate([right[:, :, None], blocks.b.dense(equation.problem.fields.size) @ equation.modes], axis=2)[
+        coupled
+    ]
     responses = np.zeros((*coupled.shape, rights.shape[1]))
     responses[:, :, 0] = given
     if rights.size:
@@ -68,66 +70,67 @@ def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array
 
 
 def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
-    """(A + B C) step, (n, 6)."""
-    moved = equation.problem.system.apply(step[:, :N_FIELDS])
+    """(A + B C) step, (n, fields + 1)."""
+    moved = equation.problem.system.apply(step[:, :FRACTION])
     product = blocks.a.products(step.dtype).times(step.T)
     blocks.b.products(step.dtype).add(moved.T, product)
     return product.T
 
 
 def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
-    """Motions (m,) in units of the equation that balance the step at rest and the responses (n, 6, 1 + m), or go there
-    as far as they may."""
+    """Motions (m,) in units of the equation that balance the step at rest and the responses (n, fields + 1, 1 + m), or
+    go there as far as they may."""
     if blocks.balance.size == 0 or not np.isfinite(responses).all():
         return np.full(blocks.balance.shape, np.nan)
-    resultants = np.einsum("kni,nil->kl", equation.measures, responses[:, :N_FIELDS])
+    resultants = np.einsum("kni,nil->kl", equation.measures, responses[:, :FRACTION])
     right = -blocks.balance - resultants[:, 0]
     amounts = np.linalg.lstsq(resultants[:, 1:], right, rcond=UNRESISTED)[0]
     return np.asarray(amounts * blocks.farthest / np.abs(amounts).max(initial=blocks.farthest))
 
 
 def _coupled(blocks: Blocks) -> Mask:
-    """Rows (n, 6) that are more than a statement on their own unknown, and the pressure's beside such a closed
+    """Rows (n, fields + 1) that are more than a statement on their own unknown, and the pressure's beside such a closed
     fraction's: one goes with the other."""
     coupled = np.zeros(blocks.a.shape, bool)
     beside = [(row, entry) for (row, column), entry in blocks.a.entries.items() if row != column]
     for row, entry in [*beside, *((row, entry) for (row, _), entry in blocks.b.entries.items())]:
         coupled[row] |= entry != 0.0
-    coupled[2] |= coupled[CLOSED]
+    coupled[2] |= coupled[FRACTION]
     return coupled.T
 
 
 def _stated(blocks: Blocks, coupled: Mask) -> Array:
-    """Step (n, 6) that the other rows say, zero on those that are coupled (n, 6)."""
+    """Step (n, fields + 1) that the other rows say, zero on those that are coupled (n, fields + 1)."""
     step = np.zeros(coupled.shape[::-1]).T
-    for row in range(CLOSED + 1):
+    for row in range(coupled.shape[1]):
         own = np.where(coupled[:, row], 1.0, blocks.a.entry(row, row))
         step[:, row] = np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / own)
     return step
 
 
 def _unit(equation: Equation, unknown: Indices) -> Array:
-    """Characteristic magnitudes of unknowns by their number 0..5: with them the equations are without units."""
+    """Characteristic magnitudes of unknowns by their number: with them the equations are without units."""
     return np.append(equation.scales.load, 1.0)[unknown]
 
 
 def _direct(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array, matrix: Array) -> Array:
-    """Solutions by LU factorisation; matrix: (5n, 5n) compliance."""
+    """Solutions by LU factorisation; matrix: (n fields, n fields) compliance."""
     # loads before closed fractions, so that the compliance fills a block
+    n_fields = equation.problem.fields.size
     node, row = np.nonzero(coupled)
-    order = np.argsort(row == CLOSED, kind="stable")
+    order = np.argsort(row == n_fields, kind="stable")
     node, row = node[order], row[order]
     number = np.full(coupled.shape, -1)
     number[node, row] = np.arange(len(node))
-    columns = np.flatnonzero(coupled[:, :N_FIELDS])
+    columns = np.flatnonzero(coupled[:, :FRACTION])
     jacobian = np.zeros((len(node), len(node)))
-    by_unknown, by_displacement = blocks.a.dense(CLOSED + 1), blocks.b.dense(N_FIELDS)
-    for field in range(N_FIELDS):
+    by_unknown, by_displacement = blocks.a.dense(n_fields + 1), blocks.b.dense(n_fields)
+    for field in range(n_fields):
         factor = by_displacement[node, row, field]
         rows = np.flatnonzero(factor)
-        response = matrix.take(node[rows] * N_FIELDS + field, axis=0).take(columns, axis=1)
+        response = matrix.take(node[rows] * n_fields + field, axis=0).take(columns, axis=1)
         jacobian[rows, : len(columns)] += factor[rows, None] * response
-    for unknown in range(CLOSED + 1):
+    for unknown in range(n_fields + 1):
         rows = np.flatnonzero(coupled[node, unknown])
         jacobian[rows, number[node[rows], unknown]] += by_unknown[node[rows], row[rows], unknown]
     unit = _unit(equation, row)

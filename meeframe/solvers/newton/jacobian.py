@@ -7,11 +7,11 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.contact.conduction import Mask
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.fields import Array, Indices
 from meeframe.solvers._kernels.node_products import spread
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.node_blocks import NodeBlocks, NodeProducts
-from meeframe.solvers.newton.residual import CLOSED, Blocks, Equation
+from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
 from meeframe.system.capabilities import ApproximateApply, apply_fields, apply_load
 
 TANGENTIAL: Final = (0, 1)
@@ -20,9 +20,9 @@ TANGENTIAL: Final = (0, 1)
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The linearised equations on c nodes in r of their six components, by unknowns in characteristic units.
+    """The linearised equations on c nodes in r of their components, by unknowns in characteristic units.
 
-    nodes: (c,) that have coupled rows; components: the r of 0..5 that are coupled anywhere, fields: the l of them
+    nodes: (c,) that have coupled rows; components: the r that are coupled anywhere, fields: the l of them
     that are loads, asked: the f fields of the displacement that take part; coupled: (r, c) where they are;
     a: blocks (r, r) of the unknowns and b: (r, f) of the displacement, zero in rows that are not coupled; precision: of
     vectors, which are (r c,) with zeros where nothing is coupled.
@@ -39,12 +39,12 @@ class Rows:
 
     @classmethod
     def of(cls, equation: Equation, blocks: Blocks, coupled: Mask, precision: np.dtype[Any]) -> "Rows":
-        """Of the blocks of an equation; coupled: (n, 6)."""
+        """Of the blocks of an equation; coupled: (n, fields + 1)."""
         nodes = np.flatnonzero(coupled.any(axis=1))
         components = np.flatnonzero(coupled.any(axis=0)).tolist()
         where = coupled.T.take(nodes, axis=1)[components]
         asking = {field for _, field in blocks.b.entries}
-        asked = sorted(asking | {component for component in components if component < CLOSED})
+        asked = sorted(asking | {component for component in components if component < equation.problem.fields.size})
         a = _entries(blocks.a, components, components, nodes, where)
         b = _entries(blocks.b, components, asked, nodes, where)
         units = np.append(equation.scales.load, 1.0)[components].tolist()
@@ -61,7 +61,7 @@ class Rows:
     @property
     def fields(self) -> list[int]:
         """Those of the components that are loads."""
-        return [component for component in self.components if component < CLOSED]
+        return [component for component in self.components if component < self.equation.problem.fields.size]
 
     def like(self, other: "Rows") -> bool:
         """Whether the same rows are coupled, in the same precision, and the same nodes stick."""
@@ -83,25 +83,25 @@ class Rows:
         return asking
 
     def chosen(self, whole: Array) -> Array:
-        """The coupled ones of all rows (n, 6), (r c,)."""
+        """The coupled ones of all rows (n, fields + 1), (r c,)."""
         return np.where(self.coupled, whole[self.nodes].T[self.components], 0.0).ravel()
 
     def step(self, values: Array, given: Array) -> Array:
-        """Step (n, 6) by unknowns (r c,), as given (n, 6) off the coupled rows and zero on them."""
+        """Step (n, fields + 1) by unknowns (r c,), as given (n, fields + 1) off the coupled rows and zero on them."""
         step = given.copy(order="F")
         for component, unit, part in zip(self.components, self.units, values.reshape(self.coupled.shape), strict=True):
             step[self.nodes, component] += unit * part
         return step
 
     def image(self, blocks: Blocks, given: Array, values: Array) -> Array:
-        """Product (r c,) of the equations with unknowns (r c,) and what is given of the step (n, 6) off them.
+        """Product (r c,) of the equations with unknowns (r c,) and what is given of the step (n, fields + 1) off them.
 
         blocks: of all rows.
         """
         if not self.nodes.size:  # all is open
             return np.zeros(0, self.precision)
         unknowns = values.reshape(self.coupled.shape)
-        load = given[:, :N_FIELDS].astype(self.precision, order="F")
+        load = given[:, :FRACTION].astype(self.precision, order="F")
         for field, unit, unknown in zip(self.fields, self.units.tolist(), unknowns, strict=False):
             load[self.nodes, field] += unit * unknown
         image = self.of_unknowns.times(unknowns)
@@ -144,7 +144,7 @@ class Rows:
         return self.b.products(self.precision)
 
     def lifted(self, displacement: Array) -> Array:
-        """What displacements (n, 5, m) of the indenter add to the right-hand side, (m, r c)."""
+        """What displacements (n, fields, m) of the indenter add to the right-hand side, (m, r c)."""
         motions = displacement.transpose(2, 1, 0)
         lifted = np.zeros((len(motions), *self.coupled.shape), self.precision)
         for motion, of_motion in zip(motions, lifted, strict=True):
@@ -156,7 +156,8 @@ class Rows:
         return lifted.reshape(len(motions), self.coupled.size)
 
     def combined(self, measures: Array) -> list[dict[int, Array]]:
-        """Measures (m, n, 5) of loads, of unknowns instead: of each, what is not zero, (c,) by the row of unknowns."""
+        """Measures (m, n, fields) of loads, of unknowns instead: of each, what is not zero, (c,) by the row of
+        unknowns."""
         units = self.units.tolist()
         return [
             {
@@ -167,7 +168,7 @@ class Rows:
         ]
 
     def _moved(self, whole: Array, fields: list[int]) -> dict[int, Array]:
-        """Those of the fields of a motion (5, n) at the nodes that it has, (c,) by their place. Most have one."""
+        """Those of the fields of a motion (fields, n) at the nodes that it has, (c,) by their place. Most have one."""
         return {
             place: whole[field].take(self.nodes).astype(self.precision)
             for place, field in enumerate(fields)

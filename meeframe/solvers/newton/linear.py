@@ -13,11 +13,11 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from meeframe.contact.conduction import Mask
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.solvers.krylov import Linear, gmres
 from meeframe.solvers.newton.jacobian import Rows
 from meeframe.solvers.newton.preconditioner import preconditioner
-from meeframe.solvers.newton.residual import Blocks, Equation
+from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
 
 UNRESISTED: Final = 1e-12
 """Stiffness against a motion, as a fraction of the largest one, that is none."""
@@ -59,7 +59,8 @@ class Inverse:
 def krylov_step(
     equation: Equation, blocks: Blocks, coupled: Mask, given: Array, tolerance: float, before: Inverse | None = None
 ) -> tuple[Array, Array, Inverse]:
-    """Step (n, 6) and amounts (m,) of the motions, with what is given of the step (n, 6) off the coupled rows.
+    """Step (n, fields + 1) and amounts (m,) of the motions, with what is given of the step (n, fields + 1) off the
+    coupled rows.
 
     Also what is roughly the inverse of the equations, for the next step; before: that of the last one. The residual
     that is left is that fraction of the one before. Raises LinAlgError if the equations are not finite.
@@ -71,7 +72,7 @@ def krylov_step(
     multiplication, columns = rows.multiplication(tolerance >= ROUGHLY), rows.lifted(equation.modes)
     inverse = Inverse.of(rows, columns, before)
     precondition, border = inverse.precondition, _Border.of(rows, inverse.responses)
-    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :N_FIELDS])
+    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :FRACTION])
     weight = np.sqrt(equation.count, dtype=rows.precision)  # as the merit weighs the balance
     size = len(right)
 
@@ -106,7 +107,7 @@ def krylov_step(
 
 
 def _counts(rows: Rows, given: Array, asked: float) -> bool:
-    """Whether what is given of the step (n, 6) counts beside what is asked for."""
+    """Whether what is given of the step (n, fields + 1) counts beside what is asked for."""
     units = np.append(rows.equation.scales.load, 1.0)
     return float(np.linalg.norm(given / units)) > UNNOTICED * asked
 

@@ -155,7 +155,7 @@ def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> I
     below = None if coarse is None else _coarse_solution(coarse.problem)
     prolonged = None if below is None else nested_start(problem, lambda _: below)
     start = start if prolonged is None else prolonged
-    contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(start, n)
+    contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(problem, start)
     motion = start_motion(problem, start)
     part = None if prolonged is None else inset(problem, np.asarray(load.any(axis=1)))
     if part is not None:

@@ -5,12 +5,11 @@ from typing import Final
 import numpy as np
 
 from meeframe.contact.problem import ContactProblem, contact_gap
-from meeframe.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, attracts
-from meeframe.solvers.conduction.floating import POTENTIALS
 from meeframe.solvers.newton.contact_edge import relaxed_where_switched
 from meeframe.solvers.newton.globalization import Step
-from meeframe.solvers.newton.residual import CLOSED, Point
+from meeframe.solvers.newton.residual import FLUX_ROWS, FRACTION, Point
 
 FLIPS: Final = 1
 """A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
@@ -26,12 +25,12 @@ def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[A
     """
     equation = point.equation
     motion = point.motion + fraction * step.motion
-    load = point.load + fraction * step.local[:, :N_FIELDS]
+    load = point.load + fraction * step.local[:, :FRACTION]
     load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
     # what is left of tractions, fluxes and fractions that the step took away
     load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
     load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(point.load[:, POTENTIALS])] = 0.0
-    contact_fraction = point.contact_fraction + fraction * step.local[:, CLOSED]
+    contact_fraction = point.contact_fraction + fraction * step.local[:, FRACTION]
     contact_fraction[np.abs(contact_fraction) < ROUND_OFF] = 0.0
     moved = point.moved(load, contact_fraction, point.grazing, motion)
     flips = flips + moved.switched(point)
@@ -71,7 +70,7 @@ def _with_fitting_fractions(moved: Point) -> Point:
     if not some.any():
         return moved
     unit = moved.equation.scales.displacement[POTENTIALS]
-    left = moved.residual[some][:, POTENTIALS]
+    left = moved.residual[some][:, FLUX_ROWS]
     slope = moved.jump[some] * moved.drive[some] / unit
     contact_fraction, square = moved.contact_fraction.copy(), (slope**2).sum(axis=1)
     change = np.divide((slope * left).sum(axis=1), square, out=np.zeros_like(square), where=square > 0.0)
@@ -81,7 +80,7 @@ def _with_fitting_fractions(moved: Point) -> Point:
 
 
 def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
-    """Tractions (n, 3) of a load (n, 5) at a motion (m,), the contact's part of them projected by the law."""
+    """Tractions (n, 3) of a load (n, fields) at a motion (m,), the contact's part of them projected by the law."""
     law, traction = problem.contact_law, load[:, MECHANICAL].copy()
     pull = np.zeros(len(load))
     if attracts(law):

@@ -14,12 +14,11 @@ import numpy as np
 import scipy  # its parts load where they are used
 
 from meeframe.contact.conduction import Mask
-from meeframe.fields import ELECTRIC, MAGNETIC, Array, Indices
+from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.jacobian import TANGENTIAL, Rows
 from meeframe.solvers.newton.node_blocks import NodeBlocks
-from meeframe.solvers.newton.residual import CLOSED
 from meeframe.system.capabilities import ApproximateInverse, Prolongation
 
 NEARBY: Final = 1.1
@@ -39,7 +38,8 @@ def preconditioner(rows: Rows) -> Linear:
     everywhere in contact, and that there is none with the closed fraction, which alone can see to it: by what it causes
     nearby. Fluxes there count as fully conducted: they act on the nodes around whatever part of them is.
     """
-    if CLOSED not in rows.components:
+    n_fields = rows.equation.problem.fields.size
+    if n_fields not in rows.components:
         solve = _solution_of_loads(rows)
         return lambda values: solve(values.reshape(rows.coupled.shape)).ravel()
     between = np.flatnonzero(rows.coupled[-1])
@@ -47,7 +47,7 @@ def preconditioner(rows: Rows) -> Linear:
     a, b = (part.exchanged(pressure, last, between) for part in (rows.a, rows.b))
     coupled = rows.coupled.copy()
     coupled[last] = False
-    for field in (ELECTRIC, MAGNETIC):
+    for field in range(N_MECHANICAL, n_fields):
         if field in rows.components:
             row = rows.components.index(field)
             conducting = between[coupled[row, between]]

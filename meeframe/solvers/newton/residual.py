@@ -1,13 +1,14 @@
 """The contact problem as one nonsmooth equation, and its linearisation node by node (eqs. 27-29).
 
-With the trial traction t* = p + r S g of a load (p, f) and a closed fraction c, the residual of a node has six rows:
+With the trial traction t* = p + r S g of a load (p, f) and a closed fraction c, the residual of a node has one row a
+field and one more:
     p - project(t*)                                     contact,
-    T (-phi + phi_o) + (1 - T) own f                    either potential, T = own / (own + R),
+    T (-phi + phi_o) + (1 - T) own f                    each potential, T = own / (own + R),
     sigma (c - clip(c - t*_nu / sigma, 0, 1))           where the node grazes; elsewhere c = [t*_nu < 0].
 The transmissivity T grows from 0 (insulated) to 1 (perfect conductor) with the conductivity and is interpolated by c as
 in meeframe.contact.conduction; `own` is the node's own response. The gap depends on the load through the compliance C
-alone, so that the generalised Jacobian is A + B C with blocks A (6, 6) and B (6, 5) of each node: all that a linear
-solver needs to know.
+alone, so that the generalised Jacobian is A + B C with blocks A (fields + 1, fields + 1) and B (fields + 1, fields) of
+each node: all that a linear solver needs to know.
 
 Free motions and potentials w of the indenter are unknowns too. They enter the gap and the potential difference as the
 compliance does, with the opposite sign, so that their columns are -B mode; their rows are the balance
@@ -28,17 +29,15 @@ import scipy  # its parts load where they are used
 from meeframe.contact.conduction import Mask, follows_gap, switch
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
 from meeframe.contact.scales import Scales, motion_scales, problem_scales
-from meeframe.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import (
     attraction_slope,
     attracts,
     augmented_traction,
-    conducts,
     contact_traction,
     fixed_point_map,
     traction_tangents,
 )
-from meeframe.solvers.conduction.floating import POTENTIALS
 from meeframe.solvers.conduction.transmissivity import Transmissivity
 from meeframe.solvers.newton.node_blocks import NodeBlocks
 from meeframe.system.capabilities import (
@@ -49,8 +48,10 @@ from meeframe.system.capabilities import (
     apply_fields,
 )
 
-CLOSED: Final = 5
-"""Row and column of the closed fraction; those before it are the fields of the load."""
+FRACTION: Final = -1
+"""Row and column of the contact fraction in arrays: the last one, after the fields."""
+FLUX_ROWS: Final = slice(N_MECHANICAL, FRACTION)
+"""Rows of the fluxes in arrays of equations or unknowns."""
 FARTHEST: Final = 4.0
 """A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
 NARROWEST: Final = 1e-12
@@ -65,12 +66,12 @@ UNNOTICED: Final = 0.1
 class Equation:
     """The nonsmooth equation of a problem.
 
-    scales: of its data; blocks: (n, 5, 5) response of each node to its own load; own: (n, 2) of its potentials to their
-    flux, and lifted: (n, 2) [m/V], [m/A] how far flux that changes them moves it along the normal; r: [Pa/m]; modes:
-    (n, 5, m) displacement of the indenter by characteristic amounts, units: (m,), of its free motions; measures:
-    (m, n, 5) of the loads by characteristic totals; loaded: the fields that the laws load, and inverse: the system's
-    approximate one in them, None if it has none or is held as a matrix; count: nodes of the zone, of which these may be
-    a part: what the others leave of the equation is nothing.
+    scales: of its data; blocks: (n, fields, fields) response of each node to its own load; own: (n, channels) of its
+    potentials to their flux, and lifted: (n, channels) [m/V], [m/A] how far flux that changes them moves it along the
+    normal; r: [Pa/m]; modes: (n, fields, m) displacement of the indenter by characteristic amounts, units: (m,), of its
+    free motions; measures: (m, n, fields) of the loads by characteristic totals; loaded: the fields that the laws load,
+    and inverse: the system's approximate one in them, None if it has none or is held as a matrix; count: nodes of the
+    zone, of which these may be a part: what the others leave of the equation is nothing.
 
     Here and in what follows components are stored one after another: numpy is much faster along the longer axis.
     """
@@ -94,10 +95,11 @@ class Equation:
         whole = whole or problem
         scales = problem_scales(whole)
         blocks = np.asfortranarray(problem.system.diagonal_blocks())
-        own = np.array([blocks[:, field, field] for field in (ELECTRIC, MAGNETIC)]).T
+        n_fields = problem.fields.size
+        own = np.array([blocks[:, field, field] for field in range(N_MECHANICAL, n_fields)]).T
         lifted = blocks[:, 2, POTENTIALS] / own
         units = motion_scales(whole, scales)
-        modes, measures = (np.zeros((len(units), N_FIELDS, len(problem.gap))) for _ in range(2))
+        modes, measures = (np.zeros((len(units), n_fields, len(problem.gap))) for _ in range(2))
         for k, freedom in enumerate(problem.prescribed_resultants):
             for field in freedom.moved:
                 modes[k, field] = units[k] * freedom.mode[:, field]
@@ -105,7 +107,7 @@ class Equation:
                 measures[k, field] = freedom.measure[:, field] / scales.totals[k]
         modes, measures = modes.transpose(2, 1, 0), measures.transpose(0, 2, 1)
         rubs = bool(problem.contact_law.tangential_scaling().any())
-        flows = [conducts(law) for law in (problem.electric_law, problem.magnetic_law)]
+        flows = [channel.conducts for channel in problem.channels]
         loaded = np.flatnonzero([rubs, rubs, True, *flows]).tolist()
         system = problem.system
         approximate = system.capability(ApproximateInverse) if system.dense() is None else None
@@ -115,7 +117,7 @@ class Equation:
 
     @cached_property
     def strongest(self) -> Array:
-        """Magnitudes (5, 5) of the largest entries of the blocks."""
+        """Magnitudes (fields, fields) of the largest entries of the blocks."""
         return np.asarray(np.maximum(self.blocks.max(axis=0, initial=0.0), -self.blocks.min(axis=0, initial=0.0)))
 
     @cached_property
@@ -125,7 +127,7 @@ class Equation:
 
     @property
     def weighed(self) -> Array:
-        """Displacements (5,) that count as one in the rows of the equation."""
+        """Displacements (fields,) that count as one in the rows of the equation."""
         contact = self.scales.pressure / self.r
         return np.array([contact, contact, contact, *self.scales.displacement[POTENTIALS]])
 
@@ -135,7 +137,7 @@ class Equation:
         return Transmissivity(self.problem, self.scales, self.own)
 
     def at(self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array, aim: float = 0.0) -> "Point":
-        """The equation at a load (n, 5) and motion (m,) of the freedoms.
+        """The equation at a load (n, fields) and motion (m,) of the freedoms.
 
         contact_fraction: (n,) what grazing nodes (n,) have, that of the others follows; aim: the least violation that
         will matter there: without a matrix, single precision serves if it tells that.
@@ -148,30 +150,30 @@ class Equation:
         return self.beside(load, self.ahead(load, motion), contact_fraction, grazing, motion)
 
     def ahead(self, load: Array, motion: Array) -> Array:
-        """How far the indenter is ahead of the body, (n, 5), at a load (n, 5) and motion (m,)."""
+        """How far the indenter is ahead of the body, (n, fields), at a load (n, fields) and motion (m,)."""
         return self._ahead_of(self.problem.system.apply(load), motion)
 
     def roughly_ahead(self, load: Array, motion: Array) -> tuple[Array, float]:
         """The same in single precision, and how far the load moves the body: see farthest."""
         system, loaded = self.problem.system, np.flatnonzero(load.any(axis=0)).tolist()
         single: AnyArray = load.T[loaded].astype(np.float32)
-        response = apply_fields(system, single.T, loaded, range(N_FIELDS))
+        response = apply_fields(system, single.T, loaded, range(system.n_fields))
         return self._ahead_of(response, motion), self.farthest(response)
 
     def _ahead_of(self, response: Array, motion: Array) -> Array:
-        """The same, of a body that the load moves by (n, 5)."""
+        """The same, of a body that the load moves by (n, fields)."""
         ahead = indenter_position(self.problem, motion)
         ahead -= self.problem.system.offset
         ahead -= response
         return ahead
 
     def farthest(self, response: Array) -> float:
-        """The largest of displacements (n, 5), in those that count as one."""
+        """The largest of displacements (n, fields), in those that count as one."""
         largest = np.maximum(response.max(axis=0, initial=0.0), -response.min(axis=0, initial=0.0))
         return float((largest / self.weighed).max())
 
     def beside(self, load: Array, ahead: Array, contact_fraction: Array, grazing: Mask, motion: Array) -> "Point":
-        """As `at`, with the indenter known to be (n, 5) ahead of the body."""
+        """As `at`, with the indenter known to be (n, fields) ahead of the body."""
         law = self.problem.contact_law
         gap = ahead[:, MECHANICAL]
         trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
@@ -187,14 +189,14 @@ class Equation:
         switched = np.abs(self.lifted * jump * drive).sum(axis=1)
         sigma = self.r * switched + NARROWEST * self.scales.pressure
         switch = contact_fraction - trial[:, 2] / sigma
-        residual = np.zeros((CLOSED + 1, len(load))).T
+        residual = np.zeros((self.problem.fields.size + 1, len(load))).T
         contact = load[:, MECHANICAL] - fixed_point_map(law, trial, gap, (self.r, self.r))
         np.divide(contact, self.scales.pressure, out=residual[:, MECHANICAL])
         flux += transmissivity * drive
-        np.divide(flux, self.scales.displacement[POTENTIALS], out=residual[:, POTENTIALS])
+        np.divide(flux, self.scales.displacement[POTENTIALS], out=residual[:, FLUX_ROWS])
         at = np.flatnonzero(grazing)
         off = contact_fraction[at] - np.clip(switch[at], 0.0, 1.0)
-        residual[at, CLOSED] = off * sigma[at] / self.scales.pressure
+        residual[at, FRACTION] = off * sigma[at] / self.scales.pressure
         balance = unbalance(self.problem, load) / self.scales.totals
         nodes = (ahead, trial, transmissivity, jump, drive, sigma, switch, residual)
         return Point(self, load, contact_fraction, grazing, motion, *nodes, balance)
@@ -204,8 +206,9 @@ class Equation:
 class Blocks:
     """The linearisation (A + B C) step - B modes motion = -residual, measures : step = -balance.
 
-    a: of n nodes by unknowns (6,) and b: by displacements (5,), six rows each, residual: (n, 6), balance: (m,); modes
-    and measures are the equation's; farthest: how many characteristic amounts the motions may go in one step.
+    a: of n nodes by unknowns (fields + 1,) and b: by displacements (fields,), one row for each unknown, residual: (n,
+    fields + 1), balance: (m,); modes and measures are the equation's; farthest: how many characteristic amounts the
+    motions may go in one step.
     """
 
     a: NodeBlocks
@@ -219,11 +222,11 @@ class Blocks:
 class Point:
     """The equation at a state.
 
-    load: (n, 5); contact_fraction: (n,), of grazing nodes not confined to [0, 1]; motion: (m,) of the freedoms; ahead:
-    (n, 5) of the indenter over the body; trial: (n, 3) [Pa]; transmissivity: (n, 2); jump: (n, 2) its difference
-    between closed and open; drive: (n, 2) potential difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,)
-    of the row of the closed fraction; residual: (n, 6) and balance: (m,), dimensionless; rounded: roughly how far the
-    residual may be off, at most, by what single precision has left out.
+    load: (n, fields); contact_fraction: (n,), of grazing nodes not confined to [0, 1]; motion: (m,) of the freedoms;
+    ahead: (n, fields) of the indenter over the body; trial: (n, 3) [Pa]; transmissivity: (n, channels); jump: (n,
+    channels) its difference between closed and open; drive: (n, channels) potential difference less own f [V], [A];
+    sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction; residual: (n, fields + 1) and balance: (m,),
+    dimensionless; rounded: roughly how far the residual may be off, at most, by what single precision has left out.
     """
 
     equation: Equation
@@ -243,8 +246,8 @@ class Point:
     rounded: float = 0.0
 
     def moved(self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array) -> "Point":
-        """The equation at another load (n, 5) and motion (m,): as Equation.at, but without a matrix by what changes, in
-        single precision as long as that does not count."""
+        """The equation at another load (n, fields) and motion (m,): as Equation.at, but without a matrix by what
+        changes, in single precision as long as that does not count."""
         equation, problem = self.equation, self.equation.problem
         if problem.system.dense() is not None:
             return equation.at(load, contact_fraction, grazing, motion)
@@ -252,11 +255,11 @@ class Point:
         change: Array = np.subtract(load, self.load).T  # before it is rounded
         loaded = np.flatnonzero(change.any(axis=1)).tolist()
         single: AnyArray = change[loaded].astype(np.float32)
-        approximate = problem.system.capability(ApproximateApply)
+        approximate, fields = problem.system.capability(ApproximateApply), range(problem.fields.size)
         if approximate is None:
-            response = apply_fields(problem.system, single.T, loaded, range(N_FIELDS))
+            response = apply_fields(problem.system, single.T, loaded, fields)
         else:
-            response = approximate.approximate_apply(single.T, loaded, range(N_FIELDS))
+            response = approximate.approximate_apply(single.T, loaded, fields)
         error = ROUNDED if approximate is None else APPROXIMATE_TOLERANCE
         rounded = self.rounded + error * equation.farthest(response)
         ahead = self.ahead - response
@@ -281,9 +284,9 @@ class Point:
         )
         transmissivity[some] += change
         switch[some] = fraction - self.trial[some, 2] / sigma
-        residual[some, POTENTIALS] += change * self.drive[some] / scales.displacement[POTENTIALS]
+        residual[some, FLUX_ROWS] += change * self.drive[some] / scales.displacement[POTENTIALS]
         off = np.where(grazing[some], fraction - np.clip(switch[some], 0.0, 1.0), 0.0)
-        residual[some, CLOSED] = off * sigma / scales.pressure
+        residual[some, FRACTION] = off * sigma / scales.pressure
         state = replace(self, contact_fraction=contact_fraction, grazing=grazing)
         return replace(state, transmissivity=transmissivity, switch=switch, residual=residual)
 
@@ -326,7 +329,7 @@ class Point:
         scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.grazing)
         compliance = np.diag(scales.compliance)[POTENTIALS]
         conducted = compliance / (compliance * share + self.equation.own * (1.0 - share))
-        left: Array = np.abs(self.residual[:, POTENTIALS] * conducted).max(axis=1)
+        left: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
         contact_fraction = np.clip(self.contact_fraction[at], 0.0, 1.0)
         left[at] = np.maximum(
             left[at], np.abs(contact_fraction - switch(contact_fraction, self.trial[at, 2], scales.pressure))
@@ -355,13 +358,13 @@ class Point:
         law = equation.problem.contact_law
         between = self.between
         # a fraction that stays at its end moves no flux, which is then a statement on the node itself
-        stays = (self.residual[:, CLOSED] == 0.0) & ~between
+        stays = (self.residual[:, FRACTION] == 0.0) & ~between
         moves = between | (self.grazing & ~stays & (self.contact_fraction >= 0.0) & (self.contact_fraction <= 1.0))
         residual = self.residual.copy(order="K")
         pressing = contact_traction(law, self.load[:, 2], self.ahead[:, 2])
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
         residual[between, 2] = pressing[between] / scales.pressure
-        residual[between, CLOSED] = equation.r * self.ahead[between, 2] / scales.pressure
+        residual[between, FRACTION] = equation.r * self.ahead[between, 2] / scales.pressure
         trial, gap, r = self._trial_by_fraction(), self.ahead[:, MECHANICAL], (equation.r, equation.r)
         by_trial, by_gap = traction_tangents(law, trial, gap, r, between)
         other = np.flatnonzero(trial[:, 2] != self.trial[:, 2])
@@ -375,8 +378,9 @@ class Point:
             b[i, j] = by_gap[:, i, j] * (1.0 / scales.pressure)
         for i in range(3):
             a[i, i] += 1.0 / scales.pressure
-        a[CLOSED, CLOSED] = np.where(between, 0.0, self.sigma / scales.pressure)
-        b[CLOSED, 2] = np.where(between, -equation.r / scales.pressure, 0.0)
+        fraction = equation.problem.fields.size
+        a[fraction, fraction] = np.where(between, 0.0, self.sigma / scales.pressure)
+        b[fraction, 2] = np.where(between, -equation.r / scales.pressure, 0.0)
         contact_fraction = np.clip(self.contact_fraction, 0.0, 1.0)
         alone = equation.transmissivity.unloaded(self.ahead, self.load[:, POTENTIALS])
         answered = self.load[:, 2] - scales.pressure * self.residual[:, 2]
@@ -389,12 +393,12 @@ class Point:
         if attracts(law):
             pulled = slope * attraction_slope(law, self.ahead[:, 2])[:, None]
             across = -pulled if across is None else across - pulled
-        for k, field in enumerate((3, 4)):
+        for k, field in enumerate(range(N_MECHANICAL, fraction)):
             unit = scales.displacement[field]
             drive = self.drive[:, k] / unit
             a[field, field] = equation.own[:, k] / unit * (1.0 - share[:, k])
             a[field, 2] = drive * slope[:, k]
-            a[field, CLOSED] = np.where(moves, drive * self.jump[:, k], 0.0)
+            a[field, fraction] = np.where(moves, drive * self.jump[:, k], 0.0)
             b[field, field] = share[:, k] / unit
             if across is not None:
                 b[field, 2] = -drive * across[:, k]

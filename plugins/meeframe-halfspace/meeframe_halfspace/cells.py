@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from meeframe.plugin import Array
-from meeframe_halfspace.kernels import N_VALUES, NEAR, fill_far, fill_rows, tabulate
+from meeframe_halfspace.kernels import NEAR, fill_far, fill_rows, tabulate
 from meeframe_halfspace.response import PointResponse, mirrored
 
 Shape = Literal["bilinear", "constant"]
@@ -29,14 +29,14 @@ _REACH: Final = 4
 
 
 def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Shape, size: tuple[int, int]) -> Array:
-    """Response (25, nx, 2 ny - 1) i spacings along e1 and j along e2 from a node with unit density, scaled fields.
+    """Return the response (entries, nx, 2 ny - 1) i spacings along e1 and j along e2 from a node with unit density.
 
-    i from 0 to nx - 1, j from -(ny - 1) to ny - 1; entries as of PointResponse. The response at (-i, -j) has the same
-    symmetric entries and the opposite antisymmetric ones. shape: density around a node, constant on its cell or
-    bilinear to zero at its neighbours; spacing [m].
+    Scaled fields; i from 0 to nx - 1, j from -(ny - 1) to ny - 1; entries as of PointResponse. The response at (-i, -j)
+    has the same symmetric entries and the opposite antisymmetric ones. shape: density around a node, constant on its
+    cell or bilinear to zero at its neighbours; spacing [m].
     """
     nx, ny = size
-    table = np.empty((N_VALUES, nx, 2 * ny - 1))
+    table = np.empty((response.layout.n_values, nx, 2 * ny - 1))
     along, across, steps = _pieces(shape, spacing[0]), _pieces(shape, spacing[1]), np.array(spacing)
     tables, thresholds = _product_rules(shape)
     rule = np.array(np.polynomial.legendre.leggauss(_EDGE_POINTS))

@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, final
@@ -12,23 +12,16 @@ import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
-from meeframe.plugin import N_FIELDS, Array, Indices
+from meeframe.plugin import Array, Indices
+from meeframe_halfspace.entries import entry_layout
 from meeframe_halfspace.grid_response import DOUBLE
-from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, multiply_waves
-from meeframe_halfspace.response import STRICT, UPPER
+from meeframe_halfspace.kernels import multiply_waves
 
 if TYPE_CHECKING:
     from meeframe_halfspace.two_grids import TwoGrids
 
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
-REAL: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
-IMAGINARY: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
-"""Entries (5, 5) of the symbol that are real and imaginary part of its matrix, the latter but on the diagonal, ..."""
-REAL[UPPER] = REAL[UPPER[::-1]] = np.arange(N_SYMMETRIC)
-IMAGINARY[STRICT] = IMAGINARY[STRICT[::-1]] = np.arange(N_SYMMETRIC, N_VALUES)
-SIGN: Final = np.triu(np.ones((N_FIELDS, N_FIELDS)), 1) - np.tril(np.ones((N_FIELDS, N_FIELDS)), -1)
-"""... and the sign with which that is so."""
 BLOCK: Final = 5 * 2**17
 """Bytes of spectra that are worked on at once, so that they stay near the processor, ..."""
 LEAST: Final = 8
@@ -45,11 +38,11 @@ _MAKING: Final = threading.RLock()
 @final
 @dataclass(frozen=True, eq=False)
 class Symbol:
-    """The 25 entries of a symbol, made when they are asked for; threads may share it.
+    """The entries of a symbol, made when they are asked for; threads may share it.
 
-    make: those of given numbers, in a precision, real, (px // 2 + 1, py); numbers: of those not zero; parities: (25,)
-    whether they are even (1) or odd (-1) functions of the second wave number, and (px // 2 + 1, py // 2 + 1); None
-    if not each is. What was made is not pickled.
+    make: those of given numbers, in a precision, real, (px // 2 + 1, py); numbers: of those not zero; parities:
+    (entries,) whether they are even (1) or odd (-1) functions of the second wave number, and (px // 2 + 1, py // 2 +
+    1); None if not each is. What was made is not pickled.
     """
 
     make: Callable[[Sequence[int], np.dtype[Any]], Iterable[tuple[int, Array]]]
@@ -120,7 +113,7 @@ class Convolution:
     size, padded
         Padded with zeros to twice its size, the grid stands free.
     scale
-        (5, 5) factors of the response in each field to a load in each field.
+        (fields, fields) factors of the response in each field to a load in each field.
     approximate
         The same convolution to a few digits where that takes less time, else None.
 
@@ -192,16 +185,17 @@ class Convolution:
     def _product(self, loaded: tuple[int, ...], fields: tuple[int, ...], precision: np.dtype[Any]) -> _Product:
         key = loaded, fields, precision
         if key not in self._products:
+            layout = entry_layout(len(self.scale))
             every = [
                 (answer, load, number, imaginary, self.scale[place, other] * sign)
                 for answer, place in enumerate(fields)
                 for load, other in enumerate(loaded)
-                for number, imaginary, sign in parts(place, other)
+                for number, imaginary, sign in layout.parts(place, other)
             ]
             _, places = self.symbol.entries([number for _, _, number, *_ in every], precision)
             terms = sorted((term for term in every if term[2] in places), key=lambda term: term[2])
             answering = sorted({answer for answer, *_ in terms})
-            parities = np.zeros(N_VALUES, np.int64) if self.symbol.parities is None else self.symbol.parities
+            parities = np.zeros(layout.n_values, np.int64) if self.symbol.parities is None else self.symbol.parities
             rows = [
                 (answering.index(answer), load, places[number], imaginary, parities[number])
                 for answer, load, number, imaginary, _ in terms
@@ -238,10 +232,3 @@ def _work(stages: Sequence[tuple[Callable[[slice], None], list[slice]]], threads
     with ThreadPoolExecutor(threads) as pool:
         for work, parts in stages:
             list(pool.map(work, parts))
-
-
-def parts(place: int, other: int) -> Iterator[tuple[int, bool, float]]:
-    """Entries of the symbol that one of its matrix consists of, whether multiplied by i, and with which sign."""
-    yield int(REAL[place, other]), False, 1.0
-    if place != other:
-        yield int(IMAGINARY[place, other]), True, float(SIGN[place, other])

@@ -7,8 +7,6 @@ import numpy as np
 from pydantic import Field
 
 from meeframe.plugin import (
-    N_FIELDS,
-    VALUE_NAMES,
     Array,
     Body,
     CaseError,
@@ -85,7 +83,7 @@ class HalfSpace(Formulation):
             frames=np.broadcast_to(zone.frame, (len(weights), 3, 3)),
             weights=weights,
             cells=zone.cells,
-            offset=np.zeros((len(weights), N_FIELDS)),
+            offset=np.zeros((len(weights), body.fields.size)),
             grid=grid,
             grid_response=grid_response,
             convolution=convolution_of(grid_response),
@@ -111,8 +109,9 @@ class HalfSpace(Formulation):
         check_conditions(body)
         for condition in body.conditions:
             if condition.kind == "value" or np.any(condition.data):
+                name = body.fields.value_names[condition.field]
                 raise CaseError(
-                    f"boundary condition on {condition.group!r}: {condition.kind} of {VALUE_NAMES[condition.field]}: a "
+                    f"boundary condition on {condition.group!r}: {condition.kind} of {name}: a "
                     "half space is free of traction and flux beside its contact zone and at rest at infinity; allowed: "
                     "zero fluxes"
                 )

@@ -12,7 +12,7 @@ import scipy  # its parts load where they are used
 
 from meeframe.plugin import Array
 from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
-from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, fill_symbol
+from meeframe_halfspace.kernels import fill_symbol
 from meeframe_halfspace.response import PointResponse, mirrored, series_entry
 
 DOUBLE: Final = np.dtype(np.float64)
@@ -35,12 +35,12 @@ class GridResponse(ABC):
 
     @abstractmethod
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """Yield the nonzero ones of some of the 25 entries, see Symbol, with the parities of the response."""
+        """Yield the nonzero ones of some of the entries, see Symbol, with the parities of the response."""
 
     @property
     @abstractmethod
     def own(self) -> Array:
-        """Response (25,) of a node to the density around it."""
+        """Response (entries,) of a node to the density around it."""
 
     @abstractmethod
     def coarsen(self) -> "GridResponse | None":
@@ -81,7 +81,7 @@ class FreeGrid(GridResponse):
         return cell_table(self.response, self.spacing, self.shape, near_size(self.spacing, self.size))
 
     def tables(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
-        """Yield the nonzero ones of some of the 25 entries, (nx, 2 ny - 1) or (nx, ny), exact also near the node."""
+        """Yield the nonzero ones of some of the entries, (nx, 2 ny - 1) or (nx, ny), exact also near the node."""
         for number, table in far_tables(self.response, self.spacing, self.shape, self.size, numbers):
             near = self._near[number]
             reach = near.shape[1] // 2
@@ -101,7 +101,7 @@ class FreeGrid(GridResponse):
     def own(self) -> Array:
         """Response (25,) of a node to the density around it."""
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
-        values[N_SYMMETRIC:] = 0.0  # an odd function at zero
+        values[self.response.layout.n_symmetric :] = 0.0  # an odd function at zero
         return values
 
     def coarsen(self) -> "FreeGrid":
@@ -175,9 +175,9 @@ class PeriodicGrid(GridResponse):
         twice[0] = 1.0
         if nx % 2 == 0:
             twice[-1] = 1.0
-        values = np.zeros(N_VALUES)  # those of odd functions are zero
+        values = np.zeros(self.response.layout.n_values)  # those of odd functions are zero
         parities = self.response.parities
-        for number, symbol in self.symbol(range(N_SYMMETRIC)):
+        for number, symbol in self.symbol(range(self.response.layout.n_symmetric)):
             whole = symbol if parities is None else whole_entry(symbol, parities[number], ny)
             values[number] = twice @ whole.sum(axis=1) / (nx * ny)
         return values

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from meeframe.plugin import Array
-from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum, Symbol, parts
+from meeframe_halfspace.convolution import Convolution, Spectrum, Symbol
+from meeframe_halfspace.entries import entry_layout
 from meeframe_halfspace.grid_response import whole_entry
 
 NONE: Final = 1e-5
@@ -26,8 +27,8 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
     if not convolution.periodic:
         padded = padded[0] // 2, padded[1] // 2
 
-    parities = convolution.symbol.parities
-    asked = {number for place, other in product(fields, repeat=2) for number, *_ in parts(place, other)}
+    parities, layout = convolution.symbol.parities, entry_layout(len(convolution.scale))
+    asked = {number for place, other in product(fields, repeat=2) for number, *_ in layout.parts(place, other)}
     symbol, places = convolution.symbol.entries(asked, single)
 
     def entry(number: int, parity: float) -> Array | float:
@@ -44,17 +45,17 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
     matrix: Spectrum = np.zeros((k, k, padded[0] // 2 + 1, count), np.complex64)
     for row, field in enumerate(fields):
         for column, other in enumerate(fields[: row + 1]):
-            matrix[row, column].real = entry(int(REAL[field, other]), 1.0)
+            matrix[row, column].real = entry(int(layout.real[field, other]), 1.0)
             if column != row:
-                matrix[row, column].imag = SIGN[field, other] * entry(int(IMAGINARY[field, other]), -1.0)
+                matrix[row, column].imag = layout.sign[field, other] * entry(int(layout.imaginary[field, other]), -1.0)
                 matrix[column, row] = matrix[row, column].conj()
     _invert(matrix)
     there: dict[int, Array] = {}
     alone = [np.sqrt(np.abs(matrix[row, row]).max()) for row in range(k)]
     for (row, field), (column, other) in product(enumerate(fields), repeat=2):
-        halves = (REAL, matrix[row, column].real, 0.0), (IMAGINARY, matrix[row, column].imag, 1.0)
+        halves = (layout.real, matrix[row, column].real, 0.0), (layout.imaginary, matrix[row, column].imag, 1.0)
         for number, part, sign in halves:
-            if SIGN[field, other] >= sign and np.abs(part).max() > NONE * alone[row] * alone[column]:
+            if layout.sign[field, other] >= sign and np.abs(part).max() > NONE * alone[row] * alone[column]:
                 there[int(number[field, other])] = part
     found = Symbol.of(np.array(list(there.values())), list(there), parities)
     return Convolution(found, convolution.size, padded, 1.0 / convolution.scale.T)

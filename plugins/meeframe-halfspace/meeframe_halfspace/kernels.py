@@ -14,25 +14,24 @@ from meeframe.plugin import prefetch
 
 NEAR = 6.0
 """Cells within so many spacings are integrated along their edges, others by product rules."""
-N_SYMMETRIC = 15
-N_VALUES = 25
 AHEAD, LINE = 64, 8
 """Numbers with which a row of the symbol begins that are fetched before it is needed, by lines of so many doubles."""
 
 
 @njit(cache=True, nogil=True)
 def add_response(c, s, factor, even, odd, values):
-    """values (25,) += factor * K(theta), cos and sin of theta given: 15 symmetric entries, then 10 antisymmetric."""
+    """Add factor * K(theta) to values, cos and sin of theta given: symmetric entries, then antisymmetric ones."""
+    n_symmetric, n_antisymmetric = even.shape[2], odd.shape[2]
     cn, sn = 1.0, 0.0
     step_c, step_s = c * c - s * s, 2.0 * s * c
     for n in range(even.shape[0]):
-        for entry in range(N_SYMMETRIC):
+        for entry in range(n_symmetric):
             values[entry] += factor * (even[n, 0, entry] * cn + even[n, 1, entry] * sn)
         cn, sn = cn * step_c - sn * step_s, sn * step_c + cn * step_s
     cn, sn = c, s
     for n in range(odd.shape[0]):
-        for entry in range(N_VALUES - N_SYMMETRIC):
-            values[N_SYMMETRIC + entry] += factor * (odd[n, 0, entry] * cn + odd[n, 1, entry] * sn)
+        for entry in range(n_antisymmetric):
+            values[n_symmetric + entry] += factor * (odd[n, 0, entry] * cn + odd[n, 1, entry] * sn)
         cn, sn = cn * step_c - sn * step_s, sn * step_c + cn * step_s
 
 
@@ -77,8 +76,8 @@ def _near(x, y, pieces_x, pieces_y, even, odd, rule, values):
 
 @njit(cache=True, nogil=True)
 def tabulate(even, odd, count):
-    """K(theta), (count + 3, 25), at count angles from -1 step on, and once around with the two next ones."""
-    table = np.zeros((count + 3, N_VALUES))
+    """Return K(theta), (count + 3, entries), at count angles from -1 step on, once around with the two next ones."""
+    table = np.zeros((count + 3, even.shape[2] + odd.shape[2]))
     for k in range(count + 3):
         theta = 2.0 * np.pi / count * (k - 1)
         add_response(np.cos(theta), np.sin(theta), 1.0, even, odd, table[k])
@@ -102,7 +101,7 @@ def _far(x, y, hx, hy, nodes, weights, around, values):
             factor = hx * hy * weights[i] * weights[j] / np.sqrt(dx * dx + dy * dy)
             c0, c1 = -factor * t * u * v / 6.0, factor * w * u * v / 2.0
             c2, c3 = -factor * w * t * v / 2.0, factor * w * t * u / 6.0
-            for entry in range(N_VALUES):
+            for entry in range(around.shape[1]):
                 values[entry] += (
                     c0 * around[k, entry]
                     + c1 * around[k + 1, entry]
@@ -113,7 +112,7 @@ def _far(x, y, hx, hy, nodes, weights, around, values):
 
 @njit(cache=True, nogil=True)
 def cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, around, rule, tables, thresholds, values):
-    """values (25,) = response at (x, y) from the centre of a cell to a density whose value at the centre is 1.
+    """Fill values (entries,) with the response at (x, y) from the centre of a cell to a density that is 1 there.
 
     around: K as `tabulate` gives it; rule: (2, n) Gauss on [-1, 1]; tables: (k, 2, k) nodes and weights of product
     rules with 1 to k points a direction; thresholds: (k,) distances in spacings from which each of them will do.
@@ -133,9 +132,9 @@ def cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, around, rule, ta
 def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, around, rule, tables, thresholds, out):
     """out[:, i, j] = response i spacings along x and j - (ny - 1) along y from a cell, for i in first..last - 1.
 
-    out: (25, nx, 2 ny - 1).
+    out: (entries, nx, 2 ny - 1).
     """
-    values = np.empty(N_VALUES)
+    values = np.empty(out.shape[0])
     middle = (out.shape[2] - 1) // 2
     for i in range(first, last):
         for j in range(out.shape[2]):

@@ -7,7 +7,6 @@ import numpy as np
 
 from meeframe.plugin import Array
 from meeframe_halfspace.cells import far_tables, unfolded
-from meeframe_halfspace.kernels import N_VALUES
 from meeframe_halfspace.response import PointResponse, mirrored
 from meeframe_halfspace.transfer import BEFORE, HOP, TAPS, WEIGHTS
 
@@ -59,7 +58,7 @@ def _lost(response: PointResponse, spacing: tuple[float, float], reach: float) -
     around = (1.0 + log(LEAST)) / log(2.0)  # all of the near response to noise, in parts of that of the ring
     farness = _mirrored(1.0 - nearness((nx, ny), steps, reach), 1)
     found = []
-    for number, part in far_tables(response, spacing, "constant", (nx, ny), range(N_VALUES), 2):
+    for number, part in far_tables(response, spacing, "constant", (nx, ny), range(response.layout.n_values), 2):
         series, odd = response.entry(number)
         table = _mirrored(unfolded(part, mirrored(series)), -1 if odd else 1)
         far = table * farness

@@ -11,6 +11,7 @@ Source: Gel'fand and Shilov, Generalized Functions 1 (1964), chapter II, section
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from math import isqrt
 from typing import Final
 
 import numpy as np
@@ -18,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from meeframe.plugin import (
     MECHANICAL,
-    N_FIELDS,
     Array,
     FieldScaling,
     Indices,
@@ -26,14 +26,10 @@ from meeframe.plugin import (
     local_frames,
     surface_compliance,
 )
-from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES
+from meeframe_halfspace.entries import EntryLayout, entries_to_matrix, entry_layout
 
-UPPER: Final = np.triu_indices(N_FIELDS)
-"""Rows and columns of the symmetric entries, in the order in which they are kept."""
-STRICT: Final = np.triu_indices(N_FIELDS, 1)
-"""The same of the antisymmetric entries."""
-NORMAL: Final = 9
-"""Place of the response of the normal displacement to the normal traction."""
+NORMAL: Final = 2
+"""Column of the normal displacement and traction."""
 _FIRST_ANGLES, _MOST_ANGLES = 32, 2048
 _NEGLIGIBLE = 1e-14  # of the largest coefficient, in scaled fields
 _CONVERGED = 1e-13
@@ -43,19 +39,24 @@ _CONVERGED = 1e-13
 class PointResponse:
     """K(theta) in scaled fields; d from source to point in the axes e1, e2.
 
-    even: (n, 2, 15) cosine and sine coefficients of harmonics 0, 2, ... of the symmetric entries (UPPER); odd:
-    (n, 2, 10) of harmonics 1, 3, ... of the antisymmetric entries (STRICT); factors: (5,) of the scaling.
+    even: (n, 2, symmetric entries) cosine and sine coefficients of harmonics 0, 2, ... (see EntryLayout); odd:
+    (n, 2, antisymmetric entries) of harmonics 1, 3, ...; factors: (fields,) of the scaling.
     """
 
     even: Array
     odd: Array
     factors: Array
 
+    @property
+    def layout(self) -> EntryLayout:
+        """Numbers of the entries."""
+        return entry_layout(len(self.factors))
+
     @classmethod
     def of(cls, stiffness: Array, frame: Array) -> "PointResponse":
         """Return the response of a half space.
 
-        stiffness: C_iJKm (3, 5, 5, 3) [SI]; frame: (3, 3), rows e1, e2, outward normal.
+        stiffness: C_iJKm (3, fields, fields, 3) [SI]; frame: (3, 3), rows e1, e2, outward normal.
 
         Raises MaterialError if the series does not converge, as of a material on the verge of inadmissibility.
         """
@@ -72,14 +73,15 @@ class PointResponse:
                 return cls(*_series(harmonics[: kept + 1]), factors)
             if count == _MOST_ANGLES:
                 break
-            y = np.stack([y, _over_half(stiffness, frame, half, 0.5)], axis=1).reshape(-1, N_FIELDS, N_FIELDS)
+            y = np.stack([y, _over_half(stiffness, frame, half, 0.5)], axis=1).reshape(-1, *y.shape[1:])
             count *= 2
         raise MaterialError(f"the surface compliance needs more than {_MOST_ANGLES} directions: nearly inadmissible")
 
     def evaluate(self, offset: Array) -> Array:
-        """Displacement and potentials per unit of a point force, charge and flux, (n, 5, 5), at offsets (n, 2) [m].
+        """Return displacement and potentials per unit of a point force, charge and flux at offsets (n, 2) [m].
 
-        Rows (u.e1, u.e2, u.nu, phi, psi), columns (force along e1, e2, nu; total of q; total of s), SI.
+        (n, fields, fields) in SI units. Rows (u.e1, u.e2, u.nu, phi, psi), columns (force along e1, e2, nu; total of q;
+        total of s).
         """
         r, theta = np.hypot(*offset.T), np.arctan2(offset[:, 1], offset[:, 0])
         values = np.concatenate([_sum(self.even, 2 * theta, 0.0), _sum(self.odd, 2 * theta, theta)], axis=1)
@@ -87,24 +89,24 @@ class PointResponse:
         return matrix
 
     def entry(self, number: int) -> tuple[Array, bool]:
-        """Series (n, 2) of one of the 25 entries without what is zero at its end, and whether its harmonics are odd."""
+        """Series (n, 2) of one of the entries without what is zero at its end, and whether its harmonics are odd."""
         return series_entry(self.even, self.odd, number)
 
     @cached_property
     def numbers(self) -> list[int]:
         """Numbers of the nonzero entries."""
-        return [number for number in range(N_VALUES) if len(self.entry(number)[0])]
+        return [number for number in range(self.layout.n_values) if len(self.entry(number)[0])]
 
     @cached_property
     def parities(self) -> Indices | None:
-        """Parities (25,) of the entries: 1 for even, -1 for odd functions of the angle; None without mirror symmetry.
+        """Parities of the entries: 1 for even, -1 for odd functions of the angle; None without mirror symmetry.
 
         The plane of symmetry contains the normal and the first axis.
         """
         found = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
-        for signs in product((1, -1), repeat=N_FIELDS - 1):
+        for signs in product((1, -1), repeat=self.layout.n_fields - 1):
             of_fields = np.outer((1, *signs), (1, *signs))
-            parities = np.concatenate([of_fields[UPPER], of_fields[STRICT]])
+            parities = np.concatenate([of_fields[self.layout.upper], of_fields[self.layout.strict]])
             if (found == parities[self.numbers]).all():
                 return parities
         return None
@@ -118,8 +120,9 @@ class PointResponse:
 
 def series_entry(even: Array, odd: Array, number: int) -> tuple[Array, bool]:
     """One entry of a series laid out as that of PointResponse: see PointResponse.entry."""
-    antisymmetric = number >= N_SYMMETRIC
-    whole = odd[:, :, number - N_SYMMETRIC] if antisymmetric else even[:, :, number]
+    n_symmetric = even.shape[2]
+    antisymmetric = number >= n_symmetric
+    whole = odd[:, :, number - n_symmetric] if antisymmetric else even[:, :, number]
     count = int(np.flatnonzero(whole.any(axis=1)).max(initial=-1)) + 1
     return np.ascontiguousarray(whole[:count]), antisymmetric
 
@@ -131,11 +134,11 @@ def mirrored(coefficients: Array) -> int:
 
 
 def scaled_compliance(stiffness: Array, frame: Array, angles: Array) -> NDArray[np.complex128]:
-    """Surface compliance Y(m), (n, 5, 5) complex Hermitian, scaled fields, in the axes of the frame (3, 3).
+    """Surface compliance Y(m), (n, fields, fields) complex Hermitian, scaled fields, in the axes of the frame (3, 3).
 
     m = cos(angle) e1 + sin(angle) e2.
     """
-    axes = np.eye(N_FIELDS)
+    axes = np.eye(stiffness.shape[1])
     axes[MECHANICAL, MECHANICAL] = frame
     factors = FieldScaling.of(stiffness).factors
     directions = np.outer(np.cos(angles), frame[0]) + np.outer(np.sin(angles), frame[1])
@@ -152,25 +155,17 @@ def indentation_modulus(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -
     of its variation elsewhere. Source: Vlassak and Nix, Philos. Mag. A 67 (1993) 1045. Raises as PointResponse.of.
     """
     nu = np.asarray(normal, float) / np.linalg.norm(normal)
-    mean = PointResponse.of(stiffness, local_frames(nu[None])[0]).even[0, 0, NORMAL]
-    return float(1.0 / (np.pi * mean * FieldScaling.of(stiffness).factors[2] ** 2))
+    response = PointResponse.of(stiffness, local_frames(nu[None])[0])
+    mean = response.even[0, 0, response.layout.real[NORMAL, NORMAL]]
+    return float(1.0 / (np.pi * mean * response.factors[NORMAL] ** 2))
 
 
 def series_blocks(even: Array, angles: Array) -> Array:
-    """Symmetric matrices (n, 5, 5) of a series laid out as `even` of PointResponse, at angles (n,)."""
+    """Return symmetric matrices (n, fields, fields) of a series laid out as `even` of PointResponse, at angles (n,)."""
     values = _sum(even, 2 * angles, 0.0)
-    return entries_to_matrix(np.concatenate([values, np.zeros((len(angles), len(STRICT[0])))], axis=1))
-
-
-def entries_to_matrix(values: Array) -> Array:
-    """Matrices (..., 5, 5) of 15 symmetric and 10 antisymmetric entries (..., 25)."""
-    matrix = np.zeros((*values.shape[:-1], N_FIELDS, N_FIELDS))
-    symmetric, antisymmetric = values[..., :N_SYMMETRIC], values[..., N_SYMMETRIC:N_VALUES]
-    matrix[..., UPPER[1], UPPER[0]] = symmetric
-    matrix[..., UPPER[0], UPPER[1]] = symmetric
-    matrix[..., STRICT[0], STRICT[1]] += antisymmetric
-    matrix[..., STRICT[1], STRICT[0]] -= antisymmetric
-    return matrix
+    n_symmetric = values.shape[1]
+    n_antisymmetric = n_symmetric - (isqrt(8 * n_symmetric + 1) - 1) // 2
+    return entries_to_matrix(np.concatenate([values, np.zeros((len(angles), n_antisymmetric))], axis=1))
 
 
 def _over_half(stiffness: Array, frame: Array, count: int, start: float) -> NDArray[np.complex128]:
@@ -197,11 +192,12 @@ def _factor(n: Indices) -> Array:
 
 
 def _series(harmonics: NDArray[np.complex128]) -> tuple[Array, Array]:
-    """Cosine and sine coefficients of the even harmonics, (e, 2, 15), and of the odd ones, (o, 2, 10)."""
+    """Return cosine and sine coefficients of the even harmonics, (e, 2, symmetric), and of the odd ones."""
+    layout = entry_layout(harmonics.shape[-1])
     waves = np.stack([2.0 * harmonics.real, -2.0 * harmonics.imag], axis=1)
     waves[0] /= 2.0
     waves[np.abs(waves) <= _NEGLIGIBLE * np.abs(waves).max()] = 0.0  # round-off of what symmetry forbids
-    even, odd = waves[0::2][..., UPPER[0], UPPER[1]], waves[1::2][..., STRICT[0], STRICT[1]]
+    even, odd = waves[0::2][..., *layout.upper], waves[1::2][..., *layout.strict]
     return np.ascontiguousarray(even), np.ascontiguousarray(odd)
 
 

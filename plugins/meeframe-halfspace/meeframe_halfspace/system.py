@@ -9,7 +9,7 @@ import numpy as np
 
 from meeframe.plugin import (
     MECHANICAL,
-    N_FIELDS,
+    POTENTIALS,
     ApproximateApply,
     ApproximateInverse,
     Array,
@@ -31,17 +31,15 @@ from meeframe.plugin import (
 from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
+from meeframe_halfspace.entries import entries_to_matrix
 from meeframe_halfspace.extension import MultilevelExtension
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
 from meeframe_halfspace.inverse import wave_inverse
-from meeframe_halfspace.response import entries_to_matrix
 from meeframe_halfspace.two_grids import TwoGrids, two_grids
 
 C = TypeVar("C")
 
-SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
-"""Of the potentials in a displacement of ReducedSystem."""
 MAX_PART: Final = 0.75
 """Largest fraction of the nodes in a part; larger parts do not repay the time for their entries."""
 STORED_PARTS: Final = 2
@@ -104,8 +102,9 @@ class HalfSpaceSystem(
 
         It is fastest if the columns of the load are stored one after another.
         """
-        loaded = [field for field in range(N_FIELDS) if load[:, field].any()]
-        return self._response(load.T if len(loaded) == N_FIELDS else load.T[loaded], loaded, range(N_FIELDS))
+        loaded = [field for field in range(self.n_fields) if load[:, field].any()]
+        every = range(self.n_fields)
+        return self._response(load.T if len(loaded) == self.n_fields else load.T[loaded], loaded, every)
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in k fields by one transform for each of them and for each loaded field."""
@@ -133,7 +132,7 @@ class HalfSpaceSystem(
 
     def diagonal_blocks(self) -> Array:
         """Return the response of each node to its own load, (n, 5, 5), stored entry by entry."""
-        blocks = np.zeros((N_FIELDS, N_FIELDS, len(self.shares)))  # most entries stay zero, and cost nothing
+        blocks = np.zeros((self.n_fields, self.n_fields, len(self.shares)))  # most entries stay zero, and cost nothing
         for place in np.argwhere(self._block.T):
             np.multiply(self._block.T[*place], self.shares, out=blocks[*place])
         return blocks.T
@@ -203,7 +202,7 @@ class HalfSpaceSystem(
         middle, load = [n // 2 for n in convolution.size], np.zeros((1, *convolution.size), np.float32)
         load[0, *middle] = 1.0
         around = tuple(slice(place - radius, place + radius + 1) for place in middle)
-        responses = np.zeros((N_FIELDS, N_FIELDS, 2 * radius + 1, 2 * radius + 1))
+        responses = np.zeros((self.n_fields, self.n_fields, 2 * radius + 1, 2 * radius + 1))
         for loaded in fields:
             responses[list(fields), loaded] = convolution.response(load, [loaded], fields)[:, *around]
         return Stencil(
@@ -261,7 +260,7 @@ class HalfSpaceSystem(
 
     def recover(self, load: Array) -> NodalFields:
         """Return the fields on the contact zone for a load (n, 5); outside the zone the surface bears no load."""
-        values = (self.offset + self.apply(load)) * SIGNS
+        values = (self.offset + self.apply(load)) * potential_signs(self.n_fields)
         return NodalFields(self.points, self.cells, self._global(values), self._global(load))
 
     def _global(self, extended: Array) -> Array:
@@ -270,10 +269,17 @@ class HalfSpaceSystem(
         return rotated
 
 
+def potential_signs(n_fields: int) -> Array:
+    """Return the signs (n_fields,) of displacements and potentials in a displacement of ReducedSystem."""
+    signs = np.ones(n_fields)
+    signs[POTENTIALS] = -1.0
+    return signs
+
+
 def convolution_of(response: GridResponse) -> Convolution:
     """In SI, with the signs of ReducedSystem; its entries are made when they are needed."""
     factors = response.response.factors
-    scale = np.outer(factors * SIGNS, factors)
+    scale = np.outer(factors * potential_signs(len(factors)), factors)
     symbol = Symbol(response.symbol, response.response.numbers, response.response.parities)
     return Convolution(symbol, response.size, response.padded, scale, two_grids(response, scale))
 
@@ -286,19 +292,19 @@ def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array)
 
 def dense_matrix(system: HalfSpaceSystem) -> Array:
     """The compliance of a system as (n, 5, n, 5), by as many products as a unit load has fields."""
-    (nx, ny), n = system.grid.size, system.grid.nodes.size
+    (nx, ny), n, n_fields = system.grid.size, system.grid.nodes.size, system.n_fields
     # a unit density in the corner of a grid that has room for all offsets
     wide = replace(system.convolution, size=system.convolution.padded)
-    kernel = np.empty((N_FIELDS, N_FIELDS, *wide.size))
-    for loaded in range(N_FIELDS):
+    kernel = np.empty((n_fields, n_fields, *wide.size))
+    for loaded in range(n_fields):
         load = np.zeros((1, *wide.size))
         load[0, 0, 0] = 1.0
-        kernel[:, loaded] = wide.response(load, [loaded], range(N_FIELDS))
+        kernel[:, loaded] = wide.response(load, [loaded], range(n_fields))
     place = np.empty((n, 2), np.int64)
     place[system.grid.nodes.ravel()] = np.indices((nx, ny)).reshape(2, -1).T
     i, j = (place[:, None] - place).transpose(2, 0, 1)  # negative offsets count from the end
-    matrix = np.empty((n, N_FIELDS, n, N_FIELDS))
-    for row in range(N_FIELDS):
-        for column in range(N_FIELDS):
+    matrix = np.empty((n, n_fields, n, n_fields))
+    for row in range(n_fields):
+        for column in range(n_fields):
             matrix[:, row, :, column] = kernel[row, column][i, j] * system.shares
     return matrix

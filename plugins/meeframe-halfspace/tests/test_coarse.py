@@ -8,6 +8,7 @@ import pytest
 from meeframe_halfspace import HalfSpace, SelfAffine
 from meeframe_halfspace.system import dense_matrix
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -112,7 +113,7 @@ def contact(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
     press[:, 2] = -1.0
     freedom = PrescribedResultant(press, system.weights[:, None] * press, force)
     none = np.zeros((len(gap), 2))
-    return ContactProblem(system, Signorini(), Insulating(), Insulating(), gap, none, none, (freedom,))
+    return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (freedom,))
 
 
 def hertz(n: int) -> ContactProblem:

@@ -118,7 +118,7 @@ def small_case(**changes):
         indenter=rigid.Sphere(0.1),
         steps=(Step(approach=3e-5, translation=(1e-5, 0.5e-5)),),
         contact_law=IsotropicCoulomb(0.4),
-        electric_law=StepConductivity(np.inf),
+        conductivity={"electric": StepConductivity(np.inf)},
         limits=StoppingCriteria(tolerance=1e-8),
         formulation=HalfSpace(),
         **changes,
@@ -252,7 +252,7 @@ def test_frictional_rough_contact():
         material=library_material("orthotropic-mee"),
         steps=steps,
         contact_law=IsotropicCoulomb(0.3),
-        electric_law=StepConductivity(np.inf),
+        conductivity={"electric": StepConductivity(np.inf)},
         limits=StoppingCriteria(tolerance=1e-8),
     )
     system = reduce(case)

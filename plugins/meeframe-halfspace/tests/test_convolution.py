@@ -10,9 +10,10 @@ import pytest
 from meeframe_halfspace import convolution
 from meeframe_halfspace.cells import cell_table
 from meeframe_halfspace.convolution import Convolution, Symbol
+from meeframe_halfspace.entries import entries_to_matrix
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid, mean_length, whole_entry
 from meeframe_halfspace.inverse import wave_inverse
-from meeframe_halfspace.response import PointResponse, entries_to_matrix, scaled_compliance
+from meeframe_halfspace.response import PointResponse, scaled_compliance
 
 from meeframe.fields import N_FIELDS, Array
 from meeframe.material import Material, library_material, rotation_about
@@ -94,6 +95,7 @@ def summed(kernel: Array, load: Array, loaded: tuple[int, ...], fields: tuple[in
     return found
 
 
+@pytest.mark.full(except_for=10)
 @pytest.mark.parametrize("kind", [free, straight, periodic])
 @pytest.mark.parametrize("size", SIZES)
 def test_products_are_sums_over_nodes(kind, size, threads) -> None:
@@ -198,7 +200,7 @@ def whole(made: Convolution) -> Convolution:
     return replace(made, symbol=Symbol.of(np.array(entries), symbol.numbers, None))
 
 
-@pytest.mark.full(except_for=31)
+@pytest.mark.full(except_for=15)
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 @pytest.mark.parametrize(("loaded", "fields"), CHOICES)
 @pytest.mark.parametrize("size", SIZES)

@@ -161,6 +161,7 @@ def test_conduction_that_draws_surfaces_together_closes_in_on_closed_forms(name,
     assert np.abs(errors(name, (-1e5, 0.0), 48.3, edges="nodes")).max() < 5e-3
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.5, 0.5)])
 @pytest.mark.parametrize("cells", [64.0, 64.25])
 @pytest.mark.parametrize("name", ["sphere", "cone"])
@@ -219,8 +220,8 @@ def half_space_case(indenter, approach, placement, width, divisions, edges="reso
         indenter=indenter,
         placement=placement,
         contact_law=Signorini(),
-        electric_law=StepConductivity(0.0 if potential is None else np.inf),
-        potentials=(potential or 0.0, 0.0),
+        conductivity={"electric": StepConductivity(0.0 if potential is None else np.inf)},
+        potentials={"electric_potential": potential or 0.0},
         steps=(Step(approach=approach),),
         limits=StoppingCriteria(tolerance=1e-8),
     )
@@ -374,6 +375,6 @@ def test_symmetric_positive_and_only_bilinear():
 def test_nothing_to_resolve_without_a_singular_load():
     system = half_space((1e-4, 1e-4), 20)
     problem = indentation_problem(system, rigid.Sphere(0.1).height(*system.points[:, :2].T), 2e-6)
-    problem = replace(problem, electric_law=StepConductivity(0.0))
+    problem = problem.with_laws(electric=StepConductivity(0.0))
     _, same = solve_to_edges(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     assert same is problem

@@ -38,6 +38,7 @@ def random_load(system, seed=0):
     return np.random.default_rng(seed).normal(size=(len(system.points), 5)) * scale
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     "formulation", [HalfSpace(), HalfSpace("constant", matrix_up_to=0), HalfSpace(edges="resolved")]
 )

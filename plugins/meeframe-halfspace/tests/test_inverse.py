@@ -7,6 +7,7 @@ import pytest
 from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.inverse import wave_inverse
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import own_response
 from meeframe.contact.problem import ContactProblem, ContactSolution, Status
 from meeframe.elements import Quad4
@@ -41,8 +42,7 @@ def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem
     problem = ContactProblem(
         system,
         law or IsotropicCoulomb(MU),
-        Insulating(),
-        Insulating(),
+        flux_channels(Insulating(), Insulating()),
         (x**2 + y**2) / (2.0 * RADIUS),
         none,
         none,
@@ -50,7 +50,7 @@ def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem
     )
     own = own_response(problem)[len(x) // 2]
     laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, own, strict=True)]
-    return replace(problem, electric_law=laws[0], magnetic_law=laws[1])
+    return replace(problem, channels=flux_channels(laws[0], laws[1]))
 
 
 def solved(problem: ContactProblem, solver=None, tolerance=1e-10) -> ContactSolution:

@@ -90,6 +90,7 @@ class PeriodicPunch(Indenter):
         return height
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(("place", "radius"), [((16, 0), 7.4), ((7, 9), 7.4), ((7, 9), 8.1)])
 def test_rims_cross_the_border_of_the_period(place: tuple[int, int], radius: float) -> None:
     """Charge and area are those of the same punch in the middle of the zone, where it cuts the border and beside it."""
@@ -108,8 +109,8 @@ def conducting(indenter: Indenter) -> Resultants:
         mesh=mesh,
         conditions=(),
         indenter=indenter,
-        steps=(Step(normal_force=5.0, electric_potential=500.0),),
-        electric_law=StepConductivity(np.inf),
+        steps=(Step(normal_force=5.0, scalars={"electric_potential": 500.0}),),
+        conductivity={"electric": StepConductivity(np.inf)},
         formulation=HalfSpace(periodic=True, edges="resolved"),
     )
     result = solve_case(case)

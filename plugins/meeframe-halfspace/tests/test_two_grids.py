@@ -15,7 +15,7 @@ from meeframe_halfspace.convolution import Convolution
 from meeframe_halfspace.grid_response import FreeGrid, PeriodicGrid
 from meeframe_halfspace.reach import LEAST, reach
 from meeframe_halfspace.response import PointResponse
-from meeframe_halfspace.system import SIGNS, HalfSpaceSystem, convolution_of
+from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, potential_signs
 from meeframe_halfspace.transfer import BEFORE, HOP, WEIGHTS, add_interpolated, add_restricted, coarse_count
 from meeframe_halfspace.two_grids import _add_interpolated, _restricted
 
@@ -118,6 +118,7 @@ def test_responses_to_all_fields_at_once(medium, grid) -> None:
     assert worst(made(medium, *grid), grid[0]) < APPROXIMATE_TOLERANCE
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("grid", OBLONG, ids=str)
 @pytest.mark.parametrize("medium", ["turned", "straight"])
 def test_responses_on_oblong_cells(medium, grid) -> None:
@@ -127,6 +128,7 @@ def test_responses_on_oblong_cells(medium, grid) -> None:
         assert error(whole, load, (0,), ALL) < APPROXIMATE_TOLERANCE
 
 
+@pytest.mark.full
 def test_responses_of_a_medium_much_stiffer_along_one_axis() -> None:
     """They are sharp, so that what is near reaches farther: on small grids there is no room for it."""
     assert made("fibres", *GRIDS[0]).approximate is None
@@ -187,7 +189,7 @@ def test_responses_are_linear_and_reciprocal() -> None:
     expected = 3.0 * answers[0] - 0.5 * answers[1]
     largest = np.abs(expected).max(axis=(1, 2))
     assert (np.abs(answers[2] - expected).max(axis=(1, 2)) < 2e-6 * largest).all()
-    signed = SIGNS[:, None, None]  # with them the compliance is symmetric
+    signed = potential_signs(N_FIELDS)[:, None, None]  # with them the compliance is symmetric
     works = [float((signed * load * answer).sum()) for load, answer in ((other, answers[0]), (one, answers[1]))]
     most = sum(float(np.linalg.norm(other[k]) * np.linalg.norm(answers[0][k])) for k in range(N_FIELDS))
     assert abs(works[0] - works[1]) < 1e-6 * most
@@ -233,7 +235,7 @@ def test_periodic_grids_have_none() -> None:
 # Between the grids
 
 
-@pytest.mark.full(except_for=7)
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("count", [*range(1, 14), 40, 41, 42, 43])
 def test_interpolation_is_exact_of_the_fifth_degree(count) -> None:
     nodes, places = np.arange(count), HOP * (np.arange(coarse_count(count)) - BEFORE)
@@ -279,6 +281,7 @@ def test_gathering_adds() -> None:
     assert (coarse - 2.0).sum() == pytest.approx(fine.sum(), rel=1e-6)  # weights of a node add up to one
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("shape", ["bilinear", "constant"])
 @pytest.mark.parametrize("spacing", [(1.0, 1.0), (0.4, 1.0)])
 def test_far_responses_at_every_fourth_offset(shape, spacing) -> None:

@@ -131,9 +131,9 @@ def _summed(integrals: Integrals, points: Points, starts: Indices, value_weights
 def _own(integrals: Integrals, source: int, kind: Kind) -> tuple[Indices, Array]:
     """Elements of a kind that hold a source, and its places (n, 2) in them."""
     sources, number = integrals.sources, integrals.tree.sources[source]
-    held = np.arange(sources.own_start[number], sources.own_start[number + 1])
-    held = held[sources.own_block[held] == kind.block]
-    return sources.own_element[held], sources.source_xi[held]
+    held = np.arange(sources.singular_start[number], sources.singular_start[number + 1])
+    held = held[sources.singular_block[held] == kind.block]
+    return sources.singular_element[held], sources.singular_xi[held]
 
 
 def local(rows: Indices, cluster: Cluster) -> Indices:

@@ -170,7 +170,7 @@ def test_nothing_has_no_rank():
         assert right.shape == (0, 30)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("size", [1e-25, 1.0, 1e25])
 def test_truncation_in_single_precision_does_not_depend_on_units(size):
     smooth = 1.0 / (1.0 + np.linspace(0, 1, 40)[:, None] + np.linspace(0, 2, 30))
@@ -238,6 +238,7 @@ def test_chosen_fields_are_those_of_the_matrix_where_a_block_is_nothing():
     assert error(product_of(merged(found))(x), expected @ x) < 1e-14
 
 
+@pytest.mark.full
 def test_single_precision_adds_nothing_to_coarse_truncation(matrices):
     square, _, block, _ = matrices
     single = converted(block, np.float32)

@@ -34,7 +34,7 @@ def turned(body: Body) -> Body:
     return replace(body, mesh=replace(body.mesh, points=body.mesh.points @ turn.T))
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
 @pytest.mark.parametrize("make", [lambda make: make(8), lambda make: turned(make(8, Tri3()))], ids=["quad4", "tri3"])
 def test_integrals_are_those_element_by_element(make_block, monkeypatch, make, tolerance):

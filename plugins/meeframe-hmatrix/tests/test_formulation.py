@@ -84,6 +84,7 @@ def first_source(sampled, source, tolerance):
     return np.zeros((len(sampled), len(places))), places
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("tolerance", "choice"),
     [(1e-3, interpolation), (1e-5, interpolation), (1e-3, first_source)],
@@ -131,6 +132,7 @@ def test_contact_with_friction_is_that_of_dense_matrices(dense, systems):
     assert (np.abs(totals[2] / totals[0] - 1) < 5e-3).all()
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("element", "divisions"), [(Quad8(), 3), (Tri6(), 2)], ids=["quad8", "tri6"])
 def test_other_elements(make_block, smooth_load, element, divisions):
     body = make_block(divisions, element)
@@ -152,6 +154,7 @@ def test_conforms():
     check_formulation(HierarchicalBEM(tolerance=1e-5), tolerance=1e-3)
 
 
+@pytest.mark.full
 def test_the_same_twice_over(make_block, smooth_load, systems):
     again = HierarchicalBEM(tolerance=1e-3).reduce(make_block(8))
     assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))
@@ -253,6 +256,7 @@ def test_bodies_it_cannot_take_are_refused(make_block, monkeypatch):
         HierarchicalBEM().check(body)
 
 
+@pytest.mark.full
 def test_a_solution_of_the_last_cycle_counts(systems, monkeypatch):
     """With factors that are good for nothing: as many iterations as are needed, all in one cycle."""
     system = systems[1e-3]

@@ -17,6 +17,7 @@ def test_points_are_spread_out_and_dense_where_the_box_is_close():
     assert sorted(spread_out(places[:5], np.zeros(3), np.ones(3) / 2, 60)) == [0, 1, 2, 3, 4]
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(("n", "decay"), [(100, 0.8), (600, 0.8), (600, 0.97)], ids=["all", "summed", "summed anew"])
 @pytest.mark.parametrize(("tolerance", "number"), [(1e-3, np.float32), (SINGLE, np.float32), (1e-6, np.float64)])
 def test_other_equations_are_combinations_of_those_chosen(n, decay, tolerance, number):

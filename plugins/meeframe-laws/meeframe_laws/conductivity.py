@@ -1,4 +1,4 @@
-"""Conductivity laws: of rough and of covered surfaces in contact, and of what fills the gap beside it."""
+"""Conductivity laws of rough and coated surfaces in contact, and of the gap next to it."""
 
 import math
 from dataclasses import dataclass
@@ -12,16 +12,33 @@ from meeframe.plugin import Array, CaseError, ConductivityLaw, Quantity, Record,
 @final
 @dataclass(frozen=True)
 class PowerLaw(ConductivityLaw):
-    """kappa(p) = reference_conductivity * (|p| / reference_pressure)^exponent in contact, 0 where the contact is open.
+    """Power law kappa(p) = reference_conductivity * (|p| / reference_pressure)^exponent in contact.
 
-    The conductance of two rough surfaces grows nearly in proportion to the area that truly touches. For asperities that
-    deform plastically, with heat for charge, Cooper, Mikic & Yovanovich (Int. J. Heat Mass Transfer 12 (1969) 279)
-    found about pressure^0.985; the exponent 0.95 is that of a later correlation of their theory, conductance =
-    1.25 (slope / roughness) conductivity (pressure / hardness)^0.95 (Yovanovich, Thermal contact correlations, Prog.
-    Astronaut. Aeronaut. 83, 1982). An electric or magnetic contact is governed by the same potential problem.
+    Attributes
+    ----------
+    reference_conductivity : float
+        kappa at the reference pressure, in F/m^2 (electric) or H/m^2 (magnetic).
+    reference_pressure : float
+        Reference pressure [Pa].
+    exponent : float
+        Dimensionless exponent.
 
-    reference_conductivity: kappa at the reference pressure, F/m^2 (electric) or H/m^2 (magnetic); reference_pressure
-    [Pa]; exponent: dimensionless. Raises CaseError if one is out of bounds.
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds.
+
+    Notes
+    -----
+    The conductance of two rough surfaces grows nearly in proportion to the real area of contact. For asperities that
+    deform plastically, Cooper, Mikic & Yovanovich (Int. J. Heat Mass Transfer 12 (1969) 279) derive a conductance
+    proportional to about pressure^0.985, for heat. The exponent 0.95 is that of a later correlation of their theory,
+    conductance = 1.25 (slope / roughness) conductivity (pressure / hardness)^0.95. Electric and magnetic contacts obey
+    the same potential problem.
+
+    References
+    ----------
+    Yovanovich, Thermal contact correlations, Prog. Astronaut. Aeronaut. 83, 1982.
     """
 
     reference_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
@@ -40,15 +57,26 @@ class PowerLaw(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class Saturating(ConductivityLaw):
-    """kappa(p) = largest_conductivity * (1 - exp(-|p| / saturation_pressure)) in contact, 0 where it is open.
+    """Saturating law kappa(p) = largest_conductivity * (1 - exp(-|p| / saturation_pressure)) in contact.
 
-    Spots of true contact yield at the hardness H, so that their areas add up to |p| / H of the apparent one (Bowden &
-    Tabor, The Friction and Lubrication of Solids, 1950); at places that do not know of each other they overlap and
-    cover 1 - exp(-|p| / H) of it (Hall, Introduction to the Theory of Coverage Processes, 1988). What is covered
-    conducts: saturation_pressure is the hardness.
+    Attributes
+    ----------
+    largest_conductivity : float
+        Conductivity of complete coverage, in F/m^2 (electric) or H/m^2 (magnetic).
+    saturation_pressure : float
+        Hardness [Pa].
 
-    largest_conductivity: where all is covered, F/m^2 (electric) or H/m^2 (magnetic); saturation_pressure [Pa]. Raises
-    CaseError if one is out of bounds.
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds.
+
+    Notes
+    -----
+    Spots of real contact yield at the hardness H, so that their areas sum to the fraction |p| / H of the apparent area
+    (Bowden & Tabor, The Friction and Lubrication of Solids, 1950). Spots at independent random positions overlap and
+    cover the fraction 1 - exp(-|p| / H) of it (Hall, Introduction to the Theory of Coverage Processes, 1988), which
+    conducts.
     """
 
     largest_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
@@ -65,13 +93,26 @@ class Saturating(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class Thresholded(ConductivityLaw):
-    """kappa(p) = contact_conductivity * clip((|p| - threshold) / ramp, 0, 1): none until a film gives way.
+    """Insulating film that breaks, kappa(p) = contact_conductivity * clip((|p| - threshold) / ramp, 0, 1).
 
-    Oxides and other films insulate metal surfaces until the pressure breaks them (Holm, Electric Contacts, 1967). A
-    ramp and not a step, as a step under pressure leaves no solution where the pressure is that of the step.
+    Attributes
+    ----------
+    contact_conductivity : float
+        Conductivity without the film, in F/m^2 (electric) or H/m^2 (magnetic).
+    threshold : float
+        Pressure at which the film begins to break [Pa].
+    ramp : float
+        Further pressure over which it breaks [Pa].
 
-    contact_conductivity: F/m^2 (electric) or H/m^2 (magnetic), where the film is gone; threshold: pressure at which it
-    begins to break [Pa]; ramp: further pressure over which it does [Pa]. Raises CaseError if one is out of bounds.
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds.
+
+    Notes
+    -----
+    Oxides and other films insulate metal surfaces until the pressure breaks them (Holm, Electric Contacts, 1967). The
+    law has a ramp instead of a step, since there is no solution where the pressure equals that of a step.
     """
 
     contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
@@ -83,26 +124,37 @@ class Thresholded(ConductivityLaw):
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """Return kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
-        broken = np.clip((-normal_traction - self.threshold) / self.ramp, 0.0, 1.0)
-        return np.asarray(self.contact_conductivity * broken)
+        broken_fraction = np.clip((-normal_traction - self.threshold) / self.ramp, 0.0, 1.0)
+        return np.asarray(self.contact_conductivity * broken_fraction)
 
 
 @final
 @dataclass(frozen=True)
 class AcrossGap(ConductivityLaw):
-    """kappa = gap_constant / (gap + residual_gap), and contact_conductivity besides where there is pressure.
+    """Conduction across the gap, kappa = gap_constant / (gap + residual_gap), plus contact_conductivity in contact.
 
-    The field in a narrow gap is uniform across it: at each point a capacitor of parallel plates (semi-permeable
+    Attributes
+    ----------
+    gap_constant : float
+        Permittivity [F/m] (electric) or permeability [H/m] (magnetic) of the medium in the gap.
+    contact_conductivity : float
+        Conductivity of the spots of contact, in F/m^2 or H/m^2; inf is allowed.
+    residual_gap : float
+        Gap that roughness leaves between surfaces in contact [m].
+
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds, or if contact_conductivity is finite and residual_gap zero (unless gap_constant
+        is zero).
+
+    Notes
+    -----
+    The field in a narrow gap is uniform across it, as in a capacitor of parallel plates at each point (semi-permeable
     condition of cracks: Hao & Shen, Eng. Fract. Mech. 47 (1994) 793). Where surfaces touch, the spots of contact and
-    the gap that roughness leaves beside them conduct in parallel, so that contact never conducts less than a gap.
-    Without a residual gap the conductivity grows beyond all bounds while the gap closes, so that contact conducts
-    perfectly: a finite contact_conductivity asks for a residual gap. The pull of the field on the surfaces is not in
-    it.
-
-    gap_constant: permittivity [F/m] (electric) or permeability [H/m] (magnetic) of what fills the gap;
-    contact_conductivity: F/m^2 or H/m^2, of the spots of contact, may be inf; residual_gap: what roughness leaves
-    between surfaces that touch [m]. Raises CaseError if one is out of bounds, or if contact_conductivity is finite and
-    residual_gap zero (but for gap_constant zero).
+    the gap that roughness leaves next to them conduct in parallel, so that contact never conducts less than a gap.
+    Without a residual gap the conductivity is unbounded as the gap closes, so that contact conducts perfectly; a finite
+    contact_conductivity therefore requires a residual gap. The attraction of the surfaces by the field is neglected.
     """
 
     across_gap: ClassVar[bool] = True
@@ -126,14 +178,31 @@ class AcrossGap(ConductivityLaw):
 class Breakdown(ConductivityLaw):
     """Conduction across the gap and, beyond a breakdown field, discharge in parallel to the capacitor.
 
-    flux = gap_constant / g |drop| + breakdown_conductivity max(|drop| - breakdown_field g, 0), g = gap + residual_gap,
-    with the sign of the drop; kappa = flux / drop is continuous and never below that of AcrossGap. The larger the
-    conductivity of the discharge, the less the field |drop| / g exceeds the breakdown field. Where there is pressure
-    contact_conductivity is added. Source: discharge in cracks, Landis, Int. J. Solids Struct. 41 (2004) 6291; about
-    3 MV/m in air between plates far apart, more in gaps of micrometres (Paschen, Ann. Phys. 273 (1889) 69).
+    Attributes
+    ----------
+    gap_constant, contact_conductivity, residual_gap : float
+        As for `AcrossGap`.
+    breakdown_field : float
+        Breakdown field, in V/m (electric) or A/m (magnetic).
+    breakdown_conductivity : float
+        Conductivity of the discharge, in F/m^2 or H/m^2.
 
-    gap_constant, contact_conductivity, residual_gap: see AcrossGap; breakdown_field: V/m (electric) or A/m (magnetic);
-    breakdown_conductivity: F/m^2 or H/m^2. Raises CaseError as AcrossGap does.
+    Raises
+    ------
+    CaseError
+        As for `AcrossGap`.
+
+    Notes
+    -----
+    flux = gap_constant / g |drop| + breakdown_conductivity max(|drop| - breakdown_field g, 0), g = gap + residual_gap,
+    with the sign of the drop. kappa = flux / drop is continuous and never below that of AcrossGap. The larger the
+    conductivity of the discharge, the less the field |drop| / g exceeds the breakdown field. The contact_conductivity
+    is added where there is pressure. The breakdown field of air is about 3 MV/m between distant plates, and larger in
+    gaps of micrometres (Paschen, Ann. Phys. 273 (1889) 69).
+
+    References
+    ----------
+    Discharge in cracks: Landis, Int. J. Solids Struct. 41 (2004) 6291.
     """
 
     across_gap: ClassVar[bool] = True
@@ -151,22 +220,34 @@ class Breakdown(ConductivityLaw):
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """Return kappa (n,) of normal tractions (n,) [Pa], normal gaps (n,) >= 0 [m] and drops (n,) [V] or [A]."""
         spots = np.where(normal_traction < 0.0, self.contact_conductivity, 0.0)
-        plates, size = gap + self.residual_gap, np.abs(drop)
-        excess = np.maximum(size - self.breakdown_field * plates, 0.0)
+        distance, size = gap + self.residual_gap, np.abs(drop)
+        excess = np.maximum(size - self.breakdown_field * distance, 0.0)
         discharge = self.breakdown_conductivity * (excess / np.where(excess > 0.0, size, 1.0))
-        return np.asarray(spots + discharge + _plates(self.gap_constant, plates))
+        return np.asarray(spots + discharge + _plates(self.gap_constant, distance))
 
 
 @final
 @dataclass(frozen=True)
 class Robin(ConductivityLaw):
-    """Condition of the third kind: the same kappa on the whole zone under the indenter, in contact or not.
+    """Condition of the third kind, with the same kappa on the entire zone under the indenter, in contact or not.
 
-    The linear case of all the others: a layer that covers the surface and touches the indenter everywhere. Source:
+    Attributes
+    ----------
+    kappa : float
+        Conductivity, in F/m^2 (electric) or H/m^2 (magnetic); inf prescribes the potential on the entire zone.
+
+    Raises
+    ------
+    CaseError
+        If it is negative or NaN.
+
+    Notes
+    -----
+    This is the linear case of all other laws: a layer that covers the surface and touches the indenter everywhere.
+
+    References
+    ----------
     Carslaw & Jaeger, Conduction of Heat in Solids (1959), section 1.9 (radiation into a medium).
-
-    kappa: F/m^2 (electric) or H/m^2 (magnetic); inf holds the potential on the whole zone. Raises CaseError if it is
-    negative or NaN.
     """
 
     kappa: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)]
@@ -175,22 +256,22 @@ class Robin(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """Return kappa everywhere, (n,)."""
+        """Return kappa at all nodes, (n,)."""
         return np.full_like(normal_traction, self.kappa)
 
 
 def _check_residual_gap(law: AcrossGap | Breakdown) -> None:
-    """Raise CaseError where contact_conductivity would be ignored: a gap that closes altogether conducts perfectly."""
+    """Raise CaseError if contact_conductivity has no effect, since a completely closed gap conducts perfectly."""
     if law.residual_gap == 0.0 < law.gap_constant and law.contact_conductivity < math.inf:
         raise CaseError(
             f"{type(law).__name__}: contact_conductivity = {law.contact_conductivity:g} with residual_gap = 0 has no "
-            "effect, as a gap that closes altogether conducts perfectly; allowed: residual_gap > 0, or "
+            "effect, since a completely closed gap conducts perfectly; allowed: residual_gap > 0, or "
             "contact_conductivity = inf (the default), or gap_constant = 0"
         )
 
 
 def _pressure(normal_traction: Array, unit: float) -> Array:
-    """Return the contact pressure (n,) in units of one [Pa], zero where nothing presses."""
+    """Return the contact pressure (n,) in a unit [Pa], zero without contact."""
     return np.asarray(np.maximum(-normal_traction, 0.0) / unit)
 
 
@@ -198,7 +279,7 @@ def _plates(constant: float, distance: Array) -> Array:
     """Return the conductivity (n,) of a gap as that of parallel plates at distances (n,) >= 0 [m]; inf at zero."""
     if constant == 0.0:
         return np.zeros_like(distance)
-    with np.errstate(over="ignore"):  # a gap that is all but closed conducts as a closed one
+    with np.errstate(over="ignore"):  # a nearly closed gap conducts like a closed one
         return np.divide(constant, distance, out=np.full_like(distance, np.inf), where=distance > 0.0)
 
 
@@ -206,7 +287,7 @@ RECORDS: list[Record[ConductivityLaw]] = [
     Record(
         "power-law",
         PowerLaw,
-        "kappa_0 (|p| / p_0)^exponent in contact, growing with pressure like the real contact area",
+        "kappa_0 (|p| / p_0)^exponent in contact, which grows with pressure like the real contact area",
         "Cooper, Mikic & Yovanovich, Int. J. Heat Mass Transfer 12 (1969) 279-300 (exponent 0.985); Yovanovich, Prog. "
         "Astronaut. Aeronaut. 83 (1982) (0.95)",
     ),
@@ -226,13 +307,13 @@ RECORDS: list[Record[ConductivityLaw]] = [
     Record(
         "across-gap",
         AcrossGap,
-        "permittivity or permeability over the gap, and kappa in contact besides",
+        "permittivity or permeability over the gap, plus kappa in contact",
         "Hao & Shen, Eng. Fract. Mech. 47 (1994) 793-802 (semi-permeable condition)",
     ),
     Record(
         "breakdown",
         Breakdown,
-        "as across-gap, and beyond a breakdown field discharge conducts besides, in parallel",
+        "as across-gap, plus discharge in parallel beyond a breakdown field",
         "Landis, Int. J. Solids Struct. 41 (2004) 6291-6315 (discharge); Paschen, Ann. Phys. 273 (1889) 69-96",
     ),
     Record(
@@ -242,4 +323,4 @@ RECORDS: list[Record[ConductivityLaw]] = [
         "Carslaw & Jaeger, Conduction of Heat in Solids, 2nd ed. (1959), section 1.9",
     ),
 ]
-"""What this module registers."""
+"""Conductivity laws that this module registers."""

@@ -1,4 +1,4 @@
-"""Isotropic Coulomb friction on the contact traction, shared by the normal laws of the interface."""
+"""Isotropic Coulomb friction on the contact traction, a base class of the normal laws of the interface."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -8,10 +8,18 @@ from meeframe.plugin import Array, ContactLaw, IsotropicCoulomb, Quantity, check
 
 @dataclass(frozen=True, kw_only=True)
 class CoulombContact(ContactLaw):
-    """Abstract: laws whose contact tractions are those of unilateral contact with isotropic Coulomb friction.
+    """Abstract base class of laws with the contact tractions of unilateral contact and isotropic Coulomb friction.
 
-    mu: friction coefficient, >= 0; inf sticks wherever there is pressure. The limit is mu times the pressure of the
-    contact alone, any attraction left out. Raises CaseError if a field is out of bounds.
+    Attributes
+    ----------
+    mu : float
+        Friction coefficient >= 0; with inf, all nodes with pressure stick. The limit is mu times the pressure of the
+        contact, without any attraction.
+
+    Raises
+    ------
+    CaseError
+        If a field is out of bounds.
     """
 
     mu: Annotated[float, Quantity("", ge=0)] = 0.0
@@ -20,13 +28,13 @@ class CoulombContact(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Return the traction of isotropic-coulomb, (n, 3) [Pa]."""
+        """Return the traction of isotropic Coulomb friction, (n, 3) [Pa]."""
         return IsotropicCoulomb(self.mu).project(trial)
 
     def tangential_scaling(self) -> Array:
-        """Return the scaling of isotropic-coulomb, (2, 2)."""
+        """Return the scaling of isotropic Coulomb friction, (2, 2)."""
         return IsotropicCoulomb(self.mu).tangential_scaling()
 
     def tangent(self, trial: Array) -> Array:
-        """Return the derivative of isotropic-coulomb, (n, 3, 3)."""
+        """Return the derivative of isotropic Coulomb friction, (n, 3, 3)."""
         return IsotropicCoulomb(self.mu).tangent(trial)

@@ -1,4 +1,4 @@
-"""Friction that depends on the direction beyond the ellipse with its own normal as the direction of slip."""
+"""Friction laws that depend on the direction of slip, beyond associated elliptic friction."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Annotated, final
 import numpy as np
 
 from meeframe.plugin import (
-    LARGEST_RATIO,
+    MAX_FRICTION_RATIO,
     Array,
     ContactLaw,
     OrthotropicCoulomb,
@@ -15,29 +15,46 @@ from meeframe.plugin import (
     StepLengths,
     check_quantities,
 )
-from meeframe_laws.limits import ROUND_OFF, ROUNDS, pressing
+from meeframe_laws.limits import MAX_STEPS, ROUND_OFF, contact_pressure
 
 
 @final
 @dataclass(frozen=True)
 class NonAssociatedCoulomb(ContactLaw):
-    """Traction on one ellipse, slip along the normal of another: g = lambda K^-2 t, ||t||_mu = |p_nu| where it slips.
+    """Elliptic friction limit, ||t||_mu = |p_nu| in slip, with slip normal to another ellipse: g = lambda K^-2 t.
 
-    mu1, mu2: half-axes of the friction limit over |p_nu|, > 0, finite; angle: of its first axis from e1 towards e2
-    [rad]; slip_ratio: second over first half-axis of the ellipse t . K^-2 t = constant that slip is normal to, from
-    1/1000 to 1000; 1 makes traction and slip parallel whatever mu1 and mu2; slip_angle: of its first axis [rad]. With
-    slip_ratio = mu2/mu1 and equal angles orthotropic Coulomb friction. Slip always dissipates, but not the most that
-    the limit allows. Raises CaseError if one of them is out of bounds or as OrthotropicCoulomb.
+    Attributes
+    ----------
+    mu1, mu2 : float
+        Half axes of the friction limit over |p_nu|, > 0 and finite.
+    slip_ratio : float
+        Second over first half axis of the ellipse t . K^-2 t = constant that slip is normal to, from 1/1000 to 1000.
+        With 1, traction and slip are parallel for any mu1 and mu2.
+    angle : float
+        Angle of the first axis of the limit from e1 towards e2 [rad].
+    slip_angle : float
+        Angle of the first axis of the other ellipse [rad].
 
-    The step is that of the limit's own metric, S = M^2/max(mu)^2, so that t + r S g = trial reads, in y = M^-1 t,
-    (1 + c M K^-2 M) y = M^-1 trial with |y| = |p_nu|: a secular equation for c >= 0.
-    Source: Michalowski and Mroz, Arch. Mech. 30 (1978) 259; Hjiaj, Feng, de Saxce and Mroz, Int. J. Numer. Methods Eng.
-    60 (2004) 2045.
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds, or as for `OrthotropicCoulomb`.
+
+    Notes
+    -----
+    With slip_ratio = mu2/mu1 and equal angles this is orthotropic Coulomb friction. Slip always dissipates, but not the
+    most that the limit allows. The step is that of the metric of the limit, S = M^2/max(mu)^2, so that t + r S g =
+    trial becomes, with y = M^-1 t, (1 + c M K^-2 M) y = M^-1 trial with |y| = |p_nu|: a secular equation for c >= 0.
+
+    References
+    ----------
+    Michalowski and Mroz, Arch. Mech. 30 (1978) 259. Hjiaj, Feng, de Saxce and Mroz, Int. J. Numer. Methods Eng. 60
+    (2004) 2045.
     """
 
     mu1: Annotated[float, Quantity("", gt=0, lt=math.inf)]
     mu2: Annotated[float, Quantity("", gt=0, lt=math.inf)]
-    slip_ratio: Annotated[float, Quantity("", ge=1.0 / LARGEST_RATIO, le=LARGEST_RATIO)] = 1.0
+    slip_ratio: Annotated[float, Quantity("", ge=1.0 / MAX_FRICTION_RATIO, le=MAX_FRICTION_RATIO)] = 1.0
     angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
     slip_angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
 
@@ -46,7 +63,7 @@ class NonAssociatedCoulomb(ContactLaw):
         self._associated()
 
     def project(self, trial: Array) -> Array:
-        """Return the radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
+        """Return the radial return to the ellipse with half axes mu1 |p_nu| and mu2 |p_nu|, (n, 3) [Pa]."""
         return self._associated().project(trial)
 
     def tangential_scaling(self) -> Array:
@@ -54,18 +71,18 @@ class NonAssociatedCoulomb(ContactLaw):
         return self._associated().tangential_scaling()
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Return the traction with t + r_tau S g(t) = trial, (n, 3) [Pa], whatever r."""
+        """Return the traction with t + r_tau S g(t) = trial, (n, 3) [Pa], for any r."""
         limit = _half_axes(self.mu1, self.mu2, self.angle)
-        # M K^-2 M by its root, as it may be too distorted for eigenvalues
-        _, size, turn = np.linalg.svd(_half_axes(1.0, 1.0 / self.slip_ratio, self.slip_angle) @ limit)
-        growth, basis = (size / size[0]) ** 2, turn.T
-        pressure = pressing(trial)
+        # from the root of M K^-2 M, which may be too ill-conditioned for eigenvalues
+        _, size, right_vectors = np.linalg.svd(_half_axes(1.0, 1.0 / self.slip_ratio, self.slip_angle) @ limit)
+        growth, basis = (size / size[0]) ** 2, right_vectors.T
+        pressure = contact_pressure(trial)
         traction = np.column_stack([trial[:, :2], -pressure])
         traction[pressure == 0.0, :2] = 0.0
         unit = limit @ basis
         point = np.linalg.solve(unit, traction[:, :2].T).T
         slips = np.linalg.norm(point, axis=1) > pressure
-        traction[slips, :2] = shrunk_to_circle(point[slips], growth, pressure[slips]) @ unit.T
+        traction[slips, :2] = solve_secular_equation(point[slips], growth, pressure[slips]) @ unit.T
         return traction
 
     def _associated(self) -> OrthotropicCoulomb:
@@ -75,13 +92,31 @@ class NonAssociatedCoulomb(ContactLaw):
 @final
 @dataclass(frozen=True)
 class SuperellipticCoulomb(ContactLaw):
-    """(|t1|/mu1)^n + (|t2|/mu2)^n <= |p_nu|^n, slip normal to the limit where it slips (maximum dissipation).
+    """Superelliptic friction limit (|t1|/mu1)^n + (|t2|/mu2)^n <= |p_nu|^n with slip normal to the limit.
 
-    mu1, mu2: half-axes over |p_nu|, > 0, finite; exponent: n >= 1, finite; 1 is a rhombus, 2 the ellipse of orthotropic
-    friction, large ones near a box, in which the two directions do not know of each other; angle: of the first axis
-    from e1 towards e2 [rad]. Raises CaseError if one of them is out of bounds or as OrthotropicCoulomb.
-    Source: Mroz and Stupkiewicz, Int. J. Solids Struct. 31 (1994) 1113, for limit curves of anisotropic friction;
-    Lame's curve for their shape.
+    Attributes
+    ----------
+    mu1, mu2 : float
+        Half axes over |p_nu|, > 0 and finite.
+    exponent : float
+        n >= 1, finite: 1 is a rhombus, 2 the ellipse of orthotropic friction; large exponents approach a box, in which
+        the two directions are independent.
+    angle : float
+        Angle of the first axis from e1 towards e2 [rad].
+
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds, or as for `OrthotropicCoulomb`.
+
+    Notes
+    -----
+    This direction of slip has maximum dissipation.
+
+    References
+    ----------
+    Limit curves of anisotropic friction: Mroz and Stupkiewicz, Int. J. Solids Struct. 31 (1994) 1113. Their shape is
+    the curve of Lame.
     """
 
     mu1: Annotated[float, Quantity("", gt=0, lt=math.inf)]
@@ -96,7 +131,7 @@ class SuperellipticCoulomb(ContactLaw):
     def project(self, trial: Array) -> Array:
         """Return the nearest point of the limit in y = M^-1 t, (n, 3) [Pa]: the projection in the metric of S."""
         half_axes, axes = np.array([self.mu1, self.mu2]), _axes(self.angle)
-        pressure = pressing(trial)
+        pressure = contact_pressure(trial)
         point = (trial[:, :2] @ axes.T) / half_axes
         point[pressure == 0.0] = 0.0
         slips = lame_norm(point, self.exponent) > pressure
@@ -109,16 +144,31 @@ class SuperellipticCoulomb(ContactLaw):
         return OrthotropicCoulomb(self.mu1, self.mu2, self.angle).tangential_scaling()
 
 
-def shrunk_to_circle(point: Array, growth: Array, radius: Array) -> Array:
-    """Return y (m, 2) with (1 + c growth) y = point, |y| = radius and c >= 0, for points (m, 2) outside of radii (m,)
-    > 0.
+def solve_secular_equation(point: Array, growth: Array, radius: Array) -> Array:
+    """Return y with (1 + c growth) y = point, |y| = radius and c >= 0.
 
-    growth: (2,) > 0. 1/|y| is a concave function of c, so that Newton's method for 1/|y| = 1/radius rises to the root
-    from c = 0 (More and Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983) 553).
+    Parameters
+    ----------
+    point : Array
+        Points outside the circle, (m, 2).
+    growth : Array
+        Factors of the components, (2,) > 0.
+    radius : Array
+        Radii, (m,) > 0.
+
+    Returns
+    -------
+    Array
+        y, (m, 2).
+
+    Notes
+    -----
+    1/|y| is a concave function of c, so that Newton's method for 1/|y| = 1/radius increases to the root from c = 0
+    (More and Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983) 553).
     """
     point, rate = point / radius[:, None], growth / growth.max()
     c = np.zeros(len(point))
-    for _ in range(ROUNDS):
+    for _ in range(MAX_STEPS):
         y = point / (1.0 + c[:, None] * rate)
         size = np.linalg.norm(y, axis=1)
         step = size**2 * (size - 1.0) / (y**2 * rate / (1.0 + c[:, None] * rate)).sum(axis=1)
@@ -131,7 +181,7 @@ def shrunk_to_circle(point: Array, growth: Array, radius: Array) -> Array:
 
 
 def lame_norm(point: Array, n: float) -> Array:
-    """Return (|x|^n + |y|^n)^(1/n), (m,), of points (m, 2); n >= 1."""
+    """Return (|x|^n + |y|^n)^(1/n), (m,), at points (m, 2) for n >= 1."""
     small, large = np.sort(np.abs(point), axis=1).T
     share = np.divide(small, large, out=np.zeros_like(large), where=large > 0.0)
     norm: Array = large * (1.0 + share**n) ** (1.0 / n)
@@ -139,44 +189,46 @@ def lame_norm(point: Array, n: float) -> Array:
 
 
 def nearest_on_lame_curve(point: Array, n: float) -> Array:
-    """Return the nearest points (m, 2) of |x|^n + |y|^n = 1, n >= 1, to points (m, 2) outside of it.
+    """Return the nearest points (m, 2) on |x|^n + |y|^n = 1, n >= 1, to points (m, 2) outside the curve.
 
-    By symmetry a >= b >= 0 for the point and x >= y = u x for its nearest one, x = (1 + u^n)^(-1/n). The way from one
-    to the other is normal to the curve where h(u) = (a - x) u^(n - 1) - (b - u x) = 0. h(0) <= 0 <= h(1) but for a
-    rhombus whose corner is nearest, and the root in [0, 1] is the only one: Newton's method, with bisection where it
-    leaves the interval or does not halve its steps.
+    Notes
+    -----
+    By symmetry a >= b >= 0 for the point and x >= y = u x for the nearest one, with x = (1 + u^n)^(-1/n). Their
+    difference is normal to the curve if h(u) = (a - x) u^(n - 1) - (b - u x) = 0. h(0) <= 0 <= h(1), except for a
+    rhombus whose corner is nearest, and there is one root in [0, 1]. It is computed by Newton's method, with bisection
+    for steps that leave the interval or are not halved.
     """
-    turned = np.abs(point[:, 1]) > np.abs(point[:, 0])
+    is_swapped = np.abs(point[:, 1]) > np.abs(point[:, 0])
     b, a = np.sort(np.abs(point), axis=1).T
     low, high, u, step = np.zeros_like(a), np.ones_like(a), np.divide(b, a), np.ones_like(a)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_STEPS):
         with np.errstate(divide="ignore", invalid="ignore"):
             power = u ** (n - 1.0)
             x = (1.0 + u * power) ** (-1.0 / n)
             h = (a - x) * power - (b - u * x)
-            falling = x * power / (1.0 + u * power)  # -dx/du
-            newton = h / (falling * (power - u) + (a - x) * (n - 1.0) * power / u + x)
+            slope = x * power / (1.0 + u * power)  # -dx/du
+            newton = h / (slope * (power - u) + (a - x) * (n - 1.0) * power / u + x)
         low, high = np.where(h < 0.0, u, low), np.where(h > 0.0, u, high)
-        lawful = (u - newton >= low) & (u - newton <= high) & (np.abs(newton) <= 0.5 * np.abs(step) + ROUND_OFF)
-        step = np.where(lawful, newton, u - 0.5 * (low + high))
+        accepted = (u - newton >= low) & (u - newton <= high) & (np.abs(newton) <= 0.5 * np.abs(step) + ROUND_OFF)
+        step = np.where(accepted, newton, u - 0.5 * (low + high))
         u = u - step
         if (np.abs(step) <= ROUND_OFF).all():
             break
     x = (1.0 + u**n) ** (-1.0 / n)
     nearest = np.column_stack([x, u * x])
-    nearest[turned] = nearest[turned][:, ::-1]
+    nearest[is_swapped] = nearest[is_swapped][:, ::-1]
     signed: Array = np.copysign(nearest, point)
     return signed
 
 
 def _axes(angle: float) -> Array:
-    """Return the directions at an angle [rad] and a right angle further as rows, (2, 2)."""
+    """Return unit vectors at an angle [rad] and at a right angle to it, (2, 2), one in each row."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])
 
 
 def _half_axes(first: float, second: float, angle: float) -> Array:
-    """Return the symmetric matrix (2, 2) that makes an ellipse of these half-axes of the unit circle."""
+    """Return the symmetric matrix (2, 2) that maps the unit circle to an ellipse with these half axes."""
     axes = _axes(angle)
     ellipse: Array = axes.T @ np.diag([first, second]) @ axes
     return ellipse

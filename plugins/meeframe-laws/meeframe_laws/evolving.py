@@ -1,4 +1,4 @@
-"""Friction that changes with the way that has been slipped, with the speed of slip and with pressure."""
+"""Friction laws that change with the slip path, the speed of slip and the pressure."""
 
 import math
 from collections.abc import Callable
@@ -8,21 +8,36 @@ from typing import Annotated, ClassVar, final
 import numpy as np
 
 from meeframe.plugin import Array, CaseError, ContactLaw, Quantity, StepLengths, check_quantities
-from meeframe_laws.limits import isotropic_scaling, pressing, returned_to_disc, sheared
+from meeframe_laws.limits import contact_pressure, isotropic_scaling, return_to_disc, tangential_norm
 
 
 @final
 @dataclass(frozen=True)
 class SlipWeakening(ContactLaw):
-    """|t_tau| <= mu |p_nu|, mu falling linearly from mu_static to mu_kinetic over slip_distance of slip path.
+    """Friction |t_tau| <= mu |p_nu| with mu decreasing linearly from mu_static to mu_kinetic over a slip distance.
 
-    mu_static >= mu_kinetic >= 0: friction coefficients; slip_distance: [m], > 0. A node's path is the length of the way
-    that it has slipped before the increment and its slip in it; it does not heal. The limit follows the slip as the
-    iteration finds it: with a surrounding stiffness [Pa/m] below (mu_static - mu_kinetic) |p| / slip_distance there
-    are several solutions, and sliding sets in with a jump.
-    Raises CaseError if one of them is out of bounds.
-    Source: Ida, J. Geophys. Res. 77 (1972) 3796; Palmer and Rice, Proc. R. Soc. A 332 (1973) 527; Andrews, J. Geophys.
-    Res. 81 (1976) 5679.
+    Attributes
+    ----------
+    mu_static, mu_kinetic : float
+        Friction coefficients, mu_static >= mu_kinetic >= 0.
+    slip_distance : float
+        Slip path of complete weakening, > 0 [m].
+
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds.
+
+    Notes
+    -----
+    The slip path of a node is the length that it has slipped before the increment plus its slip during the increment.
+    There is no healing. The limit follows the slip during the iteration. If the surrounding stiffness [Pa/m] is below
+    (mu_static - mu_kinetic) |p| / slip_distance, there are several solutions, and sliding begins with a jump.
+
+    References
+    ----------
+    Ida, J. Geophys. Res. 77 (1972) 3796. Palmer and Rice, Proc. R. Soc. A 332 (1973) 527. Andrews, J. Geophys. Res. 81
+    (1976) 5679.
     """
 
     mu_static: Annotated[float, Quantity("", ge=0, lt=math.inf)]
@@ -33,51 +48,70 @@ class SlipWeakening(ContactLaw):
         check_quantities(self)
         if self.mu_kinetic > self.mu_static:
             raise CaseError(
-                f"SlipWeakening: mu_kinetic = {self.mu_kinetic:g} is above mu_static = {self.mu_static:g}; allowed: "
-                "at most mu_static, as friction weakens"
+                f"SlipWeakening: mu_kinetic = {self.mu_kinetic:g} is larger than mu_static = {self.mu_static:g}; "
+                "allowed: at most mu_static, since friction weakens"
             )
 
     def coefficient(self, slip_path: Array) -> Array:
-        """Return mu (n,) after slip paths (n,) [m]."""
+        """Return mu, (n,), after slip paths (n,) [m]."""
         strength = np.maximum(self.slip_distance - slip_path, 0.0) / self.slip_distance
         mu: Array = self.mu_kinetic + (self.mu_static - self.mu_kinetic) * strength
         return mu
 
     def project(self, trial: Array) -> Array:
-        """Return the radial return to the disc of radius mu_static |p_nu|, which holds all tractions of the law, (n,
-        3) [Pa]."""
-        return returned_to_disc(trial, self.mu_static * pressing(trial))
+        """Return the radial return to radius mu_static |p_nu|, which contains all tractions of the law, (n, 3) [Pa]."""
+        return return_to_disc(trial, self.mu_static * contact_pressure(trial))
 
     def tangential_scaling(self) -> Array:
-        """Return the identity; zero if mu_static is zero."""
+        """Return the identity, or zero if mu_static is zero."""
         return isotropic_scaling(self.mu_static)
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Return the radial return to the disc of radius mu |p_nu|, mu that of the slip of this increment alone, (n,
-        3) [Pa]."""
-        return returned_to_disc(trial, self.coefficient(sheared(gap)) * pressing(trial))
+        """Return the radial return to radius mu |p_nu|, with mu after the slip of this increment, (n, 3) [Pa]."""
+        return return_to_disc(trial, self.coefficient(tangential_norm(gap)) * contact_pressure(trial))
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
-        """Return the law on surfaces that have slipped already."""
-        return _Increment(self, lambda trial, slip: self.coefficient(slip_path + slip) * pressing(trial))
+        """Return the law on surfaces with slip paths before the increment."""
+        return _Increment(self, lambda trial, slip: self.coefficient(slip_path + slip) * contact_pressure(trial))
 
 
 @final
 @dataclass(frozen=True)
 class RateAndPressure(ContactLaw):
-    """|t_tau| <= mu(v) (|p_nu|/p_0)^(n - 1) |p_nu|, mu(v) = mu_kinetic + (mu_static - mu_kinetic) exp(-(v/v_s)^d).
+    """Friction that depends on the speed of slip and on the pressure.
 
-    The speed v is the slip of the increment over its duration. mu_static, mu_kinetic: coefficients >= 0 of infinitely
-    slow and fast slip at the reference pressure; either may be the larger; reference_speed: v_s [m/s], > 0;
-    speed_exponent: d, > 0 (1: exponential, 2: Gaussian); reference_pressure: p_0 [Pa], > 0; pressure_exponent: n in
-    (0, 1], 1 for Coulomb's proportionality, 2/3 for a single elastic asperity. The limit follows the speed as the
-    iteration finds it: where it falls more steeply, in Pa per metre of slip, than the surrounding stiffness there are
-    several solutions, and sliding sets in with a jump. At the reference pressure it nowhere falls more steeply than
-    (mu_static - mu_kinetic) p_0 / (v_s duration) if d is from 1 to 2; infinitely so at v = 0 if d < 1, whatever the
-    stiffness.
-    Raises CaseError if one of them is out of bounds, for_increment if it is told no duration.
-    Source: Bo and Pavelescu, Wear 82 (1982) 277, for mu(v) after Stribeck; Archard, Proc. R. Soc. A 243 (1957) 190, for
-    the area of contact of elastic asperities, which goes with the load to the power of 2/3 to 1.
+    The limit is |t_tau| <= mu(v) (|p_nu|/p_0)^(n - 1) |p_nu| with mu(v) = mu_kinetic + (mu_static - mu_kinetic)
+    exp(-(v/v_s)^d).
+
+    Attributes
+    ----------
+    mu_static, mu_kinetic : float
+        Coefficients >= 0 of infinitely slow and infinitely fast slip at the reference pressure; either may be larger.
+    reference_speed : float
+        v_s > 0 [m/s].
+    speed_exponent : float
+        d > 0 (1 is exponential, 2 Gaussian).
+    reference_pressure : float
+        p_0 > 0 [Pa].
+    pressure_exponent : float
+        n in (0, 1]: 1 for proportionality (Coulomb), 2/3 for a single elastic asperity.
+
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds.
+
+    Notes
+    -----
+    The speed v is the slip of the increment over its duration. The limit follows the speed during the iteration. If it
+    decreases more steeply, in Pa per metre of slip, than the surrounding stiffness, there are several solutions, and
+    sliding begins with a jump. At the reference pressure the slope is at most (mu_static - mu_kinetic) p_0 /
+    (v_s duration) if d is from 1 to 2; if d < 1 it is infinite at v = 0, so that no stiffness suffices.
+
+    References
+    ----------
+    mu(v) after Stribeck: Bo and Pavelescu, Wear 82 (1982) 277. The area of contact of elastic asperities, proportional
+    to the load to a power from 2/3 to 1: Archard, Proc. R. Soc. A 243 (1957) 190.
     """
 
     needs_duration: ClassVar[bool] = True
@@ -93,40 +127,43 @@ class RateAndPressure(ContactLaw):
         check_quantities(self)
 
     def coefficient(self, speed: Array) -> Array:
-        """Return mu(v) (n,) at speeds (n,) >= 0 [m/s]."""
-        with np.errstate(over="ignore"):  # infinitely fast it is then
+        """Return mu(v), (n,), at speeds (n,) >= 0 [m/s]."""
+        with np.errstate(over="ignore"):  # the speed is then infinite
             static = np.exp(-((speed / self.reference_speed) ** self.speed_exponent))
         mu: Array = self.mu_kinetic + (self.mu_static - self.mu_kinetic) * static
         return mu
 
     def limit(self, trial: Array, mu: Array | float) -> Array:
-        """Return the largest tangential traction (n,) [Pa] at the pressure of trials (n, 3) and coefficients mu
-        (n,)."""
-        pressure = pressing(trial)
+        """Return the largest tangential traction (n,) [Pa] for trials (n, 3) and coefficients mu (n,)."""
+        pressure = contact_pressure(trial)
         n = self.pressure_exponent
         limit: Array = mu * self.reference_pressure ** (1.0 - n) * pressure**n
         return limit
 
     def project(self, trial: Array) -> Array:
-        """Return the radial return to the limit of the larger coefficient, which holds all tractions of the law, (n,
-        3) [Pa]."""
-        return returned_to_disc(trial, self.limit(trial, max(self.mu_static, self.mu_kinetic)))
+        """Return the radial return to the larger limit, which contains all tractions of the law, (n, 3) [Pa]."""
+        return return_to_disc(trial, self.limit(trial, max(self.mu_static, self.mu_kinetic)))
 
     def tangential_scaling(self) -> Array:
-        """Return the identity; zero if both coefficients are zero."""
+        """Return the identity, or zero if both coefficients are zero."""
         return isotropic_scaling(max(self.mu_static, self.mu_kinetic))
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Return the radial return to the limit of infinitely slow slip, (n, 3) [Pa]; see for_increment."""
-        return returned_to_disc(trial, self.limit(trial, self.mu_static))
+        """Return the radial return to the limit of infinitely slow slip, (n, 3) [Pa]; see `for_increment`."""
+        return return_to_disc(trial, self.limit(trial, self.mu_static))
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
-        """Return the law of an increment that takes a duration [s]. Raises CaseError unless that is positive and
-        finite."""
+        """Return the law during an increment of a duration [s].
+
+        Raises
+        ------
+        CaseError
+            If the duration is None, or not positive and finite.
+        """
         if duration is None or not 0.0 < duration < math.inf:
             raise CaseError(
-                f"RateAndPressure: duration of the increment = {duration}; allowed: a positive number of seconds, as "
-                "friction depends on the speed of slip"
+                f"RateAndPressure: duration of the increment = {duration}; allowed: a positive number of seconds, "
+                "since friction depends on the speed of slip"
             )
         return _Increment(self, lambda trial, slip: self.limit(trial, self.coefficient(slip / duration)))
 
@@ -134,7 +171,7 @@ class RateAndPressure(ContactLaw):
 @final
 @dataclass(frozen=True, eq=False)
 class _Increment(ContactLaw):
-    """A law during an increment. limit: (n,) [Pa] of the tangential traction, of trials (n, 3) and slips (n,) [m]."""
+    """A law during an increment, with a limit (n,) [Pa] that is a function of trials (n, 3) and slips (n,) [m]."""
 
     law: ContactLaw
     limit: Callable[[Array, Array], Array]
@@ -146,7 +183,7 @@ class _Increment(ContactLaw):
         return self.law.tangential_scaling()
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        return returned_to_disc(trial, self.limit(trial, sheared(gap)))
+        return return_to_disc(trial, self.limit(trial, tangential_norm(gap)))
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
         return self.law.for_increment(slip_path, duration)

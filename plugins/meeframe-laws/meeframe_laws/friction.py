@@ -1,4 +1,4 @@
-"""Friction laws: limits of the tangential traction, and how they change with slip, rate and pressure."""
+"""Friction laws with limits of the tangential traction, and the records of all friction laws."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,15 @@ import numpy as np
 from meeframe.plugin import Array, ContactLaw, Quantity, Record, StepLengths, check_quantities
 from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening
-from meeframe_laws.limits import ROUND_OFF, ROUNDS, along, isotropic_scaling, pressing, returned_to_disc, sheared
+from meeframe_laws.limits import (
+    MAX_STEPS,
+    ROUND_OFF,
+    contact_pressure,
+    isotropic_scaling,
+    return_to_disc,
+    tangential_norm,
+    with_tangential_norm,
+)
 
 _FLOATS: Final = np.finfo(float)
 
@@ -17,14 +25,28 @@ _FLOATS: Final = np.finfo(float)
 @final
 @dataclass(frozen=True)
 class Tresca(ContactLaw):
-    """|t_tau| <= limit wherever there is pressure, however small: friction as a constant shear factor of metal forming.
+    """Friction limit |t_tau| <= limit at any contact pressure, like the constant shear factor of metal forming.
 
-    limit: shear stress at which the contact slips [Pa], >= 0; 0 is frictionless, inf sticks. The traction jumps where
-    the contact opens: a node at the edge that shear lifts off and that would touch without it has no state at all, and
-    solvers cycle or stall. CappedCoulomb with a large mu, 10 say, has one and differs at the edge only.
-    Raises CaseError if it is negative or NaN.
-    Source: Avitzur, Metal Forming: Processes and Analysis (1968); Duvaut and Lions, Inequalities in Mechanics and
-    Physics (1976), chapter III, where a given limit makes friction a convex problem.
+    Attributes
+    ----------
+    limit : float
+        Shear stress at which the contact slips, >= 0 [Pa]; 0 is frictionless, inf sticks.
+
+    Raises
+    ------
+    CaseError
+        If it is negative or NaN.
+
+    Notes
+    -----
+    The traction jumps where the contact opens. A node at the contact edge that opens under shear but would touch
+    without shear has no solution, and solvers cycle or stall. `CappedCoulomb` with a large mu, such as 10, has a
+    solution and differs at the contact edge only.
+
+    References
+    ----------
+    Avitzur, Metal Forming: Processes and Analysis (1968). Duvaut and Lions, Inequalities in Mechanics and Physics
+    (1976), chapter III, where a prescribed limit makes friction a convex problem.
     """
 
     limit: Annotated[float, Quantity("Pa", ge=0)]
@@ -34,21 +56,33 @@ class Tresca(ContactLaw):
 
     def project(self, trial: Array) -> Array:
         """Return the radial return to the disc of radius `limit` where p_nu < 0, (n, 3) [Pa]."""
-        return returned_to_disc(trial, self.limit)
+        return return_to_disc(trial, self.limit)
 
     def tangential_scaling(self) -> Array:
-        """Return the identity; zero if the limit is zero."""
+        """Return the identity, or zero if the limit is zero."""
         return isotropic_scaling(self.limit)
 
 
 @final
 @dataclass(frozen=True)
 class CappedCoulomb(ContactLaw):
-    """|t_tau| <= min(mu |p_nu|, limit): Coulomb's law until the softer body shears instead.
+    """Coulomb friction up to the shear strength of the softer body, |t_tau| <= min(mu |p_nu|, limit).
 
-    mu: friction coefficient, >= 0, inf sticks up to the limit; limit: shear strength [Pa], >= 0, inf leaves Coulomb's
-    law. Raises CaseError if one of them is negative or NaN.
-    Source: Orowan, Proc. Inst. Mech. Eng. 150 (1943) 140.
+    Attributes
+    ----------
+    mu : float
+        Friction coefficient >= 0; with inf, nodes stick up to the limit.
+    limit : float
+        Shear strength >= 0 [Pa]; inf gives Coulomb friction.
+
+    Raises
+    ------
+    CaseError
+        If one of them is negative or NaN.
+
+    References
+    ----------
+    Orowan, Proc. Inst. Mech. Eng. 150 (1943) 140.
     """
 
     mu: Annotated[float, Quantity("", ge=0)]
@@ -59,24 +93,40 @@ class CappedCoulomb(ContactLaw):
 
     def project(self, trial: Array) -> Array:
         """Return the radial return to the disc of radius min(mu |p_nu|, limit), (n, 3) [Pa]."""
-        pressure = pressing(trial)
+        pressure = contact_pressure(trial)
         shear = np.multiply(self.mu, pressure, out=np.zeros_like(pressure), where=pressure > 0.0)
-        return returned_to_disc(trial, np.minimum(shear, self.limit))
+        return return_to_disc(trial, np.minimum(shear, self.limit))
 
     def tangential_scaling(self) -> Array:
-        """Return the identity; zero if either limit is zero."""
+        """Return the identity, or zero if either limit is zero."""
         return isotropic_scaling(min(self.mu, self.limit))
 
 
 @final
 @dataclass(frozen=True)
 class RegularisedCoulomb(ContactLaw):
-    """t_tau = mu |p_nu| g / sqrt(|g|^2 + slip_length^2) of the slip g of the increment: no slip, no friction.
+    """Regularised friction t_tau = mu |p_nu| g / sqrt(|g|^2 + slip_length^2) for the slip g of the increment.
 
-    mu: friction coefficient, >= 0; slip_length: slip at which 1/sqrt(2) of Coulomb's friction is reached [m], > 0;
-    for slip_length -> 0 Coulomb's law, from which the solution departs in proportion. Nothing sticks: under a constant
-    force the contact creeps by some slip_length in each increment. Raises CaseError if one of them is out of bounds.
-    Source: Oden and Pires, J. Appl. Mech. 50 (1983) 67; Wriggers, Computational Contact Mechanics (2006), chapter 5.
+    Attributes
+    ----------
+    mu : float
+        Friction coefficient >= 0.
+    slip_length : float
+        Slip at which 1/sqrt(2) of Coulomb friction is reached, > 0 [m].
+
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds.
+
+    Notes
+    -----
+    The law tends to that of Coulomb for slip_length -> 0, with a difference proportional to it. Nothing sticks: under a
+    constant force the contact creeps by about slip_length in each increment.
+
+    References
+    ----------
+    Oden and Pires, J. Appl. Mech. 50 (1983) 67. Wriggers, Computational Contact Mechanics (2006), chapter 5.
     """
 
     mu: Annotated[float, Quantity("", ge=0, lt=math.inf)]
@@ -86,30 +136,45 @@ class RegularisedCoulomb(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Return the radial return to the disc of radius mu |p_nu|, which holds all tractions of the law, (n, 3)
-        [Pa]."""
-        return returned_to_disc(trial, self.mu * pressing(trial))
+        """Return the radial return to radius mu |p_nu|, which contains all tractions of the law, (n, 3) [Pa]."""
+        return return_to_disc(trial, self.mu * contact_pressure(trial))
 
     def tangential_scaling(self) -> Array:
-        """Return the identity; zero if mu is zero."""
+        """Return the identity, or zero if mu is zero."""
         return isotropic_scaling(self.mu)
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Return the traction with t + r_tau g(t) = trial, (n, 3) [Pa], where g(t) is the slip that causes it."""
-        limit, width = self.mu * pressing(trial), r[1] * self.slip_length
-        return along(trial, smoothed_friction(sheared(trial), limit, min(max(width, _FLOATS.tiny), _FLOATS.max)))
+        """Return the traction with t + r_tau g(t) = trial, (n, 3) [Pa], where g(t) is the slip of the traction t."""
+        limit, width = self.mu * contact_pressure(trial), r[1] * self.slip_length
+        return with_tangential_norm(
+            trial, smoothed_friction(tangential_norm(trial), limit, min(max(width, _FLOATS.tiny), _FLOATS.max))
+        )
 
 
 def smoothed_friction(trial: Array, limit: Array, width: float) -> Array:
-    """Return limit x / sqrt(width^2 + x^2), (n,) [Pa], of the x with limit x / sqrt(width^2 + x^2) + x = trial.
+    """Return limit x / sqrt(width^2 + x^2) for the x with limit x / sqrt(width^2 + x^2) + x = trial.
 
-    trial, limit: (n,) >= 0 [Pa]; width: > 0 [Pa]. The left side is concave, and at most limit x / width + x and
-    limit + x: Newton's method rises to the root from where the smaller of these reaches the trial.
+    Parameters
+    ----------
+    trial, limit : Array
+        Tractions, (n,) >= 0 [Pa].
+    width : float
+        Width > 0 [Pa].
+
+    Returns
+    -------
+    Array
+        Friction, (n,) [Pa].
+
+    Notes
+    -----
+    The left side is concave, and at most limit x / width + x and limit + x. Newton's method therefore increases to the
+    root from the larger of the points at which these equal the trial.
     """
     x = np.maximum(trial * (width / (limit + width)), trial - limit)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_STEPS):
         root = np.hypot(width, x)
-        # times the root, as the slope at x = 0 may be beyond all floats
+        # multiplied by the root, since the slope at x = 0 may overflow
         step = ((trial - x) * root - limit * x) / (limit * (width / root) ** 2 + root)
         x = x + np.maximum(step, 0.0)
         if (step <= ROUND_OFF * x).all():
@@ -141,7 +206,7 @@ RECORDS: list[Record[ContactLaw]] = [
     Record(
         "slip-weakening",
         SlipWeakening,
-        "|t_tau| <= mu |p|, mu falling from mu_static to mu_kinetic over slip_distance of slip",
+        "|t_tau| <= mu |p|, with mu decreasing from mu_static to mu_kinetic over slip_distance of slip",
         "Ida, J. Geophys. Res. 77 (1972) 3796-3805; Palmer & Rice, Proc. R. Soc. A 332 (1973) 527-548; "
         "Andrews, J. Geophys. Res. 81 (1976) 5679-5687",
     ),
@@ -161,8 +226,8 @@ RECORDS: list[Record[ContactLaw]] = [
     Record(
         "superelliptic-coulomb",
         SuperellipticCoulomb,
-        "(|t1|/mu1)^n + (|t2|/mu2)^n <= |p|^n, n >= 1, slip normal to it: from rhombus (1) over ellipse (2) to box",
+        "(|t1|/mu1)^n + (|t2|/mu2)^n <= |p|^n, n >= 1, slip normal to it: rhombus (1), ellipse (2) to box",
         "Mroz & Stupkiewicz, Int. J. Solids Struct. 31 (1994) 1113-1131",
     ),
 ]
-"""What this module registers."""
+"""Contact laws that this module registers."""

@@ -1,4 +1,4 @@
-"""Initial gap of an interface: a texture, or a surface of its own."""
+"""Unilateral contact with an initial gap, from a texture or a measured surface."""
 
 import math
 from dataclasses import dataclass
@@ -16,15 +16,32 @@ _WAVELENGTH = Quantity("m", gt=0)
 @final
 @dataclass(frozen=True)
 class SignoriniGap(CoulombContact):
-    """Unilateral contact across a gap of its own, h(x) + amplitude sum_i (1 - cos(2 pi x_i / lambda_i + phase_i)).
+    """Unilateral contact with the initial gap h(x) + amplitude sum_i (1 - cos(2 pi x_i / lambda_i + phase_i)).
 
-    It comes on top of that of the undeformed bodies: roughness, texture or wear that is not in the meshes. Heights and
-    waves are along the global axes x_1 and x_2 through the origin.
+    It is added to the gap of the undeformed bodies and represents roughness, texture or wear that is not in the meshes.
+    Heights and waves are along the global axes x_1 and x_2 through the origin.
 
-    surface: whose height h is added, any indenter shape, such as heights from a file; none if left out. amplitude [m],
-    >= 0, of the waves; wavelength_1, wavelength_2 [m], inf for none along that axis; phase_1, phase_2 [rad]; mu:
-    friction coefficient, inf allowed. Raises CaseError if one is out of bounds.
-    Source: Johnson, Contact Mechanics (1985), section 13.2 (waviness); Westergaard, J. Appl. Mech. 6 (1939) A49.
+    Attributes
+    ----------
+    surface : Indenter or None
+        Any indenter shape, such as heights from a file, whose height h is added.
+    amplitude : float
+        Amplitude of the waves >= 0 [m].
+    wavelength_1, wavelength_2 : float
+        Wavelengths [m], inf for no waves along that axis.
+    phase_1, phase_2 : float
+        Phases [rad].
+    mu : float
+        Friction coefficient, inf allowed.
+
+    Raises
+    ------
+    CaseError
+        If one of them is out of bounds.
+
+    References
+    ----------
+    Johnson, Contact Mechanics (1985), section 13.2 (waviness); Westergaard, J. Appl. Mech. 6 (1939) A49.
     """
 
     surface: Indenter | None = None
@@ -38,13 +55,13 @@ class SignoriniGap(CoulombContact):
         check_quantities(self)
 
     def initial_gap(self, points: Array) -> Array:
-        """Return h + waves, (n,) [m], at points (n, 3); inf where the surface has no height, which cases refuse."""
+        """Return h plus the waves, (n,) [m], at points (n, 3); inf where the surface has no height."""
         gap = np.zeros(len(points))
-        for along, wavelength, phase in zip(
+        for coordinates, wavelength, phase in zip(
             points.T, (self.wavelength_1, self.wavelength_2), (self.phase_1, self.phase_2), strict=False
         ):
             if wavelength < math.inf:
-                gap += self.amplitude * (1.0 - np.cos(2.0 * np.pi * along / wavelength + phase))
+                gap += self.amplitude * (1.0 - np.cos(2.0 * np.pi * coordinates / wavelength + phase))
         if self.surface is not None:
             gap += self.surface.height(points[:, 0], points[:, 1])
         return gap

@@ -1,4 +1,4 @@
-"""Normal laws of the interface: compliance, attraction, initial gaps."""
+"""Records of the normal laws of the interface, with compliance, attraction and initial gaps."""
 
 from meeframe.plugin import ContactLaw, Record
 from meeframe_laws.adhesive import DMT, DMTCoulomb, Dugdale
@@ -33,8 +33,8 @@ RECORDS: list[Record[ContactLaw]] = [
     Record(
         "signorini-gap",
         SignoriniGap,
-        "unilateral contact with a gap of its own, waves or heights from a file, Coulomb friction",
+        "unilateral contact with an initial gap, waves or heights from a file, Coulomb friction",
         "Johnson, Contact Mechanics (1985), section 13.2",
     ),
 ]
-"""What this module registers."""
+"""Contact laws that this module registers."""

@@ -46,9 +46,7 @@ def history(law: ContactLaw, drags: Iterable[tuple[float, float]], cells: int, d
     states: list[ContactState] = []
     for drag in drags:
         here = law.for_increment(path, duration)
-        problem = ContactProblem(
-            rest.system, here, rest.electric_law, rest.magnetic_law, rest.gap, np.array(drag) - slipped, rest.potentials
-        )
+        problem = ContactProblem(rest.system, here, rest.channels, rest.gap, np.array(drag) - slipped, rest.potentials)
         solution = solve(problem, SemismoothNewton(), start=start)
         if solution.status is not Status.CONVERGED:
             raise RuntimeError(f"{law} at {drag}: {solution.message}")

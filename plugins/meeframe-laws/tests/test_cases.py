@@ -46,10 +46,11 @@ def gap_of(step):
     return np.column_stack([step.slip, step.initial_gap - step.displacement[:, 2]])
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("name", CASES)
 def test_is_solved_with_the_law_of_its_name(name):
     case, system, steps = solved(name)
-    assert LAWS[name] in {type(law) for law in (case.contact_law, case.electric_law, case.magnetic_law)}
+    assert LAWS[name] in {type(law) for law in (case.contact_law, *case.conductivity.values())}
     assert len(steps) == case.n_increments
     for step in steps:
         assert step.status is Status.CONVERGED, f"{step.step}.{step.increment}: {step.message}"
@@ -107,6 +108,7 @@ ATTRACTION = {
 }
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", LIMITS)
 def test_friction_is_at_its_limit_where_it_slips_and_below_elsewhere(name):
     case = solved(name)[0]
@@ -153,6 +155,7 @@ CONDUCTIVITIES = {
 }
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("field", ["electric", "magnetic"])
 @pytest.mark.parametrize("name", CONDUCTIVITIES)
 def test_flux_is_what_the_drop_drives(name, field):

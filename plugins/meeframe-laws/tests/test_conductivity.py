@@ -104,6 +104,7 @@ def solved(problem, solver=None, start=None):
     return solution.state
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("kappa", [1.0, 30.0])
 @pytest.mark.parametrize(
     "make",
@@ -150,6 +151,7 @@ def laws_of(strength: float):
 NAMES = list(laws_of(1.0))
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("strength", [1.0, 100.0])
 @pytest.mark.parametrize("friction", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
 @pytest.mark.parametrize("name", NAMES)
@@ -170,6 +172,7 @@ def test_solvers_agree(name, friction, strength) -> None:
     assert (flux * -drop >= -1e-9 * np.abs(flux * drop).max()).all()  # conduction dissipates
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("strength", [1e4, 1e6])
 @pytest.mark.parametrize("friction", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
 def test_solvers_agree_where_the_field_is_all_but_limited(friction, strength) -> None:
@@ -179,6 +182,7 @@ def test_solvers_agree_where_the_field_is_all_but_limited(friction, strength) ->
     check_same(solved(problem, BarzilaiBorwein()), newton)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", NAMES)
 def test_prescribed_force_and_floating_conductor(name) -> None:
     """The force and the charge of a solution give back its approach and its potentials, from a distance."""

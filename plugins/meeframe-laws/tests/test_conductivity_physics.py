@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from meeframe_laws.conductivity import AcrossGap, Breakdown, Robin, Saturating, Thresholded
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import own_response
 from meeframe.contact.problem import ContactProblem, Status
 from meeframe.laws import Insulating, Signorini, StepConductivity
@@ -35,7 +36,12 @@ def plates(
     n = len(system.points)
     potentials = np.tile([voltage, 0.0], (n, 1))
     return ContactProblem(
-        system, Signorini(), electric, Insulating(), np.broadcast_to(gap, n).copy(), np.zeros((n, 2)), potentials
+        system,
+        Signorini(),
+        flux_channels(electric, Insulating()),
+        np.broadcast_to(gap, n).copy(),
+        np.zeros((n, 2)),
+        potentials,
     )
 
 

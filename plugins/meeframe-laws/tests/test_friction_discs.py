@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meeframe_laws.friction import CappedCoulomb, RegularisedCoulomb, Tresca
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, Status
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
 from meeframe.solvers import SemismoothNewton, solve
@@ -23,7 +24,9 @@ def pressed(law, height, approach, translation, cells=CELLS, goodman=True):
     system = elastic_half_space(YOUNG, 0.3, SIDE, cells, goodman)
     n = len(system.points)
     gap = height(*system.points[:, :2].T) - approach
-    return ContactProblem(system, law, Insulating(), Insulating(), gap, np.tile(translation, (n, 1)), np.zeros((n, 2)))
+    return ContactProblem(
+        system, law, flux_channels(Insulating(), Insulating()), gap, np.tile(translation, (n, 1)), np.zeros((n, 2))
+    )
 
 
 def solution(problem):

@@ -5,6 +5,7 @@ import pytest
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening
 
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, Status, contact_gap
 from meeframe.laws import Insulating
 from meeframe.solvers import SemismoothNewton, solve
@@ -33,7 +34,7 @@ def step(system, law, gap, translation, slip_path, duration=None, start=None, sl
     n = len(system.points)
     bound = law.for_increment(np.broadcast_to(slip_path, n), duration)
     moved = np.broadcast_to(translation, (n, 2)) - slipped
-    problem = ContactProblem(system, bound, Insulating(), Insulating(), gap, moved, np.zeros((n, 2)))
+    problem = ContactProblem(system, bound, flux_channels(Insulating(), Insulating()), gap, moved, np.zeros((n, 2)))
     solution = solve(problem, solver or SemismoothNewton(), TIGHT, start)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state, contact_gap(problem, solution.state.displacement)[:, :2]

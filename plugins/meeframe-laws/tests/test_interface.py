@@ -70,6 +70,7 @@ def test_kit(law):
     check_isotropic(law)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("name", LARGE)
 def test_solvers_agree(name):
     problem = sphere(LARGE[name])
@@ -81,6 +82,7 @@ def test_solvers_agree(name):
     check_same(balanced_solution(hidden, SemismoothNewton()).state, solved)
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("name", LARGE)
 def test_solvers_agree_where_contact_conducts(name):
     """Flux that is drawn where there is contact lifts the surface: several solutions, so start next to one."""
@@ -92,6 +94,7 @@ def test_solvers_agree_where_contact_conducts(name):
         check_same(balanced_solution(problem, solver, start=near).state, solved)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("name", LARGE)
 def test_prescribed_forces_lead_to_the_motions_that_cause_them(name):
     given = sphere(LARGE[name], 8)
@@ -107,6 +110,7 @@ def test_prescribed_forces_lead_to_the_motions_that_cause_them(name):
         np.testing.assert_allclose(found.motion, motion, rtol=1e-7)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     "law",
     [DMT(0.0, 1e-6, mu=0.3), Dugdale(0.0, 1e6, mu=0.3), DMTCoulomb(0.3, 0.0), SignoriniGap(mu=0.3)],

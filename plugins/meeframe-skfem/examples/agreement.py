@@ -1,4 +1,4 @@
-"""Prints the table of docs/skfem.md: totals of a conducting sphere by finite elements against boundary elements.
+"""Print the table of docs/skfem.md, totals of a conducting sphere by finite and by boundary elements.
 
 Usage: uv run python plugins/meeframe-skfem/examples/agreement.py
 """
@@ -29,7 +29,7 @@ MESHES = (
 
 
 def totals(case: meeframe.Case) -> Array:
-    """Normal force [N], charge [C] and magnetic flux [Wb] at the end."""
+    """Return the normal force [N], charge [C] and magnetic flux [Wb] at the end."""
     result = meeframe.solve_case(case)
     last = result.steps[-1]
     found: Array = result.zone.weights @ np.column_stack([last.traction[:, 2], last.fluxes])
@@ -37,7 +37,7 @@ def totals(case: meeframe.Case) -> Array:
 
 
 def main() -> None:
-    """One row for each mesh."""
+    """Print one row for each mesh."""
     case = meeframe.load_case(Path(__file__).parent / "conducting_sphere.toml")
     print("| element, divisions | `growth` | force | charge | magnetic flux |\n| --- | --- | --- | --- | --- |")
     for name, divisions, rings, growth in MESHES:

@@ -1,4 +1,4 @@
-"""Finite-element formulation of meeframe on scikit-fem."""
+"""Finite element formulation of meeframe with scikit-fem."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""Stiffness and surface integrals, by batched products over all elements at once.
+"""Stiffness matrix and surface integrals, by batched products over elements.
 
 Symbols: C_iJKm extended stiffness; B gradients of shape functions times the square root of the measure.
 """
@@ -17,37 +17,62 @@ _BATCH: Final = 4_000_000  # numbers in the largest array of a batch
 
 
 def stiffness_matrix(mesh: VolumeMesh, stiffness: Array) -> csr_array:
-    """K = int N_a,i C_iJKm N_b,m dV, (5 p, 5 p), unknown 5 a + J; stiffness (3, 5, 5, 3) in the units of the points."""
+    """Assemble the stiffness matrix K = int N_a,i C_iJKm N_b,m dV.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        The volume mesh.
+    stiffness : Array
+        Extended stiffness, (3, 5, 5, 3), in the units of the points.
+
+    Returns
+    -------
+    csr_array
+        K, (5 p, 5 p), with unknown 5 a + J.
+    """
     n_points, (n_cells, n_nodes) = len(mesh.points), mesh.cells.shape
-    pairs = (mesh.cells[:, :, None] * n_points + mesh.cells[:, None, :]).ravel()
-    keys, number = np.unique(pairs, return_inverse=True)
+    keys_of_entries = (mesh.cells[:, :, None] * n_points + mesh.cells[:, None, :]).ravel()
+    keys, number = np.unique(keys_of_entries, return_inverse=True)
     number = number.reshape(n_cells, -1)
     blocks = np.zeros((N_FIELDS**2, len(keys)))
     law = stiffness.transpose(0, 3, 1, 2).reshape(9, N_FIELDS**2)
     step = max(1, _BATCH // (n_nodes**2 * N_FIELDS**2))
     for start in range(0, n_cells, step):
-        part = slice(start, start + step)
-        entries = _products(mesh, mesh.cells[part]) @ law
-        where = number[part].ravel()
-        touched, local = np.unique(where, return_inverse=True)
+        batch = slice(start, start + step)
+        entries = _products(mesh, mesh.cells[batch]) @ law
+        indices = number[batch].ravel()
+        used, local = np.unique(indices, return_inverse=True)
         for component in range(N_FIELDS**2):
-            blocks[component, touched] += np.bincount(local, entries[:, component])
+            blocks[component, used] += np.bincount(local, entries[:, component])
     starts = np.searchsorted(keys, np.arange(n_points + 1) * n_points)
     data = blocks.T.reshape(-1, N_FIELDS, N_FIELDS)
     return csr_array(bsr_array((data, keys % n_points, starts), shape=(N_FIELDS * n_points,) * 2))
 
 
 def gradients(nodes: Array, slopes: Array) -> tuple[Array, Array]:
-    """Derivatives of shape functions (e, m, n, 3) by position, and Jacobians (e, m).
+    """Return derivatives of shape functions by position.
 
-    nodes: (e, n, 3) positions; slopes: (m, n, 3) derivatives by reference coordinates.
+    Parameters
+    ----------
+    nodes : Array
+        Positions of the nodes, (e, n, 3).
+    slopes : Array
+        Derivatives by reference coordinates, (m, n, 3).
+
+    Returns
+    -------
+    Array
+        Derivatives by position, (e, m, n, 3).
+    Array
+        Jacobians, (e, m).
     """
     maps = np.einsum("mnk,enx->emkx", slopes, nodes)
     return np.einsum("emxk,mnk->emnx", np.linalg.inv(maps), slopes), np.linalg.det(maps)
 
 
 def _products(mesh: VolumeMesh, cells: Indices) -> Array:
-    """int N_a,i N_b,m dV of each cell, a row for each (cell, a, b), columns (i, m)."""
+    """Return int N_a,i N_b,m dV of each cell, with a row for each (cell, a, b) and columns (i, m)."""
     xi, weights = cell_rule(mesh.element)
     slopes, jacobians = gradients(mesh.points[cells], tabulate(mesh.element, xi)[1])
     n_cells, n_rule, n_nodes, _ = slopes.shape
@@ -57,7 +82,7 @@ def _products(mesh: VolumeMesh, cells: Indices) -> Array:
 
 
 def face_masses(points: Array, element: SurfaceElement, connectivity: Indices) -> Array:
-    """int N_a N_b dS of each face, (f, k, k); connectivity (f, k)."""
+    """Return int N_a N_b dS over each face, (f, k, k), for connectivity (f, k)."""
     xi, weights = gauss_rule(element.reference, VOLUME_ORDER)
     shape = shape_functions(element, xi)
     measures = np.linalg.norm(normal_vectors(points, element, connectivity, xi), axis=-1) * weights

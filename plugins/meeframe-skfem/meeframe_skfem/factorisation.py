@@ -14,13 +14,13 @@ from meeframe.plugin import Array, CaseError, Indices
 
 LinearSolver = Literal["auto", "pardiso", "splu"]
 Solve = Callable[[Array], Array]
-"""The solution (u,) or (u, k) of right-hand sides (u,) or (u, k)."""
+"""Function that returns the solution of right-hand sides, both (u,) or (u, k)."""
 
-SINGULAR: Final = 1e-7
-"""Relative residual of a probe above which the system counts as singular; sound ones leave 1e-13 to 1e-10."""
-_BLOCK: Final = 64_000_000  # bytes of right-hand sides solved for at once
+MAX_RESIDUAL: Final = 1e-7
+"""Relative residual of a test above which the system is singular; regular systems have 1e-13 to 1e-10."""
+_BATCH_BYTES: Final = 64_000_000  # bytes of right-hand sides of one batch
 
-# numbers of oneMKL's interface to pardiso: matrix type, phase, order of elimination, size of perturbed pivots, error
+# numbers of the pardiso interface of oneMKL: matrix type, phase, order of elimination, size of perturbed pivots, error
 _SYMMETRIC_INDEFINITE: Final = -2
 _ANALYSE_AND_FACTORISE: Final = 12
 _NESTED_DISSECTION: Final = 2
@@ -29,27 +29,71 @@ _OUT_OF_MEMORY: Final = -2
 
 
 def factorise(matrix: csr_array, solver: LinearSolver = "auto") -> Solve:
-    """Factors of a symmetric matrix (u, u), as a function that solves.
+    """Factorise a symmetric matrix.
 
-    solver: 'auto' is pardiso if pypardiso is installed, else splu. The scaled matrix is quasi-definite (positive for
-    displacements, negative for potentials; Vanderbei, SIAM J. Optim. 5 (1995) 100-113): it has factors for any order of
-    elimination, so that neither needs to pivot for existence.
-    Raises CaseError if pardiso is asked for and not there, or if the matrix is singular to working precision.
+    Parameters
+    ----------
+    matrix : csr_array
+        Matrix, (u, u).
+    solver : {'auto', 'pardiso', 'splu'}
+        'auto' is pardiso if pypardiso is installed, else splu.
+
+    Returns
+    -------
+    callable
+        Function that solves systems with the matrix.
+
+    Raises
+    ------
+    CaseError
+        If pardiso is required but not installed, or if the matrix is singular to working precision.
+
+    Notes
+    -----
+    The scaled matrix is quasi-definite, positive for displacements and negative for potentials. It has factors for any
+    order of elimination, so that no pivoting is needed for their existence.
+
+    References
+    ----------
+    Vanderbei, SIAM J. Optim. 5 (1995) 100-113.
     """
     with _singular_is_an_error():
         solve = _pardiso(matrix) if uses_pardiso(solver) else _splu(matrix)
-    probe = np.random.default_rng(0).normal(size=matrix.shape[0])
-    residual = float(np.linalg.norm(matrix @ solve(probe) - probe) / np.linalg.norm(probe))
-    if not residual < SINGULAR:
+    test_vector = np.random.default_rng(0).normal(size=matrix.shape[0])
+    residual = float(np.linalg.norm(matrix @ solve(test_vector) - test_vector) / np.linalg.norm(test_vector))
+    if not residual < MAX_RESIDUAL:
         raise CaseError(f"the finite element system is singular (relative residual {residual:.1e})")
     return solve
 
 
 def condense(matrix: csr_array, unknowns: Indices, solver: LinearSolver = "auto") -> tuple[Solve, Array]:
-    """Factors as of factorise, and the block (k, k) of the inverse that belongs to k of the unknowns.
+    """Factorise a symmetric matrix and compute a block of its inverse.
 
-    pardiso: inverse of the Schur complement of the unknowns, which costs one more factorisation; splu: solutions for
-    unit right-hand sides, in blocks. Raises as factorise.
+    Parameters
+    ----------
+    matrix : csr_array
+        Matrix, (u, u).
+    unknowns : Indices
+        Unknowns of the block, (k,).
+    solver : {'auto', 'pardiso', 'splu'}
+        As for `factorise`.
+
+    Returns
+    -------
+    callable
+        Function that solves systems with the matrix.
+    Array
+        Block of the inverse, (k, k).
+
+    Raises
+    ------
+    CaseError
+        As for `factorise`.
+
+    Notes
+    -----
+    With pardiso, the block is the inverse of the Schur complement of the unknowns, which takes another factorisation.
+    With splu, it consists of solutions for unit right-hand sides.
     """
     if uses_pardiso(solver):
         with _singular_is_an_error():
@@ -58,11 +102,17 @@ def condense(matrix: csr_array, unknowns: Indices, solver: LinearSolver = "auto"
     else:
         solve = factorise(matrix, solver)
         inverse = _columns(matrix.shape[0], unknowns, solve)
-    return solve, (inverse + inverse.T) / 2  # symmetric but for round-off
+    return solve, (inverse + inverse.T) / 2  # symmetric to round-off
 
 
 def uses_pardiso(solver: LinearSolver) -> bool:
-    """Return True if a choice selects pardiso here. Raises CaseError if it does and pypardiso is not installed."""
+    """Return whether a choice of solver selects pardiso.
+
+    Raises
+    ------
+    CaseError
+        If pardiso is required but not installed.
+    """
     installed = find_spec("pypardiso") is not None
     if solver == "pardiso" and not installed:
         raise CaseError("linear_solver = 'pardiso': pypardiso is not installed; allowed: auto, splu")
@@ -93,7 +143,7 @@ def _pardiso(matrix: csr_array) -> Solve:
 def _schur_complement(matrix: csr_array, unknowns: Indices) -> Array:
     upper = _upper(matrix)
     solver = _pardiso_solver()
-    # pypardiso has no public call for it: the complement comes back in place of the solution (oneMKL, iparm 36)
+    # pypardiso has no public call for this; the complement replaces the solution (oneMKL, iparm 36)
     solver.iparm[:36] = 0
     solver.iparm[[0, 1, 9, 35]] = 1, _NESTED_DISSECTION, _PERTURBED_PIVOTS, 1
     solver.perm = np.zeros(matrix.shape[0], np.int32)
@@ -101,8 +151,8 @@ def _schur_complement(matrix: csr_array, unknowns: Indices) -> Array:
     solver.set_phase(_ANALYSE_AND_FACTORISE)
     complement: Array = _call(solver, solver._call_pardiso, upper, np.zeros((len(unknowns), len(unknowns))))
     solver.free_memory(everything=True)
-    place = np.argsort(np.argsort(unknowns))  # pardiso marks unknowns and hands them over in rising order
-    return complement[np.ix_(place, place)]
+    rank = np.argsort(np.argsort(unknowns))  # pardiso returns the marked unknowns in rising order
+    return complement[np.ix_(rank, rank)]
 
 
 def _pardiso_solver() -> Any:
@@ -112,7 +162,7 @@ def _pardiso_solver() -> Any:
 
 
 def _call(solver: Any, method: Callable[..., Any], *arguments: Any) -> Any:
-    """The method's answer; memory is freed and a RuntimeError raised if pardiso fails."""
+    """Call a method of pardiso; free its memory and raise RuntimeError if it fails."""
     from pypardiso.pardiso_wrapper import PyPardisoError  # type: ignore[import-untyped]
 
     try:
@@ -125,7 +175,7 @@ def _call(solver: Any, method: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def _upper(matrix: csr_array) -> csr_matrix:
-    """The upper triangle, its columns in rising order, as pardiso wants it."""
+    """Return the upper triangle with columns in rising order, as pardiso requires."""
     upper = csr_matrix(triu(matrix, format="csr"))
     upper.sort_indices()
     return upper
@@ -140,10 +190,10 @@ def _splu(matrix: csr_array) -> Solve:
 
 def _columns(size: int, unknowns: Indices, solve: Solve) -> Array:
     inverse = np.empty((len(unknowns), len(unknowns)))
-    step = max(1, _BLOCK // (8 * size))
+    step = max(1, _BATCH_BYTES // (8 * size))
     for start in range(0, len(unknowns), step):
-        loaded = unknowns[start : start + step]
-        rhs = np.zeros((size, len(loaded)), order="F")
-        rhs[loaded, np.arange(len(loaded))] = 1.0
+        batch = unknowns[start : start + step]
+        rhs = np.zeros((size, len(batch)), order="F")
+        rhs[batch, np.arange(len(batch))] = 1.0
         inverse[:, start : start + step] = solve(rhs)[unknowns]
     return inverse

@@ -23,7 +23,7 @@ from meeframe.plugin.boundary_elements import Layout, Units, characteristic_leng
 from meeframe.plugin.surfaces import check_mesh
 from meeframe_skfem.factorisation import LinearSolver, uses_pardiso
 from meeframe_skfem.grid import Grid, box_volume
-from meeframe_skfem.matching import Matched, match
+from meeframe_skfem.matching import MatchedBody, match
 from meeframe_skfem.system import FiniteElementSolution, solve_body
 from meeframe_skfem.volume import VolumeMesh, read_volume
 
@@ -96,7 +96,7 @@ class FiniteElements(Formulation):
         progress("mesh", 0.0)
         return solve_body(*self._prepare(body), self.linear_solver, progress)
 
-    def _prepare(self, body: Body) -> tuple[Matched, Layout, Units]:
+    def _prepare(self, body: Body) -> tuple[MatchedBody, Layout, Units]:
         uses_pardiso(self.linear_solver)  # says so if it is not there
         check_mesh(body.mesh)
         matched = match(body, self._volume(body))

@@ -1,4 +1,4 @@
-"""The volume mesh of a box as shells: a core of cubes under the contact zone, and copies of it that grow to the box."""
+"""The volume mesh of a box from a core of cubes under the contact zone and shells around it that grow to the box."""
 
 from itertools import pairwise
 
@@ -10,11 +10,24 @@ from meeframe_skfem.volume import VolumeMesh, boundary_faces
 
 
 def shells_around(core: VolumeMesh, low: Array, high: Array, fractions: Array, open_face: Array) -> VolumeMesh:
-    """hex8 between a core and the box around it, core included.
+    """Fill a box with a core and shells of hex8 cells around it.
 
-    core: a box of hex8; low, high: (3,) corners of the body's box; fractions: (k,) of the way from the core's surface
-    to the box, where each shell ends, the last 1: every point of the surface goes straight to where the affine map of
-    the core onto the box takes it; open_face: (p,) bool, the core's points in the face that both have in common.
+    Parameters
+    ----------
+    core : VolumeMesh
+        A box of hex8 cells.
+    low, high : Array
+        Corners of the box to fill, (3,) each.
+    fractions : Array
+        End of each shell as a fraction of the distance from the surface of the core to the box, (k,), the last one 1.
+        Each point of the surface moves on a straight line to its image under the affine map of the core onto the box.
+    open_face : Array
+        Points of the core in the face that core and box have in common, (p,) bool.
+
+    Returns
+    -------
+    VolumeMesh
+        The mesh, including the core.
     """
     faces = boundary_faces(core).nodes
     faces = faces[~open_face[faces].all(axis=1)]
@@ -25,16 +38,16 @@ def shells_around(core: VolumeMesh, low: Array, high: Array, fractions: Array, o
     points = [core.points, *((1 - fraction) * inner + fraction * outer for fraction in fractions)]
     numbers = [surface, *(len(core.points) + len(surface) * k + np.arange(len(surface)) for k in range(len(fractions)))]
     local = local.reshape(faces.shape)
-    # faces go counter-clockwise seen from outside, and so do the first four corners of a cell seen from its last four
-    cells = [np.hstack([below[local], above[local]]) for below, above in pairwise(numbers)]
+    # faces are counter-clockwise seen from outside, as the first four corners of a cell are seen from its last four
+    cells = [np.hstack([lower[local], upper[local]]) for lower, upper in pairwise(numbers)]
     return VolumeMesh(np.concatenate(points), np.concatenate([core.cells, *cells]), HEX8)
 
 
-def with_nodes_between(mesh: VolumeMesh, element: VolumeElement) -> VolumeMesh:
-    """Straight cells of hex8 with the nodes of another hexahedron.
+def convert_cells(mesh: VolumeMesh, element: VolumeElement) -> VolumeMesh:
+    """Convert straight hex8 cells to another hexahedron.
 
-    A node is the mean of the corners whose trilinear functions do not vanish there: those of a corner, an edge, a face
-    or of the cell. Cells that share these corners share the node.
+    Each node is the mean of the corners whose trilinear functions do not vanish there: those of a corner, an edge, a
+    face or the cell. Cells that share these corners share the node.
     """
     shares = tabulate(HEX8, element.nodes)[0]
     parents = [np.flatnonzero(share > 0.0) for share in shares]

@@ -16,7 +16,7 @@ from meeframe.plugin.surfaces import normal_vectors
 from meeframe_skfem.assembly import face_masses, gradients, stiffness_matrix
 from meeframe_skfem.elements import face_nodes, tabulate
 from meeframe_skfem.factorisation import LinearSolver, condense
-from meeframe_skfem.matching import Matched
+from meeframe_skfem.matching import MatchedBody
 from meeframe_skfem.volume import VolumeMesh
 
 
@@ -29,7 +29,7 @@ class FiniteElementSolution:
     mass: (n, n) of the zone's faces, forces from fluxes.
     """
 
-    matched: Matched
+    matched: MatchedBody
     layout: Layout
     units: Units
     mesh: VolumeMesh
@@ -102,7 +102,7 @@ class FiniteElementSolution:
 
 
 def solve_body(
-    matched: Matched, layout: Layout, units: Units, solver: LinearSolver, progress: Progress
+    matched: MatchedBody, layout: Layout, units: Units, solver: LinearSolver, progress: Progress
 ) -> FiniteElementSolution:
     """Assemble, factorise once, solve for the prescribed data. Raises CaseError if the system is singular."""
     progress("assembly", 0.0)
@@ -132,7 +132,7 @@ def solve_body(
     return FiniteElementSolution(matched, layout, units, mesh, stiffness, values, respond, flexibility, mass)
 
 
-def _add_forces(forces: Array, matched: Matched, mesh: VolumeMesh, layout: Layout) -> None:
+def _add_forces(forces: Array, matched: MatchedBody, mesh: VolumeMesh, layout: Layout) -> None:
     """Add int N_a N_b dS t_b of the prescribed fluxes to nodal forces (p, 5)."""
     block = matched.body.mesh.blocks[0]
     data = layout.flux_data[layout.patches.connectivity[0]]
@@ -141,7 +141,7 @@ def _add_forces(forces: Array, matched: Matched, mesh: VolumeMesh, layout: Layou
     np.add.at(forces, matched.faces.nodes[acting], masses @ data[acting])
 
 
-def _zone_mass(matched: Matched, length: float) -> csr_array:
+def _zone_mass(matched: MatchedBody, length: float) -> csr_array:
     """int N_a N_b dS over the contact zone, (n, n), lengths in a unit [m]."""
     (_, cells), block = matched.zone.cells[0], matched.body.mesh.blocks[0]
     masses = face_masses(matched.zone.points / length, block.element, cells)

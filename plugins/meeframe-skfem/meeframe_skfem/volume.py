@@ -1,4 +1,4 @@
-"""Volume meshes, their boundary faces, and reading them from files."""
+"""Volume meshes, their boundary faces, and a reader of files."""
 
 import os
 from dataclasses import dataclass
@@ -13,14 +13,24 @@ from meeframe.plugin import N_FIELDS, Array, Indices, MeshError, TooLargeError
 from meeframe.plugin.surfaces import read_any
 from meeframe_skfem.elements import ELEMENTS, VolumeElement, cell_rule, face_nodes, tabulate
 
-FLAT: Final = 1e-6  # an element's Jacobian may nowhere fall below this part of its largest
+MIN_JACOBIAN_RATIO: Final = 1e-6  # least Jacobian of an element relative to its largest
 
-BYTES: Final = 450.0  # memory of a reduction over the power 4/3 of its unknowns, measured at 1e5 and 1.7e5 of them
+BYTES_PER_UNKNOWN: Final = 450.0  # memory of a reduction over unknowns^(4/3), measured at 1e5 and 1.7e5 unknowns
 
 
 @dataclass(frozen=True, eq=False)
 class VolumeMesh:
-    """Cells of one type. points: (p, 3) [m]; cells: (e, n) point numbers in meshio's order; element: their type."""
+    """A volume mesh with cells of one type.
+
+    Attributes
+    ----------
+    points : Array
+        Positions, (p, 3) [m].
+    cells : Indices
+        Point numbers, (e, n), in the order of meshio.
+    element : VolumeElement
+        Type of the cells.
+    """
 
     points: Array
     cells: Indices
@@ -31,8 +41,12 @@ class VolumeMesh:
 class Faces:
     """Boundary faces of a volume mesh.
 
-    nodes: (f, k) its point numbers, counter-clockwise seen from outside; cell, local: (f,) the cell that has the face
-    and the face's number there.
+    Attributes
+    ----------
+    nodes : Indices
+        Point numbers, (f, k), counter-clockwise seen from outside.
+    cell, local : Indices
+        Cell of each face, and number of the face in the cell, (f,).
     """
 
     nodes: Indices
@@ -41,7 +55,13 @@ class Faces:
 
 
 def boundary_faces(mesh: VolumeMesh) -> Faces:
-    """The faces that belong to one cell only. Raises MeshError if more than two cells share a face."""
+    """Return the faces that belong to one cell only.
+
+    Raises
+    ------
+    MeshError
+        If more than two cells share a face.
+    """
     local_nodes, n_faces = face_nodes(mesh.element), len(mesh.element.faces)
     nodes = mesh.cells[:, local_nodes].reshape(-1, local_nodes.shape[1])
     corners = np.sort(nodes[:, : len(mesh.element.faces[0])], axis=1)
@@ -54,10 +74,20 @@ def boundary_faces(mesh: VolumeMesh) -> Faces:
 
 
 def read_volume(path: Path, length_unit: float) -> VolumeMesh:
-    """The volume mesh in a file that meshio reads: cells of one of ELEMENTS; surface cells are passed over.
+    """Read the volume mesh in a file that meshio supports; surface cells are ignored.
 
-    length_unit: metres per unit of the file. Raises MeshError that names the file if it cannot be read, has no such
-    cells or more than one type of them, cells inside out or folded, or several parts.
+    Parameters
+    ----------
+    path : Path
+        The file, with cells of one of ELEMENTS.
+    length_unit : float
+        Metres per unit of length of the file.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read, has no such cells or several types of them, cells that are inside out or folded, or
+        separate parts; the message names the file.
     """
     try:
         mesh = _convert(read_any(path), length_unit)
@@ -69,34 +99,48 @@ def read_volume(path: Path, length_unit: float) -> VolumeMesh:
 
 
 def check_volume(mesh: VolumeMesh) -> None:
-    """Raises MeshError unless all cells have positive Jacobians and hang together."""
+    """Check that all cells have positive Jacobians and form one connected body.
+
+    Raises
+    ------
+    MeshError
+        If they do not.
+    """
     xi = np.concatenate([cell_rule(mesh.element)[0], mesh.element.nodes])
     slopes = tabulate(mesh.element, xi)[1]
     jacobians = np.linalg.det(np.einsum("mnk,enx->emxk", slopes, mesh.points[mesh.cells]))
-    bad = jacobians.min(axis=1) <= FLAT * np.abs(jacobians).max(axis=1)
+    bad = jacobians.min(axis=1) <= MIN_JACOBIAN_RATIO * np.abs(jacobians).max(axis=1)
     if bad.any():
-        place = mesh.points[mesh.cells[bad][0]].mean(axis=0)
+        centre = mesh.points[mesh.cells[bad][0]].mean(axis=0)
         raise MeshError(
-            f"{np.count_nonzero(bad)} of {len(bad)} cells are folded or inside out, the first at {place} [m]"
+            f"{np.count_nonzero(bad)} of {len(bad)} cells are folded or inside out, the first at {centre} [m]"
         )
-    owner = np.repeat(np.arange(len(mesh.cells)), mesh.cells.shape[1])
-    graph = coo_array((np.ones(owner.size), (owner, len(mesh.cells) + mesh.cells.ravel())), shape=(_size(mesh),) * 2)
+    cell = np.repeat(np.arange(len(mesh.cells)), mesh.cells.shape[1])
+    graph = coo_array((np.ones(cell.size), (cell, len(mesh.cells) + mesh.cells.ravel())), shape=(_size(mesh),) * 2)
     parts = connected_components(graph, directed=False)[0]
     if parts > 1:
-        raise MeshError(f"its cells form {parts} separate parts; one body is wanted")
+        raise MeshError(f"the cells form {parts} separate parts; allowed: one")
 
 
 def check_memory(n_points: float) -> None:
-    """Raises TooLargeError if a mesh of so many points needs more memory than the machine has.
+    """Check that the memory of the machine suffices for a mesh of `n_points` points.
 
-    The factors grow with the power 4/3 of the unknowns (nested dissection in three dimensions); measured by pardiso.
+    Raises
+    ------
+    TooLargeError
+        If it does not.
+
+    Notes
+    -----
+    The size of the factors grows with the power 4/3 of the unknowns (nested dissection in three dimensions). The factor
+    is measured with pardiso.
     """
     unknowns = N_FIELDS * n_points
-    needed = BYTES * unknowns ** (4 / 3)
+    required = BYTES_PER_UNKNOWN * unknowns ** (4 / 3)
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > available:
+    if required > available:
         raise TooLargeError(
-            f"volume mesh: {unknowns:.3g} unknowns need about {needed / 1e9:.3g} GB; this machine has "
+            f"volume mesh: {unknowns:.3g} unknowns need about {required / 1e9:.3g} GB; this machine has "
             f"{available / 1e9:.3g} GB: use a larger `growth`, fewer elements in the contact zone or a coarser volume"
         )
 
@@ -106,17 +150,19 @@ def _size(mesh: VolumeMesh) -> int:
 
 
 def _convert(data: Any, length_unit: float) -> VolumeMesh:
-    known = {element.meshio_type: element for element in ELEMENTS}
+    elements = {element.meshio_type: element for element in ELEMENTS}
     solid = [block for block in data.cells if block.dim == 3 and len(block.data)]
-    found = sorted({block.type for block in solid})
-    if len(found) != 1 or found[0] not in known:
-        raise MeshError(f"volume cells in it: {', '.join(found) or 'none'}; allowed: one of {', '.join(known)}")
+    types = sorted({block.type for block in solid})
+    if len(types) != 1 or types[0] not in elements:
+        raise MeshError(
+            f"volume cells in the file: {', '.join(types) or 'none'}; allowed: one of {', '.join(elements)}"
+        )
     cells = np.concatenate([np.asarray(block.data, np.int64) for block in solid])
     if cells.min() < 0 or cells.max() >= len(data.points):
-        wrong = cells.min() if cells.min() < 0 else cells.max()
-        raise MeshError(f"a cell has the point number {wrong}; allowed: 0 to {len(data.points) - 1}")
+        invalid = cells.min() if cells.min() < 0 else cells.max()
+        raise MeshError(f"a cell has point number {invalid}; allowed: 0 to {len(data.points) - 1}")
     used, numbers = np.unique(cells, return_inverse=True)
     points = np.asarray(data.points, float)[used] * length_unit
     if points.shape[1] != 3 or not np.isfinite(points).all():
-        raise MeshError("its points are not finite and three-dimensional")
-    return VolumeMesh(points, numbers.reshape(cells.shape).astype(np.int64), known[found[0]])
+        raise MeshError("points are not finite and three-dimensional")
+    return VolumeMesh(points, numbers.reshape(cells.shape).astype(np.int64), elements[types[0]])

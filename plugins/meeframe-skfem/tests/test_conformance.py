@@ -18,7 +18,7 @@ from meeframe.testing.manufactured import LinearField, prescribe
 
 STIFFNESS = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
 SIDES = ("top", "side_x-", "side_x+", "side_y-", "side_y+")
-ALLOWED = "volume mesh given by `volume`"
+ALLOWED = "volume mesh in the file `volume`"
 
 
 def held(mesh, zone, base):
@@ -75,7 +75,7 @@ def tilted():
     [
         (held(half_space_mesh(0.5, 0.2, 2, 2, Quad4()), "contact", "top"), "semi-infinite"),
         (replace(held(sphere_mesh(1.0, 3, Quad4()), "surface", "surface"), contact_group=None), "no contact zone"),
-        (tilted(), "no box, its surface has a point at"),
+        (tilted(), "not a box, since its surface has a point at"),
         (block(Tri6()), "made of tri6"),
     ],
     ids=["half space", "no zone", "tilted block", "triangles"],
@@ -95,7 +95,7 @@ def test_a_zone_that_is_no_grid_is_refused():
         middles = place[b.connectivity].mean(axis=1)
         lower = top & ((middles[:, 0] < 0) | (middles[:, 1] < 0))  # an L
         blocks.append(replace(b, groups=np.where(top & ~lower, 4, b.groups)))
-    with pytest.raises(MeshError, match="no rectangular grid"):
+    with pytest.raises(MeshError, match="not a rectangular grid"):
         FiniteElements().check(held(replace(mesh, blocks=tuple(blocks)), "z+", "z-"))
 
 
@@ -118,7 +118,7 @@ def test_volume_files_that_do_not_serve_are_refused(cube_file, make_cube, tmp_pa
         FiniteElements(volume=file, unit=1.1e-3).check(cube_body(mesh))
     with pytest.raises(MeshError, match=r"'z\+': its elements are not the faces of the volume mesh"):
         FiniteElements(volume=cube_file("hex8", 3)[1], unit=1e-3).check(cube_body(mesh))
-    with pytest.raises(MeshError, match="volume cells in it: none; allowed: one of hexahedron"):
+    with pytest.raises(MeshError, match="volume cells in the file: none; allowed: one of hexahedron"):
         FiniteElements(volume=surface_file(mesh, tmp_path)).check(cube_body(mesh))
     wrong = make_cube("hex8", 2)
     path = tmp_path / "inside_out.vtu"
@@ -134,7 +134,7 @@ def test_point_numbers_out_of_range_are_refused(make_cube, tmp_path, number):
     cells[0, 3] = number
     path = tmp_path / "numbers.vtu"
     meshio.write(path, meshio.Mesh(cube.points, [("hexahedron", cells)]))
-    with pytest.raises(MeshError, match=rf"numbers\.vtu.*a cell has the point number {number}; allowed: 0 to 7"):
+    with pytest.raises(MeshError, match=rf"numbers\.vtu.*a cell has point number {number}; allowed: 0 to 7"):
         FiniteElements(volume=path).check(block(Quad4()))
 
 

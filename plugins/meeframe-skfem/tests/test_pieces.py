@@ -11,7 +11,7 @@ from meeframe_skfem import FiniteElements
 from meeframe_skfem.assembly import face_masses, stiffness_matrix
 from meeframe_skfem.elements import ELEMENTS, HEX8, TET10, cell_rule, face_nodes, tabulate
 from meeframe_skfem.factorisation import condense, factorise
-from meeframe_skfem.grid import box_volume, graded, tensor_grid
+from meeframe_skfem.grid import box_volume, graded_positions, tensor_grid
 from meeframe_skfem.locate import interpolation
 from meeframe_skfem.volume import VolumeMesh, boundary_faces, check_volume
 from scipy.sparse import block_array, csr_array, diags_array, eye_array, kron
@@ -139,7 +139,7 @@ def test_mass_and_flexibility_of_the_zone_are_symmetric():
 @settings(deadline=None, max_examples=30)
 @given(st.floats(0.1, 1e3), st.floats(1e-2, 1.0), st.floats(1.0, 3.0))
 def test_graded_widths(distance, first, growth):
-    positions = graded(distance, first, growth, None)
+    positions = graded_positions(distance, first, growth, None)
     widths = np.diff(positions, prepend=0.0)
     assert positions[-1] == pytest.approx(distance, rel=1e-12)
     assert widths[0] <= first * (1 + 1e-9)
@@ -151,7 +151,7 @@ def test_graded_widths(distance, first, growth):
         # one element fewer would have to grow faster
         fewer = first * np.sum(growth ** np.arange(len(widths) - 1))
         assert fewer < distance * (1 + 1e-6)
-    assert len(graded(distance, first, growth, 4)) == 4
+    assert len(graded_positions(distance, first, growth, 4)) == 4
 
 
 def test_tensor_grid_of_hex8():

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.elements import Quad4
 from meeframe.formulations.dense_bem import DenseBEM
@@ -55,7 +56,9 @@ def problem(system, law, kappa=(0.0, 0.0), translation=(0.0, 0.0)) -> ContactPro
     electric, magnetic = (StepConductivity(k) if k else Insulating() for k in kappa)
     gap = (x**2 + y**2) / (2.0 * RADIUS) - APPROACH
     n = len(gap)
-    return ContactProblem(system, law, electric, magnetic, gap, np.tile(translation, (n, 1)), np.zeros((n, 2)))
+    return ContactProblem(
+        system, law, flux_channels(electric, magnetic), gap, np.tile(translation, (n, 1)), np.zeros((n, 2))
+    )
 
 
 def solved(case, solver):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, Status, contact_gap, resultant
 from meeframe.elements import Quad4
 from meeframe.formulations.dense_bem import DenseBEM
@@ -28,7 +29,7 @@ def indentation(system, kappa):
     x, y = system.points[:, 0], system.points[:, 1]
     zero = np.zeros((len(x), 2))
     gap = (x**2 + y**2) / 0.2 - 5e-5
-    return ContactProblem(system, Signorini(), Insulating(), StepConductivity(kappa), gap, zero, zero)
+    return ContactProblem(system, Signorini(), flux_channels(Insulating(), StepConductivity(kappa)), gap, zero, zero)
 
 
 def force(system, kappa):

@@ -362,6 +362,7 @@ def test_bodies_that_are_none_are_refused(write_case, laws, tmp_path):
         compare(write_case(), {"formulation": ['{boddy = "winkler"}']}, tmp_path / "o", registry=laws)
 
 
+@pytest.mark.full
 def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write_case, laws, tmp_path):
     """Springs have none: they appear once."""
     coarse = '{name = "dense-bem", quadrature_tolerance = 1e-2}'
@@ -374,6 +375,7 @@ def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write
         compare(write_case(), {"fundamental-solution": ["residue"]}, tmp_path / "none", registry=laws)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     ("option", "values", "refusal"),
     [

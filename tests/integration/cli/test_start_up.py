@@ -58,6 +58,7 @@ def test_a_check_loads_nothing_that_only_results_or_other_cases_need(case_file):
     assert found.isdisjoint(LATER)
 
 
+@pytest.mark.full
 def test_a_run_without_figures_does_not_load_what_draws(case_file, tmp_path):
     case_file.write_text(case_file.read_text() + "\n[output]\nfigures = false\nvtu = false\n")
     assert loaded("run", case_file, "--out", tmp_path / "out").isdisjoint(LATER)

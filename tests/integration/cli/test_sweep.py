@@ -322,7 +322,7 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, 
     assert_as_uninterrupted(file, out, tmp_path)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatch):
     out, file, told = tmp_path / "out", study(LINE, free=0), tmp_path / "told"
@@ -379,7 +379,7 @@ def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("axis", "reductions"),
     [
@@ -449,7 +449,7 @@ def meeframe_solvers():
 """
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.filterwarnings("always:of a", "ignore:left out")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, workers):
@@ -479,6 +479,7 @@ def test_one_at_a_time_writes_a_folder(study, tmp_path, go_on):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+@pytest.mark.full
 def test_on_a_cluster_whose_scheduler_dies(study, tmp_path, log, go_on):
     out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
     place = tmp_path / "scheduler.json"

@@ -47,6 +47,7 @@ def results(packages, package_tools, tmp_path_factory):
     return {(case.get("classname"), case.get("name")): [part.get("message") for part in case] for case in cases}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_package_passes_its_own_tests_as_it_is(results, kind):
     module = f"test_meeframe_new_{kind.replace('-', '_')}"
@@ -67,6 +68,7 @@ def test_a_new_module_works_as_a_local_file(packages, kind):
     assert invoke("check", packages / kind / "example.toml")[0] == 2
 
 
+@pytest.mark.full
 def test_elements_that_vtk_does_not_have_are_shown_by_their_corners(packages, tmp_path):
     module = packages / "element" / "meeframe_new_element.py"
     case = packages / "element" / "example.toml"

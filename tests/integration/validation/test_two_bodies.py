@@ -35,6 +35,7 @@ def test_equal_elastic_bodies_against_hertz():
     assert found.tangential < 1e-6
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("condition", ["EMII", "EMCI"])
 def test_opposite_poling_against_the_joined_half_space(condition):
     case = study.load("poled")
@@ -48,6 +49,7 @@ def test_opposite_poling_against_the_joined_half_space(condition):
     assert found.magnetic_flux == pytest.approx(exact.magnetic_flux, rel=0.015, abs=0.0)
 
 
+@pytest.mark.full
 def test_exchanged_roles():
     case = study.load("roles")
     block = block_mesh(0.05, 0.12, 0.005, 10, 4, 2, Quad4())

@@ -185,8 +185,14 @@ class Spark(ConductivityLaw):
 
 def test_what_charges_across_the_gap_hold_and_what_nothing_holds(case):
     """In the air the charge finds its potential; the tangential motion stays where it is for want of contact."""
-    steps = (Step(approach=-2e-6, charge=1e-8), Step(translation=(1e-6, 0.0)), Step(tangential_force=(0.0, 0.0)))
-    result = meeframe.solve_case(replace(case, contact_law=IsotropicCoulomb(MU), electric_law=Spark(), steps=steps))
+    steps = (
+        Step(approach=-2e-6, scalars={"charge": 1e-8}),
+        Step(translation=(1e-6, 0.0)),
+        Step(tangential_force=(0.0, 0.0)),
+    )
+    result = meeframe.solve_case(
+        replace(case, contact_law=IsotropicCoulomb(MU), conductivity={"electric": Spark()}, steps=steps)
+    )
     assert [step.status for step in result.steps] == [Status.CONVERGED] * 3
     last = result.steps[-1]
     assert meeframe.resultants(result.zone, last).charge == pytest.approx(1e-8, rel=1e-8)
@@ -197,7 +203,7 @@ def test_what_charges_across_the_gap_hold_and_what_nothing_holds(case):
 
 
 def test_charges_are_refused_only_by_laws_that_conduct_nowhere(case):
-    steps = (Step(approach=1e-5, charge=1e-9),)
-    replace(case, electric_law=Spark(threshold=1e4), steps=steps)
+    steps = (Step(approach=1e-5, scalars={"charge": 1e-9}),)
+    replace(case, conductivity={"electric": Spark(threshold=1e4)}, steps=steps)
     with pytest.raises(CaseError, match="the laws of the contact insulate"):
-        replace(case, electric_law=Spark(kappa=0.0), steps=steps)
+        replace(case, conductivity={"electric": Spark(kappa=0.0)}, steps=steps)

@@ -161,8 +161,7 @@ def test_loads_laws_and_solvers_share_one_system(case):
     later = {
         "indenter": FlatPunch(1e-3),
         "contact_law": IsotropicCoulomb(0.3),
-        "electric_law": StepConductivity(1.0),
-        "magnetic_law": StepConductivity(1.0),
+        "conductivity": {"electric": StepConductivity(1.0), "magnetic": StepConductivity(1.0)},
         "solver": Auto(),
         "limits": StoppingCriteria(tolerance=1e-6),
         "title": "another",

@@ -26,7 +26,7 @@ def test_the_case_file_with_all_tables_is_accepted(tmp_path):
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     case = load_case(tmp_path / "case.toml")
     assert [step.approach for step in case.steps] == [pytest.approx(2e-5), pytest.approx(4e-5), None]
-    assert (case.potentials, case.steps[1].electric_potential) == ((0.0, 0.0), 10.0)
+    assert (set(case.potentials.values()), case.steps[1].scalars) == ({0.0}, {"electric_potential": 10.0})
 
 
 def test_the_counter_body_is_accepted_in_that_file(tmp_path):

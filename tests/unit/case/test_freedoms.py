@@ -49,7 +49,7 @@ def test_an_indenter_lifted_off_stays_where_nothing_moves_it(bed, rubbing, syste
     path = bed.follow(
         rubbing,
         system,
-        Step(approach=3e-5, force_ratio=(0.2, 0.0), torque=0.0, charge=0.0),
+        Step(approach=3e-5, force_ratio=(0.2, 0.0), torque=0.0, scalars={"charge": 0.0}),
         Step(approach=-1e-6),
         Step(approach=2e-5),
     )
@@ -58,12 +58,19 @@ def test_an_indenter_lifted_off_stays_where_nothing_moves_it(bed, rubbing, syste
 
 
 def test_a_floating_conductor_takes_the_potential_that_keeps_its_charge(bed, rubbing, system):
-    law = {"electric_law": StepConductivity(1e-6), "magnetic_law": StepConductivity(np.inf)}
-    held = bed.follow(rubbing, system, Step(approach=3e-5, electric_potential=40.0, magnetic_potential=-0.2), **law)
+    law = {"conductivity": {"electric": StepConductivity(1e-6), "magnetic": StepConductivity(np.inf)}}
+    held = bed.follow(
+        rubbing, system, Step(approach=3e-5, scalars={"electric_potential": 40.0, "magnetic_potential": -0.2}), **law
+    )
     assert min(abs(held.total("charge")), abs(held.total("magnetic_flux"))) > 0
     given = {key: held.total(key) for key in ("charge", "magnetic_flux")}
     found = bed.follow(
-        rubbing, system, Step(approach=3e-5, **given), Step(charge=0.0, increments=2), potentials=(7.0, 1.0), **law
+        rubbing,
+        system,
+        Step(approach=3e-5, scalars=given),
+        Step(scalars={"charge": 0.0}, increments=2),
+        potentials={"electric_potential": 7.0, "magnetic_potential": 1.0},
+        **law,
     )
     assert found.motion[0] == pytest.approx(held.motion[0], rel=1e-8)
     np.testing.assert_allclose(
@@ -78,9 +85,9 @@ def test_potentials_of_the_indenter_hold_from_the_beginning_and_named_ones_are_r
         rubbing,
         system,
         Step(approach=1e-5, increments=2),
-        Step(electric_potential=10.0, increments=2),
-        potentials=(4.0, -1.0),
-        electric_law=StepConductivity(np.inf),
+        Step(scalars={"electric_potential": 10.0}, increments=2),
+        potentials={"electric_potential": 4.0, "magnetic_potential": -1.0},
+        conductivity={"electric": StepConductivity(np.inf)},
     )
     assert path.motion[:, 6].tolist() == [4.0, 4.0, 7.0, 10.0]
     assert path.motion[:, 7].tolist() == [-1.0] * 4
@@ -93,7 +100,7 @@ def test_what_nothing_resists_is_left_alone_or_refused(bed, rubbing, system):
     path = bed.follow(
         rubbing,
         system,
-        Step(approach=1e-5, tangential_force=(0.0, 0.0), torque=0.0, charge=0.0),
+        Step(approach=1e-5, tangential_force=(0.0, 0.0), torque=0.0, scalars={"charge": 0.0}),
         contact_law=Signorini(),
     )
     assert not path.motion[0, 1:].any()
@@ -107,7 +114,7 @@ def test_what_nothing_resists_is_left_alone_or_refused(bed, rubbing, system):
         )
     replace(rubbing, contact_law=Signorini(), steps=(Step(approach=1e-5, moment=(0.1, 0.0)),))
     with pytest.raises(CaseError, match=rf"charge = 1.0: the laws of the contact insulate; {allowed}"):
-        replace(rubbing, steps=(Step(approach=1e-5, charge=1.0),))
+        replace(rubbing, steps=(Step(approach=1e-5, scalars={"charge": 1.0}),))
 
 
 def test_after_an_increment_that_does_not_converge_the_last_one_that_did_counts(bed, rubbing, system):

@@ -27,7 +27,7 @@ def test_defaults(write_case, registry):
     assert case.indenter == Sphere(0.1)
     assert case.steps[0].approach == pytest.approx(1e-5)
     assert isinstance(case.contact_law, Signorini)
-    assert isinstance(case.electric_law, Insulating)
+    assert isinstance(case.conductivity["electric"], Insulating)
     assert case.formulation == DenseBEM()
     assert case.mesh.n_elements == 16 + 2 * 16 + 16 + 16
     np.testing.assert_array_equal(case.material.stiffness, library_material("batio3-cofe2o4").stiffness)
@@ -72,8 +72,8 @@ electric_flux = 1e-6
     ]
     case = load_case(write_case(*changes, more=more), registry)
     assert case.contact_law == IsotropicCoulomb(0.3)
-    assert case.electric_law == StepConductivity(math.inf)
-    assert case.magnetic_law.reference_pressure == pytest.approx(1e6)
+    assert case.conductivity["electric"] == StepConductivity(math.inf)
+    assert case.conductivity["magnetic"].reference_pressure == pytest.approx(1e6)
     assert case.formulation == DenseBEM(LineIntegral())
     assert (case.placement.x, case.placement.tilt_1) == pytest.approx((1e-3, math.radians(2)))
     assert case.solver.step_normal == pytest.approx(1e13)
@@ -81,8 +81,8 @@ electric_flux = 1e-6
     assert (case.output.figures, case.output.vtu) == (False, True)
     assert case.mesh.blocks[0].element.name == Quad9().name
     (step,) = case.steps
-    assert (step.translation, case.potentials[0]) == ((pytest.approx(1e-6), 0.0), -5.0)
-    assert step.magnetic_potential == pytest.approx(3e-3)
+    assert (step.translation, case.potentials["electric_potential"]) == ((pytest.approx(1e-6), 0.0), -5.0)
+    assert step.scalars["magnetic_potential"] == pytest.approx(3e-3)
     side = {(c.field, c.kind): c.data for c in case.conditions if c.group == "side_x+"}
     assert side == {(1, "flux"): pytest.approx(2e3), (2, "flux"): 0.0, (3, "flux"): 1e-6}
 

@@ -10,7 +10,7 @@ from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
 from meeframe.formulations.base import Formulation
 from meeframe.indenters import FlatPunch
-from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
+from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.model.load import load_case
 from meeframe.model.preflight import planned, undeformed
 from meeframe.solvers import Auto, ProjectedCG, Uzawa
@@ -85,12 +85,12 @@ class Selective(Shallow):
     """Knows the law it takes by its class."""
 
     def check(self, problem):
-        if not isinstance(problem.electric_law, StepConductivity):
-            raise CaseError(f"solver 'selective' does not take {type(problem.electric_law).__name__}")
+        if not isinstance(problem.law_of("electric"), StepConductivity):
+            raise CaseError(f"solver 'selective' does not take {type(problem.law_of('electric')).__name__}")
 
     def init(self, problem, start):
         self.check(problem)
-        assert problem.electric_law == StepConductivity(1.0)
+        assert problem.law_of("electric") == StepConductivity(1.0)
         return Uzawa().init(problem, start)
 
     def step(self, problem, iterate):
@@ -100,13 +100,15 @@ class Selective(Shallow):
 
 def test_solvers_are_asked_about_the_laws_that_they_are_given(case):
     law = StepConductivity(1.0)
-    selective = replace(case, electric_law=law, solver=Selective(), potentials=(100.0, 0.0))
+    selective = replace(
+        case, conductivity={"electric": law}, solver=Selective(), potentials={"electric_potential": 100.0}
+    )
     (step,) = meeframe.solve_case(selective).steps
     (expected,) = meeframe.solve_case(replace(selective, solver=Uzawa())).steps
     np.testing.assert_array_equal(step.fluxes, expected.fluxes)
     assert vars(law) == {"kappa": 1.0}
     with pytest.raises(CaseError, match="solver 'selective' does not take Insulating"):
-        replace(case, electric_law=Insulating(), solver=Selective())
+        replace(case, solver=Selective())
 
 
 @dataclass(frozen=True)
@@ -171,11 +173,11 @@ IDLE = "{}_potential of {} changes nothing: the contact insulates, unless [condu
 
 def test_potentials_that_an_insulating_contact_does_not_see_are_warned_of(case):
     """That of the indenter, and one that a load step gives it."""
-    volts = replace(case, potentials=(-3e4, 0.0))
+    volts = replace(case, potentials={"electric_potential": -3e4})
     assert volts.warnings == (IDLE.format("electric", "3e+04 V", "electric"),)
-    assert not replace(volts, electric_law=StepConductivity(np.inf)).warnings
-    steps = (meeframe.Step(approach=1e-5), meeframe.Step(magnetic_potential=20.0))
-    amperes = replace(case, steps=steps, electric_law=StepConductivity(np.inf))
+    assert not replace(volts, conductivity={"electric": StepConductivity(np.inf)}).warnings
+    steps = (meeframe.Step(approach=1e-5), meeframe.Step(scalars={"magnetic_potential": 20.0}))
+    amperes = replace(case, steps=steps, conductivity={"electric": StepConductivity(np.inf)})
     told = IDLE.format("magnetic", "20 A", "magnetic")
     assert amperes.warnings == (told,)
     assert [told in step.message for step in meeframe.solve_case(amperes).steps] == [True, False]

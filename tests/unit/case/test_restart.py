@@ -28,6 +28,7 @@ def first(write_case, registry, tmp_path):
     return meeframe.run(load_case(write_case(more=LAW + FIRST), registry), tmp_path / "first")
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("changes", [[], [BEM]], ids=["springs", "boundary elements"])
 def test_two_steps_are_a_run_and_its_continuation(write_case, registry, tmp_path, changes):
     whole = meeframe.solve_case(load_case(write_case(*changes, more=LAW + FIRST + SECOND), registry))
@@ -75,6 +76,7 @@ def refused(path, registry, text):
     assert "allowed: " in message or "does not exist" in message
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.usefixtures("first")
 @pytest.mark.parametrize(
     ("change", "text"),

@@ -83,8 +83,13 @@ def test_friction_remembers_the_steps_before(case):
 
 
 def test_potentials_of_the_indenter_reach_the_body_where_it_conducts(case):
-    steps = tuple(dataclasses.replace(step, electric_potential=7.0, magnetic_potential=-0.5) for step in case.steps)
-    result = meeframe.solve_case(dataclasses.replace(case, electric_law=StepConductivity(np.inf), steps=steps))
+    steps = tuple(
+        dataclasses.replace(step, scalars={"electric_potential": 7.0, "magnetic_potential": -0.5})
+        for step in case.steps
+    )
+    result = meeframe.solve_case(
+        dataclasses.replace(case, conductivity={"electric": StepConductivity(np.inf)}, steps=steps)
+    )
     for step in result.steps:
         contact_fraction = step.traction[:, 2] < 0
         np.testing.assert_allclose(step.potentials[contact_fraction, 0], 7.0, rtol=1e-9)

@@ -124,7 +124,7 @@ def test_no_method_may_change_what_it_is_given(case, method, argument):
 @pytest.mark.parametrize("argument", [0, 1, 2])
 def test_conductivities_leave_alone_what_they_are_given(case, argument):
     with pytest.raises(CaseError, match="conductivity of the conductivity law Overwriting changes the arrays"):
-        replace(case, electric_law=Overwriting("conductivity", argument))
+        replace(case, conductivity={"electric": Overwriting("conductivity", argument)})
 
 
 @dataclass(frozen=True)
@@ -145,10 +145,10 @@ class Strange(ConductivityLaw):
         (((1.0,), (2.0,)), rf"has shape \(2, {N}\); allowed: \({N},\)"),
     ],
 )
-@pytest.mark.parametrize("field", ["electric_law", "magnetic_law"])
+@pytest.mark.parametrize("field", ["electric", "magnetic"])
 def test_unfit_conductivities_are_found_before_anything_is_computed(case, field, kappa, text):
     with pytest.raises(CaseError, match=f"conductivity of the conductivity law Strange {text}"):
-        replace(case, **{field: Strange(kappa)})
+        replace(case, conductivity={field: Strange(kappa)})
 
 
 @dataclass(frozen=True)
@@ -166,22 +166,29 @@ class Falling(ConductivityLaw):
 TOLD = r"conductivity\.electric: .* law Falling is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numbers"
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("beyond", [None, np.nan, -np.inf])
 @pytest.mark.parametrize("solver", [Auto(), Uzawa(), ProjectedCG()])
 def test_conductivities_are_judged_where_the_case_needs_them(case, solver, beyond):
     """The sphere presses with 1 GPa: a law may be anything beyond, and nothing but a conductivity up to there."""
-    case = replace(case, solver=solver, potentials=(100.0, 0.0))
-    (step,) = meeframe.solve_case(replace(case, electric_law=Falling(1e10, beyond))).steps
+    case = replace(case, solver=solver, potentials={"electric_potential": 100.0})
+    (step,) = meeframe.solve_case(replace(case, conductivity={"electric": Falling(1e10, beyond)})).steps
     assert step.status is Status.CONVERGED
     with pytest.raises(CaseError, match=TOLD):
-        meeframe.solve_case(replace(case, electric_law=Falling(1e8, beyond)))
+        meeframe.solve_case(replace(case, conductivity={"electric": Falling(1e8, beyond)}))
 
 
 @pytest.mark.parametrize("solver", [Auto(), Uzawa()])
 def test_states_on_the_way_are_told_and_not_judged(case, solver):
     """Negative resistances, smoothly beyond 0.1 GPa: the iteration ends at its limit before they spoil it."""
     limits = replace(case.limits, max_iterations=1)
-    case = replace(case, solver=solver, limits=limits, potentials=(100.0, 0.0), electric_law=Falling(1e8))
+    case = replace(
+        case,
+        solver=solver,
+        limits=limits,
+        potentials={"electric_potential": 100.0},
+        conductivity={"electric": Falling(1e8)},
+    )
     (step,) = meeframe.solve_case(case).steps
     assert step.status is not Status.CONVERGED
     assert np.isfinite(step.traction).all()
@@ -227,7 +234,9 @@ class Probed(ConductivityLaw):
 )
 def test_an_iteration_that_goes_astray_is_not_laid_to_a_law(case, law, pressure, told, refused):
     """Unless that said something else than a conductivity at a pressure as the problem has it, 1 GPa."""
-    case = replace(case, solver=Exploding(pressure), potentials=(100.0, 0.0), electric_law=law)
+    case = replace(
+        case, solver=Exploding(pressure), potentials={"electric_potential": 100.0}, conductivity={"electric": law}
+    )
     if refused:
         with pytest.raises(CaseError, match=TOLD):
             meeframe.solve_case(case)

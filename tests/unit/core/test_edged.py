@@ -33,8 +33,7 @@ def problem(kappa, area_fraction=None) -> ContactProblem:
     return ContactProblem(
         found.system,
         found.contact_law,
-        StepConductivity(kappa),
-        found.magnetic_law,
+        found.with_laws(electric=StepConductivity(kappa)).channels,
         found.gap,
         found.translation,
         found.potentials,

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from meeframe.common.errors import MeshError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, Status, resultant
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -156,7 +157,7 @@ def test_joined_half_spaces_in_closed_form(condition: str, second_body: Material
     kappa = tuple(0.0 if potential is None else np.inf for potential in CONDITIONS[condition])
     state = converged(indentation_problem(both, sphere(both), APPROACH, conductivity=kappa))
     exact = indent(joined, Sphere(RADIUS), APPROACH, *CONDITIONS[condition])
-    force, charge, flux = resultant(both, state.load)
+    force, (charge, flux) = resultant(both, state.load)
     assert -force[2] == pytest.approx(exact.force, rel=3e-3)
     assert charge == pytest.approx(exact.charge, rel=3e-3, abs=0.0)
     assert flux == pytest.approx(exact.magnetic_flux, rel=3e-3, abs=0.0)
@@ -257,8 +258,8 @@ def test_what_leaves_one_body_enters_the_other(unlike: tuple[DenseSystem, DenseS
     first, second_body = unlike
     both = combine_bodies(first, second_body)
     load = converged(skewed(both, 1.0, LAW, (2e-8, 3e-4))).load
-    force, charge, flux = resultant(first, load)
-    other_force, other_charge, other_flux = resultant(second_body, second_load(both, load))
+    force, (charge, flux) = resultant(first, load)
+    other_force, (other_charge, other_flux) = resultant(second_body, second_load(both, load))
     np.testing.assert_allclose(TURN @ other_force, -force, rtol=1e-12)
     assert other_charge == pytest.approx(-charge, rel=1e-12)
     assert other_flux == pytest.approx(-flux, rel=1e-12)
@@ -419,9 +420,9 @@ def test_insulated_bodies_keep_their_own_potentials() -> None:
     both = combine_bodies(body, body)
     n = len(both.points)
     zero, volts = np.zeros((n, 2)), np.tile([1e4, -20.0], (n, 1))
-    laws = Signorini(), Insulating(), Insulating()
+    laws = Signorini(), flux_channels(Insulating(), Insulating())
     states = [converged(ContactProblem(both, *laws, sphere(both) - APPROACH, zero, held)) for held in (zero, volts)]
     np.testing.assert_array_equal(states[0].load, states[1].load)
-    conducting = Signorini(), StepConductivity(np.inf), Insulating()
+    conducting = Signorini(), flux_channels(StepConductivity(np.inf), Insulating())
     held = converged(ContactProblem(both, *conducting, sphere(both) - APPROACH, zero, volts))
     assert np.abs(held.load[:, 3]).max() > 0.0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -120,7 +121,7 @@ def socket_problem(system: ReducedSystem, law: ContactLaw) -> ContactProblem:
     normals = system.frames[:, 2]
     drag = system.frames @ np.array([1.0, -0.6, 0.0]) * 2e-5
     gap = 5e-5 * (1.0 - normals[:, 2]) - 2e-5 * normals[:, 2] + drag[:, 2]
-    laws = law, Insulating(), Insulating()
+    laws = law, flux_channels(Insulating(), Insulating())
     return ContactProblem(system, *laws, gap, drag[:, :2], np.zeros((len(gap), 2)))
 
 

@@ -63,7 +63,7 @@ def test_singular_systems_are_refused(loads):
     matrix, right, _ = _system(30, loads + 1)
     matrix[:, 20] = matrix[:, 3]
     with pytest.raises(
-        CaseError, match=r"condition \d\.\de-1[5-9]; allowed: above 1e-14\): a very slender body, or elements"
+        CaseError, match=r"condition \d\.\de-1[5-9]; allowed: above 1e-14\): the body is very slender, or elements"
     ):
         factorise(System(np.asfortranarray(np.hstack([matrix, right]))))
 

@@ -114,7 +114,7 @@ def test_points_without_direction_spoil_only_themselves(bad, transversely_isotro
 
 
 def test_names_a_material_beyond_its_reach(monkeypatch, orthotropic):
-    monkeypatch.setattr(tabulated, "MOST_CELLS", 20)
+    monkeypatch.setattr(tabulated, "MAX_CELLS", 20)
     with pytest.raises(MaterialError, match="too anisotropic"):
         Tabulated().bind(orthotropic)
 

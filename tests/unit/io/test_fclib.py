@@ -7,6 +7,7 @@ import pytest
 from numba import njit
 
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import PrescribedResultant, Status
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.results.fclib import (
@@ -238,7 +239,7 @@ def test_potentials_are_eliminated_at_the_resistances_of_the_state(kappa):
     local, expected = local_problem(problem, found.state), local_solution(problem, found.state)
     assert differ(local.matrix @ expected.r + local.q, expected.u) < 1e-9
     assert differ(by_gauss_seidel(local), expected.r) < 1e-8
-    insulated = local_problem(replace(problem, electric_law=StepConductivity(0), magnetic_law=StepConductivity(0)))
+    insulated = local_problem(replace(problem, channels=flux_channels(StepConductivity(0), StepConductivity(0))))
     assert differ(local.matrix, insulated.matrix) > 1e-3
 
 

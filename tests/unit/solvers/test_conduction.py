@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from meeframe.contact import conduction
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, Status, contact_gap, resultant
 from meeframe.fields import Array
 from meeframe.laws import StepConductivity
@@ -80,7 +81,7 @@ def test_resistances() -> None:
     n = 16
     own = conduction.own_response(case)
     traction = np.full(n, -1.0)
-    kappa = contact_conductivity(case.magnetic_law, traction)[0]
+    kappa = contact_conductivity(case.law_of("magnetic"), traction)[0]
     contact_fraction = np.linspace(0.0, 1.0, n)
     resistance = conduction.resistances(case, traction, contact_fraction, own)
     assert np.isinf(resistance[:, 0]).all()
@@ -149,7 +150,7 @@ def test_drop_is_found_together_with_its_conductivity(steepness: float) -> None:
     case = problem(0.0, cells=8)
     n, own = len(case.gap), conduction.own_response(case)
     laws = [Discharge(0.3 / size, steepness / size) for size in own[0]]
-    case = replace(case, electric_law=laws[0], magnetic_law=laws[1], gap=np.full(n, 1e-6))
+    case = replace(case, channels=flux_channels(laws[0], laws[1]), gap=np.full(n, 1e-6))
     alone = np.logspace(-3, 5, n)
     ahead = np.zeros((n, 5))
     ahead[:, 3:] = alone[:, None]

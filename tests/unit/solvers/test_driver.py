@@ -214,6 +214,7 @@ def test_the_judge_sees_every_kind_of_violation() -> None:
     assert residual(case, replace(good, load=moved(good.load, corner, 0, np.nan))) == np.inf
 
 
+@pytest.mark.full
 def test_uzawa_conforms() -> None:
     check_solver(Uzawa())
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from meeframe.common.errors import MeeframeError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import own_response, resistances
 from meeframe.contact.problem import ContactProblem, contact_gap
 from meeframe.fields import Array
@@ -42,7 +43,7 @@ def random_problem(seed: int, kappa: tuple[float, float] = (3.0, 0.2)) -> Contac
     )
     gap = -random.uniform(0.5, 1.5, N)
     gap[3] = np.inf
-    laws = IsotropicCoulomb(0.3), StepConductivity(kappa[0]), StepConductivity(kappa[1])
+    laws = IsotropicCoulomb(0.3), flux_channels(*map(StepConductivity, kappa))
     return ContactProblem(system, *laws, gap, 0.3 * random.normal(size=(N, 2)), random.normal(size=(N, 2)))
 
 

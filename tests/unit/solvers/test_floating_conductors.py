@@ -37,6 +37,7 @@ MU = 0.3
 XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
 @pytest.mark.parametrize("condition", KAPPA)
 def test_resultants_give_the_motions_back(condition, given) -> None:
@@ -68,6 +69,7 @@ def test_floating_conductor_against_the_closed_form(solver, potential) -> None:
     assert motion[1] == pytest.approx(potential, rel=0.03)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("condition", KAPPA)
 @pytest.mark.parametrize("charges", [(0.0, 0.0), (1e-7, -2e-7)], ids=["uncharged", "charged"])
 def test_floating_conductor_is_one_with_the_potential_found(condition, charges) -> None:
@@ -139,6 +141,7 @@ def test_where_nothing_conducts_the_potential_stays_where_it_was(solver) -> None
     assert solve(charged, solver, StoppingCriteria(max_iterations=200), start).status is not Status.CONVERGED
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 def test_systems_without_a_matrix(solver) -> None:
     law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(MU)
@@ -156,7 +159,7 @@ def test_systems_without_a_matrix(solver) -> None:
     )
 
 
-@pytest.mark.full(except_for=4)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 @pytest.mark.parametrize("factors", [(1e-9, 1.0), (1e9, 1e-9)], ids=str)
 @pytest.mark.parametrize("potentials", [False, True], ids=["all", "potentials"])

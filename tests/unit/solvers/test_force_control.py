@@ -163,6 +163,7 @@ def test_hertz_at_a_given_force(solver) -> None:
     assert -state.load[:, 2].min() == pytest.approx(exact.pressure(np.zeros(1))[0], rel=0.01)
 
 
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 @pytest.mark.parametrize("lift", [1e-6, 1e-3, 0.1])
 def test_a_lifted_indenter_is_brought_down(solver, lift) -> None:
@@ -186,7 +187,7 @@ IMPOSSIBLE = {
 }
 
 
-@pytest.mark.full(except_for=4)
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 def test_what_cannot_be_reached_does_not_converge(solver, name) -> None:

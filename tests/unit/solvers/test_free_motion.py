@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.free_motion import balanced_projection
 from meeframe.contact.problem import ContactProblem, PrescribedResultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
@@ -25,7 +26,9 @@ def problem(law, *totals, cells=12):
     gap = (x**2 + y**2) / 0.2
     n = len(gap)
     free = tuple(freedom(system, mode, total) for mode, total in totals)
-    return ContactProblem(system, law, Insulating(), Insulating(), gap, np.zeros((n, 2)), np.zeros((n, 2)), free)
+    return ContactProblem(
+        system, law, flux_channels(Insulating(), Insulating()), gap, np.zeros((n, 2)), np.zeros((n, 2)), free
+    )
 
 
 PRESS = np.array([0.0, 0.0, -1.0, 0.0, 0.0])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.nested import holds_nodes
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import N_FIELDS, Array
@@ -36,7 +37,7 @@ class CappedSomewhere(Capped):
 def problem(law: Signorini | IsotropicCoulomb, n: int) -> ContactProblem:
     points = np.arange(3.0 * n).reshape(n, 3)
     system = RigidSystem(points, np.tile(np.eye(3), (n, 1, 1)), np.ones(n), (), np.zeros((n, N_FIELDS)))
-    return ContactProblem(system, law, Insulating(), Insulating(), np.zeros(n), *np.zeros((2, n, 2)))
+    return ContactProblem(system, law, flux_channels(Insulating(), Insulating()), np.zeros(n), *np.zeros((2, n, 2)))
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 12, 50])

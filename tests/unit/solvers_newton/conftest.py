@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -108,7 +109,7 @@ def conducting() -> Callable[..., ContactProblem]:
         height = ((system.points[:, :2] - [1e-4, 2e-4]) ** 2).sum(axis=1) / (2.0 * RADIUS)
         depth, given = (contact * WIDTH) ** 2 / RADIUS, ((np.inf, np.inf), (5.0, 1.0), dragged)
         problem = indentation_problem(system, height, depth, law or Signorini(), *given)
-        return replace(problem, electric_law=flux, magnetic_law=flux)
+        return replace(problem, channels=flux_channels(flux, flux))
 
     return make
 

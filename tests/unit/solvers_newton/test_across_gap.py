@@ -6,6 +6,7 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import own_response
 from meeframe.contact.problem import AT_REST, ContactProblem, Status
 from meeframe.fields import Array
@@ -52,7 +53,7 @@ def across(sphere):
             Plates(kappa / o, 0.1 * scales.displacement[2], strength * s, pressed * kappa / o, scales.pressure)
             for o, s in zip(own, scales.displacement[3:], strict=True)
         ]
-        return replace(problem, electric_law=laws[0], magnetic_law=laws[1])
+        return replace(problem, channels=flux_channels(laws[0], laws[1]))
 
     return make
 
@@ -72,7 +73,7 @@ def test_linearisation_is_the_derivative_of_the_residual(across, kappa, grazing)
     contact_fraction = np.full(n, 0.5)
     here = equation.at(load, contact_fraction, mask, AT_REST)
     opened, width = here.ahead[:, 2], 1e-6
-    assert (opened > 0.1 * problem.electric_law.distance).sum() > 5
+    assert (opened > 0.1 * problem.law_of("electric").distance).sum() > 5
     step = np.column_stack(
         [equation.scales.load * RANDOM.normal(size=(n, 5)), np.where(mask, RANDOM.normal(size=n), 0.0)]
     )
@@ -95,7 +96,7 @@ def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> N
     """A law whose field is felt at a millionth of the characteristic potential: differences have to be that fine."""
     problem = across(Signorini(), 1.0, 1e-6)
     equation = Equation.of(problem)
-    law, n = problem.electric_law, len(problem.gap)
+    law, n = problem.law_of("electric"), len(problem.gap)
     gap = law.distance * 10.0 ** RANDOM.uniform(-6.0, 1.0, n)
     drop, own = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.own[:, 0]
     kappa = law.conductivity(np.zeros(n), gap, drop)

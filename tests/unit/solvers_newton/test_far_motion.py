@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
 from meeframe.solvers import Auto, SemismoothNewton, StoppingCriteria, residual, solve
@@ -25,9 +26,10 @@ def sliding(cells, approach, ratio, translation=0.0):
     gap = (x**2 + y**2) / 0.2 - approach
     slid = np.tile([translation, 0.0], (n, 1))
     law = OrthotropicCoulomb(MU, MU / 2)
-    return ContactProblem(system, law, Insulating(), Insulating(), gap, slid, np.zeros((n, 2)), free)
+    return ContactProblem(system, law, flux_channels(Insulating(), Insulating()), gap, slid, np.zeros((n, 2)), free)
 
 
+@pytest.mark.full(except_for=9)
 @pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()])
 @pytest.mark.parametrize(
     ("cells", "pressed", "touching", "share"),
@@ -65,7 +67,7 @@ def test_a_light_touch_from_afar(force):
     free = (PrescribedResultant(mode, system.weights[:, None] * mode, force),)
     gap = (x**2 + y**2) / 2e-2 + 1e-3
     problem = ContactProblem(
-        system, Signorini(), Insulating(), Insulating(), gap, np.zeros((n, 2)), np.zeros((n, 2)), free
+        system, Signorini(), flux_channels(Insulating(), Insulating()), gap, np.zeros((n, 2)), np.zeros((n, 2)), free
     )
     solution = solve(problem, Auto())
     assert solution.status is Status.CONVERGED, solution.message

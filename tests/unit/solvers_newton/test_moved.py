@@ -99,6 +99,7 @@ def check_rounded(moved: Point, expected: Point) -> float:
     return off / moved.rounded if moved.rounded else 0.0
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.4)])
 @pytest.mark.parametrize("flux", [StepConductivity(np.inf), StepConductivity(1e-9), Insulating()])
 def test_round_off_is_known_over_many_moves(law: ContactLaw, flux: ConductivityLaw, conducting, at_solution) -> None:
@@ -160,6 +161,7 @@ def solved_edge(problem, end: float) -> tuple[Point, int]:
     return point, int(np.flatnonzero(may)[np.abs(point.trial[may, 2]).argmin()])
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("end", [1.0, 0.0], ids=["closed", "open"])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
 def test_nodes_at_an_end_are_found_again_in_a_step(law: ContactLaw, end: float, sphere) -> None:
@@ -176,6 +178,7 @@ def test_nodes_at_an_end_are_found_again_in_a_step(law: ContactLaw, end: float, 
     assert left <= (before**2 if law.tangential_scaling().any() else 1e-9 * before)
 
 
+@pytest.mark.full(except_for=6)
 @pytest.mark.parametrize("end", [1.0, 0.0], ids=["closed", "open"])
 @pytest.mark.parametrize(
     "law",

@@ -48,7 +48,7 @@ def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, grazin
     problem = sphere("orthotropic", OrthotropicCoulomb(0.1, 0.5, 0.3), (0.5, 2.0), cells=8)
     equation = Equation.of(problem)
     pressure, own = equation.scales.pressure, equation.own[0]
-    problem = replace(problem, electric_law=growing(1.0 / own[0], pressure, 0.5))
+    problem = problem.with_laws(electric=growing(1.0 / own[0], pressure, 0.5))
     equation = Equation.of(problem)
     n = len(problem.gap)
     load = equation.scales.load * RANDOM.normal(size=(n, 5))

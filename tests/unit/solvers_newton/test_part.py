@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import Mask
 from meeframe.contact.nested import coarse_problem
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, PrescribedResultant, Status
@@ -50,7 +51,7 @@ def sphere(system: ReducedSystem, at: Sequence[float], contact: float = 0.15, **
     gap = ((system.points[:, :2] - WIDTH * np.array(at)) ** 2).sum(axis=1) / (2.0 * RADIUS) - depth
     translation, flux = np.tile([0.3 * MU * depth, 0.0], (len(gap), 1)), StepConductivity(np.inf)
     problem = ContactProblem(
-        system, IsotropicCoulomb(MU), flux, flux, gap, translation, np.tile([5.0, 1.0], (len(gap), 1))
+        system, IsotropicCoulomb(MU), flux_channels(flux, flux), gap, translation, np.tile([5.0, 1.0], (len(gap), 1))
     )
     return replace(problem, **given)
 
@@ -96,13 +97,14 @@ def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[Prescrib
     return tuple(found)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     "given",
     [
         {},
         {"at": (0.42, -0.4)},  # over the corner of the zone
         {"contact_law": Signorini()},
-        {"electric_law": Insulating(), "magnetic_law": StepConductivity(1e-9)},
+        {"channels": flux_channels(Insulating(), StepConductivity(1e-9))},
         {"force": 40.0},
         {"pair": True},
     ],

@@ -6,6 +6,7 @@ from typing import final
 
 import numpy as np
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import AT_REST, ContactProblem
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, StepConductivity
@@ -50,7 +51,7 @@ def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
     gap, angle = np.where(kind == 0, 1.0, -1.0), RANDOM.random(N) * 2.0 * np.pi
     dragged = MU * np.choose(kind, [0.0, 0.5, 10.0, 1.1]) * [np.cos(angle), np.sin(angle)]
     flux = StepConductivity(np.inf)
-    problem = ContactProblem(system, IsotropicCoulomb(MU), flux, flux, gap, dragged.T, none[:, :2])
+    problem = ContactProblem(system, IsotropicCoulomb(MU), flux_channels(flux, flux), gap, dragged.T, none[:, :2])
     equation = Equation.of(problem)
     blocks = equation.at(none, np.zeros(N), np.zeros(N, bool), AT_REST).linearise()
     rows = Rows.of(equation, blocks, _coupled(blocks), np.dtype(float))
@@ -69,7 +70,7 @@ def test_inverse_where_nodes_are_all_but_closed() -> None:
     system = Springs(points, frames, np.ones(N), (), none, compliance)
     gap, flux = np.where(grazing, 0.0, -1.0), StepConductivity(np.inf)
     potentials = np.tile([0.4, 0.2], (N, 1))
-    problem = ContactProblem(system, IsotropicCoulomb(MU), flux, flux, gap, none[:, :2], potentials)
+    problem = ContactProblem(system, IsotropicCoulomb(MU), flux_channels(flux, flux), gap, none[:, :2], potentials)
     equation = Equation.of(problem)
     blocks = equation.at(none, np.full(N, 1.0 - 1e-10), grazing, AT_REST).linearise()
     rows = Rows.of(equation, blocks, _coupled(blocks), np.dtype(float))

@@ -8,6 +8,7 @@ import pytest
 import meeframe.solvers.auto as auto_module
 import meeframe.solvers.newton.method as newton_module
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import own_response
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status, resultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
@@ -62,10 +63,10 @@ def assert_agree(problem, solvers, tolerance=1e-8):
 
 
 def is_insulated(problem):
-    return all(law == Insulating() for law in (problem.electric_law, problem.magnetic_law))
+    return all(law == Insulating() for law in (channel.law for channel in problem.channels))
 
 
-@pytest.mark.full(except_for=5)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("material", ["transverse", "orthotropic"])
 @pytest.mark.parametrize(
@@ -82,13 +83,14 @@ def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
     assert_agree(sphere("orthotropic", Signorini(), (kappa, kappa), cells=12), ALL)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("exponent", [0.5, 0.95, 2.0])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.6)], ids=str)
 def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, law, exponent) -> None:
     problem = sphere("orthotropic", law, cells=8)
     own = np.abs(np.diag(problem.system.diagonal_blocks()[0]))[3:]
     electric, magnetic = (growing(1.0 / o, 1e7, exponent) for o in own)
-    problem = replace(problem, electric_law=electric, magnetic_law=magnetic)
+    problem = replace(problem, channels=flux_channels(electric, magnetic))
     _, newton = force(problem, SemismoothNewton())
     conductance = contact_conductivity(electric, newton.state.load[:, 2]) * own[0]
     assert 0.1 < conductance.max() < 100.0
@@ -98,6 +100,7 @@ def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, l
         assert np.linalg.norm(got - expected) <= 1e-8 * np.linalg.norm(expected), name(solver)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3)], ids=str)
 def test_grazing_nodes_are_found_by_every_solver(sphere, law) -> None:
     """A case whose edge nodes would open and close for ever: some end between, and all solvers find the same."""
@@ -118,6 +121,7 @@ def test_newton_takes_few_iterations_from_zero(sphere, cells, material) -> None:
     assert solution.iterations <= 15
 
 
+@pytest.mark.full(except_for=8)
 @pytest.mark.parametrize("solver", ALL, ids=name)
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
 def test_units_change_nothing(sphere, solver, scale) -> None:
@@ -141,8 +145,9 @@ def test_units_change_nothing(sphere, solver, scale) -> None:
         other = ContactProblem(
             scaled,
             law,
-            StepConductivity(problem.electric_law.kappa * loads[3] / electric),
-            problem.magnetic_law,
+            problem.with_laws(
+                electric=StepConductivity(problem.law_of("electric").kappa * loads[3] / electric)
+            ).channels,
             problem.gap * length,
             problem.translation * length,
             problem.potentials * [electric, magnetic],
@@ -155,6 +160,7 @@ def test_units_change_nothing(sphere, solver, scale) -> None:
         )
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("solver", ALL, ids=name)
 def test_no_matrix_is_needed(sphere, matrixless, solver) -> None:
     law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(0.6)
@@ -164,6 +170,7 @@ def test_no_matrix_is_needed(sphere, matrixless, solver) -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("solver", ALL, ids=name)
 def test_converged_state_is_taken_up(sphere, solver) -> None:
     law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(0.6)

@@ -9,6 +9,7 @@ from meeframe_halfspace import HalfSpace
 
 import meeframe.solvers.auto as auto_module
 import meeframe.solvers.newton.method as newton_module
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, Solver, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -47,7 +48,9 @@ def dragged(n: int, law: ContactLaw, flux: ConductivityLaw, force: float = FORCE
         prescribed_resultants += [freedom(system, SLIDE, 0.5 * MU * force), freedom(system, ASIDE, 0.0)]
     none = np.zeros((len(x), 2))
     gap = (x**2 + y**2) / (2.0 * RADIUS)
-    return ContactProblem(OperationCounter.of(system), law, flux, flux, gap, none, none, tuple(prescribed_resultants))
+    return ContactProblem(
+        OperationCounter.of(system), law, flux_channels(flux, flux), gap, none, none, tuple(prescribed_resultants)
+    )
 
 
 def products(problem: ContactProblem) -> int:
@@ -200,7 +203,7 @@ def test_auto_goes_on_by_newton_where_conjugate_gradients_get_nowhere(monkeypatc
 @pytest.mark.parametrize("kappa", [1e-5, np.inf])
 def test_auto_takes_newtons_method_where_contacts_conduct(kappa: float) -> None:
     """To the last digit, and to the solution of conjugate gradients; one potential is enough."""
-    problem = replace(dragged(32, Signorini(), Insulating()), magnetic_law=StepConductivity(kappa))
+    problem = dragged(32, Signorini(), Insulating()).with_laws(magnetic=StepConductivity(kappa))
     by_newton, by_auto, in_turns = (solve(problem, solver) for solver in (SemismoothNewton(), Auto(), ProjectedCG()))
     assert by_auto.status is Status.CONVERGED, by_auto.message
     np.testing.assert_array_equal(by_auto.state.load, by_newton.state.load)
@@ -255,7 +258,7 @@ def test_conductivities_that_are_steepest_without_pressure(growing, exponent: fl
     own = problem.system.diagonal_blocks()[0, [3, 4], [3, 4]]
     laws = [growing(100.0 / float(one), 5e8, exponent) for one in own]
     given = np.tile([5.0, 1.0], (32**2, 1))
-    problem = replace(problem, electric_law=laws[0], magnetic_law=laws[1], potentials=given)
+    problem = replace(problem, channels=flux_channels(laws[0], laws[1]), potentials=given)
     expected = solve(problem, Nesterov())
     assert expected.status is Status.CONVERGED, expected.message
     monkeypatch.setattr(newton_module, "_gradient_steps", None)
@@ -270,7 +273,9 @@ def test_conductivities_that_are_steepest_without_pressure(growing, exponent: fl
 def test_a_contact_that_has_lifted_off(law: ContactLaw, flux: ConductivityLaw) -> None:
     """From a state with load where all nodes come to be open, nothing is left to be solved."""
     free = dragged(16, law, flux)
-    near = ContactProblem(free.system, law, flux, flux, free.gap - 1e-5, free.translation, free.potentials)
+    near = ContactProblem(
+        free.system, law, flux_channels(flux, flux), free.gap - 1e-5, free.translation, free.potentials
+    )
     pressed = solve(near, SemismoothNewton())
     assert pressed.state.load[:, 2].any()
     for lift in (1e-4, 1e-2):
@@ -279,6 +284,7 @@ def test_a_contact_that_has_lifted_off(law: ContactLaw, flux: ConductivityLaw) -
         assert (np.abs(solution.state.load).max(axis=0) <= 1e-12 * np.abs(pressed.state.load).max(axis=0)).all()
 
 
+@pytest.mark.full(except_for=7)
 @pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()])
 @pytest.mark.parametrize(("n", "limits"), [(64, StoppingCriteria()), (24, StoppingCriteria(1e-6, criterion="paper"))])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])

@@ -1,7 +1,8 @@
-"""Collocation of the boundary integral equation: sums over quadrature points, one source at a time.
+"""Collocation of the boundary integral equation: sums over quadrature points for one source at a time.
 
-Panels hold the coefficients of one source: value_panel (p, 25) of the value nodes, flux_panel (m, 25) of the flux
-nodes, entry 5 J + K the field J there in the equation of field K.
+Panels hold the coefficients of one source, value_panel (p, f^2) those of the value nodes and flux_panel (m, f^2) those
+of the flux nodes. Entry f J + K is the coefficient of field J at the node in the equation of field K. The
+number f is known when the code is compiled where that pays: it is the length of a tuple of the fields.
 """
 
 from math import sqrt
@@ -16,10 +17,22 @@ from meeframe.elements._kernels.shape import map_rule
 
 
 class Buffers(NamedTuple):
-    """Quadrature points of one source, room for c of them.
+    """Buffers for up to c quadrature points of one source.
 
-    offsets, normals: (c, 3); shape_weights: (c, k) shape functions times measure; weights: (c,) the measure alone;
-    elements: (c,); near: (e,) elements that no tabulated rule serves; the rest is scratch of rules.
+    Attributes
+    ----------
+    offsets, normals : ndarray
+        Offsets from the source and unit normals, (c, 3).
+    shape_weights : ndarray
+        Shape functions times measure, (c, k).
+    weights : ndarray
+        Measure, (c,).
+    elements : ndarray
+        Element of each point, (c,).
+    near : ndarray
+        Elements that need the adaptive rule, (e,).
+    reference, reference_weights, shapes : ndarray
+        Scratch for the adaptive rule.
     """
 
     offsets: np.ndarray
@@ -36,9 +49,16 @@ class Buffers(NamedTuple):
 class RuleTable(NamedTuple):
     """Tensor rules on all elements of a block.
 
-    centres (e, 3), sizes (e, 2), min_orders (e,), degree: for required_orders; square: both directions get the larger
-    order; starts: (orders, orders) first row of the rules of those orders along xi and eta, negative where they are not
-    tabulated, in positions (., 3), normals (., 3) and shape_weights (., k).
+    Attributes
+    ----------
+    centres, sizes, min_orders, degree : ndarray or int
+        Arguments of required_orders, (e, 3), (e, 2), (e,) and one number.
+    square : bool
+        True if both directions have the larger order.
+    starts : ndarray
+        First entry of the rule of each order along xi and eta, (orders, orders), negative if it is not tabulated.
+    positions, normals, shape_weights : ndarray
+        Points of the rules, (., 3), (., 3) and (., k).
     """
 
     centres: np.ndarray
@@ -53,22 +73,31 @@ class RuleTable(NamedTuple):
 
 
 class Accuracy(NamedTuple):
-    """Relative error of each element integral, and the anisotropy of the medium (see meeframe.elements.anisotropy)."""
+    """Accuracy of the element integrals.
+
+    Attributes
+    ----------
+    tolerance : float
+        Relative error of each element integral.
+    anisotropy : float
+        Anisotropy of the medium, see `meeframe.elements.anisotropy`.
+    """
 
     tolerance: float
     anisotropy: float
 
 
 @njit(cache=True, nogil=True)
-def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
-    """Add the kernels u, t (n, 25) at quadrature points, times shape_weights (n, k), to the panels.
+def accumulate(fields, u, t, shape_weights, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
+    """Add the kernels u, t (n, f^2) at quadrature points, times shape_weights (n, k), to the panels.
 
-    elements: (n,) element of each point, runs of equal numbers; value_nodes, flux_nodes: (e, k).
-    total: (25,) receives the integral of t alone.
+    fields: (0, ..., f - 1); elements: (n,) element of each point, in runs of equal numbers; value_nodes, flux_nodes:
+    (e, k). The integral of t alone is added to total (f^2,).
     """
     n_points, n_nodes = shape_weights.shape
-    sum_u = np.zeros((n_nodes, 25))
-    sum_t = np.zeros((n_nodes, 25))
+    entries = len(fields) ** 2
+    sum_u = np.zeros((n_nodes, entries))
+    sum_t = np.zeros((n_nodes, entries))
     point = 0
     while point < n_points:
         element = elements[point]
@@ -77,14 +106,14 @@ def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_pan
         while point < n_points and elements[point] == element:
             for a in range(n_nodes):
                 w = shape_weights[point, a]
-                for i in range(25):
+                for i in range(entries):
                     sum_u[a, i] += w * u[point, i]
                     sum_t[a, i] += w * t[point, i]
             point += 1
         for a in range(n_nodes):
             value = value_nodes[element, a]
             flux = flux_nodes[element, a]
-            for i in range(25):
+            for i in range(entries):
                 value_panel[value, i] += sum_t[a, i]
                 flux_panel[flux, i] += sum_u[a, i]
                 total[i] += sum_t[a, i]
@@ -92,7 +121,7 @@ def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_pan
 
 @njit(cache=True, nogil=True)
 def piece_starts(elements):
-    """Return where each run of equal numbers in elements (n,) starts, and n: (m + 1,)."""
+    """Return the start of each run of equal numbers in elements (n,), and n, (m + 1,)."""
     starts = np.empty(len(elements) + 1, np.int64)
     count = 0
     for point in range(len(elements)):
@@ -105,51 +134,55 @@ def piece_starts(elements):
 
 @njit(cache=True, nogil=True)
 def add_pieces(u, t, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
-    """Add integrals u, t (m, k, 25) over pieces of elements (m,) to the panels; the rest as in accumulate."""
+    """Add integrals u, t (m, k, f^2) over pieces of elements (m,) to the panels, as accumulate does."""
+    entries = u.shape[2]
     for piece in range(len(elements)):
         element = elements[piece]
         for a in range(u.shape[1]):
             value = value_nodes[element, a]
             flux = flux_nodes[element, a]
-            for i in range(25):
+            for i in range(entries):
                 value_panel[value, i] += t[piece, a, i]
                 flux_panel[flux, i] += u[piece, a, i]
                 total[i] += t[piece, a, i]
 
 
 @njit(cache=True, nogil=True)
-def accumulate_own(u, t, shape_weights, weights, source_shape, value_nodes, flux_nodes, value_panel, flux_panel):
-    """Accumulate over the element that holds the source; t multiplies N_a(x) - N_a(source), which is integrable.
+def accumulate_singular(u, t, shape_weights, weights, source_shape, value_nodes, flux_nodes, value_panel, flux_panel):
+    """Add a singular element to the panels, with t times N_a(x) - N_a(source), which is integrable.
 
     weights: (n,) of the points; source_shape: (k,); value_nodes, flux_nodes: (k,).
     """
     n_points, n_nodes = shape_weights.shape
+    entries = u.shape[1]
     for a in range(n_nodes):
         value = value_nodes[a]
         flux = flux_nodes[a]
         for point in range(n_points):
             w = shape_weights[point, a]
             difference = w - weights[point] * source_shape[a]
-            for i in range(25):
+            for i in range(entries):
                 flux_panel[flux, i] += w * u[point, i]
                 value_panel[value, i] += difference * t[point, i]
 
 
 @njit(cache=True, nogil=True)
 def subtract_constant(total, mesh_points, shape, value_panel):
-    """Subtract the value at the source times total, (25,); shape: (k,) interpolates it at mesh_points (k,).
+    """Subtract the value at the source, interpolated by shape (k,) at mesh_points (k,), times total (f^2,).
 
-    With total the integral of t over all elements that do not hold the source, this is the free term and the principal
-    value from the five constant fields: the row of a closed surface annuls them.
+    total is the integral of t over all regular elements. Constant fields satisfy the equations of a closed
+    surface, which gives the sum of free term and principal value.
     """
+    entries = len(total)
     for a in range(len(mesh_points)):
         if shape[a] != 0.0:
-            for i in range(25):
+            for i in range(entries):
                 value_panel[mesh_points[a], i] -= shape[a] * total[i]
 
 
 @njit(cache=True, nogil=True)
 def enter_rows(
+    fields,
     rows,
     value_panel,
     flux_panel,
@@ -164,30 +197,32 @@ def enter_rows(
 ):
     """Enter the panels of one source into its rows of matrix @ unknowns = rhs + load_matrix @ loads.
 
-    Those of matrix are set, of load_matrix and rhs added to: patches that meet in the contact zone share their load.
-    rows: (5,), negative where a field is not collocated here; *_column, *_data: (nodes, 5).
+    Entries of matrix are set, those of load_matrix and rhs are added to: patches that meet in the contact zone share
+    their load. rows: (fields,), negative for fields that are not collocated here; *_column, *_data: (nodes, fields).
+    fields: (0, ..., f - 1).
     """
+    n_fields = len(fields)
     for node in range(len(value_column)):
-        for j in range(5):
+        for j in range(n_fields):
             column = value_column[node, j]
-            for field in range(5):
+            for field in range(n_fields):
                 row = rows[field]
                 if row < 0:
                     continue
-                coefficient = value_panel[node, 5 * j + field]
+                coefficient = value_panel[node, n_fields * j + field]
                 if column >= 0:
                     matrix[row, column] = coefficient
                 else:
                     rhs[row] -= coefficient * value_data[node, j]
     for node in range(len(flux_column)):
-        for j in range(5):
+        for j in range(n_fields):
             column = flux_column[node, j]
             load = load_column[node, j]
-            for field in range(5):
+            for field in range(n_fields):
                 row = rows[field]
                 if row < 0:
                     continue
-                coefficient = flux_panel[node, 5 * j + field]
+                coefficient = flux_panel[node, n_fields * j + field]
                 if column >= 0:
                     matrix[row, column] = -coefficient
                 elif load >= 0:
@@ -197,26 +232,26 @@ def enter_rows(
 
 
 @njit(cache=True, nogil=True)
-def _tabulated(order, rules):
-    """Return the smallest tabulated order that is not below this one, or the number of orders in the table."""
+def _next_tabulated_order(order, rules):
+    """Return the smallest tabulated order that is at least this one, or the size of the table if there is none."""
     while order < len(rules.starts) and rules.starts[order, order] < 0:
         order += 1
     return min(order, len(rules.starts))
 
 
 @njit(cache=True, nogil=True)
-def far_points(source, own, accuracy, rules, out):
-    """Fill the buffers with the points of all elements that a tabulated rule serves, seen from source (3,).
+def far_points(source, singular, accuracy, rules, out):
+    """Fill the buffers with the points of all elements with a tabulated rule, seen from source (3,).
 
-    own: (e,) bool, elements to leave out. Returns the number of points, BUFFER_TOO_SMALL if there is no room, and the
-    number of elements entered in out.near.
+    singular: (e,) bool, elements to leave out. Returns the number of points, or BUFFER_TOO_SMALL, and the number of
+    elements in out.near.
     """
     n_orders = len(rules.starts)
     n_nodes = rules.shape_weights.shape[1]
     count = 0
     n_near = 0
     for element in range(len(rules.centres)):
-        if own[element]:
+        if singular[element]:
             continue
         dx = rules.centres[element, 0] - source[0]
         dy = rules.centres[element, 1] - source[1]
@@ -226,8 +261,8 @@ def far_points(source, own, accuracy, rules, out):
         xi, eta = required_orders(distance, size_xi, size_eta, rules.degree, accuracy.tolerance, accuracy.anisotropy)
         if rules.square:
             xi = eta = max(xi, eta)
-        xi = _tabulated(max(xi, rules.min_orders[element]), rules)
-        eta = _tabulated(max(eta, rules.min_orders[element]), rules)
+        xi = _next_tabulated_order(max(xi, rules.min_orders[element]), rules)
+        eta = _next_tabulated_order(max(eta, rules.min_orders[element]), rules)
         if xi == n_orders or eta == n_orders:
             out.near[n_near] = element
             n_near += 1
@@ -252,8 +287,8 @@ def far_points(source, own, accuracy, rules, out):
 def adaptive_points(source, points, connectivity, element, xi, table, accuracy, gauss, out, count):
     """Append the adaptive rule of one element to the buffers after count points.
 
-    points: (p, 3) of the mesh; connectivity: (e, k); xi: (2,) reference coordinates of the source where the element
-    holds it, else NaN. Returns the new count or a negative code of element_rule.
+    points: (p, 3) of the mesh; connectivity: (e, k); xi: (2,) reference coordinates of the source if the element is
+    singular, else NaN. Returns the new count or a negative code of element_rule.
     """
     nodes = np.empty((connectivity.shape[1], 3))
     for a in range(connectivity.shape[1]):
@@ -288,10 +323,10 @@ def adaptive_points(source, points, connectivity, element, xi, table, accuracy, 
 
 @njit(cache=True, nogil=True)
 def near_points(source, points, connectivity, n_near, table, accuracy, gauss, out, count):
-    """Append the adaptive rules of the elements in out.near to the buffers; as adaptive_points."""
-    outside = np.full(2, np.nan)
+    """Append the adaptive rules of the elements in out.near to the buffers, as adaptive_points does."""
+    no_xi = np.full(2, np.nan)
     for i in range(n_near):
-        count = adaptive_points(source, points, connectivity, out.near[i], outside, table, accuracy, gauss, out, count)
+        count = adaptive_points(source, points, connectivity, out.near[i], no_xi, table, accuracy, gauss, out, count)
         if count < 0:
             return count
     return count

@@ -1,0 +1,34 @@
+"""Flux channels: how each scalar field of a problem crosses the contact."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from meeframe.fields import MEE, FieldSet, ScalarField
+from meeframe.laws.base import ConductivityLaw, conducts
+
+
+@dataclass(frozen=True)
+class FluxChannel:
+    """A scalar field and the conductivity law by which its flux crosses the contact.
+
+    The law gives the flux density +kappa(pressure, gap, drop) drop, with the drop of the potential from the body to the
+    indenter.
+    """
+
+    field: ScalarField
+    law: ConductivityLaw
+
+    @property
+    def conducts(self) -> bool:
+        """Whether the law conducts anywhere."""
+        return conducts(self.law)
+
+
+def flux_channels(*laws: ConductivityLaw, fields: FieldSet = MEE) -> tuple[FluxChannel, ...]:
+    """Return the channels of a field set with one law for each scalar field, in their order."""
+    return tuple(FluxChannel(field, law) for field, law in zip(fields.scalars, laws, strict=True))
+
+
+def field_set(channels: Sequence[FluxChannel]) -> FieldSet:
+    """Return the field set of some channels."""
+    return FieldSet(tuple(channel.field for channel in channels))
