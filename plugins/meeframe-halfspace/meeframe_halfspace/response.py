@@ -54,14 +54,9 @@ class PointResponse:
 
     @classmethod
     def of(cls, stiffness: Array, frame: Array) -> "PointResponse":
-        """Compute the response of a half space.
+        """Return the response of a half space.
 
-        Parameters
-        ----------
-        stiffness
-            Stiffness C_iJKm (3, fields, fields, 3) [SI].
-        frame
-            Rows e1, e2, outward normal, (3, 3).
+        stiffness: C_iJKm (3, fields, fields, 3) [SI]; frame: (3, 3), rows e1, e2, outward normal.
 
         Raises
         ------
@@ -107,9 +102,9 @@ class PointResponse:
 
     @cached_property
     def parities(self) -> Indices | None:
-        """Parities of the entries: 1 for even and -1 for odd functions of the angle, None if there are none.
+        """Parities of the entries: 1 for even, -1 for odd functions of the angle; None without mirror symmetry.
 
-        Media that are mirrored about the first axis have parities.
+        The plane of symmetry contains the normal and the first axis.
         """
         found = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
         for signs in product((1, -1), repeat=self.layout.n_fields - 1):
