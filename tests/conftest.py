@@ -175,8 +175,9 @@ def step(approach: float, status: Status = Status.CONVERGED, number: int = 1, in
     slipping = inside & place.points.any(axis=1)
     slip = np.column_stack([1e-8 * slipping, np.zeros(n)])
     prescribed = {"tangential_force": np.array([0.1 * pressure.sum() * 1e-6, 0.0])}
+    scalars = {"electric_potential": 3.0, "magnetic_potential": -2.0}
     return StepResult(
-        loading=Loading(approach, np.array([1e-7, 0.0]), np.array([1e-3, -2e-3]), 0.01, 3.0, -2.0, prescribed),
+        loading=Loading(approach, np.array([1e-7, 0.0]), np.array([1e-3, -2e-3]), 0.01, scalars, prescribed),
         step=number,
         increment=increment,
         initial_gap=np.where(inside, -approach, np.inf),

@@ -112,6 +112,15 @@ def free_term(kernel: Kernel, facets: Array) -> Array:
 def tangent_facet(element: SurfaceElement, nodes: Array, local_node: int) -> Array:
     """Return the sector of the tangent cone that an element contributes at one of its nodes.
 
+    Parameters
+    ----------
+    element : SurfaceElement
+        Element type.
+    nodes : Array
+        Positions of the nodes, (n, 3).
+    local_node : int
+        Number of the node.
+
     Returns
     -------
     Array

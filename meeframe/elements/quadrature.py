@@ -140,7 +140,17 @@ def tensor_rule(element: SurfaceElement, nodes: Array, order: int, order_eta: in
 
 
 def map_to_element(element: SurfaceElement, nodes: Array, points: Array, weights: Array) -> ElementRule:
-    """Map a rule of the reference domain, points (m, 2) and weights (m,), to an element with nodes (n, 3)."""
+    """Map a rule from the reference domain to an element.
+
+    Parameters
+    ----------
+    element : SurfaceElement
+        Element type.
+    nodes : Array
+        Positions of the nodes, (n, 3).
+    points, weights : Array
+        The rule, (m, 2) and (m,).
+    """
     m, n = len(weights), len(element.nodes)
     positions, normals = np.empty((m, 3)), np.empty((m, 3))
     measures, shapes = np.empty(m), np.empty((m, n))
@@ -169,7 +179,17 @@ class ElementExtents:
 
 
 def element_extents(element: SurfaceElement, nodes: Array, tolerance: float) -> ElementExtents:
-    """Return the extents of elements with nodes (e, n, 3), for rules of a given relative tolerance."""
+    """Return the sizes of elements, which determine the orders of tensor rules.
+
+    Parameters
+    ----------
+    element : SurfaceElement
+        Element type.
+    nodes : Array
+        Positions of the nodes, (e, n, 3).
+    tolerance : float
+        Relative error of the rules.
+    """
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     count = len(nodes)
     extents = ElementExtents(np.empty((count, 3)), np.empty((count, 2)), np.empty(count, np.int64))

@@ -82,7 +82,7 @@ class FundamentalSolution(ABC):
         Parameters
         ----------
         stiffness : Array
-            Scaled extended stiffness C'_iJKm, (3, 5, 5, 3).
+            Scaled extended stiffness C'_iJKm, (3, f, f, 3).
 
         Raises
         ------

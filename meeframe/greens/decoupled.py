@@ -1,4 +1,4 @@
-"""Fundamental solutions of field sets with scalar fields that are not coupled to the others."""
+"""Fundamental solutions of field sets other than the one for which the kernels are compiled."""
 
 from dataclasses import dataclass
 from typing import final
@@ -15,7 +15,12 @@ from meeframe.greens.base import FundamentalSolution, Kernel
 class LaplaceKernel:
     """Fundamental solution of -k_im phi_,im = -delta for one scalar field, with the flux -k_im phi_,m n_i.
 
-    inverse: (3, 3) of k; root: the root of its determinant.
+    Attributes
+    ----------
+    inverse : Array
+        Inverse of k, (3, 3).
+    root : float
+        Square root of the determinant of k.
     """
 
     inverse: Array
@@ -27,13 +32,13 @@ class LaplaceKernel:
         return cls(np.asarray(np.linalg.inv(coefficient)), float(np.sqrt(np.linalg.det(coefficient))))
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        """Return U and T, (n,) each, for offset (n, 3) and unit normal (n, 3)."""
+        """Return U and T, (n,) each, for offsets (n, 3) and unit normals (n, 3)."""
         distance = np.sqrt(np.einsum("ni,ij,nj->n", offset, self.inverse, offset, optimize=True))
         u = -1.0 / (4.0 * np.pi * self.root * distance)
         return u, u * (offset * normal).sum(axis=1) / distance**2
 
     def gradient(self, offset: Array) -> Array:
-        """Return U,q (n, 3) for offset (n, 3)."""
+        """Return U,q, (n, 3), for offsets (n, 3)."""
         reduced = offset @ self.inverse
         distance = np.sqrt((offset * reduced).sum(axis=1))
         gradient: Array = reduced / (4.0 * np.pi * self.root * distance**3)[:, None]
@@ -43,66 +48,92 @@ class LaplaceKernel:
 @final
 @dataclass(frozen=True, eq=False)
 class DecoupledKernel(Kernel):
-    """Kernel of fields of which the last are coupled neither to each other nor to the others.
+    """Kernel of coupled fields followed by decoupled scalar fields.
 
-    coupled: kernel of the first N_FIELDS; scalars: those of the last.
+    Attributes
+    ----------
+    coupled : Kernel
+        Kernel of N_FIELDS fields.
+    count : int
+        Number of these fields that are used, from the first one on.
+    scalars : tuple of LaplaceKernel
+        Kernels of the scalar fields.
     """
 
     coupled: Kernel
+    count: int
     scalars: tuple[LaplaceKernel, ...]
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        """Return U and T, (n, fields, fields) each; see Kernel."""
+        """Return U and T, (n, fields, fields) each; see `Kernel.evaluate`."""
         columns = [scalar.evaluate(offset, normal) for scalar in self.scalars]
         first = self.coupled.evaluate(offset, normal)
-        return self._joined(first[0], [u for u, _ in columns]), self._joined(first[1], [t for _, t in columns])
+        return self._combine(first[0], [u for u, _ in columns]), self._combine(first[1], [t for _, t in columns])
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array] | None:
-        """Return weighted sums of U and T over the points of plane pieces; see Kernel."""
+        """Return weighted sums of U and T over the points of plane pieces; see `Kernel.integrate`."""
         first = self.coupled.integrate(offset, weights, starts, normals)
         if first is None:
             return None
         points = slice(starts[0], starts[-1])
-        at, shares = offset[points], weights[points]
+        piece_offsets, shares = offset[points], weights[points]
         normal = np.repeat(normals, np.diff(starts), axis=0)
-        columns = [scalar.evaluate(at, normal) for scalar in self.scalars]
-        sums = [[np.add.reduceat(shares * part[:, None], starts[:-1] - starts[0]) for part in pair] for pair in columns]
-        u, t = (part.reshape(*part.shape[:-1], N_FIELDS, N_FIELDS) for part in first)
-        both = self._joined(u, [pair[0] for pair in sums]), self._joined(t, [pair[1] for pair in sums])
-        return both[0].reshape(*u.shape[:-2], -1), both[1].reshape(*u.shape[:-2], -1)
+        columns = [scalar.evaluate(piece_offsets, normal) for scalar in self.scalars]
+        sums = [[np.add.reduceat(shares * k[:, None], starts[:-1] - starts[0]) for k in kernels] for kernels in columns]
+        u, t = (array.reshape(*array.shape[:-1], N_FIELDS, N_FIELDS) for array in first)
+        u_all, t_all = self._combine(u, [u_sum for u_sum, _ in sums]), self._combine(t, [t_sum for _, t_sum in sums])
+        return u_all.reshape(*u.shape[:-2], -1), t_all.reshape(*u.shape[:-2], -1)
 
     def gradient(self, offset: Array) -> Array:
-        """Return U,q (n, fields, fields, 3) for offset (n, 3)."""
-        size = N_FIELDS + len(self.scalars)
+        """Return U,q, (n, fields, fields, 3), for offsets (n, 3)."""
+        count, size = self.count, self.count + len(self.scalars)
         gradient = np.zeros((len(offset), size, size, 3))
-        gradient[:, :N_FIELDS, :N_FIELDS] = self.coupled.gradient(offset)
-        for column, scalar in enumerate(self.scalars, N_FIELDS):
+        gradient[:, :count, :count] = self.coupled.gradient(offset)[:, :count, :count]
+        for column, scalar in enumerate(self.scalars, count):
             gradient[:, column, column] = scalar.gradient(offset)
         return gradient
 
-    def _joined(self, coupled: Array, scalars: list[Array]) -> Array:
-        size = N_FIELDS + len(scalars)
-        joined = np.zeros((*coupled.shape[:-2], size, size))
-        joined[..., :N_FIELDS, :N_FIELDS] = coupled
-        for column, scalar in enumerate(scalars, N_FIELDS):
-            joined[..., column, column] = scalar
-        return joined
+    def _combine(self, coupled: Array, scalars: list[Array]) -> Array:
+        count, size = self.count, self.count + len(scalars)
+        combined = np.zeros((*coupled.shape[:-2], size, size))
+        combined[..., :count, :count] = coupled[..., :count, :count]
+        for column, scalar in enumerate(scalars, count):
+            combined[..., column, column] = scalar
+        return combined
 
 
 def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> Kernel:
-    """Return the kernel of a scaled extended stiffness (3, fields, fields, 3) of any field set with the default one.
+    """Return the kernel of a material with any number of fields.
 
-    Kernels of coupled fields are compiled for the default field set; further scalar fields need their own closed form,
-    which exists if they are not coupled. Raises MaterialError as `bind`, and if further fields are coupled.
+    Parameters
+    ----------
+    fundamental_solution : FundamentalSolution
+        Method for the coupled fields.
+    stiffness : Array
+        Scaled extended stiffness, (3, fields, fields, 3).
+
+    Raises
+    ------
+    MaterialError
+        If a field after the first N_FIELDS is coupled, or as `FundamentalSolution.bind`.
+
+    Notes
+    -----
+    Kernels of coupled fields are compiled for N_FIELDS. Fewer fields are complemented by decoupled ones. Decoupled
+    scalar fields after these have a closed form.
     """
     size = stiffness.shape[1]
-    if size <= N_FIELDS:
+    if size == N_FIELDS:
         return fundamental_solution.bind(stiffness)
-    others = stiffness[:, N_FIELDS:].copy()
-    for column in range(size - N_FIELDS):
-        others[:, column, N_FIELDS + column] = 0.0
-    if others.any() or stiffness[:, :N_FIELDS, N_FIELDS:].any():
-        raise MaterialError("a further scalar field is coupled to others; allowed: decoupled ones")
-    coupled = fundamental_solution.bind(np.ascontiguousarray(stiffness[:, :N_FIELDS, :N_FIELDS]))
-    scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(N_FIELDS, size))
-    return DecoupledKernel(coupled, scalars)
+    count = min(size, N_FIELDS)
+    couplings = stiffness[:, count:].copy()
+    for column in range(size - count):
+        couplings[:, column, count + column] = 0.0
+    if couplings.any():
+        raise MaterialError("a further scalar field is coupled to others; allowed: decoupled fields")
+    complemented = np.zeros((3, N_FIELDS, N_FIELDS, 3))
+    complemented[:, :count, :count] = stiffness[:, :count, :count]
+    for column in range(count, N_FIELDS):
+        complemented[:, column, column] = -np.eye(3)
+    scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(count, size))
+    return DecoupledKernel(fundamental_solution.bind(complemented), count, scalars)

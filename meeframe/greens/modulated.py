@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from meeframe.common.errors import MaterialError
-from meeframe.fields import ELECTRIC, MECHANICAL, Array
+from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.greens._kernels.modulation import displacement_and_traction, displacement_gradient, triads
 from meeframe.greens.base import Kernel
 from meeframe.greens.directions import spread_directions
@@ -67,13 +67,13 @@ def validate_stiffness(stiffness: Array) -> Array:
     acoustic = np.einsum("ni,ijkm,nm->njk", directions, tensor, directions)
     blocks = {
         "mechanical": acoustic[:, MECHANICAL, MECHANICAL],
-        "electromagnetic": -acoustic[:, ELECTRIC:, ELECTRIC:],
+        "electromagnetic": -acoustic[:, POTENTIALS, POTENTIALS],
     }
     for name, block in blocks.items():
-        least = float(np.linalg.eigvalsh(block).min())
-        if not least > 0.0:
+        smallest = float(np.linalg.eigvalsh(block).min())
+        if not smallest > 0.0:
             raise MaterialError(
-                f"{name} block of the material has eigenvalue {least:.3e} in some direction; it must be positive"
+                f"{name} block of the material has eigenvalue {smallest:.3e} in some direction; it must be positive"
             )
     tensor.setflags(write=False)
     return tensor

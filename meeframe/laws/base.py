@@ -265,7 +265,24 @@ def conducts(law: ConductivityLaw) -> bool:
 
 
 def augmented_traction(law: ContactLaw, traction: Array, gap: Array, r: StepLengths) -> Array:
-    """Return traction + r * (tangential_scaling . gap_tau, gap_nu) minus the attraction, (n, 3) [Pa]."""
+    """Return traction + r * (tangential_scaling . gap_tau, gap_nu) minus the attraction.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        The law.
+    traction : Array
+        Tractions in the local frame, (n, 3) [Pa].
+    gap : Array
+        Gaps in the local frame, (n, 3) [m].
+    r : tuple of float
+        Normal and tangential step length [Pa/m].
+
+    Returns
+    -------
+    Array
+        Augmented tractions, (n, 3) [Pa].
+    """
     trial, scaling = np.empty_like(traction), law.tangential_scaling()
     trial[:, :2] = traction[:, :2] + r[1] * (gap[:, :2] @ scaling) if scaling.any() else traction[:, :2]
     trial[:, 2] = contact_traction(law, traction[:, 2], gap[:, 2]) + r[0] * gap[:, 2]
@@ -273,7 +290,22 @@ def augmented_traction(law: ContactLaw, traction: Array, gap: Array, r: StepLeng
 
 
 def contact_traction(law: ContactLaw, normal_traction: Array, gap: Array) -> Array:
-    """Return the normal traction of the contact without the attraction, (n,) [Pa], at normal gaps (n,) [m]."""
+    """Return the normal traction of the contact without the attraction.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        The law.
+    normal_traction : Array
+        Normal tractions t.nu, (n,) [Pa].
+    gap : Array
+        Normal gaps, (n,) [m].
+
+    Returns
+    -------
+    Array
+        Normal tractions minus the attraction, (n,) [Pa].
+    """
     return normal_traction - attraction(law, gap) if attracts(law) else normal_traction
 
 
@@ -354,9 +386,23 @@ def traction_tangents(
 
 
 def fixed_point_map(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -> Array:
-    """Return the traction of the law for an augmented traction, both (n, 3) [Pa].
+    """Return the tractions of the law for augmented tractions; the fixed points of this map are the solutions.
 
-    The fixed points of this map are the solutions of the law.
+    Parameters
+    ----------
+    law : ContactLaw
+        The law.
+    trial : Array
+        Augmented tractions, (n, 3) [Pa].
+    gap : Array
+        Gaps in the local frame, (n, 3) [m].
+    r : tuple of float
+        Normal and tangential step length [Pa/m].
+
+    Returns
+    -------
+    Array
+        Tractions, (n, 3) [Pa].
     """
     traction = law.resolve(trial, gap, r)
     if attracts(law):

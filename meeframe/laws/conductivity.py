@@ -30,7 +30,7 @@ class StepConductivity(ConductivityLaw):
     Attributes
     ----------
     kappa : float
-        Conductivity >= 0, in F/m^2 for the electric law and H/m^2 for the magnetic one; 0 insulates, inf conducts
+        Conductivity >= 0, in F/m^2 for the electric field and H/m^2 for the magnetic one; 0 insulates, inf conducts
         perfectly.
 
     Raises

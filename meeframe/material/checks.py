@@ -71,9 +71,21 @@ def validate_tensor(material: str, symbol: str, values: Array) -> Array:
 
 
 def validate_coefficient(material: str, name: str, values: Array) -> Array:
-    """Return the coefficient (3, 3) of a decoupled scalar field, read-only and exactly symmetric.
+    """Return the coefficient of a decoupled scalar field, read-only and exactly symmetric.
 
-    Raises MaterialError if the shape is wrong, an entry is not finite, or it is not symmetric and positive definite.
+    Parameters
+    ----------
+    material : str
+        Name of the material, for messages.
+    name : str
+        Name of the coefficient.
+    values : Array
+        Components, (3, 3), in SI units.
+
+    Raises
+    ------
+    MaterialError
+        If the shape is wrong, an entry is not finite, or the tensor is not symmetric and positive definite.
     """
     tensor: Array = np.array(values, dtype=float)
     if tensor.shape != (3, 3) or not np.isfinite(tensor).all():

@@ -45,11 +45,11 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
     """
     nu, tangents = _frame(normal, directions)
     scaling = FieldScaling.of(stiffness)
-    scaled = scaling.scale_stiffness(stiffness)
-    points, coarse = _MIN_POINTS, _barnett_lothe(scaled, -nu, tangents, _MIN_POINTS)
+    scaled_stiffness = scaling.scale_stiffness(stiffness)
+    points, coarse = _MIN_POINTS, _barnett_lothe(scaled_stiffness, -nu, tangents, _MIN_POINTS)
     while points < _MAX_POINTS:
         points *= 2
-        s, fine = _barnett_lothe(scaled, -nu, tangents, points)
+        s, fine = _barnett_lothe(scaled_stiffness, -nu, tangents, points)
         inverse_l = np.linalg.inv(fine)
         # a nearly incompressible material, such as rubber, loses digits where its bulk stiffness cancels
         allowed = max(_MAX_CHANGE, np.finfo(float).eps * np.abs(inverse_l).max())
@@ -134,14 +134,14 @@ def _frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
     return nu, tangents / lengths
 
 
-def _barnett_lothe(scaled: Array, inward: Array, tangents: Array, points: int) -> tuple[Array, Array]:
-    """Return S and L, (n, fields, fields) each, for planes of tangent and inward normal, by the trapezoidal rule."""
+def _barnett_lothe(scaled_stiffness: Array, inward: Array, tangents: Array, points: int) -> tuple[Array, Array]:
+    """Return S and L, (n, f, f) each, for planes of tangent and inward normal, by the trapezoidal rule."""
     theta = np.arange(points) * (np.pi / points)
     cos, sin = np.cos(theta)[:, None, None], np.sin(theta)[:, None, None]
     m, n = tangents[None], inward[None, None]
     along, across = cos * m + sin * n, cos * n - sin * m
     q, r, t = (
-        np.einsum("pai,iJKm,pam->paJK", first, scaled, second, optimize=True)
+        np.einsum("pai,iJKm,pam->paJK", first, scaled_stiffness, second, optimize=True)
         for first, second in ((along, along), (along, across), (across, across))
     )
     flux = np.linalg.solve(t, np.swapaxes(r, -1, -2))

@@ -108,18 +108,18 @@ def material_from_table(
     directory : Path
         Directory to which the path of a material file is relative.
     scalar_fields : tuple of ScalarField
-        Further scalar fields whose coefficients a table may have: one number, or three rows of three.
+        Further scalar fields whose coefficients the table may contain, as one number or three rows of three.
 
     Raises
     ------
     MaterialError
         If the table is not valid; the message names key, value and what is allowed.
     """  # fmt: skip
-    given = {field: table[field.coefficient] for field in scalar_fields if field.coefficient in table}
-    if given:
-        rest = {key: value for key, value in table.items() if key not in {field.coefficient for field in given}}
+    coefficients = {field: table[field.coefficient] for field in scalar_fields if field.coefficient in table}
+    if coefficients:
+        rest = {key: value for key, value in table.items() if key not in {field.coefficient for field in coefficients}}
         material = material_from_table({key: value for key, value in rest.items() if key != "rotation"}, directory, ())
-        for field, value in given.items():
+        for field, value in coefficients.items():
             material = material.with_field(field, _coefficient(field, value))
         return rotate_by_table(material, rest)
     forms = table.keys() & {"components", "file"} or table.keys() & {"name"}
@@ -141,7 +141,7 @@ def material_from_table(
 
 
 def _coefficient(field: ScalarField, value: Any) -> Array | float:
-    """Return the coefficient of a scalar field that a table gives: one number or three rows of three, SI units."""
+    """Return the coefficient of a scalar field, from one number or three rows of three, in SI units."""
     if not isinstance(value, list | tuple):
         return quantity(field.coefficient, value, field.coefficient_unit)
     if len(value) != 3 or any(not isinstance(row, list | tuple) or len(row) != 3 for row in value):

@@ -71,10 +71,10 @@ class Material:
             object.__setattr__(self, field, validate_tensor(self.name, symbol, getattr(self, field)))
         check_elastic(self.name, self.elastic)
         check_electromagnetic(self.name, self.permittivity, self.magnetoelectric, self.permeability)
-        checked = (
+        decoupled = (
             (field, validate_coefficient(self.name, field.coefficient, value)) for field, value in self.decoupled
         )
-        object.__setattr__(self, "decoupled", tuple(checked))
+        object.__setattr__(self, "decoupled", tuple(decoupled))
 
     @classmethod
     def from_voigt(
@@ -159,14 +159,24 @@ class Material:
     def with_field(self, field: ScalarField, coefficient: ArrayLike) -> "Material":
         """Return the material with a further scalar field that is not coupled to the others.
 
-        coefficient: (3, 3), or one number if it is isotropic, in SI units. Raises MaterialError as Material does.
+        Parameters
+        ----------
+        field : ScalarField
+            The field.
+        coefficient : array_like
+            Its coefficient, (3, 3), or one number if it is isotropic, in SI units.
+
+        Raises
+        ------
+        MaterialError
+            As for `Material`.
         """
         tensor = np.asarray(coefficient, float) * (np.eye(3) if np.ndim(coefficient) == 0 else 1.0)
         return replace(self, decoupled=(*self.decoupled, (field, tensor)))
 
     @cached_property
     def fields(self) -> FieldSet:
-        """The fields of a body of this material."""
+        """Fields of a body of this material."""
         return FieldSet((*MEE.scalars, *(field for field, _ in self.decoupled)))
 
     @cached_property
@@ -247,10 +257,12 @@ def mixture(first: Material, second: Material, fraction: float) -> Material:
     Raises
     ------
     MaterialError
-        If the fraction is outside [0, 1], or the materials have other scalar fields.
+        If the fraction is outside [0, 1], or the materials have different scalar fields.
     """
     if first.fields != second.fields:
-        raise MaterialError(f"materials {first.name!r} and {second.name!r} have other scalar fields; allowed: the same")
+        raise MaterialError(
+            f"materials {first.name!r} and {second.name!r} have different scalar fields; allowed: the same"
+        )
     if not 0.0 <= fraction <= 1.0:
         raise MaterialError(f"volume fraction is {fraction}, must lie between 0 and 1")
     tensors = {field: fraction * getattr(first, field) + (1.0 - fraction) * getattr(second, field) for field in SYMBOLS}

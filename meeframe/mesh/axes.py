@@ -72,10 +72,10 @@ class FrictionAxes:
         assert self.around is not None
         axis = _unit(self.around)
         arms = points - np.array(self.centre)
-        away: Array = arms - (arms @ axis)[:, None] * axis
+        outward: Array = arms - (arms @ axis)[:, None] * axis
         extent = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
-        away[np.linalg.norm(away, axis=1) <= AXIS_TOLERANCE * extent] = 0.0
-        return away
+        outward[np.linalg.norm(outward, axis=1) <= AXIS_TOLERANCE * extent] = 0.0
+        return outward
 
 
 def _unit(vector: Vector) -> Array:

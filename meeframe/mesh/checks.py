@@ -13,7 +13,7 @@ from meeframe.mesh.measures import gauss_rule, normal_vectors, volume_shares
 from meeframe.mesh.nearby import close_point_pairs
 from meeframe.mesh.parts import connected_surfaces
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
-from meeframe.mesh.topology import Edges, find_edges, reflection
+from meeframe.mesh.topology import MeshEdges, find_edges, reflection
 
 Flags = NDArray[np.bool_]
 
@@ -110,24 +110,24 @@ def remove_unused_points(mesh: SurfaceMesh) -> SurfaceMesh:
         If point or group numbers are out of range.
     """
     _check_numbers(mesh)
-    used = _used(mesh)
-    number = np.cumsum(used) - 1
+    is_used = _used_points(mesh)
+    number = np.cumsum(is_used) - 1
     blocks = tuple(ElementBlock(b.element, number[b.connectivity], b.groups) for b in mesh.blocks)
-    return replace(mesh, points=mesh.points[used], blocks=blocks)
+    return replace(mesh, points=mesh.points[is_used], blocks=blocks)
 
 
-def _used(mesh: SurfaceMesh) -> Flags:
+def _used_points(mesh: SurfaceMesh) -> Flags:
     """Return the points that an element uses, (p,)."""
-    used = np.zeros(len(mesh.points), bool)
+    is_used = np.zeros(len(mesh.points), bool)
     for block in mesh.blocks:
-        used[block.connectivity] = True
-    return used
+        is_used[block.connectivity] = True
+    return is_used
 
 
-def _reject(message: str, places: Array, thing: str) -> None:
-    shown = ", ".join("({:.6g}, {:.6g}, {:.6g})".format(*place) for place in places[:MAX_PLACES_SHOWN])
-    more = ", ..." if len(places) > MAX_PLACES_SHOWN else ""
-    raise MeshError(f"{message}: {len(places)} {thing}{'s' * (len(places) > 1)}, at {shown}{more} [m]")
+def _reject(message: str, positions: Array, noun: str) -> None:
+    shown = ", ".join("({:.6g}, {:.6g}, {:.6g})".format(*position) for position in positions[:MAX_PLACES_SHOWN])
+    more = ", ..." if len(positions) > MAX_PLACES_SHOWN else ""
+    raise MeshError(f"{message}: {len(positions)} {noun}{'s' * (len(positions) > 1)}, at {shown}{more} [m]")
 
 
 def _middles(mesh: SurfaceMesh) -> Array:
@@ -169,9 +169,9 @@ def _check_finite(mesh: SurfaceMesh) -> None:
 
 def _check_points(mesh: SurfaceMesh) -> None:
     _check_finite(mesh)
-    used = _used(mesh)
-    if not used.all():
-        _reject("the surface has points that no element uses", mesh.points[~used], "point")
+    is_used = _used_points(mesh)
+    if not is_used.all():
+        _reject("the surface has points that no element uses", mesh.points[~is_used], "point")
     _check_repeats(mesh)
     ends = mesh.points[find_edges(mesh).ends]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -179,8 +179,8 @@ def _check_points(mesh: SurfaceMesh) -> None:
     shortest = lengths[lengths > 1e-12 * extent].min(initial=extent)
     pairs = close_point_pairs(mesh.points, MERGE_FRACTION * shortest)
     if len(pairs):
-        places = mesh.points[np.sort(pairs.max(axis=1))]
-        _reject("the surface has points that coincide with others (merge_tolerance merges them)", places, "pair")
+        positions = mesh.points[np.sort(pairs.max(axis=1))]
+        _reject("the surface has points that coincide with others (merge_tolerance merges them)", positions, "pair")
 
 
 def _check_repeats(mesh: SurfaceMesh) -> None:
@@ -188,8 +188,8 @@ def _check_repeats(mesh: SurfaceMesh) -> None:
         ordered = np.sort(block.connectivity, axis=1)
         bad = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
         if bad.any():
-            places = mesh.points[block.connectivity[bad]].mean(axis=1)
-            _reject("the surface has elements with the same node twice", places, f"{block.element.name} element")
+            positions = mesh.points[block.connectivity[bad]].mean(axis=1)
+            _reject("the surface has elements with the same node twice", positions, f"{block.element.name} element")
 
 
 def _check_elements(mesh: SurfaceMesh) -> None:
@@ -204,12 +204,12 @@ def _check_elements(mesh: SurfaceMesh) -> None:
         extent = np.ptp(mesh.points[block.connectivity], axis=1).max(axis=1)
         bad = (along <= MIN_JACOBIAN_RATIO * size**2) | (size <= 1e-12 * extent**2)
         if bad.any():
-            places = mesh.points[block.connectivity[bad]].mean(axis=1)
+            positions = mesh.points[block.connectivity[bad]].mean(axis=1)
             message = "the surface has degenerate or folded elements (zero or negative Jacobian)"
-            _reject(message, places, f"{block.element.name} element")
+            _reject(message, positions, f"{block.element.name} element")
 
 
-def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
+def _check_edges(mesh: SurfaceMesh, edges: MeshEdges) -> None:
     count = np.bincount(edges.number)
     sense = np.bincount(edges.number, weights=np.where(edges.ends[:, 0] < edges.ends[:, 1], 1.0, -1.0))
     first = np.unique(edges.number, return_index=True)[1]
@@ -229,9 +229,9 @@ def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
     order = order[count[edges.number[order]] == 2].reshape(-1, 2)
     differ = (edges.between[order[:, 0]] != edges.between[order[:, 1]]).any(axis=1)
     if differ.any():
-        places = middle[edges.number[order[differ, 0]]]
+        positions = middle[edges.number[order[differ, 0]]]
         _reject(
-            "the surface is not conforming: the mid-side nodes of two elements differ along an edge", places, "edge"
+            "the surface is not conforming: the mid-side nodes of two elements differ along an edge", positions, "edge"
         )
 
 

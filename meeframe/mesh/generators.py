@@ -146,7 +146,20 @@ def half_space_mesh(
 ) -> SurfaceMesh:
     """Return the top face of `block_mesh` alone, in the plane x3 = 0 that bounds the half space x3 < 0.
 
-    The parameters are those of `block_mesh`.
+    Parameters
+    ----------
+    half_width : float or tuple of float
+        Half the width of the face [m], one number or one for x1 and one for x2.
+    contact_width : float or tuple of float
+        Width of the contact zone [m], one number or one for x1 and one for x2.
+    divisions : int or tuple of int
+        Number of equal elements along each side of the contact zone.
+    rings : int
+        Number of rings of elements from the contact zone to the border of the face.
+    element : SurfaceElement
+        Element type.
+    grading : Grading, optional
+        Growth of the rings away from the contact zone.
 
     Returns
     -------

@@ -138,7 +138,7 @@ def prism_surface(
     cells = _grid_cells(top_numbers)
     chequer = _checkerboard(shape[0] - 1, shape[1] - 1)
     return QuadSurface(
-        points=np.concatenate([part.reshape(-1, 3) for part in (top, loops, base[1:-1, 1:-1])]),
+        points=np.concatenate([block.reshape(-1, 3) for block in (top, loops, base[1:-1, 1:-1])]),
         quads=np.concatenate([cells, strips, _grid_cells(base_numbers)[:, ::-1]]),
         groups=np.concatenate([np.full(len(cells), groups[0]), groups[1].ravel(), np.full(len(cells), groups[2])]),
         parity=np.concatenate([chequer, _checkerboard(len(loops), count), chequer]),

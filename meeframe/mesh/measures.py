@@ -74,7 +74,22 @@ def normal_vectors(points: Array, element: SurfaceElement, connectivity: Indices
 
 
 def affine(points: Array, element: SurfaceElement, connectivity: Indices) -> NDArray[np.bool_]:
-    """Return which elements (e,) are affine images of the reference domain, to AFFINE_TOLERANCE of their size."""
+    """Return which elements are affine images of the reference domain.
+
+    Parameters
+    ----------
+    points : Array
+        Points of the mesh, (p, 3).
+    element : SurfaceElement
+        Element type.
+    connectivity : Indices
+        Point numbers of the elements, (e, n).
+
+    Returns
+    -------
+    ndarray of bool
+        True for elements that are affine to AFFINE_TOLERANCE of their size, (e,).
+    """
     basis = np.column_stack([np.ones(len(element.nodes)), element.nodes])
     bending = np.eye(len(basis)) - basis @ np.linalg.pinv(basis)
     nodes = points[connectivity]

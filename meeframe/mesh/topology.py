@@ -12,7 +12,7 @@ from meeframe.mesh.surface import SurfaceMesh
 
 
 @dataclass(frozen=True, eq=False)
-class Edges:
+class MeshEdges:
     """Edges of all elements, one entry for each element and edge, block after block.
 
     Attributes
@@ -52,7 +52,7 @@ def edge_nodes(element: SurfaceElement) -> list[Indices]:
 
 
 @memoize_by_identity
-def find_edges(mesh: SurfaceMesh) -> Edges:
+def find_edges(mesh: SurfaceMesh) -> MeshEdges:
     """Return the edges of a mesh whose connectivity is in range."""
     ends, between, elements, first = [np.empty((0, 2), np.int64)], [], [np.empty(0, np.int64)], 0
     for block in mesh.blocks:
@@ -68,7 +68,7 @@ def find_edges(mesh: SurfaceMesh) -> Edges:
     all_ends = np.concatenate(ends)
     inside = np.concatenate(padded) if padded else np.empty((0, 0), np.int64)
     _, number = np.unique(np.sort(all_ends, axis=1), axis=0, return_inverse=True)
-    edges = Edges(all_ends, inside, np.concatenate(elements), number.ravel())
+    edges = MeshEdges(all_ends, inside, np.concatenate(elements), number.ravel())
     for array in (edges.ends, edges.between, edges.elements, edges.number):
         array.setflags(write=False)
     return edges

@@ -56,10 +56,10 @@ def find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
 @memoize_by_identity
 def _find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     blocks = _zone_blocks(mesh, group)
-    used = np.zeros(len(mesh.points), bool)
+    in_zone = np.zeros(len(mesh.points), bool)
     for block in blocks:
-        used[block.connectivity] = True
-    numbers, local_number = np.flatnonzero(used), np.cumsum(used) - 1
+        in_zone[block.connectivity] = True
+    numbers, local_number = np.flatnonzero(in_zone), np.cumsum(in_zone) - 1
     weights, normals = np.zeros(len(numbers)), np.zeros((len(numbers), 3))
     cells, corners = [], []
     for block in blocks:

@@ -163,7 +163,9 @@ def solve_steps(
                     with faults_of_plugins():
                         recovered = system.recover(result.state.load)
                     clock("diagnostics", 1.0)
-                    result = with_message(replace(result, boundary=recovered), unbalance_warning(recovered))
+                    result = with_message(
+                        replace(result, boundary=recovered), unbalance_warning(recovered, case.fields)
+                    )
                 except Exception:
                     yield result  # it is solved all the same
                     raise
@@ -256,6 +258,7 @@ def _step_result(
             kinematics.reference,
             kinematics.case.placement.base,
             increment.duration,
+            kinematics.case.fields,
         ),
         step=numbers[0],
         increment=numbers[1],
@@ -277,6 +280,7 @@ def _step_result(
         message=solution.message,
         second_body=second_body,
         area_fraction=increment.problem.area_fraction,
+        fields=kinematics.case.fields,
     )
 
 

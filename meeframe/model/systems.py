@@ -1,4 +1,4 @@
-"""What a run asks of a reduced system before anything is computed; what else it owes is for its conformance kit."""
+"""Checks of a reduced system at run time; everything else is left to its conformance kit."""
 
 from typing import Final
 
@@ -14,11 +14,11 @@ _SHAPES: Final[dict[str, tuple[int, ...]]] = {
     "frames": (3, 3),
     "weights": (),
 }
-"""Of what a system has of each node."""
+"""Shapes of the arrays of a system, after the axis of the nodes."""
 
 
 def checked(formulation: Formulation, system: object, n_fields: int) -> ReducedSystem:
-    """What a formulation made, if it is a reduced system with finite arrays of the contract's shapes.
+    """Return the system of a formulation if it is a reduced system with finite arrays of the contract's shapes.
 
     n_fields: number of fields of the body. Without these shapes a run ends in the middle, far from the formulation.
     Raises CaseError.

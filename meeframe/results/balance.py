@@ -8,7 +8,7 @@ import numpy as np
 
 from meeframe.elements import ELEMENTS
 from meeframe.elements.base import shape_functions
-from meeframe.fields import ELECTRIC, MAGNETIC, MECHANICAL, Array
+from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, POTENTIALS, Array, FieldSet
 from meeframe.mesh.measures import corners, gauss_rule, normal_vectors, vector_areas
 from meeframe.system.reduced import NodalFields
 
@@ -27,14 +27,13 @@ NOTICED: Final = 0.02
 class Unbalance:
     """Integrals over the whole boundary that vanish in equilibrium.
 
-    force: (3,) [N], global axes; charge [C]; magnetic_flux [Wb]; relative: (3,) of force, charge and magnetic flux,
-    over half the integral of the modulus, what goes through the body from one part of its boundary to the others; 0
-    where that is no more than rounding leaves.
+    force: (3,) [N], global axes; fluxes: (scalars,) totals of the scalar fields, SI units; relative: (1 + scalars,) of
+    force and fluxes, over half the integral of the modulus, what goes through the body from one part of its boundary to
+    the others; 0 where that is no more than rounding leaves.
     """
 
     force: Array
-    charge: float
-    magnetic_flux: float
+    fluxes: Array
     relative: Array
 
 
@@ -48,7 +47,8 @@ def unbalance(boundary: NodalFields | None) -> Unbalance | None:
         return None
     if not _closed(boundary):
         return None
-    total, through = np.zeros(5), np.zeros(3)
+    n_fields = boundary.fluxes.shape[1]
+    total, through = np.zeros(n_fields), np.zeros(1 + n_fields - N_MECHANICAL)
     for name, nodes in boundary.cells:
         element = _BY_TYPE[name]
         xi, weights = gauss_rule(element.reference, _ORDER)
@@ -57,13 +57,13 @@ def unbalance(boundary: NodalFields | None) -> Unbalance | None:
         fluxes = np.einsum("mk,ekj->emj", shape_functions(element, xi), boundary.fluxes[nodes])
         total += np.einsum("em,emj->j", shares, fluxes)
         tractions = np.linalg.norm(fluxes[:, :, MECHANICAL], axis=2)
-        moduli = tractions, np.abs(fluxes[:, :, ELECTRIC]), np.abs(fluxes[:, :, MAGNETIC])
+        moduli = tractions, *np.abs(fluxes[:, :, POTENTIALS]).transpose(2, 0, 1)
         through += [float((shares * own).sum()) / 2 for own in moduli]
-    sizes = np.array([np.linalg.norm(total[MECHANICAL]), *np.abs(total[[ELECTRIC, MAGNETIC]])])
+    sizes = np.array([np.linalg.norm(total[MECHANICAL]), *np.abs(total[POTENTIALS])])
     displacement = np.linalg.norm(boundary.values[:, MECHANICAL], axis=1)
-    works = through * [displacement.max(), *np.abs(boundary.values[:, [ELECTRIC, MAGNETIC]]).max(axis=0)]
-    relative = np.divide(sizes, through, out=np.zeros(3), where=works > _ROUNDING * works.max())
-    return Unbalance(total[MECHANICAL], float(total[ELECTRIC]), float(total[MAGNETIC]), relative)
+    works = through * [displacement.max(), *np.abs(boundary.values[:, POTENTIALS]).max(axis=0)]
+    relative = np.divide(sizes, through, out=np.zeros_like(sizes), where=works > _ROUNDING * works.max())
+    return Unbalance(total[MECHANICAL], total[POTENTIALS], relative)
 
 
 def _closed(boundary: NodalFields) -> bool:
@@ -73,12 +73,17 @@ def _closed(boundary: NodalFields) -> bool:
     return bool(np.linalg.norm(area.sum(axis=0)) <= _CLOSED * np.linalg.norm(area, axis=1).sum())
 
 
-def unbalance_warning(boundary: NodalFields | None) -> Iterator[str]:
+def balanced_names(fields: FieldSet) -> tuple[str, ...]:
+    """Return the names of what `unbalance` measures, in words."""
+    return ("force", *(scalar.resultant.replace("_", " ") for scalar in fields.scalars))
+
+
+def unbalance_warning(boundary: NodalFields | None, fields: FieldSet = MEE) -> Iterator[str]:
     """Yield a warning if the fields on the boundary are out of equilibrium by more than a reader would expect."""
     found = unbalance(boundary)
     if found is None or found.relative.max() <= NOTICED:
         return
-    shares = zip(("force", "charge", "magnetic flux"), found.relative, strict=True)
+    shares = zip(balanced_names(fields), found.relative, strict=True)
     told = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > NOTICED)
     yield (
         f"the boundary's tractions and fluxes miss equilibrium by {told}: those at supports and grounds are that "

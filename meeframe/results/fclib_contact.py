@@ -60,7 +60,7 @@ def local_problem(
     resistance = _resistance(problem, state)
     position = indenter_position(problem, _motion(problem, state))
     nodes = contacts(problem)
-    dofs = (N_FIELDS * nodes[:, None] + COMPONENTS).ravel()
+    dofs = (problem.system.n_fields * nodes[:, None] + COMPONENTS).ravel()
     matrix, q = _condensed(compliance, (position - problem.system.offset).ravel(), resistance, dofs)
     matrix /= np.repeat(problem.system.weights[nodes], PER_CONTACT)
     return LocalProblem(matrix, q, np.full(len(nodes), mu), title, description, MATH_INFO)
@@ -191,7 +191,7 @@ def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices
     compliance: (5n, 5n); ahead: (5n,) of the indenter over the unloaded body; resistance: (n, 2).
     """
     matrix, q = compliance[np.ix_(dofs, dofs)], ahead[dofs]
-    of_fields = np.full((len(resistance), N_FIELDS), np.inf)
+    of_fields = np.full((len(resistance), PER_CONTACT + resistance.shape[1]), np.inf)
     of_fields[:, PER_CONTACT:] = resistance
     pairs = np.flatnonzero(np.isfinite(of_fields))
     if pairs.size == 0:

@@ -66,7 +66,7 @@ def save_figure(figure: "Figure", path: Path) -> None:
 
 def _shown(zone: Zone, step: StepResult) -> list[NodalField]:
     """Return the pressure, and the other fields with maps that are not zero throughout."""
-    rows = schema.nodal(schema.View.MAP).values()
+    rows = schema.nodal(schema.View.MAP, step.fields).values()
     return [row for row in rows if row.name == _PRESSURE or row.values(zone, step).any()]
 
 

@@ -21,8 +21,8 @@ import numpy as np
 
 from meeframe.common.errors import ResultError
 from meeframe.contact.problem import Status
-from meeframe.fields import MEE, N_FIELDS, Array, Indices
-from meeframe.indenters.base import COLUMNS, MOTIONS, N_MOTIONS, UNITS, motion_modes
+from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
+from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
 from meeframe.results import schema
 from meeframe.results.hdf5 import changed_file, numbers_of, table_of, text_of
 from meeframe.results.output import INCREMENTS, RESULT_FILE, replacing
@@ -34,13 +34,7 @@ FORMAT: Final = "meeframe-result 5"
 
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
-_LOADING_UNITS: Final = {name: UNITS[name] for name in MOTIONS} | {"reference": "m", "axes": "1"}
-_SHAPES: Final = {key: (columns.stop - columns.start,) for key, columns in COLUMNS.items()}
-_BOUNDARY_UNITS: Final = {
-    "points": "m",
-    "values": ", ".join(MEE.value_units),
-    "fluxes": ", ".join(MEE.flux_units),
-}
+_LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
 _SMALL: Final = 4096
 """Arrays of fewer bytes are not compressed."""
 _CHUNK: Final = 1 << 24
@@ -192,26 +186,30 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
         "zero: names of fields that are zero at all nodes; "
         "region: " + ", ".join(f"{region.value} {region.name.lower()}" for region in Region)
     )
-    chosen = [row for row in schema.NODAL_FIELDS if _is_stored(row, fields)]
+    motions = IndenterMotions(step.fields)
+    group.attrs["scalar_fields"] = json.dumps([asdict(scalar) for scalar in step.fields.scalars])
+    chosen = [row for row in schema.nodal_fields(step.fields) if _is_stored(row, fields)]
     _put_fields(group, chosen, {row.name: row.values(zone, step) for row in chosen})
     _put_all(group, _STEP_UNITS, {name: getattr(step, name) for name in _STEP_UNITS})
     loading = group.create_group("loading")
-    _put_all(loading, _LOADING_UNITS, asdict(step.loading))
+    units = {name: motions.units[name] for name in motions.motions} | _LOADING_UNITS
+    _put_all(loading, units, {name: getattr(step.loading, name) for name in units})
     if step.loading.duration is not None:
         _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
     prescribed = step.loading.prescribed
-    _put_all(loading.create_group("prescribed"), {key: UNITS[key] for key in prescribed}, prescribed)
-    units = {total.name: total.unit for total in schema.TOTALS}
+    _put_all(loading.create_group("prescribed"), {key: motions.units[key] for key in prescribed}, prescribed)
+    units = {total.name: total.unit for total in schema.total_rows(step.fields)}
     _put_all(group.create_group("resultants"), units, schema.totals(zone, step))
     if step.area_fraction is not None:
         _put_all(group, {"area_fraction": "1"}, {"area_fraction": step.area_fraction})
     if step.second_body is not None:
-        rows = _surface_fields()
+        rows = _surface_fields(step.fields)
         values = {row.name: _column(getattr(step.second_body, row.attribute), row) for row in rows}
         _put_fields(group.create_group("second_body"), rows, values)
     if step.boundary is not None and (fields is None or BOUNDARY in fields):
+        units = {"values": ", ".join(step.fields.value_units), "fluxes": ", ".join(step.fields.flux_units)}
         values = {"values": step.boundary.values, "fluxes": step.boundary.fluxes}
-        _put_all(group.create_group("boundary"), {name: _BOUNDARY_UNITS[name] for name in values}, values)
+        _put_all(group.create_group("boundary"), units, values)
 
 
 def _is_stored(row: NodalField, fields: Collection[str] | None) -> bool:
@@ -221,8 +219,8 @@ def _is_stored(row: NodalField, fields: Collection[str] | None) -> bool:
     return bool(row.attribute) if fields is None else row.name in fields
 
 
-def _surface_fields() -> list[NodalField]:
-    return [row for row in schema.NODAL_FIELDS if row.attribute in _SURFACE]
+def _surface_fields(fields: FieldSet) -> list[NodalField]:
+    return [row for row in schema.nodal_fields(fields) if row.attribute in _SURFACE]
 
 
 def _column(array: Array, row: NodalField) -> Array:
@@ -258,7 +256,7 @@ def _put_cells(group: Any, cells: tuple[tuple[str, Indices], ...]) -> None:
 
 
 def _put_boundary_mesh(group: Any, boundary: NodalFields) -> None:
-    _put_all(group, {"points": _BOUNDARY_UNITS["points"]}, {"points": boundary.points})
+    _put_all(group, {"points": "m"}, {"points": boundary.points})
     _put_cells(group, boundary.cells)
 
 
@@ -299,18 +297,19 @@ def _get_steps(file: Any, zone: Zone) -> Iterator[StepResult]:
 def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: Array) -> StepResult:
     """Return an increment; total_slip (n, 2) and slip_path (n,) [m] are those of the last converged one before."""
     n = len(zone.points)
-    boundary, second_body, rows = None, None, _surface_fields()
+    boundary, second_body, field_set = None, None, _get_field_set(group)
+    rows = _surface_fields(field_set)
     if "second_body" in group:
         second_body = SecondSurface(**_get_fields(group["second_body"], rows, n))
     if "boundary" in group:
         own, shared = group["boundary"], file["boundary"]
         p = len(shared["points"])
-        fields = (numbers_of(own, name, (p, N_FIELDS)) for name in ("values", "fluxes"))
+        fields = (numbers_of(own, name, (p, field_set.size)) for name in ("values", "fluxes"))
         boundary = NodalFields(numbers_of(shared, "points", (p, 3)), _get_cells(shared, p), *fields)
-    held = [row for row in schema.NODAL_FIELDS if row.attribute]
+    held = [row for row in schema.nodal_fields(field_set) if row.attribute]
     zero = text_of(group, "zero").split()
     missing = {row.name for row in held if row.stored is not Stored.ALWAYS and row.name not in (*group, *zero)}
-    loading = _get_loading(group["loading"])
+    loading = _get_loading(group["loading"], field_set)
     arrays = _get_fields(group, [row for row in held if row.name not in missing], n)
     if missing:
         surface = arrays["displacement"] if second_body is None else arrays["displacement"] - second_body.displacement
@@ -331,7 +330,15 @@ def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: A
         second_body=second_body,
         area_fraction=numbers_of(group, "area_fraction", (n,)) if "area_fraction" in group else None,
         reaches_edge=bool(group.attrs["reaches_edge"]),
+        fields=field_set,
     )
+
+
+def _get_field_set(group: Any) -> FieldSet:
+    """Return the field set of an increment; files of earlier versions, which do not say, have the default one."""
+    if "scalar_fields" not in group.attrs:
+        return MEE
+    return FieldSet(tuple(ScalarField(**entry) for entry in json.loads(text_of(group, "scalar_fields"))))
 
 
 def _slips(
@@ -341,8 +348,8 @@ def _slips(
 
     The total slip is their difference along e1 and e2; the others follow from the last converged increment before.
     """
-    modes = motion_modes(zone.points, zone.frames, loading.axes, loading.reference)
-    total: Array = np.einsum("k,knt->nt", loading.motion, modes[:, :, :2]) - displacement[:, :2]
+    modes = motion_modes(zone.points, zone.frames, loading.axes, loading.reference)[:N_RIGID]
+    total: Array = np.einsum("k,knt->nt", loading.motion[:N_RIGID], modes[:, :, :2]) - displacement[:, :2]
     slip = total - total_slip
     path = slip_path + np.where(touching, np.linalg.norm(slip, axis=1), 0.0)
     return {"slip": slip, "total_slip": total, "slip_path": path}
@@ -352,6 +359,7 @@ def _get_fields(group: Any, rows: Sequence[NodalField], n: int) -> dict[str, Any
     """Return the attributes of records that nodal fields are taken from, by name."""
     zero = text_of(group, "zero").split()
     arrays: dict[str, Any] = {}
+    columns = 1 + max((row.column for row in rows if row.column is not None), default=-1)
     for row in rows:
         kinds = "iu" if row.integer else "biuf"
         if row.name in zero:
@@ -361,18 +369,20 @@ def _get_fields(group: Any, rows: Sequence[NodalField], n: int) -> dict[str, Any
         if row.column is None:
             arrays[row.attribute] = values
         else:
-            arrays.setdefault(row.attribute, np.empty((n, len(schema.SCALARS))))[:, row.column] = values
+            arrays.setdefault(row.attribute, np.empty((n, columns)))[:, row.column] = values
     return arrays
 
 
-def _get_loading(group: Any) -> Loading:
-    motion = np.concatenate([np.atleast_1d(group[name][()]) for name in MOTIONS])
-    if motion.shape != (N_MOTIONS,):
-        raise ValueError(f"{group.name} has {len(motion)} motions instead of {N_MOTIONS}")
-    prescribed = {key: numbers_of(group["prescribed"], key, _SHAPES[key]) for key in group["prescribed"]}
+def _get_loading(group: Any, fields: FieldSet) -> Loading:
+    motions = IndenterMotions(fields)
+    motion = np.concatenate([np.atleast_1d(group[name][()]) for name in motions.motions])
+    if motion.shape != (motions.size,):
+        raise ValueError(f"{group.name} has {len(motion)} motions instead of {motions.size}")
+    shapes = {key: (columns.stop - columns.start,) for key, columns in motions.columns.items()}
+    prescribed = {key: numbers_of(group["prescribed"], key, shapes[key]) for key in group["prescribed"]}
     duration = float(group["duration"][()]) if "duration" in group else None
     reference, axes = numbers_of(group, "reference", (3,)), numbers_of(group, "axes", (3, 3))
-    return Loading.of(motion, prescribed, reference, axes, duration)
+    return Loading.of(motion, prescribed, reference, axes, duration, fields)
 
 
 def _get_cells(group: Any, n: int) -> tuple[tuple[str, Indices], ...]:

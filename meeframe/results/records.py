@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.problem import ContactState, Status
-from meeframe.fields import ELECTRIC, MAGNETIC, Array, Indices
-from meeframe.indenters.base import MOTIONS
+from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Indices
+from meeframe.indenters.base import N_RIGID, RIGID_MOTIONS
 from meeframe.mesh.measures import corners, vector_areas
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
@@ -59,8 +59,9 @@ class Loading:
     """Where the indenter is in one increment, and which resultants held it there.
 
     approach: along its axis into the body [m]; translation: (2,) across its axis, along e1 and e2 of its place [m];
-    tilt: (2,) about e1 and e2, twist: about the axis, right-handed [rad]; electric_potential [V], magnetic_potential
-    [A]: of its surface, where the laws conduct. All from where it just touched, and found ones where they were free.
+    tilt: (2,) about e1 and e2, twist: about the axis, right-handed [rad]; scalars: the potentials of its surface by
+    name, where the laws conduct, such as "electric_potential" [V]; each is an attribute by this name, too. All from
+    where it just touched, and found ones where they were free.
     prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
     reference: its lowest point where it just touched, about which it turns, (3,) in global axes [m]; axes: rows e1, e2,
     axis of its place, (3, 3); duration: of the increment, None if its load step says none [s].
@@ -70,8 +71,7 @@ class Loading:
     translation: Array = field(default_factory=lambda: np.zeros(2))
     tilt: Array = field(default_factory=lambda: np.zeros(2))
     twist: float = 0.0
-    electric_potential: float = 0.0
-    magnetic_potential: float = 0.0
+    scalars: Mapping[str, float] = field(default_factory=lambda: {scalar.value_name: 0.0 for scalar in MEE.scalars})
     prescribed: Mapping[str, Array] = field(default_factory=dict)
     reference: Array = field(default_factory=lambda: np.zeros(3))
     axes: Array = field(default_factory=lambda: np.eye(3))
@@ -85,23 +85,38 @@ class Loading:
         reference: Array,
         axes: Array,
         duration: float | None = None,
+        fields: FieldSet = MEE,
     ) -> "Loading":
-        """Of the eight motions of an indenter, (8,)."""
-        approach, *_, twist, electric, magnetic = (float(value) for value in motion)
-        translation, tilt = motion[MOTIONS["translation"]], motion[MOTIONS["tilt"]]
-        return cls(approach, translation, tilt, twist, electric, magnetic, prescribed, reference, axes, duration)
+        """Return the loading of all motions of an indenter, (motions,), at the places of IndenterMotions."""
+        approach, translation, tilt, twist = (motion[place] for place in RIGID_MOTIONS.values())
+        potentials = zip(fields.scalars, motion[N_RIGID:].tolist(), strict=True)
+        scalars = {scalar.value_name: value for scalar, value in potentials}
+        rigid = float(approach[0]), translation, tilt, float(twist[0])
+        return cls(*rigid, scalars, prescribed, reference, axes, duration)
+
+    def __getattr__(self, name: str) -> float:
+        return _named_scalar(self, name)
 
     @property
     def motion(self) -> Array:
-        """All motions of the indenter, (8,), at the places of MOTIONS."""
-        return np.concatenate([np.atleast_1d(getattr(self, name)) for name in MOTIONS])
+        """All motions of the indenter, (motions,), at the places of IndenterMotions."""
+        rigid = (np.atleast_1d(getattr(self, name)) for name in RIGID_MOTIONS)
+        return np.concatenate([*rigid, list(self.scalars.values())])
+
+
+def _named_scalar(record: "Loading | Resultants", name: str) -> float:
+    """Return what a record holds of a scalar field by name; raise AttributeError if it holds none of this name."""
+    scalars: Mapping[str, float] = record.__dict__.get("scalars", {})
+    if name not in scalars:
+        raise AttributeError(f"{type(record).__name__} has no attribute {name!r}")
+    return scalars[name]
 
 
 @dataclass(frozen=True, eq=False)
 class SecondSurface:
     """The surface of the second body at the nodes of the contact zone, along e1, e2, nu of the zone's frames.
 
-    displacement: (n, 3) [m]; potentials: (n, 2) electric [V] and magnetic [A]. Both count from its own supports and
+    displacement: (n, 3) [m]; potentials: (n, scalars), SI units. Both count from its own supports and
     grounds, wherever the loading has moved them.
     """
 
@@ -115,8 +130,8 @@ class StepResult:
 
     step, increment: their numbers, from 1; initial_gap: (n,) gap between the undeformed body and the indenter in its
     position at this increment [m], inf where there is none above; traction: (n, 3) along e1, e2, nu [Pa], the last <= 0
-    in compression, > 0 where surfaces attract each other; displacement: (n, 3) along e1, e2, nu [m]; potentials: (n, 2)
-    electric [V] and magnetic [A]; fluxes: (n, 2) electric [C/m^2] and magnetic [Wb/m^2], outward; contact_fraction:
+    in compression, > 0 where surfaces attract each other; displacement: (n, 3) along e1, e2, nu [m]; potentials: (n,
+    scalars), such as electric [V]; fluxes: (n, scalars) outward, such as electric [C/m^2]; contact_fraction:
     (n,) as in ContactState; slip: (n, 2) tangential motion of the indenter over the body along e1, e2 since the last
     converged increment, total_slip: (n, 2) since the beginning, both also where the contact is open [m]; slip_path:
     (n,) length of the way slipped in contact, the sum of the moduli of the slips of those increments at whose end the
@@ -125,7 +140,7 @@ class StepResult:
     boundary. All of them are of the body; second_body: surface of the second body, if there is one instead of a rigid
     indenter; area_fraction: (n,) part of each node's area that is in contact if it touches, where the contact edge is
     resolved between the nodes (EdgeCorrection), None where it is resolved to nodes; reaches_edge: whether the zone cuts
-    it off.
+    it off; fields: whose scalar fields are the columns of potentials and fluxes.
     """
 
     loading: Loading
@@ -151,6 +166,7 @@ class StepResult:
     second_body: SecondSurface | None = None
     area_fraction: Array | None = None
     reaches_edge: bool = False
+    fields: FieldSet = MEE
 
     def __repr__(self) -> str:
         """In words: arrays fill screens."""
@@ -184,23 +200,26 @@ class StepResult:
 
 @dataclass(frozen=True, eq=False)
 class Resultants:
-    """Numbers that sum an increment up; see `resultants`."""
+    """Numbers that sum an increment up; see `resultants`.
+
+    scalars: the total fluxes and the largest absolute potentials by name, each an attribute by this name, too.
+    """
 
     force: Array
     normal_force: float
     tangential_force: Array
     moment: Array
     torque: float
-    charge: float
-    magnetic_flux: float
+    scalars: Mapping[str, float]
     dissipated_energy: float
     contact_area: float
     stick_area: float
     slip_area: float
     max_pressure: float
     max_tension: float
-    max_abs_electric_potential: float
-    max_abs_magnetic_potential: float
+
+    def __getattr__(self, name: str) -> float:
+        return _named_scalar(self, name)
 
 
 def resultants(zone: Zone, step: StepResult) -> Resultants:
@@ -208,39 +227,38 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
 
     force: (3,) of the indenter on the body, global axes [N]; the same along the axes of the indenter's place:
     normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis
-    through its reference point [N m]; charge [C] and magnetic_flux [Wb]: integrals of the outward fluxes;
+    through its reference point [N m]; charge [C], magnetic_flux [Wb]: integrals of the outward fluxes, by the names of
+    the scalar fields;
     dissipated_energy: integral of the dissipation [J]; contact_area, stick_area, slip_area: sum over the elements of
     their area times the share of their nodes in contact, and in either region [m^2], of covered nodes their covered
     part (the weights of nodes will not do: those of quad8's corners are negative, those of tri6's zero; of a periodic
     surface, whose nodes are all alike, they do); max_pressure, max_tension: of the normal traction, >= 0, tension where
-    surfaces attract each other, in contact or across the gap [Pa]; largest absolute potentials of the body's surface in
-    the contact zone [V], [A].
+    surfaces attract each other, in contact or across the gap [Pa]; max_abs_electric_potential [V] and the like: largest
+    absolute potentials of the body's surface in the contact zone.
     """
     normal = step.traction[:, 2]
-    electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
+    scalars, potentials = step.fields.scalars, np.abs(step.potentials).max(axis=0).tolist()
     # of one layout in memory, on which last digits depend, whether the step is solved or read
     traction, fluxes = split_load(step.state.load)
     forces = zone.weights[:, None] * np.einsum("na,nai->ni", traction, zone.frames)
     moments = np.cross(zone.points - step.loading.reference, forces)
     # no -0.0
     force, about = (step.loading.axes @ each.sum(axis=0) + 0.0 for each in (forces, moments))
-    charge, magnetic_flux = zone.weights @ fluxes + 0.0
+    totals = (zone.weights @ fluxes + 0.0).tolist()
     return Resultants(
         force=forces.sum(axis=0),
         normal_force=float(0.0 - force[2]),
         tangential_force=force[:2],
         moment=about[:2],
         torque=float(about[2]),
-        charge=float(charge),
-        magnetic_flux=float(magnetic_flux),
+        scalars={scalar.resultant: total for scalar, total in zip(scalars, totals, strict=True)}
+        | {f"max_abs_{scalar.value_name}": value for scalar, value in zip(scalars, potentials, strict=True)},
         dissipated_energy=float(zone.weights @ step.dissipation),
         contact_area=_area(zone, step, step.touching),
         stick_area=_area(zone, step, step.region == Region.STICK),
         slip_area=_area(zone, step, step.region == Region.SLIP),
         max_pressure=float(np.maximum(-normal, 0.0).max() + 0.0),
         max_tension=float(np.maximum(normal, 0.0).max() + 0.0),
-        max_abs_electric_potential=float(electric.max()),
-        max_abs_magnetic_potential=float(magnetic.max()),
     )
 
 
@@ -302,11 +320,13 @@ class Result:
 
 
 def split_load(load: Array) -> tuple[Array, Array]:
-    """Return the tractions (n, 3) and outward fluxes (n, 2) of a load (n, 5)."""
-    return load[:, :3], load[:, [ELECTRIC, MAGNETIC]]
+    """Return tractions (n, 3) and outward fluxes (n, scalars) of a load (n, fields)."""
+    return load[:, MECHANICAL], np.ascontiguousarray(load[:, POTENTIALS])
 
 
 def split_displacement(displacement: Array) -> tuple[Array, Array]:
-    """Return the displacements (n, 3) and potentials (n, 2), in their physical sign, of a reduced system's
-    displacement (n, 5)."""
-    return displacement[:, :3], -displacement[:, [ELECTRIC, MAGNETIC]]
+    """Return displacements (n, 3) and potentials (n, scalars), in their physical sign.
+
+    displacement: (n, fields) of a reduced system, whose potentials are negated.
+    """
+    return displacement[:, MECHANICAL], -np.ascontiguousarray(displacement[:, POTENTIALS])

@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, ScalarField
-from meeframe.indenters.base import MOTIONS, UNITS
+from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet, ScalarField
+from meeframe.indenters.base import IndenterMotions
 from meeframe.results.records import Region, StepResult, Zone, resultants
 
 
@@ -37,7 +37,7 @@ class View(StrEnum):
 
 
 SCALARS: Final = MEE.scalars
-"""Scalar fields that results hold."""
+"""Scalar fields that every result holds; see `further_scalars`."""
 EVERYWHERE: Final = frozenset(View)
 NOWHERE: Final[frozenset[View]] = frozenset()
 
@@ -102,9 +102,11 @@ def _state(
     return NodalField(name, unit, label, values, components, stored, views, source, column, integer)
 
 
-def _scalars(names: Iterable[tuple[str, str]], attribute: str, views: frozenset[View]) -> Iterator[NodalField]:
-    """Yield a nodal field for each scalar field, from its name and unit."""
-    for column, (name, unit) in enumerate(names):
+def _scalars(
+    names: Iterable[tuple[str, str]], attribute: str, views: frozenset[View], first: int = 0
+) -> Iterator[NodalField]:
+    """Yield a nodal field for each scalar field, from its name and unit; first: column of the first one."""
+    for column, (name, unit) in enumerate(names, first):
         yield _state(name, unit, name.replace("_", " "), views=views, attribute=attribute, column=column)
 
 
@@ -154,9 +156,26 @@ BOUNDARY: Final = "boundary"
 """Name by which `[output] fields` asks for the fields on the whole boundary."""
 
 
-def nodal(view: View) -> dict[str, NodalField]:
+def further_scalars(fields: FieldSet) -> tuple[ScalarField, ...]:
+    """Return the scalar fields that a field set has besides SCALARS, which come first."""
+    return fields.scalars[len(SCALARS) :]
+
+
+def nodal_fields(fields: FieldSet = MEE) -> tuple[NodalField, ...]:
+    """Return NODAL_FIELDS and those of further scalar fields."""
+    further = further_scalars(fields)
+    potentials = ((scalar.value_name, scalar.value_unit) for scalar in further)
+    fluxes = ((scalar.flux_name, scalar.flux_unit) for scalar in further)
+    return (
+        *NODAL_FIELDS,
+        *_scalars(potentials, "potentials", _NUMERIC | {View.MAP}, len(SCALARS)),
+        *_scalars(fluxes, "fluxes", NOWHERE, len(SCALARS)),
+    )
+
+
+def nodal(view: View, fields: FieldSet = MEE) -> dict[str, NodalField]:
     """Return the nodal fields that are shown in a view, by name."""
-    return {field.name: field for field in NODAL_FIELDS if view in field.views}
+    return {field.name: field for field in nodal_fields(fields) if view in field.views}
 
 
 def optional_fields() -> tuple[str, ...]:
@@ -199,10 +218,12 @@ def _boundary_fields(names: tuple[str, ...], units: tuple[str, ...], source: str
         yield BoundaryField(names[column], units[column], source, slice(column, column + 1))
 
 
-BOUNDARY_FIELDS: tuple[BoundaryField, ...] = (
-    *_boundary_fields(MEE.value_names, MEE.value_units, "values"),
-    *_boundary_fields(MEE.flux_names, MEE.flux_units, "fluxes"),
-)
+def boundary_fields(fields: FieldSet = MEE) -> tuple[BoundaryField, ...]:
+    """Return the fields on the whole boundary."""
+    return (
+        *_boundary_fields(fields.value_names, fields.value_units, "values"),
+        *_boundary_fields(fields.flux_names, fields.flux_units, "fluxes"),
+    )
 
 
 @dataclass(frozen=True)
@@ -278,15 +299,20 @@ def _motion(name: str) -> Callable[[Zone, StepResult], Any]:
     return lambda _, step: getattr(step.loading, name)
 
 
+def total_rows(fields: FieldSet = MEE) -> tuple[Total, ...]:
+    """Return TOTALS and those of further scalar fields."""
+    return (*TOTALS, *(total for scalar in further_scalars(fields) for total in _scalar_totals(scalar)))
+
+
 MOTION_TOTALS: Final = tuple(
     Total(
         name,
-        UNITS[name],
+        IndenterMotions().units[name],
         name.replace("_", " "),
         _IN_PLANE if place.stop - place.start == 2 else (),
         _motion(name),
     )
-    for name, place in MOTIONS.items()
+    for name, place in IndenterMotions().motions.items()
 )
 """Motions and potentials of the indenter, as in Loading."""
 
@@ -311,10 +337,11 @@ def _largest(values: Array) -> float:
 
 
 def totals(zone: Zone, step: StepResult) -> dict[str, Any]:
-    """Return all TOTALS of an increment by name."""
+    """Return the totals of an increment by name."""
     summed = resultants(zone, step)
     return {
-        total.name: getattr(summed, total.name) if total.value is None else total.value(zone, step) for total in TOTALS
+        total.name: getattr(summed, total.name) if total.value is None else total.value(zone, step)
+        for total in total_rows(step.fields)
     }
 
 
@@ -341,7 +368,8 @@ def label_of(name: str) -> str:
     return name.replace("_", " ") if field is None else field.label
 
 
-def shown_totals(view: View, values: Sequence[Mapping[str, Any]]) -> list[Total]:
+def shown_totals(view: View, values: Sequence[Mapping[str, Any]], fields: FieldSet = MEE) -> list[Total]:
     """Return the totals that a table shows of increments with these values, as of `totals`."""
-    there = {total.phenomenon for total in TOTALS if any(np.any(each[total.name]) for each in values)}
-    return [total for total in TOTALS if view in total.views and total.phenomenon in {"", *there}]
+    rows = total_rows(fields)
+    there = {total.phenomenon for total in rows if any(np.any(each[total.name]) for each in values)}
+    return [total for total in rows if view in total.views and total.phenomenon in {"", *there}]

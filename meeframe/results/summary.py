@@ -11,9 +11,10 @@ from rich.text import Text
 
 from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
-from meeframe.indenters.base import COLUMNS, MOTIONS, UNITS
+from meeframe.fields import MEE, FieldSet
+from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
 from meeframe.results import schema
-from meeframe.results.balance import unbalance
+from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
 from meeframe.results.records import Result, RunStatus, StepResult, Zone, resultants
 
@@ -56,17 +57,22 @@ def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
     return {
         "step": step.step,
         "increment": step.increment,
-        **{name: getattr(loading, name) for name in MOTIONS},
+        **{name: getattr(loading, name) for name in IndenterMotions(step.fields).motions},
         "prescribed": dict(loading.prescribed),
         "duration": loading.duration,
         **totals,
         "reaches_edge": step.reaches_edge,
-        "unbalance": None if balance is None else vars(balance),
+        "unbalance": None if balance is None else _unbalance(balance, step.fields),
         "iterations": step.iterations,
         "residual": step.residual,
         "status": str(step.status),
         "message": step.message,
     }
+
+
+def _unbalance(balance: Unbalance, fields: FieldSet) -> dict[str, Any]:
+    totals = {scalar.resultant: total for scalar, total in zip(fields.scalars, balance.fluxes.tolist(), strict=True)}
+    return {"force": balance.force, **totals, "relative": balance.relative}
 
 
 def _load_steps(result: Result) -> list[dict[str, Any]]:
@@ -105,7 +111,7 @@ def summary_table(result: Result) -> RenderableType:
     rows: list[_Row] = [
         ("approach", "m", [step.loading.approach for step in shown]),
         *_motions(shown, totals),
-        *_totals(totals),
+        *_totals(totals, shown[0].fields if shown else MEE),
         *_unbalances(shown),
         *_durations(result, shown),
         ("iterations", "", [step.iterations for step in shown]),
@@ -122,15 +128,15 @@ def summary_table(result: Result) -> RenderableType:
 def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
     """Rows on what is missing to the equilibrium of the body, of closed boundaries whose fields are known."""
     found = [unbalance(step.boundary) for step in shown]
-    for number, name in enumerate(("force", "charge", "magnetic flux")):
+    for number, name in enumerate(balanced_names(shown[0].fields) if shown else ()):
         relative = [math.nan if one is None else float(one.relative[number]) for one in found]
         if any(value > 0.0 for value in relative):
             yield f"unbalanced {name}", "%", [100.0 * value if math.isfinite(value) else "-" for value in relative]
 
 
-def _totals(totals: list[dict[str, Any]]) -> Iterator[_Row]:
+def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
     """Return rows of totals, of phenomena that there are; the dissipated energy is that of the whole load step."""
-    for row in schema.shown_totals(schema.View.SUMMARY, totals):
+    for row in schema.shown_totals(schema.View.SUMMARY, totals, fields):
         for i, label in enumerate(row.labels):
             words = f"{label}, whole step" if row.name == _ENERGY else label
             yield words, row.unit, [float(np.atleast_1d(total[row.name])[i]) for total in totals]
@@ -139,15 +145,16 @@ def _totals(totals: list[dict[str, Any]]) -> Iterator[_Row]:
 def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[_Row]:
     """Return rows of the indenter's motions other than the approach that were free or are not zero, and of their
     moments."""
-    for name, place in list(MOTIONS.items())[1:]:
-        free = any(COLUMNS[key] == place for step in shown for key in step.loading.prescribed)
+    motions = IndenterMotions(shown[0].fields if shown else MEE)
+    for name, place in list(motions.motions.items())[1:]:
+        free = any(motions.columns[key] == place for step in shown for key in step.loading.prescribed)
         moved = [np.atleast_1d(getattr(step.loading, name)) for step in shown]
         if not free and not np.any(moved):
             continue
-        yield from _components(name + " of the indenter" * name.endswith("potential"), UNITS[name], moved)
+        yield from _components(name + " of the indenter" * (name not in RIGID_MOTIONS), motions.units[name], moved)
         if name in _ABOUT:
             about = _ABOUT[name]
-            yield from _components(about, UNITS[about], [np.atleast_1d(total[about]) for total in totals])
+            yield from _components(about, motions.units[about], [np.atleast_1d(total[about]) for total in totals])
 
 
 def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:

@@ -38,7 +38,7 @@ def write_fields(folder: Path, result: Result) -> None:
     boundary = step.boundary
     data: dict[str, Array | Indices] = {
         field.label: np.squeeze(getattr(boundary, field.source)[:, field.columns], axis=1 if field.is_scalar else ())
-        for field in schema.BOUNDARY_FIELDS
+        for field in schema.boundary_fields(step.fields)
     }
     data |= _contact(result.zone, step, boundary)
     mesh = meshio.Mesh(boundary.points, _cells(boundary), point_data=data)
@@ -53,7 +53,7 @@ def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> dict[str, A
     """
     points, nodes = _matched(zone, boundary)
     data: dict[str, Array | Indices] = {}
-    for row in schema.nodal(schema.View.VTK).values():
+    for row in schema.nodal(schema.View.VTK, step.fields).values():
         values = row.values(zone, step)[nodes]
         if row.components in (2, 3):
             values = np.einsum("nt,nti->ni", values, zone.frames[nodes, : row.components])

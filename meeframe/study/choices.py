@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from meeframe.common.errors import CaseError
 from meeframe.common.toml import toml_tables
+from meeframe.fields import MEE
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
 from meeframe.model.values import DEFAULT_FORMULATION
@@ -32,7 +33,7 @@ NOTHING: Final = "-"
 """Choice of a fundamental solution where no formulation takes one."""
 
 _SOLUTION: Final = "fundamental_solution"
-_FIELDS: Final = ("electric", "magnetic")
+_FIELDS: Final = MEE.names
 _BODIES: Final = ("body", "second_body")
 
 

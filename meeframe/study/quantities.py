@@ -5,20 +5,23 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.fields import MEE, Array
 from meeframe.results import schema
 from meeframe.results.records import Resultants, StepResult, Zone
+
+
+def _scalar(name: str) -> Callable[[Resultants], float]:
+    return lambda totals: totals.scalars[name]
+
 
 TOTALS: Final[Mapping[str, Callable[[Resultants], float]]] = {
     "force": lambda totals: float(-totals.force[2]),
     "force_x": lambda totals: float(totals.force[0]),
     "force_y": lambda totals: float(totals.force[1]),
-    "charge": lambda totals: totals.charge,
-    "magnetic_flux": lambda totals: totals.magnetic_flux,
+    **{scalar.resultant: _scalar(scalar.resultant) for scalar in MEE.scalars},
     "contact_area": lambda totals: totals.contact_area,
     "max_pressure": lambda totals: totals.max_pressure,
-    "max_electric_potential": lambda totals: totals.max_abs_electric_potential,
-    "max_magnetic_potential": lambda totals: totals.max_abs_magnetic_potential,
+    **{f"max_{scalar.value_name}": _scalar(f"max_abs_{scalar.value_name}") for scalar in MEE.scalars},
 }
 """Totals of a step: force of the indenter against x3 and along x1, x2 on the body [N], charge [C], magnetic flux [Wb],
 contact area [m^2], largest pressure [Pa], and largest absolute potentials [V], [A]."""

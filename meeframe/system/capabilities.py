@@ -90,7 +90,7 @@ class ApproximateInverse(ABC):
 
 
 class Multigrid(ABC):
-    """The same body on a coarser division of its contact zone, from whose solution solvers start."""
+    """A coarser division of the contact zone, from whose solution solvers start."""
 
     @abstractmethod
     def coarsen(self) -> "Coarsening":
@@ -109,7 +109,7 @@ class LatticeStencil(ABC):
 
 
 class Restriction(ABC):
-    """The same body on a part of its contact zone, where products take much less time."""
+    """Reduction to a part of the contact zone, where products take much less time."""
 
     @abstractmethod
     def restrict(self, nodes: Indices) -> "Subsystem | None":

@@ -27,6 +27,7 @@ REASONS: Final = {
     "comes to no rest": "under constant slip the traction has to settle, or no solver can.",
     "depends on the step": "the solution must not depend on the solver's step length r: use tangential_scaling as the"
     " metric of project.",
+    "extra compliance": "a compliance that is not positive leaves contact without a solution.",
     "gains energy": "friction dissipates: the traction on the body has the sign of the indenter's slip over it.",
     "tangent is not the derivative": "Newton's method converges by it; leave it out and differences serve.",
     "tangent": "Newton's method takes it as (n, 3, 3), rows of the traction, finite everywhere.",

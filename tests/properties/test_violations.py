@@ -160,7 +160,7 @@ def test_soft_attracted_and_conducting_surfaces() -> None:
     for k, name in enumerate(("electric", "magnetic")):
         for change in ({"constant": 1.01}, {"residual": 1.01}, {"strength": 1.01}):
             law = replace(ACROSS[k], **{key: value * getattr(ACROSS[k], key) for key, value in change.items()})
-            other = violations(replace(problem, **{f"{name}_law": law}), state)
+            other = violations(problem.with_laws(**{name: law}), state)
             assert {key for key, value in other.items() if value > 1e-6} == {f"{name} flux"}
 
 

@@ -120,9 +120,9 @@ def normal_spread(normals, first, second):
     """Return the spread due to the rotation of the vector Jacobian between two of the normals (m, 3)."""
     a = max(norm(normals[first, 0], normals[first, 1], normals[first, 2]), _TINY)
     b = max(norm(normals[second, 0], normals[second, 1], normals[second, 2]), _TINY)
-    add = turn = 0.0
+    total = difference = 0.0
     for axis in range(3):
         one, two = normals[first, axis] / a, normals[second, axis] / b
-        add += (one + two) ** 2
-        turn += (one - two) ** 2
-    return sqrt(1.0 + add / max(turn, 1e-20))
+        total += (one + two) ** 2
+        difference += (one - two) ** 2
+    return sqrt(1.0 + total / max(difference, 1e-20))

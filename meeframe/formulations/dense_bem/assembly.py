@@ -168,6 +168,7 @@ def _collocate(problem: Problem, task: range, system: System) -> None:
             number = sources.singular_block[entry]
             buffers[number] = _add_singular_element(problem, source, entry, buffers[number], panels)
         kernels.enter_rows(
+            tuple(range(layout.value_column.shape[1])),
             sources.row[source],
             panels.value,
             panels.flux,
@@ -220,6 +221,7 @@ def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buff
         points = slice(first, min(first + POINTS_PER_CALL, count))
         u, t = problem.kernel.evaluate(buffers.offsets[points], buffers.normals[points])
         kernels.accumulate(
+            tuple(range(u.shape[1])),
             u.reshape(len(u), -1),
             t.reshape(len(t), -1),
             buffers.shape_weights[points],

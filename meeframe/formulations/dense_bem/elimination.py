@@ -86,7 +86,22 @@ def last_unknowns(columns: Array, k: int, right: Array) -> Array:
 
 
 def all_unknowns(columns: Array, k: int, right: Array) -> Array:
-    """Return all unknowns, (u, m), of an eliminated system, for right-hand sides (u, m) as `eliminate` leaves them."""
+    """Return all unknowns of an eliminated system.
+
+    Parameters
+    ----------
+    columns : Array
+        Result of `eliminate`, (u, w).
+    k : int
+        Number of unknowns that were eliminated first.
+    right : Array
+        Right-hand sides, (u, m), as `eliminate` leaves them.
+
+    Returns
+    -------
+    Array
+        Unknowns, (u, m).
+    """
     unknowns = np.array(right, order="F")
     first, last = unknowns[:k], unknowns[k:]
     divide_by_upper(last, columns[k:, k : len(columns)])

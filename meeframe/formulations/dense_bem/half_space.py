@@ -47,8 +47,8 @@ def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array
     terms = []
     for position in positions:
         offset = points - position
-        turn = np.cross(offset, steps) @ normal
+        sweep = np.cross(offset, steps) @ normal
         _, t = kernel.evaluate(offset, np.ascontiguousarray(normals))
-        shares = turn * np.log(np.linalg.norm(offset, axis=1) / size)
+        shares = sweep * np.log(np.linalg.norm(offset, axis=1) / size)
         terms.append(np.eye(t.shape[1]).ravel() / 2.0 + shares @ t.reshape(len(t), -1))
     return np.array(terms)

@@ -89,6 +89,15 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
 
     At the outer border of the mesh of a semi-infinite body all fields are taken as zero.
 
+    Parameters
+    ----------
+    body : Body
+        The body.
+    patches : Patches
+        Flux nodes of its mesh.
+    units : Units
+        Units of the system.
+
     Raises
     ------
     MeshError

@@ -207,7 +207,7 @@ def test_edges_that_one_of_two_bodies_resolves(tmp_path, own, theirs):
         return load_case(path)
 
     assert written(own, own).second_body.formulation == HalfSpace(edges=own)
-    resolving, not_resolving = ("first", "second_body") if own == "resolved" else ("second_body", "first")
+    resolving, not_resolving = ("first", "second") if own == "resolved" else ("second", "first")
     match = rf"second_body\.formulation: .* {resolving} body resolves .* {not_resolving} body does not; .*edges"
     with pytest.raises(CaseError, match=match):
         written(own, theirs)

@@ -101,6 +101,11 @@ class HierarchicalBEM(PersistentFormulation):
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
+        if body.fields.size != N_FIELDS:
+            raise CaseError(
+                f"the formulation hmatrix-bem is compiled for {N_FIELDS} fields, the body has {body.fields.size}; "
+                "allowed: half-space, dense-bem or skfem"
+            )
         check_mesh(body.mesh)
         check_contact_zone(body.mesh, body.contact_group)
         layout, _ = self._layout(body)

@@ -1,7 +1,7 @@
-"""The pictures of docs/laws-conductivity.md: `uv run python plugins/meeframe-laws/pictures/conductivity.py`.
+"""Pictures of docs/laws-conductivity.md: `uv run python plugins/meeframe-laws/pictures/conductivity.py`.
 
-Each has the formula on the left and on the right what it does under a sphere at an electric potential that is pressed
-on a half space of BaTiO3-CoFe2O4.
+Each picture shows the formula on the left and, on the right, its effect under a sphere at an electric potential that is
+pressed on a half space of BaTiO3-CoFe2O4.
 """
 
 from collections.abc import Callable
@@ -32,7 +32,7 @@ DASHED: Final[dict[str, Any]] = {"color": "k", "linestyle": "--", "linewidth": 1
 
 @cache
 def solved(law: ConductivityLaw, volts: float) -> tuple[ContactProblem, ContactState]:
-    """Return the sphere at a potential [V], no friction, insulated magnetically."""
+    """Return problem and state of the sphere at a potential [V], without friction, magnetically insulated."""
     medium = library_material("batio3-cofe2o4")
     case = SphereCase(medium, Signorini(), law, Insulating(), CELLS, drag=0.0, potentials=(volts, 0.0))
     problem = case.problem()
@@ -43,7 +43,7 @@ def solved(law: ConductivityLaw, volts: float) -> tuple[ContactProblem, ContactS
 
 
 def middle(problem: ContactProblem) -> tuple[Any, Array]:
-    """Return which nodes are on y = 0, and x [mm] there."""
+    """Return a mask of the nodes on y = 0, and their x [mm]."""
     row = np.abs(problem.system.points[:, 1]) < 1e-9
     return row, problem.system.points[row, 0] / MM
 
@@ -121,10 +121,10 @@ def breakdown(formula: Any, contact: Any) -> None:
     laws: dict[str, ConductivityLaw] = {
         "no breakdown": AcrossGap(VACUUM_PERMITTIVITY, np.inf, UM),
         **{
-            f"breakdown_conductivity {part * unit / MICRO:g} µF/m²": Breakdown(
-                VACUUM_PERMITTIVITY, field, part * unit, np.inf, UM
+            f"breakdown_conductivity {factor * unit / MICRO:g} µF/m²": Breakdown(
+                VACUUM_PERMITTIVITY, field, factor * unit, np.inf, UM
             )
-            for part in (1.0, 10.0)
+            for factor in (1.0, 10.0)
         },
     }
     gap = np.full_like(drop, 10 * UM)
@@ -133,8 +133,8 @@ def breakdown(formula: Any, contact: Any) -> None:
         formula.plot(drop, flux / MILLI, color=COLOURS[number], label=label)
         problem, state = solved(law, volts)
         row, x = middle(problem)
-        apart = (problem.gap - state.displacement[:, 2] + UM)[row]
-        fields = np.abs(-state.displacement[row, 3] - volts) / apart
+        distance = (problem.gap - state.displacement[:, 2] + UM)[row]
+        fields = np.abs(-state.displacement[row, 3] - volts) / distance
         contact.semilogy(x, np.where(state.load[row, 2] == 0.0, fields, np.nan) / 1e6, color=COLOURS[number])
     contact.axhline(field / 1e6, **DASHED, label="breakdown_field")
     formula.legend(fontsize=7, frameon=False, loc=(0.43, 0.2))

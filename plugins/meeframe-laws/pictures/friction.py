@@ -1,7 +1,7 @@
-"""The pictures of docs/laws-friction.md: `uv run python plugins/meeframe-laws/pictures/friction.py`.
+"""Pictures of docs/laws-friction.md: `uv run python plugins/meeframe-laws/pictures/friction.py`.
 
-Each has the formula on the left and on the right what it does under a sphere that is pressed on a half space of
-BaTiO3-CoFe2O4 and dragged.
+Each picture shows the formula on the left and, on the right, its effect under a sphere that is pressed on a half space
+of BaTiO3-CoFe2O4 and dragged.
 """
 
 from collections.abc import Callable, Iterable
@@ -28,25 +28,27 @@ COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")  # of t
 MM, UM, MPA, KN = 1e-3, 1e-6, 1e6, 1e3
 FINE, COARSE = 25, 14
 SLIDING: Final = 60 * UM
-"""Drag at which all slips."""
+"""Drag at which all nodes slip."""
 
 
 @cache
 def at_rest(cells: int) -> ContactProblem:
-    """Return the sphere, pressed in and not dragged."""
+    """Return the problem of the sphere, pressed in and not dragged."""
     medium, insulating = library_material("batio3-cofe2o4"), Insulating()
     return SphereCase(medium, IsotropicCoulomb(0.0), insulating, insulating, cells, drag=0.0).problem()
 
 
 def history(law: ContactLaw, drags: Iterable[tuple[float, float]], cells: int, duration: float | None = None) -> Any:
-    """Return (states, forces (m, 3) [N]) of increments of that duration [s] along drags [m] in the plane."""
+    """Return states and forces (m, 3) [N] of increments of a duration [s] along drags [m] in the plane."""
     rest = at_rest(cells)
     n, start = len(rest.gap), None
     slipped, path = np.zeros((n, 2)), np.zeros(n)
     states: list[ContactState] = []
     for drag in drags:
-        here = law.for_increment(path, duration)
-        problem = ContactProblem(rest.system, here, rest.channels, rest.gap, np.array(drag) - slipped, rest.potentials)
+        increment_law = law.for_increment(path, duration)
+        problem = ContactProblem(
+            rest.system, increment_law, rest.channels, rest.gap, np.array(drag) - slipped, rest.potentials
+        )
         solution = solve(problem, SemismoothNewton(), start=start)
         if solution.status is not Status.CONVERGED:
             raise RuntimeError(f"{law} at {drag}: {solution.message}")
@@ -58,7 +60,7 @@ def history(law: ContactLaw, drags: Iterable[tuple[float, float]], cells: int, d
 
 
 def along(drags: Iterable[float]) -> list[tuple[float, float]]:
-    """Drag along the first axis."""
+    """Return drags along the first axis."""
     return [(float(drag), 0.0) for drag in drags]
 
 
@@ -70,7 +72,7 @@ def middle_row(state: ContactState) -> tuple[Array, Array]:
 
 
 def tresca(formula: Any, contact: Any) -> None:
-    """Limit over pressure; shear in the middle for growing drags."""
+    """Plot the limit over pressure, and the shear in the middle for growing drags."""
     law, p = Tresca(200 * MPA), np.linspace(0.0, 1500.0, 200)
     formula.plot(p, 0.3 * p, "k--", linewidth=1.0, label="Coulomb, 0.3 p")
     formula.plot(p, np.full_like(p, law.limit / MPA), color=COLOURS[0], label="Tresca")
@@ -83,7 +85,7 @@ def tresca(formula: Any, contact: Any) -> None:
 
 
 def capped(formula: Any, contact: Any) -> None:
-    """Limit over pressure; shear in full slip, with mu p and the cap."""
+    """Plot the limit over pressure, and the shear in full slip with mu p and the cap."""
     law, p = CappedCoulomb(0.3, 300 * MPA), np.linspace(0.0, 2400.0, 200)
     formula.plot(p, 0.3 * p, "k--", linewidth=1.0, label="Coulomb, 0.3 p")
     formula.plot(p, np.minimum(0.3 * p, 300.0), color=COLOURS[0], label="capped at 300 MPa")
@@ -167,17 +169,17 @@ def force_over_direction(axes: Any, laws: dict[str, ContactLaw]) -> None:
     """Plot the angle of the friction force over that of the drag, all slipping."""
     angles = np.radians(np.linspace(0.0, 90.0, 19))
     for k, (label, law) in enumerate(laws.items()):
-        found = []
+        directions = []
         for angle in angles:
             force = history(law, [(SLIDING * np.cos(angle), SLIDING * np.sin(angle))], COARSE)[1][0]
-            found.append(np.arctan2(force[1], force[0]))
-        axes.plot(np.degrees(angles), np.degrees(found), "o-", markersize=2.5, color=COLOURS[k], label=label)
+            directions.append(np.arctan2(force[1], force[0]))
+        axes.plot(np.degrees(angles), np.degrees(directions), "o-", markersize=2.5, color=COLOURS[k], label=label)
     axes.plot([0, 90], [0, 90], "k:", linewidth=0.8)
     axes.set(xlabel="direction of the drag [deg]", ylabel="direction of the force [deg]")
 
 
 def non_associated(formula: Any, contact: Any) -> None:
-    """Limit ellipse with slip directions of both kinds; direction of the force over that of the drag."""
+    """Plot the limit ellipse with slip directions of both kinds, and the direction of the force over the drag."""
     law = NonAssociatedCoulomb(0.4, 0.2)
     limit_curve(formula, lame(0.4, 0.2, 2.0), color="k", linewidth=1.0)
     for angle in np.radians(np.arange(0, 360, 30)):
@@ -199,7 +201,7 @@ def non_associated(formula: Any, contact: Any) -> None:
 
 
 def superelliptic(formula: Any, contact: Any) -> None:
-    """Limit curves; direction of the force over that of the drag."""
+    """Plot limit curves, and the direction of the force over that of the drag."""
     exponents = (1.0, 1.3, 2.0, 6.0)
     for n, colour in zip(exponents, COLOURS, strict=False):
         limit_curve(formula, lame(0.4, 0.2, n), color=colour, label=f"n = {n:g}")

@@ -1,4 +1,4 @@
-"""The pictures of docs/laws-interface.md: `uv run python plugins/meeframe-laws/pictures/interface.py`.
+"""Pictures of docs/laws-interface.md: `uv run python plugins/meeframe-laws/pictures/interface.py`.
 
 Each has the formula on the left and on the right what it does in a contact.
 """
@@ -88,23 +88,23 @@ def dmt(formula: Any, contact: Any) -> None:
     law, gap = DMT(work, z0), np.linspace(0.0, 1.5, 300) * NM
     formula.plot(gap / NM, law.adhesion(gap) / MPA, color=COLOURS[0], label="w = 50 mJ/m², $z_0$ = 0.3 nm")
     formula.set(xlabel="gap [nm]", ylabel="attraction [MPa]", ylim=(0.0, None))
-    unit, away = 2.0 * np.pi * work * radius, np.linspace(0.0, 2.5, 100)
-    bradley = [bradley_force(work, radius, way * z0, z0) / unit for way in away]
-    contact.plot(-away, bradley, "k--", linewidth=1.2, zorder=5, label="rigid bodies (Bradley)")
+    unit, distances = 2.0 * np.pi * work * radius, np.linspace(0.0, 2.5, 100)
+    bradley = [bradley_force(work, radius, approach * z0, z0) / unit for approach in distances]
+    contact.plot(-distances, bradley, "k--", linewidth=1.2, zorder=5, label="rigid bodies (Bradley)")
     for tabor, colour in zip((0.01, 0.15, 0.35), COLOURS, strict=False):
         modulus = np.sqrt(radius * work**2 / (tabor * z0) ** 3)
         system = quarter_half_space(modulus, 4.0 * np.sqrt(2.0 * radius * z0), 28)
-        ways, forces, start = np.linspace(-2.5, 1.5, 33), [], None
-        for way in ways:
-            problem = indentation_problem(system, paraboloid(system, radius), way * z0, law)
+        approaches, forces, start = np.linspace(-2.5, 1.5, 33), [], None
+        for approach in approaches:
+            problem = indentation_problem(system, paraboloid(system, radius), approach * z0, law)
             start = solved(problem, start)
             forces.append(-float(system.weights @ start.load[:, 2]) / unit)
-        contact.plot(ways, forces, ".-", markersize=4, color=colour, label=f"Tabor parameter {tabor:g}")
+        contact.plot(approaches, forces, ".-", markersize=4, color=colour, label=f"Tabor parameter {tabor:g}")
     contact.set(xlabel="approach / $z_0$", ylabel="force / $2\\pi R w$", ylim=(-1.2, 1.0))
 
 
 def dmt_coulomb(formula: Any, contact: Any) -> None:
-    """Limit over pressure; shear in the middle where all slips."""
+    """Plot the limit over pressure, and the shear in the middle in full slip."""
     p, offsets = np.linspace(0.0, 1.5, 100), (0.0, 0.2, 0.5)
     for offset, colour in zip(offsets, ("black", *COLOURS), strict=False):
         law = DMTCoulomb(0.2, offset * GPA)
@@ -173,9 +173,9 @@ def main() -> None:
         FigureCanvasAgg(figure)
         axes = figure.subplots(1, 2)
         draw(*axes)
-        for place in axes:
-            place.legend(fontsize=7.5, frameon=False)
-            place.grid(alpha=0.3)
+        for panel in axes:
+            panel.legend(fontsize=7.5, frameon=False)
+            panel.grid(alpha=0.3)
         figure.savefig(OUT / f"{name}.png", dpi=110, pil_kwargs={"optimize": True})
 
 

@@ -1,4 +1,4 @@
-"""Common sheet of the laws' pictures, with the formula on the left and a contact on the right."""
+"""Common layout of the pictures of laws, with the formula on the left and a contact on the right."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 
 def draw_sheets(pictures: Mapping[str, tuple[Callable[[Any, Any], None], str, str]], out: Path) -> None:
-    """Write a picture for each name: what draws on both axes, and their titles."""
+    """Write a picture for each name, from a function that draws on both axes and the titles of these."""
     out.mkdir(parents=True, exist_ok=True)
     for name, (draw, left, right) in pictures.items():
         figure = Figure(figsize=(8.6, 3.3), layout="constrained")

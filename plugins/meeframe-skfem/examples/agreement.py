@@ -32,8 +32,8 @@ def totals(case: meeframe.Case) -> Array:
     """Return the normal force [N], charge [C] and magnetic flux [Wb] at the end."""
     result = meeframe.solve_case(case)
     last = result.steps[-1]
-    found: Array = result.zone.weights @ np.column_stack([last.traction[:, 2], last.fluxes])
-    return found
+    resultants: Array = result.zone.weights @ np.column_stack([last.traction[:, 2], last.fluxes])
+    return resultants
 
 
 def main() -> None:

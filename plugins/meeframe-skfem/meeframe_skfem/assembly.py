@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
-from meeframe.plugin import N_FIELDS, Array, Indices, SurfaceElement
+from meeframe.plugin import Array, Indices, SurfaceElement
 from meeframe.plugin.surfaces import VOLUME_ORDER, gauss_rule, normal_vectors, shape_functions
 from meeframe_skfem.elements import cell_rule, tabulate
 from meeframe_skfem.volume import VolumeMesh
@@ -24,30 +24,30 @@ def stiffness_matrix(mesh: VolumeMesh, stiffness: Array) -> csr_array:
     mesh : VolumeMesh
         The volume mesh.
     stiffness : Array
-        Extended stiffness, (3, 5, 5, 3), in the units of the points.
+        Extended stiffness, (3, f, f, 3) of f fields, in the units of the points.
 
     Returns
     -------
     csr_array
-        K, (5 p, 5 p), with unknown 5 a + J.
+        K, (f p, f p), with unknown f a + J.
     """
-    n_points, (n_cells, n_nodes) = len(mesh.points), mesh.cells.shape
+    n_points, (n_cells, n_nodes), n_fields = len(mesh.points), mesh.cells.shape, stiffness.shape[1]
     keys_of_entries = (mesh.cells[:, :, None] * n_points + mesh.cells[:, None, :]).ravel()
     keys, number = np.unique(keys_of_entries, return_inverse=True)
     number = number.reshape(n_cells, -1)
-    blocks = np.zeros((N_FIELDS**2, len(keys)))
-    law = stiffness.transpose(0, 3, 1, 2).reshape(9, N_FIELDS**2)
-    step = max(1, _BATCH // (n_nodes**2 * N_FIELDS**2))
+    blocks = np.zeros((n_fields**2, len(keys)))
+    law = stiffness.transpose(0, 3, 1, 2).reshape(9, n_fields**2)
+    step = max(1, _BATCH // (n_nodes**2 * n_fields**2))
     for start in range(0, n_cells, step):
         batch = slice(start, start + step)
         entries = _products(mesh, mesh.cells[batch]) @ law
         indices = number[batch].ravel()
-        used, local = np.unique(indices, return_inverse=True)
-        for component in range(N_FIELDS**2):
-            blocks[component, used] += np.bincount(local, entries[:, component])
+        block_numbers, local = np.unique(indices, return_inverse=True)
+        for component in range(n_fields**2):
+            blocks[component, block_numbers] += np.bincount(local, entries[:, component])
     starts = np.searchsorted(keys, np.arange(n_points + 1) * n_points)
-    data = blocks.T.reshape(-1, N_FIELDS, N_FIELDS)
-    return csr_array(bsr_array((data, keys % n_points, starts), shape=(N_FIELDS * n_points,) * 2))
+    data = blocks.T.reshape(-1, n_fields, n_fields)
+    return csr_array(bsr_array((data, keys % n_points, starts), shape=(n_fields * n_points,) * 2))
 
 
 def gradients(nodes: Array, slopes: Array) -> tuple[Array, Array]:

@@ -54,11 +54,11 @@ def box_volume(body: Body, growth: float, outside: int | None, layers: int | Non
     if grid == "shells":
         return _shells(element, (normal, top, lines), (low, high), growth, outside)
     axes: list[Array] = [np.empty(0)] * 3
-    for axis, inside in lines.items():
-        steps = np.diff(inside)
-        before = graded_positions(inside[0] - low[axis], steps[0], growth, outside)
-        after = graded_positions(high[axis] - inside[-1], steps[-1], growth, outside)
-        axes[axis] = np.concatenate([inside[0] - before[::-1], inside, inside[-1] + after])
+    for axis, coordinates in lines.items():
+        steps = np.diff(coordinates)
+        before = graded_positions(coordinates[0] - low[axis], steps[0], growth, outside)
+        after = graded_positions(high[axis] - coordinates[-1], steps[-1], growth, outside)
+        axes[axis] = np.concatenate([coordinates[0] - before[::-1], coordinates, coordinates[-1] + after])
     depths = np.concatenate([[0.0], graded_positions(high[normal] - low[normal], _mean_step(lines), growth, layers)])
     axes[normal] = high[normal] - depths[::-1] if top else low[normal] + depths
     for axis in range(3):  # the exact corners of the box
@@ -68,7 +68,7 @@ def box_volume(body: Body, growth: float, outside: int | None, layers: int | Non
 
 
 def _mean_step(lines: dict[int, Array]) -> float:
-    return float(np.mean([np.diff(inside).mean() for inside in lines.values()]))
+    return float(np.mean([np.diff(coordinates).mean() for coordinates in lines.values()]))
 
 
 def _shells(
@@ -81,17 +81,17 @@ def _shells(
     """Return a mesh of shells; zone: axis of the normal, True at its upper end, grid lines; box: two corners."""
     (normal, top, lines), (low, high) = zone, box
     step = _mean_step(lines)
-    depths = step * np.arange(min(len(inside) for inside in lines.values()))
+    depths = step * np.arange(min(len(coordinates) for coordinates in lines.values()))
     axes = [lines.get(axis, high[axis] - depths[::-1] if top else low[axis] + depths) for axis in range(3)]
     first = np.array([axis[0] for axis in axes])
     last = np.array([axis[-1] for axis in axes])
-    room = np.delete(np.stack([first - low, high - last]).ravel(), normal + 3 * top)
-    if room.min() < step:
+    distances = np.delete(np.stack([first - low, high - last]).ravel(), normal + 3 * top)
+    if distances.min() < step:
         raise MeshError(
-            f"the cubes under the contact zone leave {room.min():.3g} m of the box, less than an "
+            f"the cubes under the contact zone leave {distances.min():.3g} m of the box, less than an "
             f'element of {step:.3g} m, so that no shells fit; allowed: grid = "tensor"'
         )
-    distance = float(room.mean())
+    distance = float(distances.mean())
     core = tensor_grid((axes[0], axes[1], axes[2]), HEX8)
     plane = core.points[:, normal] == (last if top else first)[normal]
     mesh = shells_around(core, low, high, graded_positions(distance, step, growth, outside) / distance, plane)
@@ -121,8 +121,8 @@ def graded_positions(distance: float, first: float, growth: float, count: int | 
     if distance <= COORDINATE_TOLERANCE * first:
         return np.empty(0)
     if count is None:
-        room = distance / first
-        min_count = np.log1p(room * (growth - 1)) / np.log(growth) if growth > 1 else room
+        ratio = distance / first
+        min_count = np.log1p(ratio * (growth - 1)) / np.log(growth) if growth > 1 else ratio
         count = max(1, math.ceil(min_count - 1e-9))
     return distance * geometric_fractions(distance, count, first)
 
@@ -135,10 +135,10 @@ def tensor_grid(axes: tuple[Array, Array, Array], element: VolumeElement) -> Vol
     shape = tuple(len(axis) for axis in half)
     points = np.stack(np.meshgrid(*half, indexing="ij"), axis=-1).reshape(-1, 3)
     corner = np.stack(np.meshgrid(*(2 * np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 1, 3)
-    places = corner + np.rint(2 * element.nodes).astype(np.int64)
-    cells = np.ravel_multi_index(tuple(places[..., axis] for axis in range(3)), shape)
-    used, numbers = np.unique(cells, return_inverse=True)
-    return VolumeMesh(points[used], numbers.reshape(cells.shape).astype(np.int64), element)
+    indices = corner + np.rint(2 * element.nodes).astype(np.int64)
+    cells = np.ravel_multi_index(tuple(indices[..., axis] for axis in range(3)), shape)
+    node_numbers, numbers = np.unique(cells, return_inverse=True)
+    return VolumeMesh(points[node_numbers], numbers.reshape(cells.shape).astype(np.int64), element)
 
 
 def _box(mesh: SurfaceMesh) -> tuple[Array, Array]:
@@ -149,8 +149,8 @@ def _box(mesh: SurfaceMesh) -> tuple[Array, Array]:
     tolerance = COORDINATE_TOLERANCE * float((high - low).max())
     deviation = np.minimum(np.abs(mesh.points - low), np.abs(mesh.points - high)).min(axis=1)
     if (deviation > tolerance).any():
-        place = mesh.points[deviation.argmax()]
-        raise MeshError(f"the body is not a box, since its surface has a point at {place} [m]; {_ALLOWED}")
+        position = mesh.points[deviation.argmax()]
+        raise MeshError(f"the body is not a box, since its surface has a point at {position} [m]; {_ALLOWED}")
     return low, high
 
 
@@ -168,11 +168,11 @@ def _zone_grid(
     lines = {axis: _distinct(points[..., axis].ravel(), tolerance) for axis in range(3) if axis != normal}
     # each cell of the grid is one element: their numbers agree, and each lies between neighbouring lines
     spans = []
-    for axis, inside in lines.items():
-        first, last = (np.abs(np.subtract.outer(end, inside)).argmin(axis=1) for end in _ends(points[..., axis]))
+    for axis, coordinates in lines.items():
+        first, last = (np.abs(np.subtract.outer(end, coordinates)).argmin(axis=1) for end in _ends(points[..., axis]))
         spans.append((first, last))
     cells = {(int(i), int(j)) for i, j in zip(spans[0][0], spans[1][0], strict=True)}
-    expected = int(np.prod([len(inside) - 1 for inside in lines.values()]))
+    expected = int(np.prod([len(coordinates) - 1 for coordinates in lines.values()]))
     square = all((last == first + 1).all() for first, last in spans)
     if not (square and len(cells) == len(points) == expected):
         raise MeshError(f"contact zone {group!r} is not a rectangular grid of elements; {_ALLOWED}")

@@ -1,7 +1,7 @@
 """From a matched body to its reduced system: assembly, one factorisation, condensation, recovery.
 
-Symbols: u values (p, 5) of the volume's points, f nodal forces, K stiffness, G flexibility of the zone's nodes, M mass
-matrix of its faces; all in units of the system (meeframe.formulations.dense_bem.layout.Units).
+Symbols: u values (p, fields) of the volume's points, f nodal forces, K stiffness, G flexibility of the zone's nodes, M
+mass matrix of its faces; all in units of the system (meeframe.formulations.dense_bem.layout.Units).
 """
 
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from meeframe.plugin import N_FIELDS, Array, NodalFields, Progress
+from meeframe.plugin import Array, NodalFields, Progress
 from meeframe.plugin.boundary_elements import NONE, Layout, Units
 from meeframe.plugin.surfaces import normal_vectors
 from meeframe_skfem.assembly import face_masses, gradients, stiffness_matrix
@@ -24,9 +24,9 @@ from meeframe_skfem.volume import VolumeMesh
 class FiniteElementSolution:
     """values = constant + respond(nodal forces on the zone), in units of the system.
 
-    mesh: the volume; stiffness: scaled, (3, 5, 5, 3); constant: (p, 5) values at zero load; respond: values (p, 5) of
-    nodal forces (n, 5) on the zone; flexibility: (5 n, 5 n) values of the zone's nodes by their forces, symmetric;
-    mass: (n, n) of the zone's faces, forces from fluxes.
+    mesh: the volume; stiffness: scaled, (3, fields, fields, 3); constant: (p, fields) values at zero load; respond:
+    values (p, fields) of nodal forces (n, fields) on the zone; flexibility: (fields n, fields n) values of the zone's
+    nodes by their forces, symmetric; mass: (n, n) of the zone's faces, forces from fluxes.
     """
 
     matched: MatchedBody
@@ -40,21 +40,24 @@ class FiniteElementSolution:
     mass: csr_array
 
     def zone_relation(self) -> tuple[Array, Array]:
-        """offset (n, 5) and compliance (n, 5, n, 5) of values on fluxes in the zone, SI units, global axes."""
-        n = len(self.matched.zone_points)
-        by_field = self.flexibility.reshape(N_FIELDS * n, n, N_FIELDS).transpose(0, 2, 1).reshape(-1, n)
-        loads = np.asarray(by_field @ self.mass).reshape(n, N_FIELDS, N_FIELDS, n).transpose(0, 1, 3, 2)
-        to_values, to_loads = self.units.values_si(np.ones(N_FIELDS)), self.units.fluxes(np.ones(N_FIELDS))
+        """Return offset (n, fields) and compliance (n, fields, n, fields) of values on fluxes in the zone.
+
+        SI units, global axes.
+        """
+        n, n_fields = len(self.matched.zone_points), self.constant.shape[1]
+        by_field = self.flexibility.reshape(n_fields * n, n, n_fields).transpose(0, 2, 1).reshape(-1, n)
+        loads = np.asarray(by_field @ self.mass).reshape(n, n_fields, n_fields, n).transpose(0, 1, 3, 2)
+        to_values, to_loads = self.units.values_si(np.ones(n_fields)), self.units.fluxes(np.ones(n_fields))
         compliance: Array = to_values[:, None, None] * loads * to_loads
         offset = self.constant[self.matched.nodes[self.matched.zone_points]]
         return self.units.values_si(offset), compliance
 
     def values(self, load: Array) -> Array:
-        """Values (p, 5) at the volume's points [SI] for loads (n, 5) on the zone [SI, global axes]."""
+        """Values (p, fields) at the volume's points [SI] for loads (n, fields) on the zone [SI, global axes]."""
         return self.units.values_si(self._values(load))
 
     def fields(self, load: Array) -> NodalFields:
-        """Fields on the boundary for loads (n, 5) on the zone [SI, global axes].
+        """Fields on the boundary for loads (n, fields) on the zone [SI, global axes].
 
         Fluxes are what is prescribed; where values are, they follow from the gradients in the cells beneath, as means
         over the faces of a patch.
@@ -78,17 +81,17 @@ class FiniteElementSolution:
         return self.constant + self.respond(self.mass @ self.units.fluxes(load))
 
     def _patch_fluxes(self, values: Array) -> Array:
-        """Fluxes (m, 5) of the gradients at the patches."""
+        """Fluxes (m, fields) of the gradients at the patches."""
         connectivity = self.layout.patches.connectivity[0].ravel()
-        total = np.zeros((len(self.layout.patches.point), N_FIELDS))
-        np.add.at(total, connectivity, self._face_fluxes(values).reshape(-1, N_FIELDS))
+        total = np.zeros((len(self.layout.patches.point), values.shape[1]))
+        np.add.at(total, connectivity, self._face_fluxes(values).reshape(-1, values.shape[1]))
         means: Array = total / np.bincount(connectivity)[:, None]
         return means
 
     def _face_fluxes(self, values: Array) -> Array:
-        """n_i C_iJKm u_K,m at the nodes of each boundary face, (f, k, 5)."""
+        """n_i C_iJKm u_K,m at the nodes of each boundary face, (f, k, fields)."""
         mesh, faces = self.mesh, self.matched.faces
-        fluxes = np.empty((*faces.nodes.shape, N_FIELDS))
+        fluxes = np.empty((*faces.nodes.shape, values.shape[1]))
         for local, nodes in enumerate(face_nodes(mesh.element)):
             own = np.flatnonzero(faces.local == local)
             cells = mesh.cells[faces.cell[own]]
@@ -109,21 +112,21 @@ def solve_body(
     mesh = replace(matched.volume, points=matched.volume.points / units.length)
     stiffness = units.scaling.scale_stiffness(matched.body.stiffness)
     matrix = stiffness_matrix(mesh, stiffness)
-    n_points, nodes = len(mesh.points), matched.nodes
-    values, free = np.zeros((n_points, N_FIELDS)), np.ones((n_points, N_FIELDS), bool)
+    n_points, n_fields, nodes = len(mesh.points), stiffness.shape[1], matched.nodes
+    values, free = np.zeros((n_points, n_fields)), np.ones((n_points, n_fields), bool)
     values[nodes], free[nodes] = layout.value_data, layout.value_column != NONE
-    forces = np.zeros((n_points, N_FIELDS))
+    forces = np.zeros((n_points, n_fields))
     _add_forces(forces, matched, mesh, layout)
     unknown, known = np.flatnonzero(free), np.flatnonzero(~free)
     rows = matrix[unknown]
-    zone = np.searchsorted(unknown, N_FIELDS * nodes[matched.zone_points][:, None] + np.arange(N_FIELDS)).ravel()
+    zone = np.searchsorted(unknown, n_fields * nodes[matched.zone_points][:, None] + np.arange(n_fields)).ravel()
     progress("factorisation", 0.0)
     solve, flexibility = condense(csr_array(rows[:, unknown]), zone, solver)
     progress("factorisation", 1.0)
     values.flat[unknown] = solve(forces.ravel()[unknown] - rows[:, known] @ values.ravel()[known])
 
     def respond(zone_forces: Array) -> Array:
-        rhs, response = np.zeros(len(unknown)), np.zeros((n_points, N_FIELDS))
+        rhs, response = np.zeros(len(unknown)), np.zeros((n_points, n_fields))
         rhs[zone] = zone_forces.ravel()
         response.flat[unknown] = solve(rhs)
         return response
@@ -133,7 +136,7 @@ def solve_body(
 
 
 def _add_forces(forces: Array, matched: MatchedBody, mesh: VolumeMesh, layout: Layout) -> None:
-    """Add int N_a N_b dS t_b of the prescribed fluxes to nodal forces (p, 5)."""
+    """Add int N_a N_b dS t_b of the prescribed fluxes to nodal forces (p, fields)."""
     block = matched.body.mesh.blocks[0]
     data = layout.flux_data[layout.patches.connectivity[0]]
     acting = np.flatnonzero(data.any(axis=(1, 2)))

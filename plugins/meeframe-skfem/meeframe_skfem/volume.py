@@ -161,8 +161,8 @@ def _convert(data: Any, length_unit: float) -> VolumeMesh:
     if cells.min() < 0 or cells.max() >= len(data.points):
         invalid = cells.min() if cells.min() < 0 else cells.max()
         raise MeshError(f"a cell has point number {invalid}; allowed: 0 to {len(data.points) - 1}")
-    used, numbers = np.unique(cells, return_inverse=True)
-    points = np.asarray(data.points, float)[used] * length_unit
+    point_numbers, numbers = np.unique(cells, return_inverse=True)
+    points = np.asarray(data.points, float)[point_numbers] * length_unit
     if points.shape[1] != 3 or not np.isfinite(points).all():
         raise MeshError("points are not finite and three-dimensional")
     return VolumeMesh(points, numbers.reshape(cells.shape).astype(np.int64), elements[types[0]])

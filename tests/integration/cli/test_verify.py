@@ -84,6 +84,7 @@ def half_space(tmp_path):
     return path
 
 
+@pytest.mark.full
 def test_a_half_space_by_all_that_take_it(half_space, tmp_path):
     """Boundary elements and Fourier transforms agree; finite elements refuse it; the limit is the closed form."""
     status, out, _ = invoke("verify", half_space, "--out", tmp_path / "out")

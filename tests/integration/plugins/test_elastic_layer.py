@@ -52,6 +52,7 @@ def test_the_plugin_imports_the_public_modules_alone():
     assert imported == ["meeframe.plugin"]
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("divisions", "material"), [(48, "batio3-cofe2o4"), ((33, 36), "orthotropic-mee")])
 def test_conformance(formulation, divisions, material):
     """All capabilities on even and odd grids, of media with and without symmetry about the normal."""

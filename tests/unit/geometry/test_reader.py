@@ -260,7 +260,7 @@ CLOSED = [("triangle", [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])]
         (
             "high.vtu",
             _mesh_file(np.zeros((10, 3)), [("VTK_LAGRANGE_TRIANGLE", [list(range(10))])]),
-            "cells of type '.*' are not among the element types: quad",
+            "cells of type '.*' are not supported; allowed: quad",
         ),
     ],
 )

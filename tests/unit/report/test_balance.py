@@ -54,7 +54,7 @@ def test_a_weight_is_what_is_missing(name):
     fields = faces(name, lambda points, normals: (points[:, 0] * normals[:, 0])[:, None] * weights)
     found, volume = unbalance(fields), EXTENT.prod()
     assert found.force == pytest.approx([3.0 * volume, 0.0, 0.0], abs=1e-12)
-    assert (found.charge, found.magnetic_flux) == (pytest.approx(-2.0 * volume), 0.0)
+    assert found.fluxes == pytest.approx([-2.0 * volume, 0.0])
     # pulled at both ends, the half of which is half of the whole
     assert found.relative == pytest.approx([2.0, 2.0, 0.0])
     (told,) = unbalance_warning(fields)

@@ -1,7 +1,8 @@
 """Collocation of the boundary integral equation: sums over quadrature points for one source at a time.
 
 Panels hold the coefficients of one source, value_panel (p, f^2) those of the value nodes and flux_panel (m, f^2) those
-of the flux nodes. Entry f J + K is the coefficient of field J at the node in the equation of field K.
+of the flux nodes. Entry f J + K is the coefficient of field J at the node in the equation of field K. The
+number f is known when the code is compiled where that pays: it is the length of a tuple of the fields.
 """
 
 from math import sqrt
@@ -87,14 +88,14 @@ class Accuracy(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
+def accumulate(fields, u, t, shape_weights, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
     """Add the kernels u, t (n, f^2) at quadrature points, times shape_weights (n, k), to the panels.
 
-    elements: (n,) element of each point, in runs of equal numbers; value_nodes, flux_nodes: (e, k). The integral of t
-    alone is added to total (f^2,).
+    fields: (0, ..., f - 1); elements: (n,) element of each point, in runs of equal numbers; value_nodes, flux_nodes:
+    (e, k). The integral of t alone is added to total (f^2,).
     """
     n_points, n_nodes = shape_weights.shape
-    entries = u.shape[1]
+    entries = len(fields) ** 2
     sum_u = np.zeros((n_nodes, entries))
     sum_t = np.zeros((n_nodes, entries))
     point = 0
@@ -181,6 +182,7 @@ def subtract_constant(total, mesh_points, shape, value_panel):
 
 @njit(cache=True, nogil=True)
 def enter_rows(
+    fields,
     rows,
     value_panel,
     flux_panel,
@@ -197,8 +199,9 @@ def enter_rows(
 
     Entries of matrix are set, those of load_matrix and rhs are added to: patches that meet in the contact zone share
     their load. rows: (fields,), negative for fields that are not collocated here; *_column, *_data: (nodes, fields).
+    fields: (0, ..., f - 1).
     """
-    n_fields = len(rows)
+    n_fields = len(fields)
     for node in range(len(value_column)):
         for j in range(n_fields):
             column = value_column[node, j]

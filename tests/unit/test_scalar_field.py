@@ -1,0 +1,247 @@
+"""A further scalar field, defined here, crosses the whole framework: a decoupled potential obeying Laplace's equation.
+
+Added to a magneto-electro-elastic body, it changes none of the other fields, and itself is what it is alone.
+"""
+
+import re
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+from meeframe_hmatrix import HierarchicalBEM
+from meeframe_skfem import FiniteElements
+from rich.console import Console
+
+from meeframe import load_case, solve_case
+from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
+from meeframe.contact.problem import ContactProblem, ContactState, Status
+from meeframe.elements import Quad4
+from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, ScalarField
+from meeframe.formulations.base import Formulation
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.material import Material, library_material
+from meeframe.mesh import block_mesh, half_space_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.plugin import registry as plugins
+from meeframe.results.figures import figures
+from meeframe.results.files import read_result, write_result
+from meeframe.results.records import resultants
+from meeframe.results.summary import summary, summary_table
+from meeframe.results.vtk import write_fields
+from meeframe.solvers import Auto, StoppingCriteria, solve
+from meeframe.system.reduced import ReducedSystem
+
+HEAT = ScalarField(
+    name="thermal",
+    value_name="temperature",
+    value_unit="K",
+    flux_name="heat_flux",
+    flux_unit="W/m^2",
+    resultant="heat",
+    resultant_unit="W",
+    coefficient="thermal_conductivity",
+    coefficient_unit="W/m/K",
+    conductance_unit="W/m^2/K",
+    strength_unit="K/m",
+)
+CONDUCTIVITY = np.array([[3.0, 0.2, 0.0], [0.2, 2.5, 0.1], [0.0, 0.1, 3.5]])
+LAWS = StepConductivity(1e-5), StepConductivity(0.4)
+KAPPA = 700.0
+POTENTIAL = 12.0
+FORMULATIONS: dict[str, Formulation] = {
+    "half-space": HalfSpace(matrix_up_to=0),
+    "half-space with a matrix": HalfSpace(matrix_up_to=10_000),
+    "dense-bem": DenseBEM(quadrature_tolerance=1e-8),
+}
+CRITERIA = StoppingCriteria(tolerance=1e-11)
+
+CASE = """
+title = "warm sphere"
+formulation = "half-space"
+[material]
+name = "isotropic"
+young_modulus = "200 GPa"
+poisson_ratio = 0.3
+thermal_conductivity = [[3.0, 0.2, 0.0], [0.2, "2.5 W/m/K", 0.1], [0.0, 0.1, 3.5]]
+[mesh]
+type = "half-space"
+contact_width = "4 mm"
+divisions = 15
+[contact.law]
+name = "isotropic-coulomb"
+mu = 0.3
+[conductivity]
+thermal = {name = "step", kappa = 700}
+[indenter]
+name = "sphere"
+radius = "100 mm"
+temperature = "10 K"
+[[steps]]
+approach = "15 um"
+[[steps]]
+heat = "2 mW"
+"""
+
+
+def reduced(formulation: Formulation, stiffness: Array, fields: FieldSet) -> ReducedSystem:
+    cells = 6 if isinstance(formulation, DenseBEM) else 15
+    mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (cells, cells), 3, Quad4())
+    return formulation.reduce(Body(stiffness, mesh, (), "contact", fields))
+
+
+def indentation(
+    system: ReducedSystem, fields: FieldSet, laws: Any, potentials: Any, drag: float = 0.0
+) -> ContactProblem:
+    x, y = system.points[:, :2].T
+    gap = (x**2 + y**2) / 0.2 - 2e-5
+    law = IsotropicCoulomb(0.3) if drag else Signorini()
+    slid = np.tile([drag, 0.0], (len(gap), 1))
+    return ContactProblem(
+        system, law, flux_channels(*laws, fields=fields), gap, slid, np.tile(potentials, (len(gap), 1))
+    )
+
+
+def solved(problem: ContactProblem) -> ContactState:
+    solution = solve(problem, Auto(), CRITERIA)
+    assert solution.status is Status.CONVERGED, solution.message
+    return solution.state
+
+
+def equal(one: Array, other: Array, tolerance: float = 1e-7) -> None:
+    np.testing.assert_allclose(one, other, rtol=0.0, atol=tolerance * np.abs(other).max(initial=1e-300))
+
+
+@pytest.mark.parametrize("drag", [0.0, 3e-6], ids=["frictionless", "friction"])
+@pytest.mark.parametrize("name", FORMULATIONS)
+def test_three_channels_are_two_and_a_scalar_alone(name: str, drag: float) -> None:
+    """The scalar alone is the electric potential of a body without coupling and with its coefficient as permittivity.
+
+    It crosses the contact that the coupled body makes: what is compared with has the gap and the law of that contact.
+    """
+    material = library_material("batio3-cofe2o4")
+    warm, formulation = material.with_field(HEAT, CONDUCTIVITY), FORMULATIONS[name]
+    fields = warm.fields
+    assert fields == FieldSet((*MEE.scalars, HEAT))
+    given = 2e3, -3.0
+    two = solved(indentation(reduced(formulation, material.stiffness, MEE), MEE, LAWS, given, drag))
+    system = reduced(formulation, warm.stiffness, fields)
+    laws = (*LAWS, StepConductivity(KAPPA))
+    three = solved(indentation(system, fields, laws, (*given, POTENTIAL), drag))
+    for column in range(MEE.size):
+        equal(three.load[:, column], two.load[:, column])
+        equal(three.displacement[:, column], two.displacement[:, column])
+    equal(three.contact_fraction, two.contact_fraction, 1e-5)
+    closed = three.load[:, 2] < 0.0
+    assert 5 < closed.sum() < len(closed)
+
+    other = replace(Material.isotropic(2e11, 0.3), permittivity=CONDUCTIVITY)
+    alone = reduced(formulation, other.stiffness, MEE)
+    flux = np.zeros((len(closed), MEE.size))
+    flux[:, 3] = three.load[:, -1]
+    equal(three.displacement[:, -1], alone.offset[:, 3] + alone.apply(flux)[:, 3], 1e-8)
+    drop = -three.displacement[:, -1] - POTENTIAL
+    equal(three.load[:, -1], np.where(closed, KAPPA * drop, 0.0))
+    assert np.abs(three.load[:, -1]).max() > 0.1 * KAPPA * POTENTIAL
+
+
+@pytest.mark.parametrize("name", FORMULATIONS)
+def test_a_field_set_may_have_one_scalar_alone(name: str) -> None:
+    """Elastic contact that conducts heat: the same with the scalar after the two of the default set, which rest."""
+    elastic = Material.isotropic(2e11, 0.3).with_field(HEAT, CONDUCTIVITY)
+    columns = [0, 1, 2, 5]
+    stiffness = np.ascontiguousarray(elastic.stiffness[:, columns][:, :, columns])
+    fields, formulation = FieldSet((HEAT,)), FORMULATIONS[name]
+    one = solved(indentation(reduced(formulation, stiffness, fields), fields, [StepConductivity(KAPPA)], (POTENTIAL,)))
+    system = reduced(formulation, elastic.stiffness, elastic.fields)
+    laws = [StepConductivity(kappa) for kappa in (0.0, 0.0, KAPPA)]
+    three = solved(indentation(system, elastic.fields, laws, (0.0, 0.0, POTENTIAL)))
+    equal(one.load, three.load[:, columns])
+    equal(one.displacement[:, MECHANICAL], three.displacement[:, MECHANICAL])
+    equal(one.displacement[:, POTENTIALS], three.displacement[:, 5:])
+    assert one.load[:, 3].any()
+
+
+def test_case_files_results_and_reports_show_it(tmp_path: Path) -> None:
+    """Its coefficient, law, potential and resultant are keys of a case file; everything that is written names it."""
+    registry = replace(plugins.load(), scalar_fields=(HEAT,))
+    (tmp_path / "warm.toml").write_text(CASE, encoding="utf-8")
+    case = load_case(tmp_path / "warm.toml", registry)
+    assert case.fields == FieldSet((*MEE.scalars, HEAT))
+    assert case.conductivity["thermal"] == StepConductivity(700.0)
+    assert (case.potentials["temperature"], case.steps[1].scalars) == (10.0, {"heat": 2e-3})
+    (tmp_path / "wrong.toml").write_text(CASE.replace("heat =", "heet ="), encoding="utf-8")
+    with pytest.raises(CaseError, match=r"steps\[2\].heet = '2 mW': unknown key; did you mean 'heat'\?"):
+        load_case(tmp_path / "wrong.toml", registry)
+    with pytest.raises(CaseError, match="unknown key 'thermal_conductivity' in material 'isotropic'"):
+        load_case(tmp_path / "warm.toml")
+
+    result = solve_case(case)
+    first, last = result.steps
+    assert (first.status, last.status) == (Status.CONVERGED, Status.CONVERGED)
+    assert first.loading.temperature == 10.0
+    assert resultants(result.zone, last).heat == pytest.approx(2e-3, rel=1e-8)
+    assert -resultants(result.zone, first).heat / first.loading.temperature > 0.0
+    drop = last.potentials[:, 2] - last.loading.temperature
+    equal(last.fluxes[:, 2], np.where(last.touching, 700.0 * drop, 0.0))
+
+    write_result(tmp_path, result)
+    read = read_result(tmp_path)
+    assert read.steps[1].fields == case.fields
+    np.testing.assert_array_equal(read.steps[1].fluxes, last.fluxes)
+    assert read.steps[1].loading.motion.tolist() == last.loading.motion.tolist()
+    with h5py.File(tmp_path / "result.h5") as file:
+        assert file["steps/0002/temperature"].attrs["units"] == "K"
+        assert file["steps/0002/heat_flux"].attrs["units"] == "W/m^2"
+        assert file["steps/0002/resultants/heat"][()] == pytest.approx(2e-3, rel=1e-8)
+    write_fields(tmp_path, read)
+    names = meshio.read(tmp_path / "fields.vtu").point_data
+    assert {"temperature [K]", "heat flux [W/m^2]"} <= set(names)
+    entry = summary(read)["steps"][1]
+    assert (entry["heat"], entry["prescribed"]) == (pytest.approx(2e-3, rel=1e-8), {"heat": [2e-3]})
+    assert {"temperature", "max_abs_temperature"} <= set(entry)
+    console = Console(width=160, record=True, file=StringIO())
+    console.print(summary_table(read))
+    table = console.export_text()
+    assert re.search(r"heat +│ W ", table)
+    assert re.search(r"temperature of the indenter +│ K ", table)
+    assert "temperature.png" in figures(read)
+
+
+def test_hierarchical_matrices_refuse_it() -> None:
+    warm = library_material("batio3-cofe2o4").with_field(HEAT, CONDUCTIVITY)
+    mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (6, 6), 3, Quad4())
+    with pytest.raises(CaseError, match="compiled for 5 fields, the body has 6"):
+        HierarchicalBEM().check(Body(warm.stiffness, mesh, (), "contact", warm.fields))
+
+
+@pytest.mark.parametrize(
+    "formulation", [FiniteElements(), DenseBEM(quadrature_tolerance=1e-8)], ids=["fem", "dense-bem"]
+)
+def test_a_finite_body_responds_field_by_field(formulation: Formulation) -> None:
+    """Its compliance is that of the coupled fields beside that of the scalar."""
+    material, other = library_material("pzt-4"), replace(Material.isotropic(2e11, 0.3), permittivity=CONDUCTIVITY)
+    mesh = block_mesh((0.01, 0.01), 0.01, (0.005, 0.005), (3, 3), 1, 2, Quad4())
+
+    def compliance(body_material: Material) -> Array:
+        fields = body_material.fields
+        grounded = tuple(BoundaryCondition("base", field, "value") for field in range(fields.size))
+        body = Body(body_material.stiffness, mesh, grounded, "contact", fields)
+        matrix = formulation.reduce(body).dense()
+        assert matrix is not None
+        return matrix
+
+    both, scalar = compliance(material.with_field(HEAT, CONDUCTIVITY)), compliance(other)[:, 3, :, 3]
+    coupled = compliance(material)
+    for field in np.ndindex(5, 5):
+        equal(both[:, field[0], :, field[1]], coupled[:, field[0], :, field[1]], 1e-6)
+    equal(both[:, 5, :, 5], scalar, 1e-6)
+    assert not both[:, 5, :, :5].any()
+    assert not both[:, :5, :, 5].any()
