@@ -195,34 +195,39 @@ class ContactSolution:
 class Solver(ABC):
     """An iteration on a ContactProblem; the fields of a concrete class are its case-file keys.
 
-    A solver is `init` and `step`, `check` if it does not take every problem, and `aimed` if it is the faster the less
-    is asked of it; nothing else: limits, history, the non-finite guard and the status belong to the driver loop in
-    meeframe.solvers.
+    A solver consists of `init` and `step`, and of `check` if it does not take every problem. Stopping criteria,
+    history, the guard against non-finite numbers and the status belong to the driver loop in meeframe.solvers.
     """
 
     check_interval: ClassVar[int] = 1
-    """Steps between two looks of the driver; more than one for solvers whose step costs less than such a look."""
+    """Steps between two evaluations by the driver; more than one for solvers whose step costs less than these."""
     stall_window: ClassVar[int] = 2_000
     """Steps within which the residual should fall by a tenth; fewer for solvers whose steps cost more."""
 
     def check(self, problem: ContactProblem) -> None:
-        """Raises CaseError for a problem that the solver does not take; by default it takes all.
+        """Raise CaseError for a problem that the solver does not take; by default it takes all.
 
         Asked before the body is reduced: the compliance of the problem's system is then zero.
         """
         return
 
     @abstractmethod
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
-        """First iterate; start is the converged state of the previous load step, or None."""
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
+        """Return the first iterate.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            Problem to solve.
+        start : ContactState or None
+            Converged state of the previous load step.
+        tolerance : float
+            Residual that is asked for; a solver need not do better.
+        """
 
     @abstractmethod
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """Next iterate. Must not change its arguments."""
-
-    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
-        """The first iterate, knowing which residual is asked for: none need do better. By default none cares."""
-        return iterate
+        """Return the next iterate, without changing the arguments."""
 
 
 def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:

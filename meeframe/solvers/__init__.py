@@ -3,11 +3,12 @@
 from meeframe.contact.residual import residual
 from meeframe.solvers.auto import Auto
 from meeframe.solvers.cg.projected_cg import ProjectedCG
-from meeframe.solvers.driver import StoppingCriteria, solve
+from meeframe.solvers.driver import solve
 from meeframe.solvers.edge_resolution import solve_to_edges
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.gradient.uzawa import Uzawa
 from meeframe.solvers.newton.method import SemismoothNewton
+from meeframe.solvers.stopping import StoppingCriteria
 
 __all__ = [
     "Auto",

@@ -47,16 +47,19 @@ STAGES: Final = (
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """stages: in force and to come; inner: iterate of the solver in force; best: smallest residual so far, of which
-    iterate; idle: steps since; scales: of the problem; aim: residual that is asked for, None if it is not known."""
+    """State between steps.
+
+    stages: in force and to come; inner: iterate of the solver in force; residual, best: smallest residual so far and
+    its iterate; idle: steps since; scales: of the problem; tolerance: residual that is asked for.
+    """
 
     stages: tuple[_Stage, ...]
     inner: Iterate
     residual: float
     best: Iterate
     scales: Scales
+    tolerance: float
     idle: int = 0
-    aim: float | None = None
 
 
 @final
@@ -73,18 +76,12 @@ class Auto(Solver):
 
     stall_window: ClassVar[int] = 240
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
-        """The converged state of the previous load step, or no load at all."""
-        return _begun(problem, _stages(problem), start, problem_scales(problem))
-
-    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
-        """See Solver: told to the stages, each in turn."""
-        memory = _memory(iterate)
-        inner = memory.stages[0].solver.aimed(memory.inner, residual)
-        return replace(inner, memory=replace(memory, inner=inner, aim=residual))
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
+        """Return the converged state of the previous load step, or no load at all."""
+        return _begin(problem, _stages(problem), start, problem_scales(problem), tolerance)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """One step of the stage in force; the next stage if it made none towards the solution for too long."""
+        """Take a step of the stage in force; begin the next stage if it has made no progress for too long."""
         memory = _memory(iterate)
         stage, inner = memory.stages[0], memory.inner
         for _ in range(stage.steps):
@@ -96,8 +93,8 @@ class Auto(Solver):
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
         grazing = not stage.grazing and bool(((inner.contact_fraction > 0.0) & (inner.contact_fraction < 1.0)).any())
         if grazing or memory.idle > stage.stall_window:
-            begun = _begun(problem, memory.stages[1:], evaluate(problem, memory.best), memory.scales)
-            return begun if memory.aim is None else self.aimed(begun, memory.aim)
+            best = evaluate(problem, memory.best)
+            return _begin(problem, memory.stages[1:], best, memory.scales, memory.tolerance)
         return replace(inner, memory=memory)
 
 
@@ -108,7 +105,7 @@ def _memory(iterate: Iterate) -> _Memory:
 
 
 def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
-    """All that may be tried, in this order."""
+    """Return all stages that may be tried, in this order."""
     if problem.system.dense() is not None or not takes(problem):
         return STAGES
     if conducting(problem) and not _resolves_edges(problem):
@@ -117,19 +114,21 @@ def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
 
 
 def _resolves_edges(problem: ContactProblem) -> bool:
-    """Whether edges lie between nodes, or are to once the problem has been solved
-    (meeframe.solvers.edge_resolution)."""
+    """Return whether contact edges lie between nodes, or will once the problem has been solved (edge_resolution)."""
     return problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None
 
 
-def _begun(problem: ContactProblem, stages: tuple[_Stage, ...], start: ContactState | None, scales: Scales) -> Iterate:
-    """The first of these stages, from its start."""
-    inner = stages[0].solver.init(problem, start)
-    return replace(inner, memory=_Memory(stages, inner, _residual(problem, inner, scales), inner, scales))
+def _begin(
+    problem: ContactProblem, stages: tuple[_Stage, ...], start: ContactState | None, scales: Scales, tolerance: float
+) -> Iterate:
+    """Begin the first of these stages."""
+    inner = stages[0].solver.init(problem, start, tolerance)
+    residual = _residual(problem, inner, scales)
+    return replace(inner, memory=_Memory(stages, inner, residual, inner, scales, tolerance))
 
 
 def _residual(problem: ContactProblem, iterate: Iterate, scales: Scales) -> float:
-    """Of the laws, by the solver itself if it knows."""
+    """Return the residual of the laws, from the solver itself if it estimates it."""
     known = iterate.estimate if iterate.estimate is not None else estimated_residual(iterate)
     if known is not None:
         return known

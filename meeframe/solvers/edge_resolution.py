@@ -8,7 +8,8 @@ import numpy as np
 from meeframe.contact.conduction import TOUCHING
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
 from meeframe.laws.base import contact_conductivity
-from meeframe.solvers.driver import StoppingCriteria, solve
+from meeframe.solvers.driver import solve
+from meeframe.solvers.stopping import StoppingCriteria
 from meeframe.system.capabilities import EdgeResolution, IndenterEdge
 from meeframe.system.edge_correction import correct_edge
 from meeframe.system.reduced import Progress, silent

@@ -31,7 +31,7 @@ class WrongSolver(Solver):
     def problem(self, problem: ContactProblem) -> ContactProblem:
         return problem
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         return INNER.init(self.problem(problem), start)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
@@ -244,7 +244,7 @@ class Reports(WrongSolver):
 
     change: Callable[[Iterate], Iterate]
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         inner = INNER.init(problem, start)
         return replace(self.change(inner), memory=inner)
 
@@ -267,7 +267,7 @@ def nearly_right(iterate: Iterate) -> Iterate:
 
 
 class ForgetsTheStart(WrongSolver):
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         return INNER.init(problem, None)
 
 
@@ -279,7 +279,7 @@ class ChangesItsArgument(WrongSolver):
 
 
 class ChangesTheStart(WrongSolver):
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         iterate = INNER.init(problem, start)
         if start is not None:
             start.contact_fraction[:] = 0.5
@@ -338,7 +338,7 @@ class MechanicalNewton(Solver):
 
     nodes: bool
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         load = np.zeros_like(problem.system.offset) if start is None else start.load
         return Iterate(load, np.asarray(load[:, 2] < 0.0, float))
 

@@ -46,7 +46,7 @@ def test_what_sticks_comes_back_without_loss() -> None:
 class Idle(Solver):
     """Does nothing."""
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         return Iterate(np.zeros((len(problem.gap), 5)), np.zeros(len(problem.gap)))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:

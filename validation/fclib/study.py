@@ -16,7 +16,7 @@ from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
 from meeframe.model.solve import reduce, solve_steps
 from meeframe.results.fclib import LocalSolution, natural_residual, write_local
-from meeframe.study.fclib import exchanged
+from meeframe.study.fclib import exchange_increment
 
 HERE: Final = Path(__file__).parent
 SAME: Final = 1e-9
@@ -98,7 +98,7 @@ def compare(bodies: tuple[Body, ...], solvers: tuple[str, ...] = SOLVERS) -> Ite
         for mu in body.coefficients:
             frictional = replace(case, contact_law=IsotropicCoulomb(mu))
             for step in solve_steps(frictional, system, boundary=False):
-                local, solution = exchanged(frictional, system, step)
+                local, solution = exchange_increment(frictional, system, step)
                 with tempfile.TemporaryDirectory() as folder:
                     path = Path(folder) / "problem.hdf5"
                     write_local(path, local)

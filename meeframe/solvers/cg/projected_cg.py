@@ -82,7 +82,7 @@ class ProjectedCG(Solver):
         """Raises CaseError as check_taken."""
         check_taken(problem)
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """The converged state of the previous load step, or what a coarser division gives, or no load at all.
 
         Raises CaseError as check_taken.

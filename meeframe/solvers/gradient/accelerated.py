@@ -103,7 +103,7 @@ class BarzilaiBorwein(Solver):
 
     check_interval: ClassVar[int] = 10
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
         return _init(problem, start, wary=False)
 
@@ -131,7 +131,7 @@ class Nesterov(Solver):
 
     check_interval: ClassVar[int] = 10
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
         return _init(problem, start, wary=True)
 

@@ -67,7 +67,7 @@ class Uzawa(Solver):
                 except ValueError as error:
                     raise CaseError(f"Uzawa: {name} = {value!r}: {error}, or 'auto'") from None
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
         n = len(problem.gap)
         conduction = Conduction.of(start, n)

@@ -14,7 +14,6 @@ from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, Array
 from meeframe.laws.base import attracts
-from meeframe.solvers.driver import StoppingCriteria
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.solvers.gradient.steps import start_load
 from meeframe.solvers.newton.coarse_start import improved_start
@@ -23,6 +22,7 @@ from meeframe.solvers.newton.linear import Inverse
 from meeframe.solvers.newton.moves import FLIPS, held_where_it_grazes, moved_by
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, has_parts, inset, kept_nodes
 from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.solvers.stopping import StoppingCriteria
 from meeframe.system.capabilities import diagonal
 
 FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
@@ -101,13 +101,10 @@ class SemismoothNewton(Solver):
 
     stall_window: ClassVar[int] = 40
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """The converged state of the previous load step, the solution on a coarser system, or no load at all."""
-        return _begun(problem, start, 0.0)
-
-    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
-        """See Solver."""
-        return replace(iterate, memory=replace(_memory(iterate), enough=ENOUGH * residual))
+        iterate = _begun(problem, start, 0.0)
+        return replace(iterate, memory=replace(_memory(iterate), enough=ENOUGH * tolerance))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One Newton step, a fraction of it, or a burst of gradient steps; none from where no law is violated."""

@@ -61,7 +61,7 @@ class Slow(Solver):
     log: str
     free: int
 
-    def init(self, problem, start):
+    def init(self, problem, start, tolerance=1e-10):
         held(self.log, self.free)
         note(self.log, f"solved {problem.gap.min():.6e} {problem.system.diagonal_blocks()[0, 0, 0]:.6e}")
         note_threads(self.log, "a point")

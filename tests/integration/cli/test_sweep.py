@@ -434,7 +434,7 @@ from meeframe.solvers import Uzawa
 
 @dataclass(frozen=True)
 class Noisy(Solver):
-    def init(self, problem, start):
+    def init(self, problem, start, tolerance=1e-10):
         return Uzawa().init(problem, start)
 
     def step(self, problem, iterate):

@@ -327,7 +327,7 @@ class AfraidOfTheVoid(Solver):
 
     inner: Solver = field(default_factory=SemismoothNewton)
 
-    def init(self, problem, start):
+    def init(self, problem, start, tolerance=1e-10):
         return self.astray(problem, self.inner.init(problem, start))
 
     def step(self, problem, iterate):
@@ -358,7 +358,7 @@ class Picky(Solver):
         if self.refuses == "rigid bodies" and not problem.system.diagonal_blocks().any():
             raise ZeroDivisionError("no compliance")
 
-    def init(self, problem, start):
+    def init(self, problem, start, tolerance=1e-10):
         return self.inner.init(problem, start)
 
     def step(self, problem, iterate):

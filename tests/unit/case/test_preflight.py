@@ -66,7 +66,7 @@ class Shallow(Solver):
         if problem.gap.min() < -15e-6:
             raise CaseError(f"solver 'shallow' at {problem.system.points[problem.gap.argmin()]}")
 
-    def init(self, problem, start):
+    def init(self, problem, start, tolerance=1e-10):
         raise NotImplementedError
 
     def step(self, problem, iterate):
@@ -88,7 +88,7 @@ class Selective(Shallow):
         if not isinstance(problem.law_of("electric"), StepConductivity):
             raise CaseError(f"solver 'selective' does not take {type(problem.law_of('electric')).__name__}")
 
-    def init(self, problem, start):
+    def init(self, problem, start, tolerance=1e-10):
         self.check(problem)
         assert problem.law_of("electric") == StepConductivity(1.0)
         return Uzawa().init(problem, start)

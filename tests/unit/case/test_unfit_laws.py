@@ -201,7 +201,7 @@ class Exploding(Solver):
 
     pressure: float
 
-    def init(self, problem, start):
+    def init(self, problem, start, tolerance=1e-10):
         return Iterate(np.zeros((N, 5)), np.zeros(N))
 
     def step(self, problem, iterate):

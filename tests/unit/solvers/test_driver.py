@@ -32,7 +32,7 @@ class MadeUp(Solver):
 
     kind: str
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         n = len(problem.gap)
         return Iterate(np.zeros((n, 5)), np.zeros(n), 0)
 

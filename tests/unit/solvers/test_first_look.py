@@ -53,12 +53,9 @@ class Guessing(Solver):
     before: list[int] = field(default_factory=list)
     aims: list[float] = field(default_factory=list)
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
+        self.aims.append(tolerance)
         return self._at(0)
-
-    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
-        self.aims.append(residual)
-        return iterate
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         self.before.append(len(products(problem)))
@@ -161,13 +158,10 @@ class Watched(Solver):
     solver: Solver
     between: list[int] = field(default_factory=list)
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
-        iterate = self.solver.init(problem, start)
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
+        iterate = self.solver.init(problem, start, tolerance)
         self.between.append(len(products(problem)))
         return iterate
-
-    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
-        return self.solver.aimed(iterate, residual)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         self.between.append(len(products(problem)))

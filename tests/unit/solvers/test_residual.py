@@ -54,7 +54,7 @@ class Sure(Solver):
 
     state: ContactState
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         return Iterate(self.state.load, self.state.contact_fraction, motion=self.state.motion, estimate=0.0)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:

@@ -264,7 +264,7 @@ def test_converged_state_is_taken_up_and_unloaded(sphere) -> None:
 class Motionless(Solver):
     """Knows nothing of free motions."""
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         return Iterate(np.zeros_like(problem.system.offset), np.zeros(len(problem.gap)))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:

@@ -165,7 +165,7 @@ def test_contact_beside_a_part_is_found_with_the_solution_there(monkeypatch: pyt
     with monkeypatch.context() as given:
         given.setattr(newton, "inset", halved)
         given.setattr(ContactNeighbourhood, "has_contact_outside", elsewhere)
-        iterate = solver.aimed(solver.init(problem, None), LIMITS.tolerance)
+        iterate = solver.init(problem, None, LIMITS.tolerance)
         memory = newton._memory(iterate)
         assert memory.inset is not None
         while memory.inset is not None and len(solved) < 20:

@@ -234,7 +234,7 @@ def test_newton_without_newton_steps_still_converges(sphere, monkeypatch) -> Non
 class Restless(Solver):
     """Wanders about and never gets anywhere."""
 
-    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         return Iterate(np.zeros_like(problem.system.offset), np.zeros(len(problem.gap)), 0)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
