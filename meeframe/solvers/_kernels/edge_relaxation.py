@@ -15,15 +15,15 @@ FRACTION_STEPS = 3
 
 @njit(cache=True, nogil=True)
 def number_edge(pressed, reach, periodic, number):
-    """Number the nodes at most `reach` spacings from one of the other kind (pressed or not), and return their count.
+    """Assign numbers to the nodes at most `reach` spacings from one of the other kind, and return their count.
 
-    pressed: (nx, ny); number: (nx, ny) receives the numbers of the nodes, row after row, and -1 elsewhere.
+    pressed: (nx, ny) the two kinds; number: (nx, ny) receives the numbers, row after row, and -1 elsewhere.
     """
     nx, ny = pressed.shape
     number[:] = -1
     for i in range(nx):
         for j in range(ny):
-            # the nearest one of the other kind has a neighbour of this kind
+            # the nearest node of the other kind has a neighbour of this kind
             if not (
                 _differs(pressed, i, j, i - 1, j, periodic)
                 or _differs(pressed, i, j, i + 1, j, periodic)

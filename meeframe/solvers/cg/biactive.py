@@ -101,7 +101,7 @@ class Grazing:
         return np.asarray(fraction)
 
     def _rise(self, moved: Array, nodes: Indices) -> Array:
-        """Return the increments of the trials of nodes (k,) with known slopes under increments of the fractions (n,)."""
+        """Return the increments of the trials of nodes (k,) with known slopes when the fractions change by (n,)."""
         rise = self.slope[nodes] * moved[nodes]
         for by, along in self.changes:
             rise += by[nodes] * float(along @ moved)

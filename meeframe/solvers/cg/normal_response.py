@@ -62,7 +62,7 @@ class NormalResponse(ABC):
 
     @abstractmethod
     def at(self, pressure: Array, near: Effect) -> Effect:
-        """Return gap, flux and motion at a pressure (n,), starting from a nearby effect, whose indenter motion is taken over."""
+        """Return the effect of a pressure (n,), given a nearby effect, whose indenter motion is used."""
 
     @abstractmethod
     def change(self, pressure: Array) -> Effect:
@@ -94,11 +94,14 @@ class NormalResponse(ABC):
 
     @abstractmethod
     def touched_again(self, gap: Array) -> bool:
-        """Return true if nodes that ceased to conduct at the last update of the conduction overlap by their gap (n,)."""
+        """Return true if nodes overlap, by their gap (n,), that ceased to conduct at the last update."""
 
     @abstractmethod
     def updated(self, pressure: Array, effect: Effect) -> "NormalResponse":
-        """Return the response with the conduction that belongs to a pressure (n,) and its effect; self if nothing changes."""
+        """Return the response with the conduction that belongs to a pressure (n,) and its effect.
+
+        Responses without conduction return themselves.
+        """
 
 
 def load_of(pressure: Array, flux: Array) -> Array:

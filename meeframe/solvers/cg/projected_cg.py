@@ -92,7 +92,7 @@ class ProjectedCG(Solver):
         check_taken(problem)
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
-        """Return the converged state of the previous load step, the solution on a coarser division, or a state without load.
+        """Return the converged state of the previous load step, that of a coarser division, or one without load.
 
         Raises CaseError as check_taken.
         """
