@@ -111,7 +111,7 @@ class SemismoothNewton(Solver):
     stall_window: ClassVar[int] = 40
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
-        """Return the converged state of the previous load step, the solution on a coarser system, or a state without load."""
+        """Return the converged state of the previous load step, that of a coarser system, or one without load."""
         iterate = _begun(problem, start, 0.0)
         return replace(iterate, memory=replace(_memory(iterate), enough=ENOUGH * tolerance))
 
@@ -190,7 +190,7 @@ def _anew(memory: _Memory, point: Point, flips: Array) -> _Memory:
 
 
 def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
-    """Return the state on the neighbourhood of the contact if there is one; on the whole zone once that has converged."""
+    """Return the state on the neighbourhood of the contact, if any; on the whole zone once that has converged."""
     point, part = memory.point, memory.inset
     if part is not None:
         return _on_whole(problem, memory, part) if point.judged <= memory.enough else memory

@@ -251,7 +251,7 @@ def _own_response(rows: Rows) -> NodeBlocks:
 
 
 def _asked(rows: Rows, own: NodeBlocks, asking: Mask) -> NodeBlocks:
-    """Return the displacements (l, c), in the fields of the loads, prescribed by right-hand sides (r, c) of the rows (l, c).
+    """Return the displacements (l, c) that right-hand sides (r, c) of the rows (l, c) prescribe in the fields of the loads.
 
     They are those that loads cause at their own node if they satisfy its rows alone.
     """

@@ -56,7 +56,7 @@ FRACTION: Final = -1
 FLUX_ROWS: Final = slice(N_MECHANICAL, FRACTION)
 """Rows of the fluxes in arrays of equations or unknowns."""
 FARTHEST: Final = 4.0
-"""Largest motion of the indenter in a step, relative to its present motion: nothing else would limit it in full slip."""
+"""Largest motion of the indenter in a step, relative to its present one: nothing else would limit it in full slip."""
 NARROWEST: Final = 1e-12
 """Smallest width of the transition of a biactive node from open to closed, relative to the characteristic pressure."""
 ROUNDED: Final = 1e-6
@@ -153,7 +153,10 @@ class Equation:
         return self.beside(load, self.ahead(load, motion), contact_fraction, grazing, motion)
 
     def ahead(self, load: Array, motion: Array) -> Array:
-        """Return the displacement (n, fields) of the indenter relative to the body at a load (n, fields) and motion (m,)."""
+        """Return the displacement (n, fields) of the indenter relative to the body at a load and a motion.
+
+        load: (n, fields); motion: (m,).
+        """
         return self._ahead_of(self.problem.system.apply(load), motion)
 
     def roughly_ahead(self, load: Array, motion: Array) -> tuple[Array, float]:
@@ -176,7 +179,10 @@ class Equation:
         return float((largest / self.weighed).max())
 
     def beside(self, load: Array, ahead: Array, contact_fraction: Array, grazing: Mask, motion: Array) -> "Point":
-        """Return the equation as `at` does, with known displacement (n, fields) of the indenter relative to the body."""
+        """Return the equation as `at` does, with known displacement of the indenter relative to the body.
+
+        ahead: (n, fields) that displacement.
+        """
         law = self.problem.contact_law
         gap = ahead[:, MECHANICAL]
         trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
@@ -324,15 +330,15 @@ class Point:
 
     @cached_property
     def judged(self) -> float:
-        """Violation as evaluated independently in meeframe.contact.residual."""
+        """Violation of the laws in the measure of the independent residual, meeframe.contact.residual."""
         return float(max(self.violation, self.judged_nodes.max(initial=0.0)))
 
     @cached_property
     def judged_nodes(self) -> Array:
-        """Violation by fluxes and contact fractions at the nodes (n,), as evaluated in meeframe.contact.residual.
+        """Violation by fluxes and contact fractions at the nodes (n,), in the measure of meeframe.contact.residual.
 
-        The error of a potential drop across the contact counts as if the body had the compliance of the whole contact,
-        not that of a node, and fractions count by themselves.
+        The part of a potential drop that the fluxes leave counts as if the body had the compliance of the whole
+        contact, not that of a node, and fractions count by themselves.
         """
         scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.grazing)
         compliance = np.diag(scales.compliance)[POTENTIALS]
