@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.contact.conduction import Mask
 from meeframe.fields import N_MECHANICAL, Array, Indices
@@ -168,7 +168,7 @@ def _beside(rows: Rows, asking: Mask) -> dict[int, tuple[Indices, Prolongation]]
         elif there.size:
             inverse = rows.equation.problem.system.capability(ApproximateInverse)
             extension = None if inverse is None else inverse.prolongation(rows.nodes[there])
-            if extension is None:  # for all or none
+            if extension is None:  # prolongations for all fields or for none
                 return {}
             found[place] = there, extension
     return found
@@ -251,9 +251,10 @@ def _own_response(rows: Rows) -> NodeBlocks:
 
 
 def _asked(rows: Rows, own: NodeBlocks, asking: Mask) -> NodeBlocks:
-    """Return the displacements (l, c) that right-hand sides (r, c) of the rows (l, c) prescribe in the fields of the loads.
+    """Return the displacements (l, c), in the fields of the loads, that right-hand sides (r, c) prescribe.
 
-    They are those that loads cause at their own node if they satisfy its rows alone.
+    The right-hand sides are those of the rows `asking` (l, c). The displacements are those that loads cause at their
+    own node if they satisfy its rows alone.
     """
     places = [rows.asked.index(field) for field in rows.fields]
     causes = [own.entry(asked, place) for place, asked in enumerate(places)]

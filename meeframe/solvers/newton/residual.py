@@ -27,7 +27,7 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.contact.conduction import Mask, follows_gap, switch
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
