@@ -1,7 +1,7 @@
-"""Relaxation of nodes at the edge of a contact that conducts: pressures, fluxes and closed fractions, node by node.
+"""Relaxation of the nodes at the edge of a conducting contact: pressures, fluxes and contact fractions, node by node.
 
-Nodes lie on a lattice, and what a load causes depends on how many places away it is. Only nodes near the edge take
-part, and of their loads only what these cause a few places around: everything else stays as it is.
+Nodes lie on a lattice, so that the displacement caused by a load depends on the lattice offset alone. Only nodes near
+the contact edge take part, and their loads act only on nodes a few spacings away: everything else stays unchanged.
 """
 
 import numpy as np
@@ -10,20 +10,20 @@ from numba import njit
 NORMAL = 2
 """Column of the normal displacement and traction, before those of the potentials."""
 FRACTION_STEPS = 3
-"""Secant steps for a closed fraction: the gap is nearly linear in it."""
+"""Number of secant steps for a contact fraction: the gap is nearly linear in it."""
 
 
 @njit(cache=True, nogil=True)
 def number_edge(pressed, reach, periodic, number):
-    """Count the nodes at most `reach` spacings from one of the other kind, pressed or not, (nx, ny): how many.
+    """Assign numbers to the nodes at most `reach` spacings from one of the other kind, and return their count.
 
-    number: (nx, ny) their numbers, -1 elsewhere; one row after the other.
+    pressed: (nx, ny) the two kinds; number: (nx, ny) receives the numbers, row after row, and -1 elsewhere.
     """
     nx, ny = pressed.shape
     number[:] = -1
     for i in range(nx):
         for j in range(ny):
-            # the nearest one of the other kind has a neighbour of this kind
+            # the nearest node of the other kind has a neighbour of this kind
             if not (
                 _differs(pressed, i, j, i - 1, j, periodic)
                 or _differs(pressed, i, j, i + 1, j, periodic)
@@ -47,7 +47,7 @@ def number_edge(pressed, reach, periodic, number):
 
 @njit(cache=True, nogil=True)
 def _differs(pressed, i, j, k, m, periodic):
-    """Whether there is a node (k, m), and of another kind than (i, j)."""
+    """Return true if the node (k, m) exists and is of another kind than (i, j)."""
     nx, ny = pressed.shape
     if not (0 <= k < nx and 0 <= m < ny):
         if not periodic:
@@ -60,13 +60,14 @@ def _differs(pressed, i, j, k, m, periodic):
 def relax_edge(
     number, places, periodic, responses, conducting, insulating, slips, load, ahead, contact_fraction, sweeps, settled
 ):
-    """Sweep to and fro over m nodes; give each the load at which it satisfies the laws beside the others.
+    """Sweep back and forth over m nodes and give each the load that satisfies the laws with the other loads fixed.
 
     number: (nx, ny) of the nodes at their places (m, 2), -1 of the others; responses: (2 s + 1, 2 s + 1, fields,
-    fields) of a node to the load of another, by the places from that to this one; conducting, insulating: (m, channels)
-    transmissivities when closed and open; slips: (m,) whose tangential load follows the pressure; load (m, fields),
-    ahead (m, fields) of the indenter over the body, but for its tangential part, and contact_fraction (m,) are changed;
-    settled: a sweep that does no more of the work of the greatest one is the last.
+    fields) of a node to the load of another, by the lattice offset from that to this one; conducting, insulating: (m,
+    channels) transmissivities when closed and open; slips: (m,) nodes whose tangential load follows the pressure; load
+    (m, fields), ahead (m, fields), the displacement of the indenter relative to the body (its tangential part is not
+    updated), and contact_fraction (m,) are changed; settled: the last sweep is the first one whose work is at most this
+    fraction of that of the greatest sweep.
     """
     nx, ny = number.shape
     n_fields = load.shape[1]
@@ -120,12 +121,13 @@ def relax_edge(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def alone(rest, own, conducting, insulating, opened, found, work_space):
-    """Find pressure, fluxes and contact fraction, found (channels + 2,), of a node ahead by `rest` without them.
+    """Compute pressure, fluxes and contact fraction of one node with the loads of all others fixed.
 
-    rest: (channels + 1,) normal and of the potentials; work_space: (channels + 4, channels + 1), its last row
-    zero. An open node that may
-    stay open does so, since both may satisfy the laws. Where an insulated node overlaps and a conducting one is apart,
-    the fraction is that at which they touch.
+    rest: (channels + 1,) normal and potential displacement of the indenter relative to the body, without the loads of
+    the node; found: (channels + 2,) receives the result; work_space: (channels + 4, channels + 1), its last row zero.
+
+    An open node that may stay open does so, since both states may satisfy the laws. Where the node would overlap if
+    insulated and be apart if conducting, the contact fraction is that at which the surfaces just touch.
     """
     n_channels = len(rest) - 1
     equations, nothing = work_space[:n_channels], work_space[n_channels + 3]
@@ -161,10 +163,11 @@ def alone(rest, own, conducting, insulating, opened, found, work_space):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gap_of_fluxes(rest, own, transmissivity, pressure, flux, equations):
-    """Fill flux (channels,) of a node under a pressure, own flux = T (drop without it), and return the gap with it.
+    """Fill in the fluxes of a node under a given pressure and return its gap with them.
 
-    The gap is without the displacement due to the pressure itself. equations: scratch (channels, channels + 1).
-    Elimination needs no pivots: rows are those of a matrix with positive-definite symmetric part, times T.
+    flux: (channels,) solves own flux = T (drop without it). The gap excludes the displacement due to the pressure
+    itself. equations: scratch (channels, channels + 1). Elimination needs no pivots: rows are those of a matrix with
+    positive-definite symmetric part, times T.
     """
     n = len(rest) - 1
     for row in range(n):

@@ -1,7 +1,7 @@
-"""Products of small matrices at many nodes with vectors, by the entries that are there.
+"""Products of small matrices at many nodes with vectors, by their nonzero entries.
 
-Entry k, (c,) at c nodes, is that of rows[k] and columns[k]; vectors are (., c). All entries pass by once, part after
-part of the nodes, whose vectors stay near the processor meanwhile.
+Entry k, (c,) at c nodes, belongs to row rows[k] and column columns[k]; vectors are (., c). The nodes are processed in
+parts, all entries of a part in turn, so that the vectors of the part stay in cache.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ def _multiply(entry, vector, to):
 
 @njit(cache=True, nogil=True)
 def add_products(rows, columns, entries, vectors, to):
-    """to += products of entries (k, c) with vectors (., c)."""
+    """Add to `to` the products of the entries (k, c) with vectors (., c)."""
     for start in range(0, entries.shape[1], PART):
         end = start + PART
         for k in range(len(rows)):
@@ -27,7 +27,7 @@ def add_products(rows, columns, entries, vectors, to):
 
 @njit(cache=True, nogil=True)
 def add_products_at(rows, columns, entries, vectors, nodes, to):
-    """As add_products, of vectors (., n) of n nodes at those c of them that the entries are of, (c,)."""
+    """Add to `to` the products of the entries (k, c) with vectors (., n) taken at c of the n nodes, numbered (c,)."""
     there = np.empty((vectors.shape[0], PART), vectors.dtype)
     for start in range(0, len(nodes), PART):
         end = start + PART
@@ -42,7 +42,7 @@ def add_products_at(rows, columns, entries, vectors, nodes, to):
 
 @njit(cache=True, nogil=True)
 def spread_products(rows, columns, entries, vectors, nodes, to):
-    """to (., n) of n nodes = products of entries (k, c) with vectors (., c) at c of them, (c,)."""
+    """Set `to` (., n) at c of the n nodes, numbered (c,), to the products of the entries (k, c) with vectors (., c)."""
     here = np.empty((to.shape[0], PART), to.dtype)
     for start in range(0, len(nodes), PART):
         end = start + PART
@@ -58,7 +58,7 @@ def spread_products(rows, columns, entries, vectors, nodes, to):
 
 @njit(cache=True, nogil=True)
 def spread(values, units, nodes, to):
-    """to (., n) of n nodes = units (l,) times values (., c) at c of them, (c,)."""
+    """Set `to` (., n) at c of the n nodes, numbered (c,), to the units (l,) times the values (., c)."""
     for j in range(len(units)):
         value, out = values[j], to[j]
         for i in range(len(nodes)):
@@ -67,7 +67,7 @@ def spread(values, units, nodes, to):
 
 @njit(cache=True, nogil=True)
 def turn(first, second, cosine, sine):
-    """Two components along axes turned by angles, (c,) each."""
+    """Return two components (c,) along axes rotated by the angles of these cosines and sines (c,)."""
     along, across = np.empty_like(first), np.empty_like(first)
     for i in range(len(first)):
         along[i] = cosine[i] * first[i] + sine[i] * second[i]

@@ -1,4 +1,4 @@
-"""Products of the responses of nodes on a lattice to each other, by how many places lie between them."""
+"""Products with the responses of lattice nodes to each other, which depend on the lattice offset alone."""
 
 import numpy as np
 from numba import njit
@@ -6,9 +6,10 @@ from numba import njit
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def neighbours(number, places, periodic, reach):
-    """From which of m nodes each is how many places away along both axes, (m, (2 reach + 1)^2); m where there is none.
+    """Return for each of m nodes the neighbour at every lattice offset, (m, (2 reach + 1)^2), m where there is none.
 
-    number: (nx, ny) of the nodes at their places (m, 2), -1 of the others.
+    number: (nx, ny) of the nodes at their places (m, 2), -1 of the others. Offsets are those from the neighbour to the
+    node.
     """
     nx, ny = number.shape
     m, width = len(places), 2 * reach + 1
@@ -26,9 +27,9 @@ def neighbours(number, places, periodic, reach):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def stencil_products(around, responses, load, found):
-    """found = what loads (m + 1, 2) of m nodes, the last one zero, cause at these nodes alone, (m, 2).
+    """Set `found` (m, 2) to the displacements that the loads of m nodes cause at these nodes.
 
-    around: (m, k) of `neighbours`; responses: (k, 2, 2) to them.
+    around: (m, k) of `neighbours`; responses: (k, 2, 2) to them; load: (m + 1, 2), its last row zero.
     """
     for node in range(len(around)):
         x = y = 0.0

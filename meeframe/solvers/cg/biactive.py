@@ -1,4 +1,4 @@
-"""Nodes that graze: they lift off where they conduct and touch where they do not (see meeframe.contact.conduction)."""
+"""Biactive nodes: they open when they conduct and close when they do not (see meeframe.contact.conduction)."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -9,30 +9,35 @@ from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
 
 TELLING: Final = 0.5
-"""Move of a closed fraction that tells the slope of its own trial: beside a smaller one others' moves count for more,
-and a slope that is theirs would be so steep that the node never moved again."""
+"""Smallest change of a contact fraction from which the slope of the node's own trial is determined.
+
+With a smaller change those of other nodes dominate, and a slope due to them would be so steep that the node never moved
+again.
+"""
 LEAST_MOVE: Final = 1e-12
-"""Of all that graze together, which tells how their trials follow: smaller ones tell round-off."""
+"""Smallest norm of the changes of all biactive fractions for a derivative update: smaller ones show round-off only."""
 REMEMBERED: Final = 50
-"""Looks of which derivatives are kept."""
+"""Largest number of derivative updates that are stored."""
 WORSE: Final = 3.0
-"""Times as large trials: what was found of their derivatives does not hold there."""
+"""Growth factor of the norm of the trials beyond which earlier derivatives are discarded."""
 ROUNDS: Final = 3
-"""Of the search for the nodes that graze: at those that leave the others, the equations are solved without them."""
+"""Largest number of rounds in the search for the biactive nodes; each solves again without the nodes that have left."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grazing:
-    """How the trial tractions of nodes follow their closed fractions; for iterations that know the contact at each.
+    """Model of the trial tractions of nodes as functions of their contact fractions.
 
-    A node conducts when it has traction. Where that has made it lift off, and not conducting touch, its trial traction
-    grows with the fraction between, nearly linearly. A first secant tells how, node by node, while all around it do the
-    same; Broyden's updates tell what each of those that graze has to do with the others.
+    It serves iterations that know the contact at each fraction. A node conducts when it has traction. Where that opens
+    it, and not conducting closes it, its trial traction grows with the fraction between, nearly linearly. A first
+    secant gives the slope, node by node, while all nodes around do the same; Broyden's updates add the coupling between
+    biactive nodes.
 
     Source: Broyden, Math. Comput. 19 (1965) 577.
 
-    closed, trial: (n,) when last looked at, no number at first; slope: (n,) of the trial over the fraction, where it
-    was found to grow; changes: of these derivatives, (n,) by (n,) vectors, one pair for each look.
+    contact_fraction, trial: (n,) at the last evaluation, NaN at first; slope: (n,) of the trial over the fraction,
+    where it was found to grow; changes: updates of these derivatives, pairs of (n,) by (n,) vectors, one for each
+    evaluation.
     """
 
     contact_fraction: Array
@@ -42,13 +47,14 @@ class Grazing:
 
     @classmethod
     def unknown(cls, n: int) -> "Grazing":
-        """Of n nodes at the beginning."""
+        """Return the model of n nodes before any evaluation."""
         return cls(*np.full((3, n), np.nan))
 
     def next(self, contact_fraction: Array, trial: Array) -> "Grazing":
-        """After the trial tractions (n,) at closed fractions (n,): anew if these grew, or hardly anything moved.
+        """Return the model after evaluating the trial tractions (n,) at contact fractions (n,).
 
-        From the beginning if trials are no numbers, which laws may answer on the way.
+        Derivatives are discarded if the trials grew, and not updated if hardly anything moved. The model starts again
+        from the beginning if trials are not finite, which laws may return during the iteration.
         """
         if not np.isfinite(trial).all():
             return Grazing.unknown(len(contact_fraction))
@@ -59,7 +65,7 @@ class Grazing:
         with np.errstate(divide="ignore", invalid="ignore"):
             found = rise / moved
         grows = (np.abs(moved) > TELLING) & (found > 0.0)
-        # a slope that sends a node from one end to the other is none of its own, and no update would ever see it
+        # a slope that moves a node from one end to the other is due to other nodes, and no update would correct it
         thrown = np.abs(moved) == 1.0
         slope = np.where(grows & (astray | ~known | thrown), found, self.slope)
         size = float(moved[nodes] @ moved[nodes])
@@ -70,7 +76,7 @@ class Grazing:
         return Grazing(contact_fraction, trial, slope, (*self.changes, (by, along))[-REMEMBERED:])
 
     def fractions(self, touching: Mask) -> Array:
-        """Closed fractions (n,) to go on with, of nodes that touch or not (n,)."""
+        """Return the next contact fractions (n,), given which nodes touch (n,)."""
         known = self.slope > 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             fraction = np.where(known, np.clip(self.contact_fraction - self.trial / self.slope, 0.0, 1.0), touching)
@@ -80,13 +86,13 @@ class Grazing:
                 break
             moved = fraction - self.contact_fraction
             moved[nodes] = 0.0
-            # the slopes, and a matrix of low rank beside them (Sherman, Morrison and Woodbury)
+            # the slopes plus a matrix of low rank (Sherman, Morrison and Woodbury)
             by, along = (np.array([part[nodes] for part in parts]) for parts in zip(*self.changes, strict=True))
             step = (self.trial[nodes] + self._rise(moved, nodes)) / self.slope[nodes]
             by = by / self.slope[nodes]
             step -= np.linalg.lstsq(np.eye(len(by)) + along @ by.T, along @ step, rcond=None)[0] @ by
             found = np.clip(self.contact_fraction[nodes] - step, 0.0, 1.0)
-            # no node ends against its own trial: where conduction draws nodes into contact, trials fall with fractions
+            # no node ends against its own trial: where conduction pulls nodes into contact, trials fall with fractions
             # and vanish beyond the wrong end
             stays = ((found - self.contact_fraction[nodes]) * self.trial[nodes] >= 0.0) & ~_between(found)
             fraction[nodes] = np.where(stays, fraction[nodes], found)
@@ -95,7 +101,7 @@ class Grazing:
         return np.asarray(fraction)
 
     def _rise(self, moved: Array, nodes: Indices) -> Array:
-        """Of the trials of nodes (k,) with known slopes, when fractions move (n,)."""
+        """Return the increments of the trials of nodes (k,) with known slopes when the fractions change by (n,)."""
         rise = self.slope[nodes] * moved[nodes]
         for by, along in self.changes:
             rise += by[nodes] * float(along @ moved)

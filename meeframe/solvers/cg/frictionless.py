@@ -1,4 +1,4 @@
-"""Which problems projected conjugate gradients take."""
+"""Admissibility of problems for projected conjugate gradients."""
 
 from typing import Final
 
@@ -16,23 +16,23 @@ _TRIALS: Final = tuple(
     for pressure in (1e-3, 1.0, 1e4, 1e8, 1e12)
     for trial in ([0.5, 0.5, -1.0], [0.5, 0.0, 1.0])
 )
-"""Trial tractions of nodes pressed and apart [Pa], up to pressures beyond any material's, since laws may cap them."""
+"""Trial tractions of pressed and open nodes [Pa], up to pressures beyond any material's, since laws may cap them."""
 
 _ROUND_OFF: Final = 1e-12
-"""Of a traction, as a fraction."""
+"""Largest relative deviation of a traction due to round-off."""
 
 _ENOUGH: Final = 1_000
-"""Nodes that tell of a law that holds nothing of each node."""
+"""Number of nodes at which a law without nodal data is tested."""
 
 
 def check_taken(problem: ContactProblem) -> None:
-    """Raises CaseError if the contact law is not that of frictionless unilateral contact, or as NormalModes.of."""
+    """Raise CaseError if the contact law is not that of frictionless unilateral contact, or as NormalModes.of."""
     _check(problem.contact_law, len(problem.gap))
     NormalModes.of(problem)
 
 
 def takes(problem: ContactProblem) -> bool:
-    """Whether ProjectedCG takes a problem."""
+    """Return true if ProjectedCG can solve a problem."""
     try:
         check_taken(problem)
     except CaseError:
@@ -41,7 +41,7 @@ def takes(problem: ContactProblem) -> bool:
 
 
 def _check(law: ContactLaw, n: int) -> None:
-    """Raises CaseError unless the law, of n nodes, is p_nu = min(0, p_nu*) without friction."""
+    """Raise CaseError unless the law, of n nodes, is p_nu = min(0, p_nu*) without friction."""
     plain = is_pure_projection(law) and not law.tangential_scaling().any()
     if not plain or not _is_plain(law, n):
         raise CaseError(
@@ -52,11 +52,11 @@ def _check(law: ContactLaw, n: int) -> None:
 
 
 def _is_plain(law: ContactLaw, n: int) -> bool:
-    """Whether a law projects as frictionless unilateral contact does, at all n nodes if it knows them."""
+    """Return true if a law projects as frictionless unilateral contact does, at all n nodes if it has nodal data."""
     if n > _ENOUGH and not holds_nodes(law, n):
         try:
             return _projects_plainly(law, _ENOUGH)
-        except Exception:  # a law may hold something of its nodes wherever it likes
+        except Exception:  # a law may store nodal data under any name
             pass
     return _projects_plainly(law, n)
 
@@ -66,6 +66,6 @@ def _projects_plainly(law: ContactLaw, n: int) -> bool:
 
 
 def _as_expected(traction: Array, trial: Array) -> bool:
-    """Whether tractions (n, 3) are those of frictionless unilateral contact for one trial traction (3,)."""
+    """Return true if tractions (n, 3) are those of frictionless unilateral contact for one trial traction (3,)."""
     expected = np.array([0.0, 0.0, min(trial[2], 0.0)])
     return bool((np.abs(traction - expected) <= _ROUND_OFF * np.abs(expected)).all())

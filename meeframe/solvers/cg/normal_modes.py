@@ -1,8 +1,10 @@
-"""The free motions of the indenter as a frictionless contact sees them: by their normal parts.
+"""Normal parts of the free motions of the indenter, for frictionless contact.
 
 Pressures p >= 0 with prescribed resultants measure : p = -total form a convex set. The gap is its gradient up to a free
-motion: it is at rest where the motion has been chosen such that
+motion. The indenter is at rest when the motion satisfies
+
     sum measure_k (gap + sum_l w_l mode_l) = 0
+
 over the nodes that have pressure or overlap. For a force along one axis that is a mean gap of zero (Polonsky and Keer,
 Wear 231 (1999) 206).
 """
@@ -20,12 +22,12 @@ from meeframe.fields import Array, Indices
 
 NORMAL: Final = 2
 ROUNDS: Final = 30
-"""Of the search for the nodes that overlap when the indenter is at rest."""
+"""Largest number of rounds in the search for the nodes that overlap when the indenter is at rest."""
 SINGULAR: Final = 1e12
-"""Condition of the equations of the motions, of which more than one may have units of its own."""
+"""Condition number beyond which the equations of the motions, which may have different units, count as singular."""
 PROPORTIONAL: Final = 1e-9
 ROUND_OFF: Final = 1e-10
-"""What is left of values that resultants determine, as a fraction."""
+"""Largest relative remainder that counts as round-off where the resultants determine all values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +46,9 @@ class NormalModes:
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "NormalModes":
-        """Of a problem.
+        """Return the normal modes of a problem on all its nodes.
 
-        Raises CaseError if a resultant does not belong to its motion, that is if the normal part of a measure is not
+        Raises CaseError if a resultant is not conjugate to its motion, that is if the normal part of a measure is not
         that of weights * mode up to a factor: the solution is then no minimum.
         """
         numbers = motions(problem)
@@ -67,15 +69,15 @@ class NormalModes:
         return cls(problem, numbers, mode, measure, np.arange(len(problem.gap)))
 
     def on(self, free: Indices) -> "NormalModes":
-        """On the free nodes (f,) alone, numbers among the present ones."""
+        """Return the modes restricted to the free nodes (f,), numbered among the present ones."""
         mode, measure = (np.take(values, free, axis=1) for values in (self.mode, self.measure))
         return NormalModes(self.problem, self.numbers, mode, measure, self.nodes[free])
 
     def amounts(self, values: Array, along: Array | None = None) -> Array:
-        """Amounts (k,) with which values (f,) + amounts @ along have no resultants.
+        """Return amounts (k,) with which values (f,) + amounts @ along have no resultants.
 
-        along: (k, f), the modes if not given. The smallest amounts, in their own units, where the nodes do not
-        determine them.
+        along: (k, f), by default the modes. Where the nodes do not determine the amounts, the smallest ones in scaled
+        units are returned.
         """
         gram = self.measure @ (self.mode if along is None else along).T
         size = np.sqrt(np.abs(np.diag(gram)))
@@ -86,9 +88,9 @@ class NormalModes:
         return np.asarray(np.linalg.pinv(scaled) @ right / size)
 
     def without(self, values: Array, along: Array | None = None) -> Array:
-        """Values (f,) without resultants, which are taken out along (k, f), the modes if not given.
+        """Return values (f,) with their resultants removed along (k, f), by default along the modes.
 
-        Where the nodes are so few that the resultants determine all of them, that is zero and not its round-off.
+        Where the nodes are so few that the resultants determine all values, the result is zero and not its round-off.
         """
         if self.numbers.size == 0:
             return values
@@ -99,10 +101,10 @@ class NormalModes:
     def rested(
         self, pressure: Array, gap: Array, motion: Array, near: "NormalModes", held: Mask | None = None
     ) -> tuple[Array, Array, "NormalModes"]:
-        """Gap (n,), motion (m,), and these modes on the nodes with pressure or overlap, the indenter at rest.
+        """Return gap (n,), motion (m,) and the modes on the nodes with pressure or overlap, with the indenter at rest.
 
-        pressure: (n,); gap: (n,) at a motion (m,); near: on nodes that may be those, by which the search begins; held:
-        (n,) that are none of them, though they overlap.
+        pressure: (n,); gap: (n,) at a motion (m,); near: modes on an estimate of those nodes, with which the search
+        begins; held: (n,) nodes that are excluded although they overlap.
         """
         pressed = pressure > 0.0
         if self.numbers.size == 0:
@@ -122,14 +124,14 @@ class NormalModes:
         return moved, motion, here
 
     def balanced(self, pressure: Array) -> Array:
-        """The nearest compression (f,) with the prescribed resultants to pressures (f,)."""
+        """Return the compression (f,) with the prescribed resultants that is nearest to pressures (f,)."""
         if self.numbers.size == 0:
             return np.maximum(pressure, 0.0)
         found = self._balanced(pressure)
         return self._searched(pressure) if found is None else found
 
     def _balanced(self, pressure: Array) -> Array | None:
-        """By Newton's method on the motions, piecewise linear and so exact; None if that leads nowhere."""
+        """Balance by Newton's method on the motions, piecewise linear and so exact; return None if that fails."""
         totals = np.array([self.problem.prescribed_resultants[number].total for number in self.numbers])
         pressed = pressure > 0.0
         for _ in range(ROUNDS):
@@ -145,7 +147,7 @@ class NormalModes:
         return None
 
     def _searched(self, pressure: Array) -> Array:
-        """By the damped method for whatever law and modes."""
+        """Balance by the damped method, for any law and modes."""
         traction, apart = np.zeros((2, len(self.problem.gap), 3))
         apart[:, NORMAL] = np.inf
         apart[self.nodes, NORMAL] = 0.0
@@ -155,7 +157,7 @@ class NormalModes:
 
 
 def _moved(values: Array, amounts: Array, along: Array) -> Array:
-    """Values (f,) + amounts (k,) @ along (k, f): of few modes and many nodes, faster than as a product."""
+    """Return values (f,) + amounts (k,) @ along (k, f); with few modes and many nodes faster than a matrix product."""
     moved = values
     for amount, mode in zip(amounts, along, strict=True):
         moved = moved + amount * mode
@@ -163,6 +165,6 @@ def _moved(values: Array, amounts: Array, along: Array) -> Array:
 
 
 def _touching(pressed: Mask, gap: Array, held: Mask | None) -> Indices:
-    """Nodes (t,) that have pressure, (n,), or overlap at a gap (n,) and are not held (n,)."""
+    """Return the nodes (t,) that have pressure, (n,), or overlap at a gap (n,) and are not held (n,)."""
     touching = gap < 0.0 if held is None else (gap < 0.0) & ~held
     return np.flatnonzero(touching | pressed)

@@ -1,4 +1,4 @@
-"""The body as a frictionless contact sees it: what a pressure does to the gap, the potentials eliminated."""
+"""Gap response of the body to a pressure in frictionless contact, with the potentials eliminated."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
@@ -18,15 +18,27 @@ from meeframe.solvers.gradient.steps import Conduction, Ground, start_load
 from meeframe.system.capabilities import apply_fields, diagonal
 
 CHANGED: Final = 3e-3
-"""What a change may leave of the potentials as part of its displacement; those at a pressure make up for it."""
+"""Largest residual of the potentials for a change of pressure, relative to its displacement.
+
+The potentials found at a pressure correct it.
+"""
 FOLLOWING: Final = 0.01
-"""The conduction is brought up to date when violations have fallen to this fraction since the last time, ..."""
+"""Reduction of the violation since the last update at which the conduction is updated, without biactive nodes."""
 FOLLOWING_GRAZING: Final = 0.3
-"""... or to this one while nodes graze: secants of their fractions are found early or not at all."""
+"""Reduction of the violation since the last update at which the conduction is updated, with biactive nodes.
+
+Secants of their fractions are found early or not at all.
+"""
 LEFT: Final = 1e-2
-"""What is left of the potentials when they are found anew, as part of the violation, both in roots of own responses."""
+"""Largest residual of the potentials solved for anew, relative to the violation.
+
+Both are in square roots of the nodes' own responses.
+"""
 SINGLE: Final = 1e-4
-"""And gaps, which change in single precision: three digits of their violation are then right."""
+"""Reduction of the violation at which gaps changed in single precision are computed anew.
+
+Three digits of the violation are then right.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,44 +55,53 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class NormalResponse(ABC):
-    """Gap and fluxes of pressures (n,) [Pa], positive in compression."""
+    """Gap and flux response to pressures (n,) [Pa], positive in compression."""
 
     problem: ContactProblem
     scales: Scales
 
     @abstractmethod
     def at(self, pressure: Array, near: Effect) -> Effect:
-        """All of it at a pressure (n,) and the motion of the indenter that an effect near to that to be found has."""
+        """Return the effect of a pressure (n,), given a nearby effect, whose indenter motion is used."""
 
     @abstractmethod
     def change(self, pressure: Array) -> Effect:
-        """What a pressure (n,) alone causes, the indenter at rest but for its potentials; roughly: see `lasting`."""
+        """Return the approximate effect of a pressure (n,) alone, with the indenter fixed but for its potentials.
+
+        See `lasting` for the accuracy.
+        """
 
     @abstractmethod
     def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
-        """At a pressure (n,) that differs by a change (n,) from that of an effect; roughly: see `lasting`."""
+        """Return the approximate effect at a pressure (n,) that differs by a change (n,) from that of a known effect.
+
+        See `lasting` for the accuracy.
+        """
 
     @property
     @abstractmethod
     def lasting(self) -> float:
-        """To which fraction violations may fall before all of it is to be found anew."""
+        """Fraction to which violations may fall before the whole effect must be computed anew."""
 
     @abstractmethod
     def contact_fraction(self, pressure: Array) -> Array:
-        """Closed fractions (n,) at a pressure (n,)."""
+        """Return the contact fractions (n,) at a pressure (n,)."""
 
     @property
     @abstractmethod
     def held(self) -> Mask | None:
-        """Nodes (n,) that are to bear no pressure and may overlap meanwhile: those that graze; None if none do."""
+        """Biactive nodes (n,), which are to bear no pressure and may overlap meanwhile; None if there are none."""
 
     @abstractmethod
     def touched_again(self, gap: Array) -> bool:
-        """Whether nodes overlap, by their gap (n,), that ceased to conduct as the conduction last followed."""
+        """Return true if nodes overlap, by their gap (n,), that ceased to conduct at the last update."""
 
     @abstractmethod
     def updated(self, pressure: Array, effect: Effect) -> "NormalResponse":
-        """With the conduction that belongs to a pressure (n,) and its effect; itself if nothing else responds."""
+        """Return the response with the conduction that belongs to a pressure (n,) and its effect.
+
+        Responses without conduction return themselves.
+        """
 
 
 def load_of(pressure: Array, flux: Array) -> Array:
@@ -98,29 +119,32 @@ def load_of(pressure: Array, flux: Array) -> Array:
 @final
 @dataclass(frozen=True, eq=False)
 class Insulated(NormalResponse):
-    """Nothing conducts. apart: (n,) normal gap of the unloaded body [m], the indenter's free motions at zero; modes:
-    (m, n) their normal parts."""
+    """Response of a body when nothing conducts.
+
+    apart: (n,) normal gap of the unloaded body [m], the indenter's free motions at zero; modes: (m, n) their normal
+    parts.
+    """
 
     apart: Array
     modes: Array
 
     @classmethod
     def of(cls, problem: ContactProblem, scales: Scales) -> "Insulated":
-        """Of a problem in which nothing conducts."""
+        """Return the response for a problem in which nothing conducts."""
         modes = np.array([freedom.mode[:, NORMAL] for freedom in problem.prescribed_resultants]).reshape(
             -1, len(problem.gap)
         )
         return cls(problem, scales, problem.gap - problem.system.offset[:, NORMAL], modes)
 
     def at(self, pressure: Array, near: Effect) -> Effect:
-        """See NormalResponse: one normal response."""
+        """Return the effect by one application of the normal compliance; see NormalResponse."""
         gap = self.apart + self._opened(pressure)
         for mode, amount in zip(self.modes, near.motion, strict=True):
             gap += amount * mode
         return Effect(gap, self._no_flux, near.motion)
 
     def change(self, pressure: Array) -> Effect:
-        """See NormalResponse: one normal response, in single precision."""
+        """Return the effect of a change by one normal response in single precision; see NormalResponse."""
         return Effect(
             self._opened(pressure.astype(np.float32, copy=False)),
             self._no_flux,
@@ -128,29 +152,29 @@ class Insulated(NormalResponse):
         )
 
     def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
-        """See NormalResponse: that of the change."""
+        """Return the effect with that of the change added; see NormalResponse."""
         return Effect(effect.gap + self.change(change).gap, self._no_flux, effect.motion)
 
     @property
     def lasting(self) -> float:
-        """See NormalResponse: the gap keeps an error of single precision of how much it changes."""
+        """Fraction set by single precision: the gap retains an error of that precision relative to its changes."""
         return SINGLE
 
     def contact_fraction(self, pressure: Array) -> Array:
-        """See NormalResponse: wherever there is pressure."""
+        """Return one where there is pressure and zero elsewhere; see NormalResponse."""
         return (pressure > 0.0).astype(float)
 
     @property
     def held(self) -> Mask | None:
-        """See NormalResponse: none grazes."""
+        """None, since no node is biactive."""
         return None
 
     def touched_again(self, gap: Array) -> bool:
-        """See NormalResponse: none conducts."""
+        """Return false, since no node conducts."""
         return False
 
     def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
-        """See NormalResponse."""
+        """Return self, since there is no conduction to update."""
         return self
 
     @property
@@ -164,10 +188,13 @@ class Insulated(NormalResponse):
 @final
 @dataclass(frozen=True, eq=False)
 class Conducting(NormalResponse):
-    """Fluxes follow the pressure. ground: see there; own: (n,) normal response of the nodes to their own pressure;
-    following: (n, channels) flux that a pressure of one has, about; conduction, conductors: in force; grazing: see
-    there, the nodes that do are held: their fraction, not a pressure, is to close their gap; opened: (n,) those that
-    conducted before the conduction last followed."""
+    """Response of a body whose fluxes follow the pressure.
+
+    ground: see Ground; own: (n,) normal response of the nodes to their own pressure; following: (n, channels)
+    approximate flux under a pressure of one; conduction, conductors: those in force; grazing: the model of the biactive
+    nodes (see Grazing); held: (n,) the biactive nodes: their fraction, not a pressure, is to close their gap; opened:
+    (n,) those that conducted before the last update of the conduction.
+    """
 
     ground: Ground
     own: Array
@@ -180,7 +207,7 @@ class Conducting(NormalResponse):
 
     @classmethod
     def of(cls, problem: ContactProblem, scales: Scales, start: ContactState | None) -> "Conducting":
-        """Of a problem, with the conduction of a start, or none."""
+        """Return the response for a problem, with the conduction of a start, or none."""
         n = len(problem.gap)
         ground, conduction = Ground.of(problem), Conduction.of(start, n)
         near = Iterate(start_load(problem, start), conduction.contact_fraction, motion=start_motion(problem, start))
@@ -190,8 +217,11 @@ class Conducting(NormalResponse):
         return cls(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
 
     def at(self, pressure: Array, near: Effect) -> Effect:
-        """See NormalResponse: potentials as exactly as the gap where there is pressure or overlap deserves, and not
-        further from their characteristic magnitudes than that is; in single precision while that does not show."""
+        """Return the effect with the potentials solved as exactly as the present violation of the gap requires.
+
+        The gap counts where there is pressure or overlap. Relative to their characteristic magnitudes, the potentials
+        are not less exact than the gap. Single precision is used while its error does not matter. See NormalResponse.
+        """
         wrong = np.where((pressure > 0.0) | (near.gap < 0.0), near.gap, 0.0)
         far = float(np.abs(wrong).max()) / (self.scales.normal_compliance * self.scales.pressure)
         conducting = [bool(np.isfinite(one).any()) for one in self.conductors.resistance.T]
@@ -205,7 +235,7 @@ class Conducting(NormalResponse):
         return Effect(slope.gap[:, NORMAL], slope.flux, slope.motion)
 
     def change(self, pressure: Array) -> Effect:
-        """See NormalResponse: in single precision."""
+        """Return the effect of a change in single precision; see NormalResponse."""
         traction, guess = _traction(pressure.astype(np.float32, copy=False)), self.following * pressure[:, None]
         response = self.ground.elimination.respond(traction, self.conductors, guess, enough=CHANGED)
         motion = np.zeros(len(self.problem.prescribed_resultants))
@@ -213,25 +243,25 @@ class Conducting(NormalResponse):
         return Effect(-response.displacement[:, NORMAL], response.flux, motion)
 
     def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
-        """See NormalResponse: that of the change."""
+        """Return the effect with that of the change added; see NormalResponse."""
         moved = self.change(change)
         return Effect(effect.gap + moved.gap, effect.flux + moved.flux, effect.motion + moved.motion)
 
     @property
     def lasting(self) -> float:
-        """See NormalResponse: the conduction is to follow."""
+        """Fraction at which the conduction is to be updated."""
         return FOLLOWING if self.held is None or not self.held.any() else FOLLOWING_GRAZING
 
     def contact_fraction(self, pressure: Array) -> Array:
-        """See NormalResponse: as the conduction has it."""
+        """Return the contact fractions of the conduction; see NormalResponse."""
         return self.conduction.contact_fraction
 
     def touched_again(self, gap: Array) -> bool:
-        """See NormalResponse."""
+        """Return true if nodes that the last update of the conduction opened overlap; see NormalResponse."""
         return self.opened is not None and bool((self.opened & (gap < 0.0)).any())
 
     def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
-        """See NormalResponse."""
+        """Return the response with the conduction updated to the pressure and its effect; see NormalResponse."""
         # nodes respond to their own pressure much less than the contact as a whole
         grazing = self.grazing.next(self.conduction.contact_fraction, -pressure + effect.gap / self.own)
         contact_fraction = grazing.fractions(pressure > 0.0)
@@ -245,13 +275,15 @@ class Conducting(NormalResponse):
         return replace(self, conduction=conduction, conductors=conductors, grazing=grazing, held=held, opened=opened)
 
     def same_conductors(self, other: NormalResponse) -> bool:
-        """Whether it responds as another one does."""
+        """Return true if another response has the same conductors."""
         return isinstance(other, Conducting) and other.conductors is self.conductors
 
 
 def _following(problem: ContactProblem) -> Array:
-    """Flux (n, channels) with which a node's own potentials do not change under a pressure of one: if a body responds
-    alike along all directions of its surface, that is so for all pressures together."""
+    """Return the flux (n, channels) with which a node's own potentials do not change under a pressure of one.
+
+    If a body responds alike along all directions of its surface, that holds for all pressures together.
+    """
     blocks = problem.system.diagonal_blocks()
     fields = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.conducts]
     flux = np.zeros((len(blocks), len(problem.channels)))
@@ -263,7 +295,7 @@ def _following(problem: ContactProblem) -> Array:
 
 
 def _traction(pressure: Array) -> Array:
-    """Tractions (n, 3) of a pressure (n,), in its precision."""
+    """Return the tractions (n, 3) of a pressure (n,), in its precision."""
     traction = np.zeros((3, len(pressure)), pressure.dtype).T
     traction[:, NORMAL] = -pressure
     return traction

@@ -1,4 +1,4 @@
-"""What preconditions conjugate gradients on the pressure: the inverse compliance, restricted to the nodes that move."""
+"""Preconditioner of conjugate gradients on the pressure: the approximate inverse compliance on the free nodes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,17 +13,17 @@ from meeframe.solvers.cg.normal_modes import NORMAL, NormalModes
 from meeframe.system.capabilities import ApproximateInverse, Prolongation
 
 OUTDATED: Final = 0.2
-"""The preconditioned modes belong to a set of nodes from which the present one may differ by this fraction."""
+"""Largest fraction by which the free nodes may differ from those to which the preconditioned modes belong."""
 NO_NODES: Final = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class Preconditioner:
-    """Pressures on free nodes alone that roughly cause openings of the gap there.
+    """Approximate pressures on the free nodes alone that cause given gap openings there.
 
-    inverse: of the normal compliance, roughly, (n, 1) from (n, 1); free: (f,) the nodes; extension: of openings there,
-    if there is one; guides: (k, n) preconditioned modes, along which resultants are taken out; made: (n,) the nodes to
-    which these belong.
+    inverse: approximate inverse of the normal compliance, (n, 1) from (n, 1); free: (f,) the nodes; extension:
+    prolongation of openings from there to the zone, if there is one; guides: (k, n) preconditioned modes, along which
+    resultants are removed; made: (n,) the nodes to which these belong.
     """
 
     problem: ContactProblem
@@ -35,13 +35,13 @@ class Preconditioner:
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "Preconditioner | None":
-        """On no nodes as yet; None if the reduced system knows no inverse."""
+        """Return the preconditioner on no nodes yet; None if the reduced system has no approximate inverse."""
         approximate, n = problem.system.capability(ApproximateInverse), len(problem.gap)
         inverse = None if approximate is None else approximate.approximate_inverse((NORMAL,))
         return None if inverse is None else cls(problem, inverse, NO_NODES, None, np.zeros((0, n)), np.zeros(n, bool))
 
     def on(self, modes: NormalModes) -> "Preconditioner":
-        """On the nodes of the modes, with guides that belong to about these."""
+        """Return the preconditioner on the nodes of the modes, with guides that belong approximately to these."""
         free = modes.nodes
         if free is self.free:
             return self
@@ -58,7 +58,7 @@ class Preconditioner:
         return replace(moved, guides=guides, made=made)
 
     def pressures(self, opening: Array) -> Array:
-        """That roughly cause openings (f,), (f,)."""
+        """Return pressures (f,) that approximately cause openings (f,)."""
         single: Array = opening.astype(np.float32)
         if self.extension is not None:
             return self.extension.restrict(self._inverted(self.extension.prolong(single))).astype(float)
@@ -67,7 +67,7 @@ class Preconditioner:
         return self._inverted(whole)[self.free].astype(float)
 
     def balanced(self, opening: Array, modes: NormalModes) -> Array:
-        """The same without resultants, modes on the free nodes."""
+        """Return the pressures of `pressures` with their resultants removed; modes are those on the free nodes."""
         return modes.without(self.pressures(opening), self.guides[:, self.free])
 
     def _inverted(self, opening: Array) -> Array:

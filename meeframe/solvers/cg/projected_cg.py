@@ -19,24 +19,33 @@ from meeframe.solvers.gradient.steps import start_load
 from meeframe.system.capabilities import apply_fields
 
 RENEWAL: Final = 50
-"""Steps after which gap and conduction are found anew in any case, free of accumulated round-off."""
+"""Largest number of steps before gap and conduction are computed anew, free of accumulated round-off."""
 COARSE, MOST_COARSE = 1e-3, 100
-"""Residual, and steps at most, of the coarser problem from which to start: the two problems differ by as much."""
+"""Residual at which the coarse problem for the start is stopped, and the largest number of steps on it.
+
+The two problems differ by as much.
+"""
 SETTLED: Final = 0.3
-"""Of the gaps that closed fractions are to close: those that pressures are to close need be no smaller before."""
+"""Ratio of the gaps left to pressures to those left to contact fractions at which the conduction is updated.
+
+The gaps that pressures are to close need not become smaller before.
+"""
 LOOKS: Final = 3
-"""At the conduction, one after another: what it opened may touch again, gaps of nodes that graze be the largest."""
+"""Largest number of successive updates of the conduction.
+
+Nodes that an update opened may touch again, and gaps of biactive nodes may be the largest.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """What the iteration remembers.
+    """State of the iteration.
 
-    response, modes, preconditioner: see there, the latter if there is one; weight: (n,) of the inner product; pressure:
-    (n,); effect: at the iterate, the indenter at rest; here: modes on the nodes with pressure or overlap, which move
-    next; free: (f,) nodes that the last step moved; direction, residual: (f,) of that step, product: of its
-    preconditioned residual with the residual; start: violation when gap and conduction were last found anew; age: steps
-    since.
+    response, modes, preconditioner: see their classes, the latter if there is one; weight: (n,) of the inner product;
+    pressure: (n,); effect: at the iterate, the indenter at rest; here: modes on the nodes with pressure or overlap,
+    which move next; free: (f,) nodes that the last step moved; direction, residual: (f,) of that step; product: of its
+    preconditioned residual with the residual; start: violation when gap and conduction were last computed anew; age:
+    steps since.
     """
 
     response: NormalResponse
@@ -59,19 +68,19 @@ class _Memory:
 class ProjectedCG(Solver):
     """Conjugate gradients on the pressure with exact line search, projected on compression; frictionless contact only.
 
-    Minimises the quadratic form of the compliance for the conduction as it is, on the nodes with pressure or overlap;
-    nodes that lose their pressure leave, nodes that overlap come in. Inner products are weighted by the nodes' areas,
-    in which a compliance by reciprocity is symmetric; it need not be exactly so, as the directions are those of Polak
-    and Ribiere. When the violation has fallen to a hundredth, to a third where nodes graze, the conduction follows, of
-    these by Broyden's method; where nothing conducts, gaps change in single precision and are found anew when it has
-    fallen to a ten-thousandth.
+    The method minimises the quadratic form of the compliance at fixed conduction on the nodes with pressure or overlap;
+    nodes that lose their pressure leave this set, nodes that overlap enter it. Inner products are weighted by the
+    nodes' areas, in which a compliance is symmetric by reciprocity; it need not be exactly so, as the directions are
+    those of Polak and Ribiere. The conduction is updated when the violation has fallen to a hundredth, or to a third
+    with biactive nodes, whose fractions are updated by Broyden's method. Where nothing conducts, gaps change in single
+    precision and are computed anew when the violation has fallen to a ten-thousandth.
 
-    If the reduced system knows an approximate inverse, that, restricted to those nodes, preconditions: steps then
-    hardly depend on the number of nodes; the fewer if it knows how displacements go on beside the nodes. If it knows a
-    coarser division, the solution there is the start.
+    If the reduced system has an approximate inverse, its restriction to those nodes is the preconditioner: the number
+    of steps then hardly depends on the number of nodes, and is smaller still with a prolongation of displacements from
+    the nodes. If the system has a coarser division, the solution there is the start.
 
-    Where resultants of the pressure are prescribed, directions have none, the motions of the indenter take the mean out
-    of the gaps, and where pressure was lost the nearest balanced one is found.
+    Where resultants of the pressure are prescribed, directions have none, the motions of the indenter remove the mean
+    from the gaps, and where pressure was lost it is replaced by the nearest balanced one.
 
     Source: Polonsky and Keer, Wear 231 (1999) 206; Dostal, Optimal Quadratic Programming Algorithms (2009), chapter 5.
     """
@@ -79,11 +88,11 @@ class ProjectedCG(Solver):
     check_interval: ClassVar[int] = 5
 
     def check(self, problem: ContactProblem) -> None:
-        """Raises CaseError as check_taken."""
+        """Raise CaseError as check_taken."""
         check_taken(problem)
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
-        """The converged state of the previous load step, or what a coarser division gives, or no load at all.
+        """Return the converged state of the previous load step, that of a coarser division, or one without load.
 
         Raises CaseError as check_taken.
         """
@@ -91,23 +100,23 @@ class ProjectedCG(Solver):
         return _iterate(self._begun(problem, start, problem_scales(problem)))
 
     def _begun(self, problem: ContactProblem, start: ContactState | None, scales: Scales) -> _Memory:
-        # what is characteristic of the problem is so on any division
+        # the scales of the problem hold on any division
         start = start or nested_start(problem, lambda coarse: self._coarse_solution(coarse, scales))
         load, motion = start_load(problem, start), start_motion(problem, start)
         if not conducting(problem):
             return _started(Insulated.of(problem, scales), load, motion)
-        # fractions of a start are those of other nodes: what touches tells more, after a step
+        # contact fractions of a start belong to other nodes: contact after one step is the better guide
         memory = _started(Conducting.of(problem, scales, start), load, motion)
         return replace(memory, start=np.inf)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """One step along a conjugate direction; the conduction is brought up to date if it is time."""
+        """Make one step along a conjugate direction, and update the conduction when due."""
         return _iterate(_stepped(_memory(iterate)))
 
     def _coarse_solution(self, problem: ContactProblem, scales: Scales) -> Iterate:
-        """By steps until the solver thinks that it is near enough.
+        """Solve a coarse problem until the solver's own estimate of the residual is small enough.
 
-        If nothing conducts, there is tension where the contact is open.
+        If nothing conducts, the load has tension where the contact is open.
         """
         memory = self._begun(problem, None, scales)
         for _ in range(MOST_COARSE):
@@ -125,12 +134,12 @@ class ProjectedCG(Solver):
 
 
 def _started(response: NormalResponse, load: Array, motion: Array) -> _Memory:
-    """At the pressures of a load (n, 5), balanced, and a motion (m,) of the indenter."""
+    """Return the state at the pressures of a load (n, 5), balanced, and a motion (m,) of the indenter."""
     problem, n = response.problem, len(load)
     modes = NormalModes.of(problem)
     pressure, near = np.maximum(-load[:, NORMAL], 0.0), Effect(np.zeros(n), load[:, NORMAL + 1 :], motion)
     if modes.numbers.size:
-        # pressures that bear the resultants: from here on every direction keeps them
+        # pressures with the prescribed resultants, which all later directions preserve
         free = np.flatnonzero(pressure > 0.0)
         trial = pressure
         if not free.size:
@@ -148,11 +157,11 @@ def _started(response: NormalResponse, load: Array, motion: Array) -> _Memory:
 
 
 def _stepped(memory: _Memory) -> _Memory:
-    """Memory after one step along a conjugate direction."""
+    """Return the state after one step along a conjugate direction."""
     memory = _conjugate(memory)
     free, modes, direction = memory.free, memory.here, memory.direction
     effect = memory.response.change(_spread(direction.astype(np.float32), free, len(memory.pressure)))
-    # the indenter follows, so that only what it cannot follow resists
+    # the indenter follows: the curvature counts only the gap that its motions do not remove
     weighted = memory.weight[free] * direction
     curvature = float(weighted @ modes.without(effect.gap[free].astype(float)))
     if curvature <= 0.0:
@@ -175,9 +184,9 @@ def _stepped(memory: _Memory) -> _Memory:
 
 
 def _conjugate(memory: _Memory) -> _Memory:
-    """Memory with the next direction on the nodes that touch: that of Polak and Ribiere, or steepest descent.
+    """Return the state with the next direction on the nodes that touch: that of Polak and Ribiere, or steepest descent.
 
-    Without a preconditioner nodes that come in restart the conjugation.
+    Without a preconditioner nodes that enter restart the conjugation.
     """
     n, modes, free = len(memory.pressure), memory.here, memory.here.nodes
     residual, weight = memory.effect.gap[free], memory.weight[free]
@@ -202,7 +211,7 @@ def _conjugate(memory: _Memory) -> _Memory:
 
 
 def _refreshed(memory: _Memory) -> _Memory:
-    """Memory at its pressure, balanced anew, with the conduction that belongs to it."""
+    """Return the state at its pressure, balanced anew, with the conduction that belongs to it."""
     pressure, n, before = memory.pressure, len(memory.pressure), memory.response
     if memory.modes.numbers.size:
         free = np.flatnonzero(pressure > 0.0)
@@ -235,14 +244,14 @@ def _iterate(memory: _Memory) -> Iterate:
 
 
 def _estimate(memory: _Memory) -> float:
-    """The violation of the contact law on the nodes where there is any."""
+    """Return the violation of the contact law on the nodes where there is any."""
     scales, effect, free = memory.response.scales, memory.effect, memory.here.nodes
     wrong = np.abs(np.minimum(memory.pressure[free], effect.gap[free] / scales.normal_compliance))
     estimate = float(wrong.max(initial=0.0)) / scales.pressure
     if not isinstance(memory.response, Conducting):
         return estimate
     contact_fraction = memory.response.contact_fraction(memory.pressure)
-    # where a node conducts and bears no pressure, or the contrary
+    # nodes that conduct without pressure, or bear pressure without conducting
     apart = np.flatnonzero((contact_fraction > 0.0) != (memory.pressure > 0.0))
     trial = effect.gap[apart] / scales.normal_compliance - memory.pressure[apart]
     graph = np.abs(contact_fraction[apart] - switch(contact_fraction[apart], trial, scales.pressure))
@@ -250,30 +259,30 @@ def _estimate(memory: _Memory) -> float:
 
 
 def _spread(values: Array, free: Indices, n: int) -> Array:
-    """Values (f,) on the free nodes (f,), zero on the others of n."""
+    """Return values (f,) on the free nodes (f,), zero on the others of n."""
     spread = np.zeros(n, values.dtype)
     spread[free] = values
     return spread
 
 
 def _renewed(memory: _Memory, pressure: Array) -> _Memory:
-    """Memory at a pressure (n,), without accumulated round-off."""
+    """Return the state at a pressure (n,), without accumulated round-off."""
     return _placed(memory, pressure, memory.response.at(pressure, memory.effect))
 
 
 def _placed(memory: _Memory, pressure: Array, effect: Effect) -> _Memory:
-    """Memory at a pressure (n,) with its effect, after the indenter has come to rest."""
+    """Return the state at a pressure (n,) with its effect, after the indenter has come to rest."""
     gap, motion, here = memory.modes.rested(pressure, effect.gap, effect.motion, memory.here, memory.response.held)
     return replace(memory, pressure=pressure, effect=Effect(gap, effect.flux, motion), here=here)
 
 
 def _violation(memory: _Memory) -> float:
-    """Norm of the gap where there is pressure or overlap [m]."""
+    """Return the norm of the gap where there is pressure or overlap [m]."""
     return _norm(memory, memory.here.nodes)
 
 
 def _grazing_violation(memory: _Memory) -> float:
-    """Norm of the gap that closed fractions are to close [m]."""
+    """Return the norm of the gap that contact fractions are to close [m]."""
     held = memory.response.held
     return 0.0 if held is None else _norm(memory, np.flatnonzero(held))
 

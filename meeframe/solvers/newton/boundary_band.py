@@ -1,4 +1,4 @@
-"""Nodes around the boundary between two kinds of them, on a lattice: pressed and open, sticking and slipping."""
+"""Lattice nodes around the boundary between two kinds of nodes: pressed and open, sticking and slipping."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -14,19 +14,19 @@ from meeframe.system.capabilities import LatticeStencil, Stencil
 from meeframe.system.reduced import ReducedSystem
 
 REACH: Final = 4
-"""Places around a node where its load counts: as good as 16 of them."""
+"""Largest distance, in spacings, at which the load of a node counts: as good as 16 of them."""
 ROUGHER: Final = 4.0
-"""So much more the laws may be violated by relaxed nodes at first: those beside have not followed yet."""
+"""Largest factor by which relaxation may raise the merit at first, as the nodes around have not followed yet."""
 ROUND_OFF: Final = 1e-12
-"""Of a traction: what sticks is projected on itself but for so much."""
+"""Largest relative change of a sticking traction under projection that counts as round-off."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ring:
-    """m nodes beside such a boundary.
+    """Band of m nodes on either side of such a boundary.
 
-    stencil: responses of nodes to each other; number: (nx, ny) of the nodes on the lattice, -1 elsewhere; places:
-    (m, 2) on it; nodes: (m,) their numbers in the zone.
+    stencil: responses of nodes to each other; number: (nx, ny) of the nodes on the lattice, -1 elsewhere; places: (m,
+    2) on it; nodes: (m,) their numbers in the zone.
     """
 
     stencil: Stencil
@@ -36,7 +36,10 @@ class Ring:
 
     @classmethod
     def of(cls, point: Point, kind: Mask, width: int) -> "Ring | None":
-        """Nodes within so many spacings of one of the other kind (n,); None if there are none, or no lattice."""
+        """Return the band of nodes at most `width` spacings from one of the other kind (n,).
+
+        The result is None if there are no such nodes, or no lattice.
+        """
         stencil = _stencil(point.equation.problem.system, tuple(point.equation.loaded))
         if stencil is None:
             return None
@@ -53,7 +56,7 @@ def _stencil(system: ReducedSystem, fields: tuple[int, ...]) -> Stencil | None:
 
 
 def slips(point: Point) -> Mask:
-    """Nodes (n,) whose friction is less than what would hold them, open ones among them."""
+    """Return the nodes (n,) whose friction is less than what would prevent sliding, open nodes included."""
     trial = point.trial[:, :2]
     off = np.abs(point.equation.problem.contact_law.project(point.trial)[:, :2] - trial).max(axis=1)
     return np.asarray(off > ROUND_OFF * np.abs(trial).max(axis=1))

@@ -1,9 +1,10 @@
-"""A better start on a finer grid than what is interpolated from a coarser one: what both grids know of its residual.
+"""Coarse-grid correction of a start that was interpolated from a coarser grid.
 
-It is rough beside the edge of the contact and the boundary of slip, where nodes are relaxed, and smooth elsewhere: the
-same load moves the two bodies otherwise. As in the full approximation scheme the coarse problem is asked again, with
-the indenter as far ahead of the body as the finer grid finds it at the nodes that both have. What a step of Newton's
-method changes there, which costs a quarter of one on the finer grid, is added to the finer load.
+The residual of such a start is rough beside the contact edge and the slip boundary, where nodes are relaxed, and smooth
+elsewhere: there it arises because the two discretised bodies respond differently to the same load. As in the full
+approximation scheme the coarse problem is solved again, with the displacement of the indenter relative to the body that
+the finer grid has at the common nodes. The change by one Newton step there, which costs a quarter of one on the finer
+grid, is added to the finer load.
 
 Source: Brandt, Math. Comput. 31 (1977) 333.
 """
@@ -23,20 +24,24 @@ from meeframe.solvers.newton.residual import Equation, Point
 from meeframe.solvers.newton.slip_boundary import relaxed_slip
 
 TOLERANCE: Final = 0.03
-"""Fraction of the residual that may be left of the coarse equations."""
+"""Largest fraction of the residual that the linear solution on the coarse grid may leave."""
 
 
 def improved_start(point: Point, nodes: Indices, coarse: Coarse, below: Equation, places: Indices) -> Point:
-    """A point interpolated from a coarser grid, relaxed, corrected by that grid and relaxed again; see corrected."""
+    """Return a start from a coarser grid after relaxation, correction by that grid and another relaxation.
+
+    See `corrected`.
+    """
     smooth = relaxed_slip(relaxed_edge(point))
     found = corrected(smooth, nodes, coarse, below, places)
     return smooth if found is smooth else relaxed_slip(relaxed_edge(found))
 
 
 def corrected(point: Point, nodes: Indices, coarse: Coarse, below: Equation, places: Indices) -> Point:
-    """A point with its load changed by a step of the coarser problem; the same point if that does not help.
+    """Return a point whose load is changed by a step of the coarser problem; the given point if that does not help.
 
-    nodes: (n,) of the problem's zone that its equation has, in order; below: that of places (m,) of the coarser zone.
+    nodes: (n,) of the problem's zone that its equation has, in order; below: the equation of places (m,) of the coarser
+    zone.
     """
     there = _seen_from_below(point, nodes, coarse, below, places)
     step = newton_step(there.equation, there.linearise(), TOLERANCE)
@@ -50,21 +55,24 @@ def corrected(point: Point, nodes: Indices, coarse: Coarse, below: Equation, pla
     fields = np.flatnonzero(change.any(axis=0))
     load = point.load.copy(order="K")
     change = coarse.coarsening.prolong(change[:, fields])[nodes]
-    load[:, fields] += np.where(load[:, fields] != 0.0, change, 0.0)  # nodes that bear nothing go on so
+    load[:, fields] += np.where(load[:, fields] != 0.0, change, 0.0)  # nodes without load remain unloaded
     load[:, MECHANICAL] = point.equation.problem.contact_law.project(load[:, MECHANICAL])
     found = point.moved(load, point.contact_fraction, point.grazing, moved.motion)
     return found if found.merit < point.merit else point
 
 
 def _seen_from_below(point: Point, nodes: Indices, coarse: Coarse, below: Equation, places: Indices) -> Point:
-    """The point at the nodes of the coarser grid, in its problem with the indenter moved to where it is ahead of the
-    finer body, and with resultants that are wrong by as much."""
+    """Return the point at the nodes of the coarser grid, in a coarse problem with corrected data.
+
+    The indenter is moved so that its displacement relative to the body is that of the finer grid, and the prescribed
+    resultants change so that their error is the same.
+    """
     problem, known = below.problem, coarse.coarsening.nodes[places]
     at = np.minimum(np.searchsorted(nodes, known), len(nodes) - 1)
     same = nodes[at] == known
     load = np.where(same[:, None], point.load[at], 0.0)
     grazing, contact_fraction = same & point.grazing[at], np.where(same, point.contact_fraction[at], 0.0)
-    ahead, _ = below.roughly_ahead(load, point.motion)  # by far as near as the two grids are to each other
+    ahead, _ = below.roughly_ahead(load, point.motion)  # error far below the difference of the two grids
     moved = np.zeros_like(ahead)
     np.subtract(point.ahead[at], ahead, out=moved, where=same[:, None] & np.isfinite(ahead))
     missing = unbalance(problem, load) - point.balance * point.equation.scales.totals

@@ -1,10 +1,10 @@
-"""Nodes at the edge of a contact that conducts, relaxed beside the steps of Newton's method.
+"""Local relaxation of nodes at the edge of a conducting contact, between the steps of Newton's method.
 
-On a coarser grid another edge was found, and what is interpolated from it is wrong where nodes are open, closed or in
-between, which depends on how the edge runs between them. Newton's method finds that out node by node, one step after
-the other, each of which costs many products. Most of it depends on a few nodes around: these are asked in turns, as in
-projected Gauss-Seidel relaxation, each for the load with which it satisfies the laws beside the others. So they are
-where a step has opened or closed a node, whose flux is then that of the other state.
+The contact edge on a coarser grid differs, and what is interpolated from it is wrong where nodes are open, closed or
+biactive, which depends on the course of the edge between them. Newton's method finds the state of these nodes one by
+one in successive steps, each of which costs many products. Most of it depends on a few nodes around: these are solved
+in turn, as in projected Gauss-Seidel relaxation, each for the load that satisfies the laws with the others fixed. The
+same is done where a step has opened or closed a node, whose flux is then that of the other state.
 """
 
 from typing import Final
@@ -20,32 +20,47 @@ from meeframe.solvers.newton.boundary_band import ROUGHER, Ring, slips
 from meeframe.solvers.newton.residual import Point
 
 WIDTH, SWEEPS = 2, 6
-"""Spacings from the edge on either side, and sweeps, to and fro in turn: farther in loads follow from those of many
-nodes."""
+"""Half width of the relaxed band, in spacings from the contact edge, and largest number of sweeps.
+
+Sweeps alternate in direction. Farther from the edge loads depend on those of many nodes.
+"""
 SWITCHED_WIDTH, SWITCHED_SWEEPS = 3, 12
-"""The same around nodes that a step has switched, which are few."""
+"""Half width and largest number of sweeps around nodes that a step has switched, which are few."""
 SETTLED: Final = 1e-3
-"""Of the work of the first sweeps: one that does less is the last."""
+"""Work of a sweep, relative to that of the greatest one, at which it is the last."""
 BEHIND: Final = 0.1
-"""Of the largest violation the residual of pressure or fluxes is more than so much where a node has not followed."""
+"""Fraction of the largest violation above which the residual of pressure or fluxes shows that a node lags behind."""
 FEW: Final = 25
-"""So many nodes with the largest violation each would have the merit that all have: others violate the laws less."""
+"""Largest number of nodes with the largest violation that count as few.
+
+So many nodes with the largest violation each would have the merit of all nodes: the others violate the laws less.
+"""
 HARDLY: Final = 1e-3
-"""Of its pressure a node that had less before was hardly pressed."""
+"""Largest fraction of its new pressure that a node bore before to count as newly pressed."""
 AT_ONCE: Final = 0.5
-"""Of the largest jump of conduction that of a contact without pressure is more than so much, or it grows."""
+"""Smallest jump of conduction of a contact without pressure, as a fraction of the largest jump.
+
+Below it the conduction counts as growing with the pressure.
+"""
 
 
 def relaxed_edge(point: Point) -> Point:
-    """A point with the nodes around the edge relaxed, those left in between grazing; the same point where conduction
-    does not jump at the edge, where nodes lie on no lattice, or if it does not help."""
+    """Return a point with the nodes around the contact edge relaxed, those left between open and closed as biactive.
+
+    The result is the given point where conduction does not jump at the edge, where nodes lie on no lattice, or if the
+    relaxation does not help.
+    """
     relaxed = _relaxed(point, point.load[:, 2] < 0.0, WIDTH, SWEEPS)
     return relaxed if relaxed.merit < ROUGHER * point.merit else point
 
 
 def relaxed_where_switched(before: Point, moved: Point) -> Point:
-    """A moved point with the nodes relaxed that have opened or closed, or of which a few that graze are left behind,
-    with those around; the same point if these do not violate the laws far more than others, or if it does not help."""
+    """Return a moved point after relaxation of the nodes that have opened or closed.
+
+    If only few nodes violate the laws strongly, biactive nodes that lag behind are included, and in any case the nodes
+    around. The result is the given point if these nodes do not violate the laws far more than others, or if the
+    relaxation does not help.
+    """
     few = moved.merit**2 * moved.equation.count < FEW * moved.judged**2
     behind = np.maximum(np.abs(moved.residual[:, 2]), moved.judged_nodes) > BEHIND * moved.judged
     switched = behind & (moved.switched(before) | (few & moved.grazing))
@@ -54,7 +69,7 @@ def relaxed_where_switched(before: Point, moved: Point) -> Point:
 
 
 def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
-    """A point with the nodes relaxed that are near others of another kind (n,); the same if there is nothing to do."""
+    """Return a point after relaxation of the nodes near others of another kind (n,), if there are any."""
     problem = point.equation.problem
     if (
         not is_pure_projection(problem.contact_law)
@@ -73,12 +88,14 @@ def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
     contact_fraction = np.clip(contact_fraction, 0.0, 1.0)
     shut = point.transmissivity[nodes] + (1.0 - contact_fraction)[:, None] * point.jump[nodes]
     apart = shut - point.jump[nodes]
-    laws = shut, apart, slips(point)[nodes]  # asked at all nodes: each may have its own
+    laws = shut, apart, slips(point)[nodes]  # evaluated at all nodes: each may have its own law
     neighbours = ring.number, ring.places, stencil.periodic, stencil.responses
     relax_edge(*neighbours, *laws, load, ahead, contact_fraction, sweeps, SETTLED)
     whole, fraction, grazing = point.load.copy(order="K"), point.contact_fraction.copy(), point.grazing.copy()
     whole[nodes], fraction[nodes] = load, contact_fraction
-    fresh = nodes[point.load[nodes, 2] > HARDLY * load[:, 2]]  # rub in the direction in which they were moved
+    fresh = nodes[
+        point.load[nodes, 2] > HARDLY * load[:, 2]
+    ]  # newly pressed nodes slip in the direction of their trial
     whole[fresh, :2] = point.trial[fresh, :2]
     whole[nodes, MECHANICAL] = problem.contact_law.project(whole[:, MECHANICAL])[nodes]
     grazing[nodes] |= (contact_fraction > 0.0) & (contact_fraction < 1.0)
@@ -86,8 +103,10 @@ def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
 
 
 def _jumps_at_edge(point: Point) -> bool:
-    """Whether contact begins to conduct at once: where the conductivity grows from zero with the pressure it does not
-    matter which of two neighbours is pressed."""
+    """Return true if contact begins to conduct at once.
+
+    Where the conductivity grows from zero with the pressure, it does not matter which of two neighbours is pressed.
+    """
     equation, largest = point.equation, np.abs(point.jump).max()
     touching = np.full(len(point.load), -LOWEST * equation.scales.pressure)
     jump = equation.transmissivity(touching, point.ahead, 1.0) - equation.transmissivity.open(touching, point.ahead)

@@ -1,4 +1,4 @@
-"""Newton steps of the nonsmooth equation: by factorisation at contact size, or by Krylov iteration without a matrix."""
+"""Newton steps of the nonsmooth equation: by factorisation at contact size, or by matrix-free Krylov iteration."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -12,13 +12,16 @@ from meeframe.solvers.newton.linear import UNRESISTED, Inverse, krylov_step
 from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
 
 ACCURATE: Final = 1e-10
-"""Fraction of the residual that iterations leave unless they are told otherwise."""
+"""Fraction of the residual that linear iterations leave by default."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A Newton step. local: (n, fields + 1) of load and closed fraction; motion: (m,) of the freedoms; inverse: roughly
-    that of the equations, where there is no matrix."""
+    """Newton step of the loads, the contact fractions and the free motions.
+
+    local: (n, fields + 1) of load and contact fraction; motion: (m,) of the freedoms; inverse: approximate inverse of
+    the equations, where there is no matrix.
+    """
 
     local: Array
     motion: Array
@@ -26,16 +29,17 @@ class Step:
 
     @property
     def finite(self) -> bool:
-        """Whether the equations were regular."""
+        """True if the equations were regular."""
         return bool(np.isfinite(self.local).all() and np.isfinite(self.motion).all())
 
 
 def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE, before: Inverse | None = None) -> Step:
-    """The step that solves the linearised equations; not finite if they are singular.
+    """Return the step that solves the linearised equations; it is not finite if they are singular.
 
-    Rows that say what one unknown of their own node is (open nodes, insulated potentials, closed fractions that do not
-    graze) are eliminated beforehand: what remains is the size of the contact. A motion that nothing resists stays where
-    it is. Where there is no matrix, tolerance: fraction of the residual that may be left; before: of the last step.
+    Rows that determine one unknown of their own node alone (open nodes, insulated potentials, contact fractions of
+    nodes that are not biactive) are eliminated beforehand: the remaining system has the size of the contact. A motion
+    without resistance is left unchanged. Where there is no matrix, tolerance: fraction of the residual that may be
+    left; before: approximate inverse of the last step.
     """
     coupled = _coupled(blocks)
     given = _stated(blocks, coupled)
@@ -43,7 +47,7 @@ def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE,
     if matrix is None:
         try:
             local, amounts, inverse = krylov_step(equation, blocks, coupled, given, tolerance, before)
-        except LinAlgError:  # no numbers in tangents
+        except LinAlgError:  # tangents that are not finite
             local, amounts = np.full_like(given, np.nan), np.full(blocks.balance.shape, np.nan)
     else:
         size = equation.problem.system.offset.size
@@ -52,10 +56,11 @@ def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE,
 
 
 def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array, matrix: Array) -> tuple[Array, Array]:
-    """Step (n, fields + 1) and amounts (m,) of the motions: first the step at rest, then the responses to each motion.
+    """Return the step (n, fields + 1) and the amounts (m,) of the motions by factorisation.
 
-    Free motions are eliminated, which leaves the stiffness of the contact against them. given: (n, fields + 1), what
-    the other rows say; matrix: (n fields, n fields) compliance.
+    The step with the indenter at rest comes first, then the responses to each motion. Free motions are eliminated,
+    which leaves the stiffness of the contact against them. given: (n, fields + 1), determined by the decoupled rows;
+    matrix: (n fields, n fields) compliance.
     """
     right = -blocks.residual - (_product(equation, blocks, given) if given.any() else 0.0)
     rights = np.concatenate([right[:, :, None], blocks.b.dense(equation.problem.fields.size) @ equation.modes], axis=2)[
@@ -70,7 +75,7 @@ def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array
 
 
 def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
-    """(A + B C) step, (n, fields + 1)."""
+    """Return (A + B C) step, (n, fields + 1)."""
     moved = equation.problem.system.apply(step[:, :FRACTION])
     product = blocks.a.products(step.dtype).times(step.T)
     blocks.b.products(step.dtype).add(moved.T, product)
@@ -78,8 +83,10 @@ def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
 
 
 def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
-    """Motions (m,) in units of the equation that balance the step at rest and the responses (n, fields + 1, 1 + m), or
-    go there as far as they may."""
+    """Return the motions (m,), in units of the equation, that restore the balance, limited to the largest step allowed.
+
+    responses: (n, fields + 1, 1 + m), the step at rest followed by the responses to the motions.
+    """
     if blocks.balance.size == 0 or not np.isfinite(responses).all():
         return np.full(blocks.balance.shape, np.nan)
     resultants = np.einsum("kni,nil->kl", equation.measures, responses[:, :FRACTION])
@@ -89,8 +96,10 @@ def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
 
 
 def _coupled(blocks: Blocks) -> Mask:
-    """Rows (n, fields + 1) that are more than a statement on their own unknown, and the pressure's beside such a closed
-    fraction's: one goes with the other."""
+    """Return the rows (n, fields + 1) that involve more than their own unknown.
+
+    The row of the pressure is included where that of the contact fraction is, as the two belong together.
+    """
     coupled = np.zeros(blocks.a.shape, bool)
     beside = [(row, entry) for (row, column), entry in blocks.a.entries.items() if row != column]
     for row, entry in [*beside, *((row, entry) for (row, _), entry in blocks.b.entries.items())]:
@@ -100,7 +109,7 @@ def _coupled(blocks: Blocks) -> Mask:
 
 
 def _stated(blocks: Blocks, coupled: Mask) -> Array:
-    """Step (n, fields + 1) that the other rows say, zero on those that are coupled (n, fields + 1)."""
+    """Return the step (n, fields + 1) that the decoupled rows determine, zero on the coupled ones (n, fields + 1)."""
     step = np.zeros(coupled.shape[::-1]).T
     for row in range(coupled.shape[1]):
         own = np.where(coupled[:, row], 1.0, blocks.a.entry(row, row))
@@ -109,13 +118,13 @@ def _stated(blocks: Blocks, coupled: Mask) -> Array:
 
 
 def _unit(equation: Equation, unknown: Indices) -> Array:
-    """Characteristic magnitudes of unknowns by their number: with them the equations are without units."""
+    """Return the characteristic magnitudes of unknowns, given their numbers; they make the equations dimensionless."""
     return np.append(equation.scales.load, 1.0)[unknown]
 
 
 def _direct(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array, matrix: Array) -> Array:
-    """Solutions by LU factorisation; matrix: (n fields, n fields) compliance."""
-    # loads before closed fractions, so that the compliance fills a block
+    """Return the solutions by LU factorisation; matrix: (n fields, n fields) compliance."""
+    # loads before contact fractions, so that the compliance fills a block
     n_fields = equation.problem.fields.size
     node, row = np.nonzero(coupled)
     order = np.argsort(row == n_fields, kind="stable")

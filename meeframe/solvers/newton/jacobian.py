@@ -1,4 +1,4 @@
-"""The linearised equations of Newton's method where they say more than what one unknown of their own node is."""
+"""Linearised equations of Newton's method, restricted to the rows that involve more than their own unknown."""
 
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -15,17 +15,17 @@ from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
 from meeframe.system.capabilities import ApproximateApply, apply_fields, apply_load
 
 TANGENTIAL: Final = (0, 1)
-"""Components of the load."""
+"""Tangential components of the load."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The linearised equations on c nodes in r of their components, by unknowns in characteristic units.
+    """Linearised equations on c nodes in r of their components, with unknowns in characteristic units.
 
-    nodes: (c,) that have coupled rows; components: the r that are coupled anywhere, fields: the l of them
-    that are loads, asked: the f fields of the displacement that take part; coupled: (r, c) where they are;
-    a: blocks (r, r) of the unknowns and b: (r, f) of the displacement, zero in rows that are not coupled; precision: of
-    vectors, which are (r c,) with zeros where nothing is coupled.
+    nodes: (c,) that have coupled rows; components: the r that are coupled anywhere; fields: the l of them that are
+    loads; asked: the f fields of the displacement that take part; coupled: (r, c) where they are; a: blocks (r, r) of
+    the unknowns and b: (r, f) of the displacement, zero in rows that are not coupled; precision: of vectors, which are
+    (r c,) with zeros where nothing is coupled.
     """
 
     equation: Equation
@@ -39,7 +39,7 @@ class Rows:
 
     @classmethod
     def of(cls, equation: Equation, blocks: Blocks, coupled: Mask, precision: np.dtype[Any]) -> "Rows":
-        """Of the blocks of an equation; coupled: (n, fields + 1)."""
+        """Return the coupled rows of the blocks of an equation; coupled: (n, fields + 1)."""
         nodes = np.flatnonzero(coupled.any(axis=1))
         components = np.flatnonzero(coupled.any(axis=0)).tolist()
         where = coupled.T.take(nodes, axis=1)[components]
@@ -55,16 +55,16 @@ class Rows:
 
     @property
     def units(self) -> Array:
-        """Of the unknowns, (r,)."""
+        """Characteristic units of the unknowns, (r,)."""
         return np.append(self.equation.scales.load, 1.0)[self.components]
 
     @property
     def fields(self) -> list[int]:
-        """Those of the components that are loads."""
+        """Components that are loads."""
         return [component for component in self.components if component < self.equation.problem.fields.size]
 
     def like(self, other: "Rows") -> bool:
-        """Whether the same rows are coupled, in the same precision, and the same nodes stick."""
+        """Return true if the same rows are coupled, in the same precision, and the same nodes stick."""
         return (
             self.components == other.components
             and self.precision == other.precision
@@ -75,7 +75,7 @@ class Rows:
 
     @property
     def _slipping(self) -> Mask:
-        """Nodes (c,) where tangential rows ask for more than that nothing moves."""
+        """Nodes (c,) whose tangential rows involve loads as well as displacements."""
         asking = np.zeros(len(self.nodes), bool)
         for (row, _), entry in self.a.entries.items():
             if self.components[row] in TANGENTIAL:
@@ -83,18 +83,21 @@ class Rows:
         return asking
 
     def chosen(self, whole: Array) -> Array:
-        """The coupled ones of all rows (n, fields + 1), (r c,)."""
+        """Return the coupled rows (r c,) of all rows (n, fields + 1)."""
         return np.where(self.coupled, whole[self.nodes].T[self.components], 0.0).ravel()
 
     def step(self, values: Array, given: Array) -> Array:
-        """Step (n, fields + 1) by unknowns (r c,), as given (n, fields + 1) off the coupled rows and zero on them."""
+        """Return the step (n, fields + 1) with unknowns (r c,) in the coupled rows and `given` values elsewhere.
+
+        given: (n, fields + 1), zero in the coupled rows.
+        """
         step = given.copy(order="F")
         for component, unit, part in zip(self.components, self.units, values.reshape(self.coupled.shape), strict=True):
             step[self.nodes, component] += unit * part
         return step
 
     def image(self, blocks: Blocks, given: Array, values: Array) -> Array:
-        """Product (r c,) of the equations with unknowns (r c,) and what is given of the step (n, fields + 1) off them.
+        """Return the product (r c,) of the equations with unknowns (r c,) and the given step (n, fields + 1) elsewhere.
 
         blocks: of all rows.
         """
@@ -116,7 +119,10 @@ class Rows:
         return image.ravel()
 
     def multiplication(self, roughly: bool = False) -> Linear:
-        """Product (r c,) of the equations with unknowns (r c,); roughly: by approximate products of the system."""
+        """Return the function that multiplies the equations by unknowns (r c,), giving (r c,).
+
+        roughly: use approximate products of the system.
+        """
         a, b = self.of_unknowns, self.of_displacement
         fields, system, n = self.fields, self.equation.problem.system, len(self.equation.blocks)
         approximate = system.capability(ApproximateApply) if roughly else None
@@ -135,16 +141,16 @@ class Rows:
 
     @cached_property
     def of_unknowns(self) -> NodeProducts:
-        """What unknowns (r, c) add to the rows (r, c) of their own node."""
+        """Contribution of unknowns (r, c) to the rows (r, c) of their own node."""
         return self.a.products(self.precision)
 
     @cached_property
     def of_displacement(self) -> NodeProducts:
-        """What displacements (f, c) add to the rows (r, c)."""
+        """Contribution of displacements (f, c) to the rows (r, c)."""
         return self.b.products(self.precision)
 
     def lifted(self, displacement: Array) -> Array:
-        """What displacements (n, fields, m) of the indenter add to the right-hand side, (m, r c)."""
+        """Return the contribution (m, r c) of indenter displacements (n, fields, m) to the right-hand side."""
         motions = displacement.transpose(2, 1, 0)
         lifted = np.zeros((len(motions), *self.coupled.shape), self.precision)
         for motion, of_motion in zip(motions, lifted, strict=True):
@@ -156,8 +162,10 @@ class Rows:
         return lifted.reshape(len(motions), self.coupled.size)
 
     def combined(self, measures: Array) -> list[dict[int, Array]]:
-        """Measures (m, n, fields) of loads, of unknowns instead: of each, what is not zero, (c,) by the row of
-        unknowns."""
+        """Return measures (m, n, fields) of loads as measures of the unknowns.
+
+        Each is a dictionary of its nonzero parts (c,) by the row of unknowns.
+        """
         units = self.units.tolist()
         return [
             {
@@ -168,7 +176,10 @@ class Rows:
         ]
 
     def _moved(self, whole: Array, fields: list[int]) -> dict[int, Array]:
-        """Those of the fields of a motion (fields, n) at the nodes that it has, (c,) by their place. Most have one."""
+        """Return the nonzero fields of a motion (fields, n) at the nodes of the rows, (c,) by their place in `fields`.
+
+        Most motions have one such field.
+        """
         return {
             place: whole[field].take(self.nodes).astype(self.precision)
             for place, field in enumerate(fields)
@@ -179,7 +190,7 @@ class Rows:
 def _entries(
     blocks: NodeBlocks, rows: list[int], columns: list[int], nodes: Indices, coupled: Mask
 ) -> dict[tuple[int, int], Array]:
-    """Rows and columns of the blocks of all nodes at c of them, zero where they are not coupled (r, c)."""
+    """Return the given rows and columns of the blocks of all nodes at c of them, zero where not coupled (r, c)."""
     entries = dict[tuple[int, int], Array]()
     for (row, column), entry in blocks.entries.items():
         if row in rows and column in columns:

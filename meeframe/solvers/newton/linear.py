@@ -1,8 +1,8 @@
-"""Newton steps without a matrix: Krylov iteration, with the free motions as unknowns beside the loads.
+"""Matrix-free Newton steps: Krylov iteration, with the free motions as unknowns beside the loads.
 
-That a motion is resisted by the contact is part of the preconditioner. Components come before nodes: numpy is much
-faster along the longer axis. A step of which a few digits are asked for is found in single precision: the residual
-that says whether it is good is not.
+The resistance of the contact to the motions is part of the preconditioner. Components come before nodes: numpy is much
+faster along the longer axis. A step of which a few digits are required is computed in single precision; the residual
+that decides on its quality is not.
 """
 
 from dataclasses import dataclass
@@ -20,24 +20,27 @@ from meeframe.solvers.newton.preconditioner import preconditioner
 from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
 
 UNRESISTED: Final = 1e-12
-"""Stiffness against a motion, as a fraction of the largest one, that is none."""
+"""Largest stiffness against a motion, relative to the largest one, that counts as zero."""
 ROUND_OFF: Final = 10.0
-"""So many times the round-off of a vector its products with others are off."""
+"""Bound on the round-off of products of a vector, in units of the round-off of the vector."""
 SINGLE: Final = 3e-5
-"""Tolerance from which on single precision serves."""
+"""Smallest tolerance for which single precision suffices."""
 ROUGHLY: Final = 5e-4
-"""Tolerance from which on rough responses of the system serve."""
+"""Smallest tolerance for which approximate responses of the system suffice."""
 LEAST_BESIDE: Final = 1e-3
-"""Of what is given of a step: a right-hand side far below it is not solved to so much less."""
+"""Smallest factor by which a large given part of a step reduces the tolerance of the solution.
+
+It applies to right-hand sides far below the given part.
+"""
 UNNOTICED: Final = 0.1
-"""Of what may be left of the residual: what is given of a step by less changes nothing elsewhere."""
+"""Largest given part of a step, relative to the residual that may be left, that is negligible elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
 class Inverse:
-    """What is roughly the inverse of the equations of some rows, and responses (m, r c) of these to the motions.
+    """Approximate inverse of the equations of some rows, with its responses (m, r c) to the motions.
 
-    It serves as long as the same rows are coupled, and the same nodes stick: what else changes is then little.
+    It remains useful as long as the same rows are coupled, and the same nodes stick: all other changes are small.
     """
 
     rows: Rows
@@ -46,7 +49,10 @@ class Inverse:
 
     @classmethod
     def of(cls, rows: Rows, columns: Array, before: "Inverse | None") -> "Inverse":
-        """Of rows, that of those before if it serves; columns: (m, r c) what motions add to the right-hand side."""
+        """Return the approximate inverse of rows, or `before` if that still serves.
+
+        columns: (m, r c) contribution of the motions to the right-hand side.
+        """
         if before is not None and before.rows.like(rows):
             return before
         precondition = preconditioner(rows)
@@ -59,11 +65,10 @@ class Inverse:
 def krylov_step(
     equation: Equation, blocks: Blocks, coupled: Mask, given: Array, tolerance: float, before: Inverse | None = None
 ) -> tuple[Array, Array, Inverse]:
-    """Step (n, fields + 1) and amounts (m,) of the motions, with what is given of the step (n, fields + 1) off the
-    coupled rows.
+    """Return the step (n, fields + 1), the amounts (m,) of the motions and the approximate inverse for the next step.
 
-    Also what is roughly the inverse of the equations, for the next step; before: that of the last one. The residual
-    that is left is that fraction of the one before. Raises LinAlgError if the equations are not finite.
+    given: (n, fields + 1) step in the decoupled rows; tolerance: fraction of the residual that may be left; before: the
+    approximate inverse of the last step. Raises LinAlgError if the equations are not finite.
     """
     rows = Rows.of(equation, blocks, coupled, np.dtype(np.float32 if tolerance >= SINGLE else np.float64))
     right = rows.chosen(-blocks.residual).astype(rows.precision)
@@ -107,16 +112,16 @@ def krylov_step(
 
 
 def _counts(rows: Rows, given: Array, asked: float) -> bool:
-    """Whether what is given of the step (n, fields + 1) counts beside what is asked for."""
+    """Return true if the given part of the step (n, fields + 1) is not negligible beside the residual `asked`."""
     units = np.append(rows.equation.scales.load, 1.0)
     return float(np.linalg.norm(given / units)) > UNNOTICED * asked
 
 
 def _solution(multiply: Linear, image: Linear | None, precondition: Linear, right: Array, tolerance: float) -> Array:
-    """Unknowns (k,) of a right-hand side (k,), of which that fraction may be left.
+    """Return the unknowns (k,) of a right-hand side (k,), of which the fraction `tolerance` may be left.
 
-    image: of unknowns with what is given beside them, None if it does not count; multiply: without it. The product that
-    what is given costs serves a first guess, too.
+    image: of unknowns together with the given part of the step, None if that is negligible; multiply: without it. The
+    product that the given part costs provides a first guess, too.
     """
     if image is None:
         return gmres(multiply, precondition, right, tolerance)[0]
@@ -130,10 +135,10 @@ def _solution(multiply: Linear, image: Linear | None, precondition: Linear, righ
 
 @dataclass(frozen=True, eq=False)
 class _Border:
-    """The q combinations of motions that something resists, and of resultants that they change.
+    """Bordered part of the system: q combinations of motions with resistance, and of resultants that they change.
 
     motions: (m, q) amounts in them; left: (m, q) resultants in them, of loads by totals: see Rows.combined; stiffness:
-    (q,) of the contact against them, roughly.
+    (q,) approximate stiffness of the contact against them.
     """
 
     motions: Array
@@ -143,7 +148,7 @@ class _Border:
 
     @classmethod
     def of(cls, rows: Rows, responses: Array) -> "_Border":
-        """Of rows; responses: (m, r c) roughly to each motion."""
+        """Return the border of rows; responses: (m, r c) approximate responses to each motion."""
         totals = rows.combined(rows.equation.measures)
         matrix = np.array([_resultants(totals, response) for response in responses]).T
         left, stiffness, right = np.linalg.svd(matrix.reshape(len(totals), len(totals)))
@@ -152,16 +157,16 @@ class _Border:
         return cls(right[resisted].T, left[:, resisted], totals, stiffness[resisted])
 
     def resultants(self, loads: Array) -> Array:
-        """Combinations (q,) of the resultants of loads (r c,)."""
+        """Return the combinations (q,) of the resultants of loads (r c,)."""
         return self.turned(_resultants(self.totals, loads))
 
     def turned(self, resultants: Array) -> Array:
-        """Combinations (q,) of resultants (m,)."""
+        """Return the combinations (q,) of resultants (m,)."""
         return np.asarray(self.left.T @ resultants)
 
 
 def _resultants(totals: list[dict[int, Array]], loads: Array) -> Array:
-    """Resultants (m,) of loads (r c,)."""
+    """Return the resultants (m,) of loads (r c,)."""
     resultants = np.zeros(len(totals), loads.dtype)
     for number, total in enumerate(totals):
         for place, part in total.items():

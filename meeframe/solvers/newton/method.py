@@ -26,49 +26,58 @@ from meeframe.solvers.stopping import StoppingCriteria
 from meeframe.system.capabilities import diagonal
 
 FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
-"""Of a Newton step, tried in turn."""
+"""Fractions of a Newton step, tried in turn."""
 PATIENCE: Final = 2
-"""A step must come below the largest merit of so many states."""
+"""Number of last states whose largest merit bounds that of the next one."""
 FALL: Final = 0.99
-"""So far below, as a fraction."""
+"""Largest merit after a step, relative to that bound."""
 LOOSEST: Final = 0.03
 TIGHTEST: Final = 1e-4
-"""Tolerances of the linear equations where there is no matrix."""
+"""Largest (LOOSEST) and smallest (TIGHTEST) tolerance of the linear equations where there is no matrix."""
 ENOUGH: Final = 0.3
-"""Of the residual that is asked for: violation of the laws that linear equations need not leave less of."""
+"""Fraction of the required residual below which linear equations need not reduce the violation of the laws."""
 PEAK: Final = 60.0
-"""The largest part of what linear equations leave of a residual is hardly more than so many times its merit."""
+"""Largest ratio assumed between the largest component and the merit of what linear equations leave of a residual."""
 COARSE: Final = 5e-4
-"""Merit at which a coarser problem is left: the two differ by more."""
+"""Merit at which the iteration on a coarser problem ends, as the two problems differ by more."""
 COARSE_STEPS: Final = 40
-"""At most."""
+"""Largest number of steps on a coarser problem."""
 ROUGHENING: Final = 100.0
-"""The first step from there may raise the merit so much: a smooth state violates the laws by little, and what is short
-in it is found at once."""
+"""Largest factor by which the first step from a coarse solution may raise the merit.
+
+A smooth state violates the laws by little, and its short-wave errors are found at once.
+"""
 LEAPS: Final = 4
-"""So often a full step is made in place of a burst where there is no matrix: it costs less, and often does as well."""
+"""Largest number of full steps made in place of a burst where there is no matrix.
+
+Such a step costs less than a burst, and often does as well.
+"""
 FARTHEST_LEAP: Final = 0.1
-"""Merit at which that may end; one is that of no load at all."""
+"""Largest merit after such a step; a state without load has a merit of one."""
 BURST: Final = 25
-"""Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
+"""Number of gradient steps in the first burst, made when no fraction of a Newton step helps; it doubles each time."""
 LONGEST_BURST: Final = 400
 BALANCED: Final = 1e-6
-"""Resultants of a start that miss the prescribed ones by less need no other motion to begin with."""
+"""Largest error of the resultants of a start with which its motion is retained."""
 INSETS: Final = 2
-"""So often an iteration without a matrix withdraws to the part of the zone around the contact."""
+"""Largest number of times that a matrix-free iteration restricts itself to the neighbourhood of the contact."""
 NEAR: Final = 0.1
-"""Merit below which it does, unless it starts there."""
+"""Merit below which the iteration does so, unless it starts there."""
 STIFFENING: Final = (1.0, 4.0, 16.0)
-"""Of the step that finds it: friction bears more where the same overlap presses more."""
+"""Factors of the step that finds the motion: friction carries more where the same overlap presses more."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """point: the equation at the iterate; merits: of the last states, that of a start as high as it may rise; flips:
-    (n,) how often each node has opened or closed; fall: its merit over that before; burst: how many gradient steps are
-    made the next time; leaps: full steps that may still take their place; inverse: of the last step; inset: the part of
-    the zone whose equation it is, None if the whole; unseen: whether what is beside it has not been looked at; insets:
-    parts that may still be taken; enough: violation of the laws with which one may be content."""
+    """State of the iteration.
+
+    point: the equation at the iterate; merits: of the last states, that of a start being the largest merit allowed;
+    flips: (n,) how often each node has opened or closed; fall: ratio of the merit to the one before; burst: number of
+    gradient steps of the next burst; leaps: full steps that may still take the place of a burst; inverse: of the last
+    step; inset: the neighbourhood whose equation it is, None if it is that of the whole zone; unseen: true if the rest
+    of the zone has not been tested for contact; insets: restrictions that are still allowed; enough: violation of the
+    laws that is sufficient.
+    """
 
     point: Point
     merits: tuple[float, ...]
@@ -88,12 +97,12 @@ class _Memory:
 class SemismoothNewton(Solver):
     """Newton's method on the residual of eqs. (27)-(29) with generalised Jacobians of the laws.
 
-    A step solves the linearised equations for tractions, fluxes, the closed fractions of grazing nodes and the free
-    motions of the indenter together, by factorisation at contact size or, where the compliance is not held as a matrix,
-    by GMRES. Tractions are then made admissible. A step that does not bring the merit (the root mean square of the
-    residual, balance included) below that of the last two states is halved, up to three times. If that does not help,
-    a burst of projected Barzilai-Borwein steps takes its place, from where Newton's method starts again. Where there is
-    no matrix, steps are made on the part of the zone around the contact: see newton_part.
+    A step solves the linearised equations for tractions, fluxes, the contact fractions of biactive nodes and the free
+    motions of the indenter together, by factorisation at contact size or, where the compliance is not stored as a
+    matrix, by GMRES. Tractions are then made admissible. A step that does not bring the merit (the root mean square of
+    the residual, balance included) below that of the last two states is halved, up to three times. If that does not
+    help, a burst of projected Barzilai-Borwein steps takes its place, after which Newton's method starts again. Where
+    there is no matrix, steps are made on the part of the zone around the contact: see ContactNeighbourhood.
 
     Source: Christensen et al., Int. J. Numer. Methods Eng. 42 (1998) 145 for frictional contact; Qi and Sun, Math.
     Program. 58 (1993) 353 for the convergence.
@@ -102,12 +111,12 @@ class SemismoothNewton(Solver):
     stall_window: ClassVar[int] = 40
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
-        """The converged state of the previous load step, the solution on a coarser system, or no load at all."""
+        """Return the converged state of the previous load step, that of a coarser system, or one without load."""
         iterate = _begun(problem, start, 0.0)
         return replace(iterate, memory=replace(_memory(iterate), enough=ENOUGH * tolerance))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """One Newton step, a fraction of it, or a burst of gradient steps; none from where no law is violated."""
+        """Make one Newton step, a fraction of it, or a burst of gradient steps; none if no law is violated."""
         memory = _placed(problem, _memory(iterate))
         point = memory.point
         if point.merit == 0.0:
@@ -146,7 +155,7 @@ def estimated_residual(iterate: Iterate) -> float | None:
 
 
 def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> Iterate:
-    """From where to iterate to that merit: see SemismoothNewton.init."""
+    """Return the start of an iteration to the merit `aim`; see SemismoothNewton.init."""
     n, insets, leaps = len(problem.gap), *((INSETS, LEAPS) if _matrixless(problem) else (0, 0))
     coarse = coarse_problem(problem) if start is None and insets else None
     below = None if coarse is None else _coarse_solution(coarse.problem)
@@ -162,7 +171,7 @@ def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> I
         insets -= 1
     else:
         point = Equation.of(problem).at(load, contact_fraction, _between(contact_fraction), motion, aim)
-    # what attracts may hold where it is, so that it is not lifted off to find the contact anew
+    # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
     held = prolonged is not None or (start is not None and attracts(problem.contact_law))
     if not held and (np.abs(point.balance) > BALANCED).any():
         point = point.equation.at(point.load, contact_fraction, point.grazing, _moved_indenter(problem, point), aim)
@@ -176,12 +185,12 @@ def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> I
 
 
 def _anew(memory: _Memory, point: Point, flips: Array) -> _Memory:
-    """From a point on, without what was known of those before."""
+    """Return the state that continues from a point without the history of those before."""
     return replace(memory, point=point, merits=(point.merit,), flips=flips, fall=np.inf, inverse=None)
 
 
 def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
-    """On the part of the zone around the contact, if there is one; on the whole if that has nothing left to say."""
+    """Return the state on the neighbourhood of the contact, if any; on the whole zone once that has converged."""
     point, part = memory.point, memory.inset
     if part is not None:
         return _on_whole(problem, memory, part) if point.judged <= memory.enough else memory
@@ -198,7 +207,7 @@ def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
 
 
 def _on_whole(problem: ContactProblem, memory: _Memory, part: ContactNeighbourhood) -> _Memory:
-    """On the whole zone, from a part of it."""
+    """Return the state on the whole zone, from one on a neighbourhood."""
     point, spread = memory.point, part.spread
     nodes = spread(point.load), spread(point.contact_fraction), spread(point.grazing)
     whole = Equation.of(problem).at(*nodes, point.motion)
@@ -206,8 +215,11 @@ def _on_whole(problem: ContactProblem, memory: _Memory, part: ContactNeighbourho
 
 
 def _looked_beside(problem: ContactProblem, memory: _Memory) -> _Memory:
-    """On the whole zone if there is contact beside the part, which is looked at once, when the contact is known, unless
-    a coarser grid did: what begins to touch later is found when the part has nothing left to say."""
+    """Return the state on the whole zone if there is contact outside the neighbourhood.
+
+    That is tested once, when the contact is known, unless a coarser grid did so: contact that begins later is found
+    when the neighbourhood has converged.
+    """
     part, point = memory.inset, memory.point
     if part is None or not (memory.unseen and point.merit < COARSE):
         return memory
@@ -215,10 +227,10 @@ def _looked_beside(problem: ContactProblem, memory: _Memory) -> _Memory:
 
 
 def _tolerance(fall: float, left: float) -> float:
-    """Fraction of the residual that may be left of the linear equations, by the fall of the merit in the last step and
-    the fraction with which one may be content.
+    """Return the fraction of the residual that the linear equations may leave.
 
-    Eisenstat and Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice 2: as much as Newton's method itself seems to leave.
+    fall: ratio of the merits of the last step; left: fraction that is sufficient. Eisenstat and Walker, SIAM J. Sci.
+    Comput. 17 (1996) 16, choice 2: as much as Newton's method itself seems to leave.
     """
     return float(np.clip(max(0.9 * fall**1.5, left), TIGHTEST, LOOSEST))
 
@@ -228,9 +240,10 @@ def _matrixless(problem: ContactProblem) -> bool:
 
 
 def _coarse_solution(problem: ContactProblem) -> Iterate | None:
-    """Roughly that of a problem on a coarser system, from which to start; None if it is not found, or without load.
+    """Return an approximate solution on a coarser system as a start; None if it is not found, or without load.
 
-    If nothing conducts, there is tension where the contact is open: it would keep apart what conduction draws together.
+    If nothing conducts, the load has tension where the contact is open: it would keep apart what conduction pulls
+    together.
     """
     solver = SemismoothNewton()
     iterate, steps = _begun(problem, None, COARSE), 0
@@ -251,14 +264,17 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
 
 
 def _hopeless(problem: ContactProblem, iterate: Iterate) -> bool:
-    """Whether bursts have shown that friction does not bear what is prescribed."""
+    """Return true if bursts have shown that friction cannot carry the prescribed resultants."""
     if _memory(iterate).burst == BURST:
         return False
     return beyond_friction(problem, evaluate(problem, iterate), problem_scales(problem)) is not None
 
 
 def _moved_indenter(problem: ContactProblem, point: Point) -> Array:
-    """Motion (m,) at which the tractions of one projected step bear the prescribed resultants: something is touched."""
+    """Return a motion (m,) at which the tractions of one projected step have the prescribed resultants.
+
+    At that motion there is contact.
+    """
     moving, load = motions(problem), point.load.copy()
     displacement = problem.system.offset + problem.system.apply(load)
     gap = contact_gap(problem, displacement, point.motion)
@@ -280,7 +296,7 @@ def _memory(iterate: Iterate) -> _Memory:
 
 
 def _iterate(memory: _Memory) -> Iterate:
-    """The iterate; where products are dear, with the violation of the laws that the equation knows of."""
+    """Return the iterate, with the violation of the laws that the equation estimates where products are expensive."""
     point, part = memory.point, memory.inset
     estimate = point.judged if _matrixless(point.equation.problem) else None
     load, contact_fraction = point.load, np.clip(point.contact_fraction, 0.0, 1.0)
@@ -294,7 +310,7 @@ def _between(contact_fraction: Array) -> Mask:
 
 
 def _gradient_steps(problem: ContactProblem, point: Point, grazing: Mask, count: int) -> Point:
-    """The point that projected Barzilai-Borwein steps reach; nodes (n,) that graze go on grazing."""
+    """Return the point after projected Barzilai-Borwein steps; biactive nodes (n,) remain biactive."""
     solver = BarzilaiBorwein()
     contact_fraction = np.clip(point.contact_fraction, 0.0, 1.0)
     iterate = solver.init(problem, ContactState(point.load, np.zeros_like(point.load), contact_fraction, point.motion))

@@ -1,4 +1,4 @@
-"""Where a step of Newton's method leads: admissible tractions, and nodes that are taken to graze."""
+"""State after a step of Newton's method: admissible tractions, and nodes that become biactive."""
 
 from typing import Final
 
@@ -12,22 +12,29 @@ from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.residual import FLUX_ROWS, FRACTION, Point
 
 FLIPS: Final = 1
-"""A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
+"""Largest number of openings and closings before a node is treated as biactive.
+
+That does no harm to a node that need not be biactive.
+"""
 ROUND_OFF: Final = 1e-14
-"""A normal traction below this fraction of the characteristic one is none, nor a flux of that it was before."""
+"""Largest normal traction, relative to the characteristic one, that counts as zero.
+
+A flux counts as zero below this fraction of its previous value.
+"""
 
 
 def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Array, Point]:
-    """Flips (n,) and point after a fraction of a step. Nodes whose conduction keeps changing are taken to graze.
+    """Return the flips (n,) and the point after a fraction of a step.
 
-    They begin between open and closed, where their own switching would take their trial to zero: from one of the ends
-    the first step goes too far, since the drive changes along with the fraction.
+    Nodes whose conduction keeps changing become biactive. They begin between open and closed, at the fraction where
+    their own switching would make their trial zero: from one of the ends the first step goes too far, since the drive
+    changes along with the fraction.
     """
     equation = point.equation
     motion = point.motion + fraction * step.motion
     load = point.load + fraction * step.local[:, :FRACTION]
     load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
-    # what is left of tractions, fluxes and fractions that the step took away
+    # round-off of tractions, fluxes and fractions that the step removed
     load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
     load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(point.load[:, POTENTIALS])] = 0.0
     contact_fraction = point.contact_fraction + fraction * step.local[:, FRACTION]
@@ -48,10 +55,10 @@ def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[A
 
 
 def held_where_it_grazes(point: Point, moved: Point) -> Point:
-    """A moved point, or the same with nodes that graze where it opened or closed them, if that violates the laws less.
+    """Return a moved point with the nodes that it opened or closed as biactive, if that violates the laws less.
 
-    Their conduction stays for the time being: it would jump, and the fluxes with it. Only nodes whose trial is as near
-    to zero as their own switching moves it can graze.
+    Their conduction remains unchanged for the time being: it would jump, and the fluxes with it. Only nodes whose trial
+    is as near to zero as their own switching moves it can be biactive. Otherwise the given point is returned.
     """
     near = moved.switched(point) & ~moved.grazing & (np.abs(moved.trial[:, 2]) < moved.sigma)
     if not near.any():
@@ -62,9 +69,10 @@ def held_where_it_grazes(point: Point, moved: Point) -> Point:
 
 
 def _with_fitting_fractions(moved: Point) -> Point:
-    """A moved point, or the same with the fractions between open and closed that go best with its fluxes and drives.
+    """Return a moved point with the intermediate contact fractions that fit its fluxes and drives best.
 
-    A step changes both at once, and what conducts is their product: of that the linearised equations know nothing.
+    A step changes both at once, and the conducted flux is their product, which the linearised equations do not contain.
+    The result is the given point if that does not help.
     """
     some = moved.between & moved.jump.any(axis=1)
     if not some.any():
@@ -80,7 +88,7 @@ def _with_fitting_fractions(moved: Point) -> Point:
 
 
 def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
-    """Tractions (n, 3) of a load (n, fields) at a motion (m,), the contact's part of them projected by the law."""
+    """Return the tractions (n, 3) of a load (n, fields) at a motion (m,), their contact part projected by the law."""
     law, traction = problem.contact_law, load[:, MECHANICAL].copy()
     pull = np.zeros(len(load))
     if attracts(law):

@@ -1,4 +1,4 @@
-"""A contact problem on the part of its zone around the contact: the others are open and bear nothing there."""
+"""Contact problem restricted to the neighbourhood of the contact; all other nodes are open and without load."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,33 +13,38 @@ from meeframe.solvers.newton.residual import Equation, Point
 from meeframe.system.capabilities import AnyArray, Restriction, apply_fields
 
 MARGIN: Final = 2.0
-"""Spacings of nodes around the contact that the part has besides."""
+"""Width of the margin around the contact, in spacings of nodes."""
 SLENDER: Final = 0.5
-"""Of its longest side the others have at least as much: approximate inverses on slender parts may be poor ones."""
+"""Smallest ratio of the other sides of the neighbourhood to the longest one.
+
+Approximate inverses on slender parts may be poor.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactNeighbourhood:
-    """The equation of a problem on m of its n nodes alone, in the scales of the whole. whole: the problem; kept: (m,)
-    the nodes."""
+    """Equation of a problem on m of its n nodes alone, in the scales of the whole problem.
+
+    whole: the problem; kept: (m,) the nodes.
+    """
 
     whole: ContactProblem
     kept: Indices
     equation: Equation
 
     def spread(self, values: AnyArray) -> AnyArray:
-        """Values (m, ...) at the nodes that are kept, at all of them: zero at the others."""
+        """Return values (m, ...) of the neighbourhood on all nodes, zero outside it."""
         spread = np.zeros((*values.shape[:0:-1], len(self.whole.gap)), values.dtype).T
         spread[self.kept] = values
         return spread
 
     def has_contact_outside(self, point: Point) -> bool:
-        """Whether the indenter overlaps the body beside the part, at a point of the equation there."""
+        """Return true if the indenter overlaps the body outside the neighbourhood, at a point of its equation."""
         beside = np.isfinite(self.whole.gap)
         beside[self.kept] = False
         if not beside.any():
             return False
-        # tractions that a law has without scaling are loads, too
+        # tractions of a law without tangential scaling are loads, too
         loaded, system = sorted({2, *np.flatnonzero(point.load.any(axis=0)).tolist()}), self.whole.system
         load = self.spread(point.load[:, loaded].astype(np.float32))
         moved: Array = apply_fields(system, load, loaded, (2,))[:, 0] + system.offset[:, 2]
@@ -47,12 +52,15 @@ class ContactNeighbourhood:
 
 
 def kept_nodes(problem: ContactProblem, part: ContactNeighbourhood | None) -> Indices:
-    """Nodes of a problem's zone that a part of it has; all of them without one."""
+    """Return the nodes of a problem's zone in a neighbourhood; all of them if there is none."""
     return np.arange(len(problem.gap)) if part is None else part.kept
 
 
 def has_parts(problem: ContactProblem) -> bool:
-    """Whether there may be an inset of another contact: the law is the same at all nodes, and a node has a part."""
+    """Return true if the problem may have a neighbourhood for some other contact.
+
+    That requires that the law is the same at all nodes, and that the system can be restricted to a node.
+    """
     restriction = problem.system.capability(Restriction)
     return (
         restriction is not None
@@ -62,8 +70,11 @@ def has_parts(problem: ContactProblem) -> bool:
 
 
 def inset(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
-    """The problem on a part of the zone that holds nodes (n,), some around them, and all that may be loaded while they
-    are open; None if there is no such part, or if the law is not the same at all nodes."""
+    """Return the problem on a neighbourhood of the nodes (n,) in contact, or None.
+
+    It includes a margin and all nodes that may be loaded while they are open. The result is None if the system cannot
+    be restricted in this way, or if the law is not the same at all nodes.
+    """
     if not contact.any() or not same_everywhere(problem.contact_law, len(problem.gap)):
         return None
     if follows_gap(problem):

@@ -1,4 +1,4 @@
-"""Small matrices at many nodes, by their entries."""
+"""Small matrices at many nodes, stored by their entries."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,45 +12,48 @@ from meeframe.fields import Array, Indices
 from meeframe.solvers._kernels.node_products import add_products, add_products_at, spread_products, turn
 
 SINGULAR: Final = 1e12
-"""Condition of a node's block from which on its pseudo-inverse is meant."""
+"""Condition number of a node's block beyond which its pseudo-inverse is used."""
 
 FEW: Final = 101
-"""One of so many nodes is looked at first."""
+"""Stride of the nodes in the first test of an entry for zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class NodeBlocks:
-    """Blocks of c nodes. entries: (c,) by row and column, without those that are zero at all nodes; shape: (rows, c) of
-    products with vectors."""
+    """Blocks of c nodes, stored by their nonzero entries.
+
+    entries: (c,) by row and column, without those that are zero at all nodes; shape: (rows, c) of products with
+    vectors.
+    """
 
     entries: Mapping[tuple[int, int], Array]
     shape: tuple[int, int]
 
     @classmethod
     def of(cls, entries: Mapping[tuple[int, int], Array], shape: tuple[int, int]) -> "NodeBlocks":
-        """Of entries (c,) that may be zero."""
-        # some say at once that they are not zero
+        """Return the blocks with entries (c,), dropping those that are zero everywhere."""
+        # a sample of the nodes is tested first
         return cls({place: entry for place, entry in entries.items() if entry[::FEW].any() or entry.any()}, shape)
 
     @property
     def finite(self) -> bool:
-        """Whether all entries are numbers."""
+        """True if all entries are finite."""
         return all(bool(np.isfinite(entry).all()) for entry in self.entries.values())
 
     def entry(self, row: int, column: int) -> Array:
-        """An entry (c,)."""
+        """Return the entry (c,) of a row and a column."""
         found = self.entries.get((row, column))
         return np.zeros(self.shape[1]) if found is None else found
 
     def dense(self, columns: int) -> Array:
-        """Matrices (c, rows, columns)."""
+        """Return the blocks as matrices (c, rows, columns)."""
         matrices = np.zeros((*self.shape[::-1], columns))
         for (row, column), entry in self.entries.items():
             matrices[:, row, column] = entry
         return matrices
 
     def products(self, precision: np.dtype[Any]) -> "NodeProducts":
-        """With vectors of a precision."""
+        """Return the data for products with vectors of a precision."""
         places = np.array(list(self.entries), np.intp).reshape(-1, 2).T
         entries = np.empty((len(self.entries), self.shape[1]), precision)
         for rounded, entry in zip(entries, self.entries.values(), strict=True):
@@ -58,7 +61,7 @@ class NodeBlocks:
         return NodeProducts(places[0], places[1], entries, self.shape)
 
     def after(self, other: "NodeBlocks") -> "NodeBlocks":
-        """Products (rows, columns) with other blocks, that come first."""
+        """Return the products (rows, columns) with other blocks, which act first."""
         found = dict[tuple[int, int], Array]()
         for (row, through), entry in self.entries.items():
             for (there, column), first in other.entries.items():
@@ -67,21 +70,21 @@ class NodeBlocks:
         return NodeBlocks.of(found, self.shape)
 
     def plus(self, other: "NodeBlocks") -> "NodeBlocks":
-        """Sums with other blocks."""
+        """Return the sums with other blocks."""
         both = {
             place: self.entries[place] + other.entries[place] for place in self.entries.keys() & other.entries.keys()
         }
         return NodeBlocks.of({**self.entries, **other.entries, **both}, self.shape)
 
     def changed(self, row: int, column: int, nodes: Indices, values: Array | float) -> "NodeBlocks":
-        """The same with other values (k,) of an entry at k nodes."""
+        """Return the blocks with other values (k,) of an entry at k nodes."""
         entry = self.entry(row, column).copy()
         entry[nodes] = values
         others = {place: other for place, other in self.entries.items() if place != (row, column)}
         return NodeBlocks({**others, **NodeBlocks.of({(row, column): entry}, self.shape).entries}, self.shape)
 
     def exchanged(self, one: int, other: int, nodes: Indices) -> "NodeBlocks":
-        """The same with two rows exchanged at k nodes (k,)."""
+        """Return the blocks with two rows exchanged at k nodes (k,)."""
         blocks = self
         for column in {column for row, column in self.entries if row in (one, other)}:
             for row, from_row in ((one, other), (other, one)):
@@ -89,7 +92,7 @@ class NodeBlocks:
         return blocks
 
     def turned(self, cosine: Array, sine: Array) -> "NodeBlocks":
-        """The same along axes of the first two components turned by angles of these cosines and sines (c,)."""
+        """Return the blocks in axes of the first two components rotated by angles of these cosines and sines (c,)."""
         entries, none = dict(self.entries), np.zeros(self.shape[1])
         for axis in (0, 1):
             for other in {place[1 - axis] for place in entries if place[axis] < 2}:
@@ -99,7 +102,7 @@ class NodeBlocks:
         return NodeBlocks.of(entries, self.shape)
 
     def inverses(self, which: Mask) -> "NodeBlocks":
-        """Inverses on some rows and columns (rows, c) of square blocks, zero elsewhere; see `_inverse`."""
+        """Return the inverses on some rows and columns (rows, c) of square blocks, zero elsewhere; see `_inverse`."""
         found, beside = dict[tuple[int, int], Array](), np.zeros(self.shape, bool)
         for row, some in enumerate(which):
             diagonal = self.entry(row, row)
@@ -125,8 +128,10 @@ class NodeBlocks:
 
 @dataclass(frozen=True, eq=False)
 class NodeProducts:
-    """Blocks of c nodes with all that products need: rows and columns, (k,) each, of entries (k, c); shape: (rows, c)
-    of products."""
+    """Blocks of c nodes with all data for products.
+
+    rows and columns: (k,) each, of entries (k, c); shape: (rows, c) of products.
+    """
 
     rows: Indices
     columns: Indices
@@ -138,22 +143,22 @@ class NodeProducts:
         add_products(self.rows, self.columns, self.entries, vectors, to)
 
     def add_at(self, vectors: Array, nodes: Indices, to: Array) -> None:
-        """Add the products with vectors (columns, n) of n nodes, of which these are c (c,), to other ones (rows, c)."""
+        """Add the products with vectors (columns, n) of n nodes, taken at c nodes (c,), to other ones (rows, c)."""
         add_products_at(self.rows, self.columns, self.entries, vectors, nodes, to)
 
     def spread(self, vectors: Array, nodes: Indices, to: Array) -> None:
-        """Put the products with vectors (columns, c) where the c nodes are (c,) among the n of other ones (rows, n)."""
+        """Store the products with vectors (columns, c) at c nodes (c,) among the n of other ones (rows, n)."""
         spread_products(self.rows, self.columns, self.entries, vectors, nodes, to)
 
     def times(self, vectors: Array) -> Array:
-        """Products (rows, c) with vectors (columns, c)."""
+        """Return the products (rows, c) with vectors (columns, c)."""
         product = np.zeros(self.shape, vectors.dtype)
         self.add(vectors, product)
         return product
 
 
 def _inverse(blocks: Array) -> Array:
-    """Inverses of blocks (s, s, c), pseudo-inverses of those that are singular; no numbers of no numbers."""
+    """Return the inverses of blocks (s, s, c), pseudo-inverses of singular ones, and NaN for non-finite ones."""
     turned = blocks.transpose(2, 0, 1)
     with np.errstate(all="ignore"):
         if len(blocks) == 2:  # the two directions in which nodes slip, at many of them
@@ -162,7 +167,7 @@ def _inverse(blocks: Array) -> Array:
         else:
             try:
                 found = np.asarray(np.linalg.inv(turned), float)
-            except np.linalg.LinAlgError:  # one of them is singular, and nothing said of the others
+            except np.linalg.LinAlgError:  # one of them is singular, and nothing is known of the others
                 found = np.full(turned.shape, np.inf)
         size, bound = (np.abs(part).max(axis=(1, 2), initial=0.0) for part in (turned, found))
         singular = ~(size * bound < SINGULAR) & np.isfinite(size)

@@ -1,8 +1,8 @@
-"""Roughly the inverse of Newton's equations without a matrix, from an approximate inverse of the compliance.
+"""Preconditioner of Newton's equations without a matrix, from an approximate inverse of the compliance.
 
-Coupled rows are of two kinds. Those of sticking and pressed nodes and of conductors ask for a displacement or a
-potential: to them the approximate inverse answers, restricted to where they are. Those of the others have mostly to do
-with loads of their own node, as friction has that follows the pressure: to them the inverse of the node's own block.
+Coupled rows are of two kinds. Those of sticking and pressed nodes and of conductors prescribe a displacement or a
+potential: the approximate inverse, restricted to these nodes, solves them. The others mainly involve loads of their own
+node, as for friction that follows the pressure: the inverse of the node's own block solves them.
 """
 
 from collections import defaultdict
@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.contact.conduction import Mask
 from meeframe.fields import N_MECHANICAL, Array, Indices
@@ -22,21 +22,26 @@ from meeframe.solvers.newton.node_blocks import NodeBlocks
 from meeframe.system.capabilities import ApproximateInverse, Prolongation
 
 NEARBY: Final = 1.1
-"""Spacings of nodes: farther away what a single node causes, which falls with the third power, is left
-out. 1.5 saves no product, 0.6 takes two more."""
+"""Radius, in spacings of nodes, beyond which the response to a single node is neglected.
+
+It falls with the third power of the distance. 1.5 saves no product, 0.6 takes two more.
+"""
 HARDLY: Final = 3.0
-"""A tangential row still asks for a displacement where its own load outweighs the node's own response by less: 2 took
-as many products in frictional contact with conduction on ten grids, 1 took 6 % more."""
+"""Largest ratio of the own load to the own response at which a tangential row still prescribes a displacement.
+
+2 took as many products in frictional contact with conduction on ten grids, 1 took 6 % more.
+"""
 ROUND_OFF: Final = 1e-6
-"""Of single precision, relative to other entries of a block."""
+"""Round-off of single precision, relative to other entries of a block."""
 
 
 def preconditioner(rows: Rows) -> Linear:
-    """Roughly the inverse of the coupled rows, (r c,) of (r c,).
+    """Return the approximate inverse of the coupled rows, (r c,) of (r c,).
 
-    At nodes between open and closed no pressure and no gap are asked for. There the gap goes with the pressure, as
-    everywhere in contact, and that there is none with the closed fraction, which alone can see to it: by what it causes
-    nearby. Fluxes there count as fully conducted: they act on the nodes around whatever part of them is.
+    At nodes between open and closed pressure and gap are zero. In the preconditioner their gap is paired with the
+    pressure, as everywhere in contact, and the condition of zero pressure with the contact fraction, which alone can
+    satisfy it, through the response that it causes nearby. Fluxes of these nodes count as fully conducted, since they
+    act on the nodes around whatever part of them is.
     """
     n_fields = rows.equation.problem.fields.size
     if n_fields not in rows.components:
@@ -76,10 +81,10 @@ def preconditioner(rows: Rows) -> Linear:
 
 
 def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -> tuple[Indices, Any]:
-    """Unknowns that right-hand sides (r, c) of single nodes (g,) cause near these: which of the (r c,), (t,) in order,
-    and what, (t, g) sparse.
+    """Return the unknowns that right-hand sides (r, c) of single nodes (g,) cause near these.
 
-    Nodes far from each other share a solution: however many there are, a few will do.
+    The result is the numbers (t,), in order, of these unknowns among the (r c,), and their values, (t, g) sparse. Nodes
+    far from each other share a solution: a few solutions suffice for any number of nodes.
     """
     system = rows.equation.problem.system
     points, reach = system.points[rows.nodes], NEARBY * np.sqrt(system.weights.max())
@@ -105,8 +110,11 @@ def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -
 
 
 def _solution_of_loads(rows: Rows) -> Linear:
-    """Roughly the unknowns (r, c) of right-hand sides (r, c): first of the rows that ask for displacements, then of the
-    others, node by node; tangential ones along and across the direction in which a node slips."""
+    """Return the function that approximately solves for the unknowns (r, c) of right-hand sides (r, c).
+
+    Rows that prescribe displacements come first, then the others, node by node; tangential rows are solved along and
+    across the direction in which a node slips.
+    """
     inverse, loaded = rows.equation.inverse, rows.equation.loaded
     turn, own_response = _Turn.of(rows), _own_response(rows)
     rows = replace(rows, a=turn.there(rows.a), b=turn.there(rows.b))
@@ -115,7 +123,7 @@ def _solution_of_loads(rows: Rows) -> Linear:
     ask = _asked(rows, own_response, asking)
     own, by_loads, by_displacement = _apart(rows, own_response, rows.coupled[loads] & ~asking, asking)
     answering = NodeBlocks.of({(i, i): part / rows.units[i] for i, part in enumerate(asking)}, asking.shape)
-    # what is asked for, and what right-hand sides and answers say of the unknowns: each in one map, turns and units too
+    # prescribed displacements, and unknowns by right-hand sides and by inverse: one map each, with rotation and units
     maps = ask, own.plus(by_displacement.after(ask)), answering.plus(by_loads.after(answering))
     ask_for, by_right, by_answer = (turn.back(blocks).products(rows.precision) for blocks in maps)
     number = np.array([loaded.index(field) if field in loaded else -1 for field in rows.fields], np.intp)
@@ -144,8 +152,11 @@ def _solution_of_loads(rows: Rows) -> Linear:
 
 
 def _beside(rows: Rows, asking: Mask) -> dict[int, tuple[Indices, Prolongation]]:
-    """By the place of a field: the numbers of the rows (l, c) that ask for displacements in it, and how these go on
-    beside their nodes. None where something rubs."""
+    """Return for the place of a field the nodes that prescribe displacements in it, and their prolongation.
+
+    The nodes are numbers among those of the rows (l, c); the prolongation extends their displacements to the zone. The
+    result is empty where there is friction.
+    """
     found = dict[int, tuple[Indices, Prolongation]]()
     if not set(TANGENTIAL).isdisjoint(rows.components):
         return found
@@ -157,7 +168,7 @@ def _beside(rows: Rows, asking: Mask) -> dict[int, tuple[Indices, Prolongation]]
         elif there.size:
             inverse = rows.equation.problem.system.capability(ApproximateInverse)
             extension = None if inverse is None else inverse.prolongation(rows.nodes[there])
-            if extension is None:  # for all or none
+            if extension is None:  # prolongations for all fields or for none
                 return {}
             found[place] = there, extension
     return found
@@ -165,15 +176,19 @@ def _beside(rows: Rows, asking: Mask) -> dict[int, tuple[Indices, Prolongation]]
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """From the tangential axes of c nodes to those along and across which each slips. angle: its cosine and sine (c,);
-    None if none slips askew."""
+    """Rotation from the tangential axes of c nodes to those along and across the direction in which each slips.
+
+    angle: its cosine and sine (c,); None if all slip along an axis.
+    """
 
     angle: tuple[Array, Array] | None
 
     @classmethod
     def of(cls, rows: Rows) -> "_Turn":
-        """To those along which the tangential rows A say most and least of their loads: the principal axes of A A^T,
-        since A is not symmetric where friction is orthotropic."""
+        """Return the rotation to the directions in which the tangential rows A involve their loads most and least.
+
+        These are the principal axes of A A^T, since A is not symmetric where friction is orthotropic.
+        """
         if rows.components[:2] != [0, 1]:
             return cls(None)
         (a, b), (c, d) = ([rows.a.entry(row, column) for column in (0, 1)] for row in (0, 1))
@@ -184,7 +199,7 @@ class _Turn:
         return cls((np.cos(angle), np.sin(angle)))
 
     def there(self, blocks: NodeBlocks) -> NodeBlocks:
-        """Blocks of the nodes along the turned axes, without what round-off leaves between the two."""
+        """Return the blocks of the nodes in the rotated axes, without the round-off that couples the two."""
         if self.angle is None:
             return blocks
         entries = dict(blocks.turned(*self.angle).entries)
@@ -194,7 +209,7 @@ class _Turn:
         return NodeBlocks.of(entries, blocks.shape)
 
     def back(self, blocks: NodeBlocks) -> NodeBlocks:
-        """Blocks along the axes before."""
+        """Return the blocks in the original axes."""
         if self.angle is None:
             return blocks
         cosine, sine = self.angle
@@ -202,10 +217,11 @@ class _Turn:
 
 
 def _asking(rows: Rows, own: NodeBlocks) -> Mask:
-    """Rows (l, c) that ask for displacements: those in which a node's own response outweighs its own load, or does not
-    fall far behind, where a node slips: what its neighbours bear moves it as well.
+    """Return the rows (l, c) that prescribe displacements.
 
-    own: (f, l) response of the displacements to the unknowns of the node.
+    In these the response of a node to its own load outweighs the load itself, or does not fall far behind, where a node
+    slips: loads of its neighbours move it as well. own: (f, l) response of the displacements to the unknowns of the
+    node.
     """
     fields = rows.fields
     asking = np.zeros((len(fields), len(rows.nodes)), bool)
@@ -219,8 +235,10 @@ def _asking(rows: Rows, own: NodeBlocks) -> Mask:
 
 
 def _own_response(rows: Rows) -> NodeBlocks:
-    """Displacements (f, c) that the unknowns (l, c) of the loads cause at their own node, in all tangential directions
-    much alike: the axes do not matter. Without those that are round-off."""
+    """Return the displacements (f, c) that the unknowns (l, c) of the loads cause at their own node.
+
+    They are almost the same in all tangential directions, so that the axes do not matter. Round-off is omitted.
+    """
     blocks, units, largest = rows.equation.blocks.transpose(1, 2, 0), rows.units, rows.equation.strongest
     least = ROUND_OFF * np.sqrt(np.outer(np.diagonal(largest), np.diagonal(largest)))
     entries = {
@@ -233,8 +251,11 @@ def _own_response(rows: Rows) -> NodeBlocks:
 
 
 def _asked(rows: Rows, own: NodeBlocks, asking: Mask) -> NodeBlocks:
-    """Displacements (l, c) in the fields of the loads that right-hand sides (r, c) of the rows (l, c) ask for: those
-    that loads cause at their own node if they satisfy its rows alone."""
+    """Return the displacements (l, c), in the fields of the loads, that right-hand sides (r, c) prescribe.
+
+    The right-hand sides are those of the rows `asking` (l, c). The displacements are those that loads cause at their
+    own node if they satisfy its rows alone.
+    """
     places = [rows.asked.index(field) for field in rows.fields]
     causes = [own.entry(asked, place) for place, asked in enumerate(places)]
     by_cause = {
@@ -249,9 +270,12 @@ def _asked(rows: Rows, own: NodeBlocks, asking: Mask) -> NodeBlocks:
 
 
 def _apart(rows: Rows, response: NodeBlocks, marked: Mask, asking: Mask) -> tuple[NodeBlocks, NodeBlocks, NodeBlocks]:
-    """Blocks (l, l) by which the right-hand sides of marked rows (l, c), the loads of other rows and the displacements
-    that are asked for (l, c) say what the loads of the marked rows are: inverses of the equations of single nodes with
-    their own response, where it is not known what they are moved by."""
+    """Return blocks (l, l) that give the loads of the marked rows (l, c).
+
+    The three blocks act on the right-hand sides of these rows, on the loads of other rows, and on the prescribed
+    displacements (l, c). They are inverses of the equations of single nodes, with their own response where their
+    displacement is not prescribed.
+    """
     equations, by_loads, by_displacement = (
         defaultdict[tuple[int, int], Array](partial(np.zeros, marked.shape[1])) for _ in range(3)
     )

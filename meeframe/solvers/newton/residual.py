@@ -1,21 +1,24 @@
-"""The contact problem as one nonsmooth equation, and its linearisation node by node (eqs. 27-29).
+"""Nonsmooth equation of the contact problem, and its linearisation node by node (eqs. 27-29).
 
-With the trial traction t* = p + r S g of a load (p, f) and a closed fraction c, the residual of a node has one row a
-field and one more:
+With the trial traction t* = p + r S g of a load (p, f) and a contact fraction c, the residual of a node has one row for
+each field and one more:
+
     p - project(t*)                                     contact,
     T (-phi + phi_o) + (1 - T) own f                    each potential, T = own / (own + R),
-    sigma (c - clip(c - t*_nu / sigma, 0, 1))           where the node grazes; elsewhere c = [t*_nu < 0].
+    sigma (c - clip(c - t*_nu / sigma, 0, 1))           at biactive nodes; elsewhere c = [t*_nu < 0].
+
 The transmissivity T grows from 0 (insulated) to 1 (perfect conductor) with the conductivity and is interpolated by c as
 in meeframe.contact.conduction; `own` is the node's own response. The gap depends on the load through the compliance C
 alone, so that the generalised Jacobian is A + B C with blocks A (fields + 1, fields + 1) and B (fields + 1, fields) of
-each node: all that a linear solver needs to know.
+each node: a linear solver needs nothing else.
 
 Free motions and potentials w of the indenter are unknowns too. They enter the gap and the potential difference as the
 compliance does, with the opposite sign, so that their columns are -B mode; their rows are the balance
+
     measure : load - total = 0.
 
-The length r is that of a stable gradient step. The active sets that the linearisation sees are then those that a step
-of Uzawa's method would make; with r near the inverse of a node's own compliance they chatter from one step to the next.
+The length r is that of a stable gradient step. The active sets of the linearisation are then those that a step of
+Uzawa's method would make; with r near the inverse of a node's own compliance they oscillate from one step to the next.
 """
 
 from collections.abc import Callable
@@ -24,7 +27,7 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.contact.conduction import Mask, follows_gap, switch
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
@@ -53,25 +56,25 @@ FRACTION: Final = -1
 FLUX_ROWS: Final = slice(N_MECHANICAL, FRACTION)
 """Rows of the fluxes in arrays of equations or unknowns."""
 FARTHEST: Final = 4.0
-"""A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
+"""Largest motion of the indenter in a step, relative to its present one: nothing else would limit it in full slip."""
 NARROWEST: Final = 1e-12
-"""Fraction of the characteristic pressure over which a grazing node at least passes from open to closed."""
+"""Smallest width of the transition of a biactive node from open to closed, relative to the characteristic pressure."""
 ROUNDED: Final = 1e-6
-"""Of the largest response to a change of the load: roughly how far it is off in single precision, at most."""
+"""Approximate bound on the error of single precision, relative to the largest response to a change of the load."""
 UNNOTICED: Final = 0.1
-"""Of the violation of the laws: what round-off adds to it by less."""
+"""Largest round-off, relative to the violation of the laws, that is negligible."""
 
 
 @dataclass(frozen=True, eq=False)
 class Equation:
-    """The nonsmooth equation of a problem.
+    """Nonsmooth equation of a problem.
 
     scales: of its data; blocks: (n, fields, fields) response of each node to its own load; own: (n, channels) of its
-    potentials to their flux, and lifted: (n, channels) [m/V], [m/A] how far flux that changes them moves it along the
-    normal; r: [Pa/m]; modes: (n, fields, m) displacement of the indenter by characteristic amounts, units: (m,), of its
-    free motions; measures: (m, n, fields) of the loads by characteristic totals; loaded: the fields that the laws load,
-    and inverse: the system's approximate one in them, None if it has none or is held as a matrix; count: nodes of the
-    zone, of which these may be a part: what the others leave of the equation is nothing.
+    potentials to their flux; lifted: (n, channels) [m/V], [m/A] normal displacement of a node by the flux that changes
+    its potentials; r: [Pa/m]; modes: (n, fields, m) displacement of the indenter by characteristic amounts, units:
+    (m,), of its free motions; measures: (m, n, fields) of the loads by characteristic totals; loaded: the fields that
+    the laws load; inverse: the system's approximate one in them, None if it has none or is stored as a matrix; count:
+    nodes of the zone, of which those of the equation may be a part: the others have zero residual.
 
     Here and in what follows components are stored one after another: numpy is much faster along the longer axis.
     """
@@ -91,7 +94,7 @@ class Equation:
 
     @classmethod
     def of(cls, problem: ContactProblem, whole: ContactProblem | None = None) -> "Equation":
-        """Of a problem; whole: that of which it is a part, whose scales count."""
+        """Return the equation of a problem; whole: the problem of which it is a part, and which sets the scales."""
         whole = whole or problem
         scales = problem_scales(whole)
         blocks = np.asfortranarray(problem.system.diagonal_blocks())
@@ -122,7 +125,7 @@ class Equation:
 
     @cached_property
     def tree(self) -> Any:
-        """Of the nodes, for those around a few."""
+        """Search tree of the nodes, for neighbours of a few of them."""
         return scipy.spatial.cKDTree(self.problem.system.points, balanced_tree=False, compact_nodes=False)
 
     @property
@@ -133,14 +136,14 @@ class Equation:
 
     @cached_property
     def transmissivity(self) -> Transmissivity:
-        """Of the contact."""
+        """Transmissivity of the contact."""
         return Transmissivity(self.problem, self.scales, self.own)
 
     def at(self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array, aim: float = 0.0) -> "Point":
-        """The equation at a load (n, fields) and motion (m,) of the freedoms.
+        """Return the equation at a load (n, fields) and motion (m,) of the freedoms.
 
-        contact_fraction: (n,) what grazing nodes (n,) have, that of the others follows; aim: the least violation that
-        will matter there: without a matrix, single precision serves if it tells that.
+        contact_fraction: (n,) of the biactive nodes (n,), that of the others follows; aim: the smallest violation that
+        will matter there: without a matrix, single precision is used if it resolves that.
         """
         load = np.asfortranarray(load)
         if aim and self.problem.system.dense() is None:
@@ -150,30 +153,36 @@ class Equation:
         return self.beside(load, self.ahead(load, motion), contact_fraction, grazing, motion)
 
     def ahead(self, load: Array, motion: Array) -> Array:
-        """How far the indenter is ahead of the body, (n, fields), at a load (n, fields) and motion (m,)."""
+        """Return the displacement (n, fields) of the indenter relative to the body at a load and a motion.
+
+        load: (n, fields); motion: (m,).
+        """
         return self._ahead_of(self.problem.system.apply(load), motion)
 
     def roughly_ahead(self, load: Array, motion: Array) -> tuple[Array, float]:
-        """The same in single precision, and how far the load moves the body: see farthest."""
+        """Return the relative displacement in single precision, and the largest response to the load; see farthest."""
         system, loaded = self.problem.system, np.flatnonzero(load.any(axis=0)).tolist()
         single: AnyArray = load.T[loaded].astype(np.float32)
         response = apply_fields(system, single.T, loaded, range(system.n_fields))
         return self._ahead_of(response, motion), self.farthest(response)
 
     def _ahead_of(self, response: Array, motion: Array) -> Array:
-        """The same, of a body that the load moves by (n, fields)."""
+        """Return the relative displacement for a response (n, fields) of the body to the load."""
         ahead = indenter_position(self.problem, motion)
         ahead -= self.problem.system.offset
         ahead -= response
         return ahead
 
     def farthest(self, response: Array) -> float:
-        """The largest of displacements (n, fields), in those that count as one."""
+        """Return the largest of displacements (n, fields), in units of those that count as one."""
         largest = np.maximum(response.max(axis=0, initial=0.0), -response.min(axis=0, initial=0.0))
         return float((largest / self.weighed).max())
 
     def beside(self, load: Array, ahead: Array, contact_fraction: Array, grazing: Mask, motion: Array) -> "Point":
-        """As `at`, with the indenter known to be (n, fields) ahead of the body."""
+        """Return the equation as `at` does, with known displacement of the indenter relative to the body.
+
+        ahead: (n, fields) that displacement.
+        """
         law = self.problem.contact_law
         gap = ahead[:, MECHANICAL]
         trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
@@ -185,7 +194,7 @@ class Equation:
         transmissivity = conducting - (1.0 - np.clip(contact_fraction, 0.0, 1.0))[:, None] * jump
         flux = self.own * load[:, POTENTIALS]
         drive = -(ahead[:, POTENTIALS] + flux)
-        # how far the trial moves when the node alone opens or closes: only as near to zero as this can it graze
+        # change of the trial when the node alone opens or closes: only a trial this near to zero can be biactive
         switched = np.abs(self.lifted * jump * drive).sum(axis=1)
         sigma = self.r * switched + NARROWEST * self.scales.pressure
         switch = contact_fraction - trial[:, 2] / sigma
@@ -204,11 +213,11 @@ class Equation:
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """The linearisation (A + B C) step - B modes motion = -residual, measures : step = -balance.
+    """Linearisation (A + B C) step - B modes motion = -residual, measures : step = -balance.
 
-    a: of n nodes by unknowns (fields + 1,) and b: by displacements (fields,), one row for each unknown, residual: (n,
-    fields + 1), balance: (m,); modes and measures are the equation's; farthest: how many characteristic amounts the
-    motions may go in one step.
+    a: of n nodes by unknowns (fields + 1,) and b: by displacements (fields,), one row for each unknown; residual: (n,
+    fields + 1); balance: (m,); modes and measures are the equation's; farthest: largest motions allowed in one step, in
+    characteristic amounts.
     """
 
     a: NodeBlocks
@@ -220,13 +229,14 @@ class Blocks:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The equation at a state.
+    """Equation at a state.
 
-    load: (n, fields); contact_fraction: (n,), of grazing nodes not confined to [0, 1]; motion: (m,) of the freedoms;
-    ahead: (n, fields) of the indenter over the body; trial: (n, 3) [Pa]; transmissivity: (n, channels); jump: (n,
-    channels) its difference between closed and open; drive: (n, channels) potential difference less own f [V], [A];
-    sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction; residual: (n, fields + 1) and balance: (m,),
-    dimensionless; rounded: roughly how far the residual may be off, at most, by what single precision has left out.
+    load: (n, fields); contact_fraction: (n,), of biactive nodes not confined to [0, 1]; grazing: (n,) the biactive
+    nodes; motion: (m,) of the freedoms; ahead: (n, fields) of the indenter relative to the body; trial: (n, 3) [Pa];
+    transmissivity: (n, channels); jump: (n, channels) its difference between closed and open; drive: (n, channels)
+    potential difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of the contact fraction;
+    residual: (n, fields + 1) and balance: (m,), dimensionless; rounded: approximate bound on the error of the residual
+    due to single precision.
     """
 
     equation: Equation
@@ -246,8 +256,10 @@ class Point:
     rounded: float = 0.0
 
     def moved(self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array) -> "Point":
-        """The equation at another load (n, fields) and motion (m,): as Equation.at, but without a matrix by what
-        changes, in single precision as long as that does not count."""
+        """Return the equation at another load (n, fields) and motion (m,), as Equation.at.
+
+        Without a matrix only the change is applied, in single precision as long as its error is negligible.
+        """
         equation, problem = self.equation, self.equation.problem
         if problem.system.dense() is not None:
             return equation.at(load, contact_fraction, grazing, motion)
@@ -272,7 +284,7 @@ class Point:
         return equation.at(load, contact_fraction, grazing, motion)
 
     def regrazed(self, contact_fraction: Array, grazing: Mask) -> "Point":
-        """The equation at the same load with other closed fractions (n,), of the nodes (n,) that graze."""
+        """Return the equation at the same load with other contact fractions (n,) and biactive nodes (n,)."""
         contact_fraction = np.where(grazing, contact_fraction, self.trial[:, 2] < 0.0)
         some = np.flatnonzero((contact_fraction != self.contact_fraction) | (grazing != self.grazing))
         scales, sigma, fraction = self.equation.scales, self.sigma[some], contact_fraction[some]
@@ -292,16 +304,16 @@ class Point:
 
     @property
     def lift(self) -> Array:
-        """By how much a node's own closing raises its trial, (n,) [Pa]: it may graze where that is positive."""
+        """Increase of a node's trial by its own closing, (n,) [Pa]: the node may be biactive where that is positive."""
         return np.asarray(self.equation.r * (self.equation.lifted * self.jump * self.drive).sum(axis=1))
 
     @property
     def between(self) -> Mask:
-        """Grazing nodes (n,) that are neither open nor closed."""
+        """Biactive nodes (n,) that are neither open nor closed."""
         return np.asarray(self.grazing & (self.switch > 0.0) & (self.switch < 1.0))
 
     def switched(self, before: "Point") -> Mask:
-        """Nodes (n,) that have opened or closed since a point before, where that changes the conduction."""
+        """Return the nodes (n,) that have opened or closed since a point before, where that changes the conduction."""
         return np.asarray(((self.contact_fraction > 0.0) != (before.contact_fraction > 0.0)) & self.jump.any(axis=1))
 
     @cached_property
@@ -313,18 +325,20 @@ class Point:
 
     @cached_property
     def violation(self) -> float:
-        """Largest part of the residual or the balance."""
+        """Largest component of the residual or the balance."""
         return float(max(np.abs(part).max(initial=0.0) for part in (self.residual, self.balance)))
 
     @cached_property
     def judged(self) -> float:
-        """The violation as meeframe.contact.residual has it."""
+        """Violation of the laws in the measure of the independent residual, meeframe.contact.residual."""
         return float(max(self.violation, self.judged_nodes.max(initial=0.0)))
 
     @cached_property
     def judged_nodes(self) -> Array:
-        """Of the nodes (n,), the same of fluxes and closed fractions: what flux leaves of a drop of the potentials
-        counts as if the body were as compliant as the contact is wide, not as a node is, and fractions by themselves.
+        """Violation by fluxes and contact fractions at the nodes (n,), in the measure of meeframe.contact.residual.
+
+        The part of a potential drop that the fluxes leave counts as if the body had the compliance of the whole
+        contact, not that of a node, and fractions count by themselves.
         """
         scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.grazing)
         compliance = np.diag(scales.compliance)[POTENTIALS]
@@ -337,8 +351,11 @@ class Point:
         return left
 
     def _trial_by_fraction(self) -> Array:
-        """The trial (n, 3) at which the laws are linearised: a grazing node whose fraction is at an end is pressed or
-        open by that, not by a trial that is hardly off zero."""
+        """Return the trial (n, 3) at which the laws are linearised.
+
+        A biactive node whose fraction is at an end is pressed or open according to that, not to a trial that is almost
+        zero.
+        """
         if attracts(self.equation.problem.contact_law):
             return self.trial
         pressed = self.grazing & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
@@ -350,14 +367,14 @@ class Point:
         return trial
 
     def linearise(self) -> Blocks:
-        """An element of the generalised Jacobian, by the tangents of the laws.
+        """Return an element of the generalised Jacobian, by the tangents of the laws.
 
-        Between open and closed a grazing node has p_nu = 0 and g_nu = 0; the second equation stands in the row of c.
+        Between open and closed a biactive node has p_nu = 0 and g_nu = 0; the second equation stands in the row of c.
         """
         equation, scales = self.equation, self.equation.scales
         law = equation.problem.contact_law
         between = self.between
-        # a fraction that stays at its end moves no flux, which is then a statement on the node itself
+        # a fraction that stays at its end changes no flux, and its row then involves the node alone
         stays = (self.residual[:, FRACTION] == 0.0) & ~between
         moves = between | (self.grazing & ~stays & (self.contact_fraction >= 0.0) & (self.contact_fraction <= 1.0))
         residual = self.residual.copy(order="K")
@@ -368,7 +385,7 @@ class Point:
         trial, gap, r = self._trial_by_fraction(), self.ahead[:, MECHANICAL], (equation.r, equation.r)
         by_trial, by_gap = traction_tangents(law, trial, gap, r, between)
         other = np.flatnonzero(trial[:, 2] != self.trial[:, 2])
-        if other.size:  # what the linearisation there says at the trial that there is
+        if other.size:  # value of that linearisation at the actual trial
             off = by_trial[other, :, 2] * (self.trial[other, 2:] - trial[other, 2:])
             left = self.load[other, MECHANICAL] - fixed_point_map(law, trial, gap, r)[other] - off
             residual[other, MECHANICAL] = left / scales.pressure

@@ -1,9 +1,9 @@
-"""Nodes around the boundary between stick and slip, relaxed before the first step of Newton's method on a finer grid.
+"""Relaxation of nodes around the stick-slip boundary before the first step of Newton's method on a finer grid.
 
-Between the nodes of a coarser grid tractions are interpolated across that boundary, where they have a kink, and what
-the law makes of them there adds up: a step that cuts friction at these nodes moves all others. Newton's method finds
-the boundary node by node, one step after the other. Most of it depends on a few nodes around, whose friction is found
-here by gradient steps with their responses to each other alone.
+Between the nodes of a coarser grid tractions are interpolated across that boundary, where they have a kink, and the
+errors that projection by the law makes of it accumulate: a step that reduces friction at these nodes moves all others.
+Newton's method finds the boundary node by node, in successive steps. Most of it depends on a few nodes around, whose
+friction is found here by gradient steps with their responses to each other alone.
 """
 
 from typing import Final
@@ -16,18 +16,20 @@ from meeframe.solvers.newton.boundary_band import ROUGHER, Ring, slips
 from meeframe.solvers.newton.residual import Point
 
 WIDTH: Final = 4
-"""Spacings from the boundary on either side."""
+"""Half width of the relaxed band, in spacings from the boundary."""
 STEPS: Final = 20
-"""At most so many: a step costs a hundredth of a product on a fine grid."""
+"""Largest number of gradient steps; a step costs a hundredth of a product on a fine grid."""
 SETTLED: Final = 1e-2
-"""Of the first change of tractions: a smaller one is the last."""
+"""Change of tractions, relative to the first one, below which the iteration ends."""
 FIRST: Final = 0.3
-"""Of the inverse of a node's own response: length of the first gradient step."""
+"""Length of the first gradient step, relative to the inverse of a node's own response."""
 
 
 def relaxed_slip(point: Point) -> Point:
-    """A point with the friction relaxed around the boundary between stick and slip; the same where there is none, where
-    nodes lie on no lattice, or if it does not help. The law is the same everywhere, as it is where grids are nested.
+    """Return a point with the friction relaxed around the stick-slip boundary.
+
+    The result is the given point where there is no such boundary, where nodes lie on no lattice, or if relaxation does
+    not help. The law is the same everywhere, as it is where grids are nested.
 
     Projected gradient steps with the lengths of Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141.
     """
@@ -41,7 +43,7 @@ def relaxed_slip(point: Point) -> Point:
     nodes, reach = ring.nodes, len(ring.stencil.responses) // 2
     around = neighbours(ring.number, ring.places, ring.stencil.periodic, reach)
     responses = np.ascontiguousarray(ring.stencil.responses[:, :, :2, :2]).reshape(-1, 2, 2)
-    scaling = law.tangential_scaling()  # in its metric the law projects
+    scaling = law.tangential_scaling()  # the law projects in its metric
     metric = np.linalg.pinv(scaling)
     traction, gap = point.load[nodes, MECHANICAL], np.ascontiguousarray(point.ahead[nodes, :2])
     length = FIRST / float(responses[len(responses) // 2].diagonal().max())
@@ -59,7 +61,7 @@ def relaxed_slip(point: Point) -> Point:
         traction[:, :2] += change[:-1]
         gap -= moved
         work = float((change[:-1] * moved).sum())
-        if not work > 0.0:  # responses of those around alone need not resist all changes
+        if not work > 0.0:  # local responses alone need not be positive definite
             break
         length = float(((change @ metric) * change).sum()) / work
     if least == 0.0:
