@@ -79,7 +79,7 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
 def own_response(problem: ContactProblem) -> Array:
     """Return the response of each node's potentials to their own flux density, (n, channels)."""
     own = diagonal(problem.system, range(problem.fields.size)[POTENTIALS])
-    own.setflags(write=False)
+    own.setflags(write=False)  # the independent residual uses it as well
     return own
 
 
@@ -133,7 +133,7 @@ def _resistance(
 ) -> Array:
     nothing = np.zeros_like(normal_traction)
     shut, apart = contact_fraction == 1.0, contact_fraction == 0.0
-
+    # a law that depends on the drop is evaluated at many drops: skip it where no node needs it
     kappa = nothing if apart.all() else _alone(law, np.minimum(normal_traction, TOUCHING), nothing, drop, own)
     kappa_open = nothing if shut.all() else _alone(law, nothing, gap, drop, own)
     with np.errstate(divide="ignore", over="ignore"):

@@ -12,7 +12,7 @@ Insufficient friction shows once every law is satisfied, everything that resists
 from typing import Final
 
 import numpy as np
-import scipy
+import scipy  # its submodules are imported where they are used
 
 from meeframe.contact.free_motion import motions, reserve, strongest
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
@@ -65,7 +65,7 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
     direction = -np.tensordot(relative[dragged], measures, axes=1)
     gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
     short = missed - abs(reserve(problem.contact_law, state.load[:, MECHANICAL], gap, direction)) / missed
-
+    # other resultants may be missed too, in favour of these: they bring friction only by its coefficient
     if not short >= BEYOND * missed or not largest(others) <= BEYOND * short:
         return None
     if not law_violation(problem, state, scales) <= SETTLED * short:
@@ -90,6 +90,7 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
     measures[:, ~below] = 0.0
     totals = np.array([problem.prescribed_resultants[k].total / scales.totals[k] for k in moving])
     if not totals.any() and _presses(problem):
+        # ratios of resultants: some pressure is then needed, and its amount does not matter
         weights = np.where(below, problem.system.weights, 0.0)
         force = weights[:, None] * np.array([0.0, 0.0, -1.0]) / (weights.sum() * scales.pressure)
         measures, totals = np.concatenate([measures, force[None]]), np.append(totals, 1.0)

@@ -53,7 +53,7 @@ def on_nodes(problem: ContactProblem, system: ReducedSystem, kept: Indices) -> C
     """
     weights = problem.system.weights[kept]
     share = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)
-    prescribed_resultants = tuple(
+    prescribed_resultants = tuple(  # component by component
         PrescribedResultant(f.mode.T.take(kept, axis=1).T, (f.measure.T.take(kept, axis=1) * share).T, f.total)
         for f in problem.prescribed_resultants
     )
@@ -87,7 +87,7 @@ def nested_start(
     found = None if coarse is None else solution(coarse.problem)
     if coarse is None or found is None:
         return None
-    load = np.zeros((problem.fields.size, len(problem.gap))).T
+    load = np.zeros((problem.fields.size, len(problem.gap))).T  # field by field
     loaded = np.flatnonzero(found.load.any(axis=0))
     load[:, loaded] = coarse.coarsening.prolong(found.load[:, loaded])
     above = np.isfinite(problem.gap)
@@ -134,5 +134,5 @@ def holds_nodes(part: object, n: int) -> bool:
         return any(holds_nodes(item, n) for item in part.values())
     if not is_dataclass(part):
         return False
-    named = [getattr(part, field.name, None) for field in fields(part)]
+    named = [getattr(part, field.name, None) for field in fields(part)]  # including attributes in slots
     return any(holds_nodes(item, n) for item in (*named, *getattr(part, "__dict__", {}).values()))

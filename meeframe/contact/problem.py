@@ -84,7 +84,7 @@ class PrescribedResultant:
 
 def _columns(values: Array) -> tuple[int, ...]:
     """Return the numbers of the columns of values (n, fields) that are not zero."""
-    return tuple(k for k in range(values.shape[1]) if (values[:, k] != 0.0).any())
+    return tuple(k for k in range(values.shape[1]) if (values[:, k] != 0.0).any())  # faster than any() on numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,7 +294,7 @@ def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array
     motion: (m,) of the prescribed resultants, which is added. The difference between this position and the body's
     displacement is the contact gap and the drop of the potentials.
     """
-    position = np.empty((problem.fields.size, len(problem.gap))).T
+    position = np.empty((problem.fields.size, len(problem.gap))).T  # field by field
     for k in range(problem.fields.size):
         position[:, k] = indenter_field(problem, k, motion)
     return position

@@ -44,7 +44,7 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
     whole = fields is None or len(fields) == system.n_fields
     columns = tuple(range(system.n_fields)) if fields is None else fields
     caused = system.apply(iterate.load) if whole else apply_load(system, iterate.load, columns)
-    for field, part in zip(columns, caused.T, strict=True):
+    for field, part in zip(columns, caused.T, strict=True):  # field by field
         np.add(system.offset[:, field], part, out=displacement[:, field])
     return ContactState(iterate.load, displacement, iterate.contact_fraction, iterate.motion)
 
