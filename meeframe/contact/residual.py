@@ -52,13 +52,15 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
 def residual(problem: ContactProblem, state: ContactState, scales: Scales | None = None) -> float:
     """Return the dimensionless violation of the problem by a state; inf if it is not finite.
 
-    The residual is the largest of five parts. All follow from the load, the displacement and the closed fraction by the
-    laws, nothing from the solver, in units of magnitudes characteristic of the problem's data (`scales`, computed if
-    not given):
-    consistency, displacement = offset + compliance(load); the contact law as a fixed point of its projection (eqs. 27,
-    28 with r the inverse of a characteristic compliance); the flux laws with the conductivity of the state's traction
-    and closed fraction; the closed fraction itself (see meeframe.contact.conduction); the balance of the prescribed
-    resultants, by summation of the load.
+    It is computed by the laws from the load, the displacement and the closed fraction, without the solver, in units of
+    magnitudes characteristic of the problem's data (`scales`, computed if not given). It is the largest of five parts:
+
+    - consistency, displacement = offset + compliance(load);
+    - the contact law as a fixed point of its projection (eqs. 27, 28 with r the inverse of a characteristic
+    compliance);
+    - the flux laws with the conductivity of the state's traction and closed fraction;
+    - the closed fraction itself (see meeframe.contact.conduction);
+    - the balance of the prescribed resultants, by summation of the load.
     """
     scales = scales or problem_scales(problem)
     expected = problem.system.offset + problem.system.apply(state.load)

@@ -88,7 +88,7 @@ MAGNETIC_FIELD: Final = ScalarField(
 
 @dataclass(frozen=True)
 class FieldSet:
-    """The displacement and some scalar fields, in the order of their columns.
+    """Displacement and some scalar fields, in the order of their columns.
 
     scalars: the scalar fields; their columns follow the three of the displacement.
     """
@@ -131,7 +131,7 @@ class FieldSet:
 
 
 MEE: Final = FieldSet((ELECTRIC_FIELD, MAGNETIC_FIELD))
-"""The fields of a magneto-electro-elastic body, which every material has."""
+"""Fields of a magneto-electro-elastic body, which every material has."""
 
 OPTIONAL_FIELDS: Final[tuple[ScalarField, ...]] = ()
 """Further scalar fields, uncoupled from the others, which a body has if its material gives their coefficient."""

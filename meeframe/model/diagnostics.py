@@ -23,9 +23,9 @@ from meeframe.system.reduced import ReducedSystem
 _LARGEST_ANGLE: Final = 0.1
 """Largest rotation [rad] that counts as small; its cosine differs from one by half a per cent."""
 _SAME: Final = 1e-6
-"""Relative change of tractions below which they count as equal ..."""
+"""Relative change of tractions below which they count as equal."""
 _UNCERTAIN: Final = 10.0
-"""... and the same bound in multiples of the residual."""
+"""Change of tractions, in multiples of the residual, below which they count as equal."""
 _LARGEST_ONSET: Final = 0.25
 """Fraction of the nodes in contact that may come into contact within one increment.
 
@@ -43,11 +43,11 @@ It is an upper bound of the error for circles six or more spacings across.
 _NOTICED_ATTRACTION: Final = 1e-3
 """Attraction that does not matter, as a fraction of the largest pressure."""
 _TRIAL_GAPS: Final = np.concatenate([[0.0], np.logspace(-15, 1, 1601)])
-"""Gaps [m] among which the steepest decrease of the attraction is sought ..."""
+"""Gaps [m] among which the steepest decrease of the attraction is sought."""
 _GAPS_PER_LOOK: Final = 100
-"""... number of gaps for its refinement in the interval that contains it and in the neighbouring ones, ..."""
+"""Number of gaps for a refinement in the interval with the steepest decrease and in its neighbours."""
 _LOOKS: Final = 3
-"""... and number of refinements."""
+"""Number of refinements of the steepest decrease."""
 _BESIDE: Final = 1e-3
 """Distance of a point beyond the side of an element, as a fraction of the way from its middle to the side."""
 

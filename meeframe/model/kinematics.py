@@ -36,9 +36,9 @@ _REACH: Final = 2.0
 _FIRM: Final = 1e6
 """Tangential step of a law, in stiffnesses of a node, at which it returns the traction of a given slip."""
 _STUCK: Final = 1e-6
-"""Slip counts as zero if it would cause less than this fraction of the characteristic pressure ..."""
+"""Largest slip of a sticking node, as a fraction of that due to the characteristic pressure."""
 _UNCERTAIN: Final = 10.0
-"""... or this multiple of the residual of the solution."""
+"""Largest slip of a sticking node, in multiples of the residual of the solution."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""From a case file to a case: every problem of the file is reported before anything is computed."""
+"""Loading of a case file into a case; every problem of the file is reported before anything is computed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""From a case to its result in memory: one reduced system, then one contact problem for each increment."""
+"""Solution of a case in memory: one reduced system, then one contact problem for each increment."""
 
 import platform
 from collections.abc import Callable, Iterable, Iterator

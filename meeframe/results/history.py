@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _NONE: Final = 1e-6
 """Motion or force that counts as zero, as a fraction of that along the other axis, or of the normal force."""
 _SAME: Final = 1e-6
-"""Range of values that counts as constant, as a fraction of the largest value; pictures then add this margin:"""
+"""Range that counts as constant, as a fraction of the largest value; pictures show it with a margin `_ROOM`."""
 _ROOM: Final = 0.05
 
 
