@@ -9,7 +9,7 @@ from meeframe.laws.base import ConductivityLaw, conducts
 
 @dataclass(frozen=True)
 class FluxChannel:
-    """A scalar field and the conductivity law by which its flux crosses the contact.
+    """Scalar field with the conductivity law by which its flux crosses the contact.
 
     The law gives the flux density +kappa(pressure, gap, drop) drop, with the drop of the potential from the body to the
     indenter.
@@ -20,7 +20,7 @@ class FluxChannel:
 
     @property
     def conducts(self) -> bool:
-        """Whether the law conducts anywhere."""
+        """True if the law conducts anywhere."""
         return conducts(self.law)
 
 
@@ -30,5 +30,5 @@ def flux_channels(*laws: ConductivityLaw, fields: FieldSet = MEE) -> tuple[FluxC
 
 
 def field_set(channels: Sequence[FluxChannel]) -> FieldSet:
-    """Return the field set of some channels."""
+    """Return the field set of a sequence of channels."""
     return FieldSet(tuple(channel.field for channel in channels))

@@ -1,12 +1,12 @@
-"""The flux law at contact size: resistances, the switch between open and closed, and the graph between them.
+"""Flux law at contact size: resistances, the switch between open and closed, and the graph between them.
 
 A law that jumps at zero traction (eqs. 17, 18) makes the problem quasi-variational: a node that conducts may lift off,
-no longer conduct, touch again, and so for ever. Such a node grazes: the problem with the jump has no solution, the one
-with the jump's filled-in graph has. There a node with zero traction and zero gap carries any fraction
-`contact_fraction` in [0, 1] of the conductivity of a closed contact, and
+no longer conduct, touch again, and so on without end. The problem with the jump then has no solution; the one with the
+jump's filled-in graph has. Such a node is treated as biactive: with zero traction and zero gap it carries any fraction
+`contact_fraction` in [0, 1] of the conductivity of a closed contact. The equation
     closed = clip(closed - (p_nu + r g_nu) / p_o, 0, 1)
-says all of it, for any r > 0 and any pressure p_o > 0: closed is one where p_nu < 0, zero where g_nu > 0, and between
-only where both vanish.
+expresses all of this, for any r > 0 and any pressure p_o > 0: closed is one where p_nu < 0, zero where g_nu > 0, and
+between these only where both vanish.
 """
 
 from dataclasses import dataclass
@@ -24,15 +24,15 @@ from meeframe.system.capabilities import diagonal
 Mask = NDArray[np.bool_]
 
 FLIPS: Final = 3
-"""So many times may a node open and close before it is taken to graze."""
+"""Number of changes between open and closed after which a node is treated as biactive."""
 GAIN_GROWTH: Final = 1.1
 GAIN_FALL: Final = 0.75
 GAIN_LIMITS: Final = (1e-3, 1e12)
 ROOT_OFF: Final = 1e-15
-"""Of the drop that is left at a node, as a fraction of the one without flux, and of itself."""
+"""Tolerance of the drop left at a node, relative to the drop without flux and to itself."""
 ROOT_STEPS: Final = 180
 TOUCHING: Final = -float(np.finfo(float).tiny)
-"""A normal traction that is hardly one [Pa]: laws are evaluated on the closed side of their jump."""
+"""Smallest normal traction in magnitude [Pa], for the evaluation of laws on the closed side of their jump."""
 
 
 def conducting(problem: ContactProblem) -> bool:
@@ -46,10 +46,10 @@ def resistances(
     """Return the resistances 1/kappa of the channels, (n, channels): 0 conducts perfectly, inf insulates.
 
     normal_traction: (n,) of the contact; contact_fraction: (n,); own: (n, channels) > 0, response of each node's
-    potentials to their own flux density, which is the measure of a fraction: the transmissivity
-    kappa own / (1 + kappa own) is interpolated, so that a fraction of a perfect conductor is one of finite resistance;
-    ahead: (n, fields) of the indenter over the body, as `unloaded` makes it, for laws that follow the gap or the drop.
-    Nodes without an indenter above are insulated.
+    potentials to their own flux density. It defines the meaning of a fraction: the transmissivity kappa own / (1 +
+    kappa own) is interpolated, so that a fraction of a perfect conductor has a finite resistance. ahead: (n, fields)
+    position of the indenter relative to the body, as `unloaded` returns it, for laws that depend on the gap or the
+    drop. Nodes without an indenter above are insulated.
     """
     n_fields = problem.fields.size
     ahead = np.zeros((n_fields, len(own))).T if ahead is None else np.where(np.isfinite(ahead), ahead, 0.0)
@@ -63,12 +63,12 @@ def resistances(
 
 
 def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
-    """Return the indenter ahead of the body (n, fields) as if no node had its own flux (n, channels).
+    """Return the position of the indenter relative to the body, (n, fields), without the nodes' own fluxes.
 
-    own: (n, channels) response to that flux.
+    flux: (n, channels); own: (n, channels) response of each node's potentials to its own flux.
 
-    The conductivity of a drop is looked for together with it, node by node, from there: a law that conducts steeply
-    above some drop would throw iterations on the drop itself to and fro.
+    The conductivity at a drop is solved together with the drop, node by node, from there: with a law that conducts
+    steeply above some drop, iterations on the drop itself would oscillate.
     """
     moved = ahead.copy(order="K")
     moved[:, POTENTIALS] += own * flux
@@ -79,20 +79,20 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
 def own_response(problem: ContactProblem) -> Array:
     """Return the response of each node's potentials to their own flux density, (n, channels)."""
     own = diagonal(problem.system, range(problem.fields.size)[POTENTIALS])
-    own.setflags(write=False)  # the judge uses it, too
+    own.setflags(write=False)  # the independent residual uses it as well
     return own
 
 
 @dataclass(frozen=True, eq=False)
 class Switches:
-    """How an iteration opens and closes the conduction of each node; arrays (n,).
+    """Rules by which an iteration opens and closes the conduction of each node; arrays (n,).
 
     A node conducts when it has traction (eqs. 17, 18), until it has changed more than FLIPS times. From then on it is
-    taken to graze and steps along the filled-in graph instead. The trial traction p_nu + r g_nu that drives it says
-    both where the node is and where it is going, which damps the interplay with the slower tractions; the step grows
-    while the trial keeps its sign and shrinks when that reverses.
+    treated as biactive and steps along the filled-in graph instead. The trial traction p_nu + r g_nu that drives it
+    indicates both the current state and the direction of change, which damps the interaction with the slower tractions;
+    the step grows while the trial keeps its sign and shrinks when the sign reverses.
 
-    flips: changes so far; gain: of the grazing node's step; side: sign of the last trial traction.
+    flips: number of changes so far; gain: factor on the step of a biactive node; side: sign of the last trial traction.
     """
 
     flips: Array
@@ -101,22 +101,25 @@ class Switches:
 
     @classmethod
     def unused(cls, n: int) -> "Switches":
-        """Of n nodes at the beginning."""
+        """Return the initial switches of n nodes."""
         return cls(np.zeros(n), np.ones(n), np.zeros(n))
 
     def next(self, was_touching: Mask, touching: Mask, trial: Array) -> "Switches":
-        """After one step of the tractions."""
+        """Return the switches after one step of the tractions."""
         side = np.sign(trial)
         gain = np.clip(self.gain * np.where(side == self.side, GAIN_GROWTH, GAIN_FALL), *GAIN_LIMITS)
         return Switches(self.flips + (touching != was_touching), np.where(self.flips > FLIPS, gain, 1.0), side)
 
     def contact_fraction(self, before: Array, touching: Mask, trial: Array, pressure: float) -> Array:
-        """Closed fractions (n,) after those `before` the step; pressure: the characteristic one [Pa]."""
+        """Return the closed fractions (n,) after a step from `before`; pressure: characteristic pressure [Pa]."""
         return np.where(self.flips > FLIPS, switch(before, self.gain * trial, pressure), touching)
 
 
 def switch(contact_fraction: Array, trial: Array, pressure: float) -> Array:
-    """clip(closed - trial / pressure, 0, 1), (n,): the filled-in graph as a fixed point; trial = p_nu + r g_nu (n,)."""
+    """Return clip(closed - trial / pressure, 0, 1), (n,), with trial = p_nu + r g_nu (n,).
+
+    Its fixed points are the filled-in graph.
+    """
     return np.clip(contact_fraction - trial / pressure, 0.0, 1.0)
 
 
@@ -130,7 +133,7 @@ def _resistance(
 ) -> Array:
     nothing = np.zeros_like(normal_traction)
     shut, apart = contact_fraction == 1.0, contact_fraction == 0.0
-    # a law that follows the drop is looked for at many drops: not where no node asks for it
+    # a law that depends on the drop is evaluated at many drops: skip it where no node needs it
     kappa = nothing if apart.all() else _alone(law, np.minimum(normal_traction, TOUCHING), nothing, drop, own)
     kappa_open = nothing if shut.all() else _alone(law, nothing, gap, drop, own)
     with np.errstate(divide="ignore", over="ignore"):
@@ -146,10 +149,11 @@ def _resistance(
 
 
 def _alone(law: ConductivityLaw, normal_traction: Array, gap: Array, drop: Array, own: Array) -> Array:
-    """kappa (n,) at what is left of a drop without flux: the fraction x of it with x (1 + own kappa(x drop)) = 1.
+    """Return kappa (n,) at the part of the drop without flux that remains at each node.
 
-    By regula falsi (Illinois), which creeps where a flat piece meets a steep one: every third turn halves the bracket.
-    Where kappa jumps there it is the value in between that lets x be the root.
+    The remaining fraction x satisfies x (1 + own kappa(x drop)) = 1. It is found by regula falsi (Illinois), which
+    creeps where a flat piece meets a steep one: every third iteration halves the bracket. Where kappa jumps there, the
+    value returned is the one in between for which x is the root.
     """
     kappa = law.conductivity(normal_traction, gap, drop)
     if not law.across_gap:
@@ -181,10 +185,10 @@ def _alone(law: ConductivityLaw, normal_traction: Array, gap: Array, drop: Array
 
 
 def _at_edge(problem: ContactProblem, area_fraction: Array, normal_traction: Array, found: Array) -> Array:
-    """Return resistances (n, channels) with those of nodes that are partly covered (n,).
+    """Return the resistances (n, channels) corrected at partly covered nodes (n,).
 
-    There what a law conducts without pressure counts on the part that is covered alone, and does so whether the node
-    itself has pressure or not.
+    At these nodes, conduction without pressure counts on the covered part alone, whether the node itself has pressure
+    or not.
     """
     resistance = found.copy()
     at = np.flatnonzero((area_fraction > 0.0) & (area_fraction < 1.0))
@@ -200,5 +204,5 @@ def _at_edge(problem: ContactProblem, area_fraction: Array, normal_traction: Arr
 
 
 def _transmissivity(kappa: Array, own: Array) -> Array:
-    """kappa own / (1 + kappa own), (n,) in [0, 1], also for kappa = 0 and inf."""
+    """Return kappa own / (1 + kappa own), (n,) in [0, 1], also for kappa = 0 and inf."""
     return np.asarray(1.0 / (1.0 + 1.0 / (kappa * own)))

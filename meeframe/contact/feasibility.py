@@ -1,18 +1,18 @@
-"""Whether prescribed forces and moments can be borne at all by tractions that the contact law admits.
+"""Feasibility of prescribed forces and moments under the tractions that the contact law admits.
 
 Admissible tractions make up a cone at each node, and so do the resultants of all of them together. By the lemma of
-Farkas a prescribed resultant lies outside of that cone just if some motion has power against it, and none against any
-admissible traction. Generators of the cone are collected, each the traction that resists the present motion the most,
-until the nearest resultant found is right or its difference proves to be such a motion.
+Farkas a prescribed resultant lies outside that cone if and only if some motion has power against it, and none against
+any admissible traction. Generators of the cone are collected, each the traction that most resists the present motion,
+until the nearest resultant found is the prescribed one or its difference proves to be such a motion.
 
-Where the approach is prescribed, pressures follow from the solution, and so does what friction bears. That it is too
-little shows once every law is satisfied, all that resists slips, and resultants are missed none the less.
+Where the approach is prescribed, pressures follow from the solution, and so does the force that friction can bear.
+Insufficient friction shows once every law is satisfied, everything that resists slips, and resultants are still missed.
 """
 
 from typing import Final
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # its submodules are imported where they are used
 
 from meeframe.contact.free_motion import motions, reserve, strongest
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
@@ -24,15 +24,15 @@ from meeframe.laws.base import attracts
 NEGLIGIBLE: Final = 1e-6
 MAX_GENERATORS: Final = 200
 BEYOND: Final = 0.5
-"""Of what resultants are missed by: so much is out of reach under the pressures found, at the least ..."""
+"""Least fraction of the missed resultants that must be out of reach under the pressures found."""
 SETTLED: Final = 0.1
-"""... and so much of that may be left of the laws, by which the pressures could still change."""
+"""Largest violation of the laws, as a fraction of that part, below which the pressures count as converged."""
 
 
 def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
-    """Why no state at all has the prescribed resultants, in words; None if one may have.
+    """Return why no state has the prescribed resultants, in words; None if one may have them.
 
-    For contact laws that admit a cone of tractions, with the scaling of the law of maximal dissipation, or less.
+    Applies to contact laws that admit a cone of tractions, with the scaling of the law of maximal dissipation, or less.
     """
     missing = 0.0 if attracts(problem.contact_law) else _missing_force(problem, scales)
     if missing > NEGLIGIBLE:
@@ -48,10 +48,11 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
 
 
 def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales) -> str | None:
-    """Why the prescribed tangential resultants cannot be borne at the pressures of a state, in words; None if they may.
+    """Return why friction cannot bear the prescribed tangential resultants, in words; None if it may.
 
-    They cannot where the state satisfies everything else, as far as they are missed, and no friction under its
-    pressures brings them nearer: no further motion changes anything then.
+    Friction cannot bear them at the pressures of a state if the state satisfies everything else, to the accuracy by
+    which they are missed, and no friction under its pressures reduces the difference: no further motion then changes
+    anything.
     """
     dragged = [k for k in motions(problem) if not _lifts(problem, k)]
     left = unbalance(problem, state.load)
@@ -80,7 +81,7 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
 
 
 def _missing_force(problem: ContactProblem, scales: Scales) -> float:
-    """Distance of the prescribed resultants to those that can be reached, as a fraction; 0 if it is not certain."""
+    """Return the relative distance of the prescribed resultants to the reachable ones; 0 if it is not certain."""
     moving = motions(problem)
     if moving.size == 0:
         return 0.0
@@ -89,7 +90,7 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
     measures[:, ~below] = 0.0
     totals = np.array([problem.prescribed_resultants[k].total / scales.totals[k] for k in moving])
     if not totals.any() and _presses(problem):
-        # ratios of resultants: then some pressure is needed, and how much does not matter
+        # ratios of resultants: some pressure is then needed, and its amount does not matter
         weights = np.where(below, problem.system.weights, 0.0)
         force = weights[:, None] * np.array([0.0, 0.0, -1.0]) / (weights.sum() * scales.pressure)
         measures, totals = np.concatenate([measures, force[None]]), np.append(totals, 1.0)
@@ -110,11 +111,11 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
 
 
 def _presses(problem: ContactProblem) -> bool:
-    """Whether the indenter overlaps the unloaded surface and none of its free motions can change that."""
+    """Return whether the indenter overlaps the unloaded surface and none of its free motions can change that."""
     lifted = any(_lifts(problem, k) for k in motions(problem))
     return not lifted and bool((problem.system.offset[:, 2] > problem.gap).any())
 
 
 def _lifts(problem: ContactProblem, freedom: int) -> bool:
-    """Whether a free motion, by its number, takes the indenter towards the body or away from it."""
+    """Return whether a free motion, given by its number, moves the indenter towards the body or away from it."""
     return bool(problem.prescribed_resultants[freedom].mode[np.isfinite(problem.gap), 2].any())

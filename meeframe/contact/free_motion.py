@@ -1,11 +1,11 @@
-"""Prescribed resultants: the free motions of the indenter, found together with the tractions of a gradient step.
+"""Prescribed resultants: free motions of the indenter, found together with the tractions of a gradient step.
 
 A step of Uzawa's method projects the augmented tractions p + r S g by the contact law. With free rigid motions w the
 gap is g + sum_k w_k mode_k, and the projection is one onto the admissible tractions that also have the prescribed
-resultants: w is such that
+resultants: w satisfies
     sum measure_k * project(p + r S (g + sum_l w_l mode_l)) = total_k.
-These few equations are solved at each step, node by node and without the compliance. Where the step is at rest, w is
-the motion of the solution, whatever r > 0. Without friction they are the gradient of a convex function.
+These few equations are solved at each step, node by node and without the compliance. Where the step is stationary, w is
+the motion of the solution, for any r > 0. Without friction they are the gradient of a convex function.
 """
 
 from dataclasses import dataclass
@@ -19,24 +19,26 @@ from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed
 
 MAX_ITERATIONS: Final = 60
 ROUND_OFF: Final = 1e-14
-"""Of a resultant, relative to what the tractions add up to without regard to sign."""
+"""Round-off of a resultant, relative to the sum of the magnitudes of its tractions."""
 REGULARISATION: Final = (0.0, 1e-6, 1e-4, 1e-2, 1.0)
-"""Of the equations, in parts of the resistance of the whole zone: none while there is contact that resists."""
+"""Regularisations of the equations, in units of the resistance of the whole zone; zero while the contact resists."""
 FARTHEST: Final = 10.0
-"""The indenter moves at most so many times its distance from the body: where all slips nothing else would stop it."""
+"""Largest motion of the indenter in multiples of its distance from the body; nothing else bounds it in full slip."""
 BISECTIONS: Final = 60
-"""Of the way to where the unbalance turns, where it does not change at first."""
+"""Number of bisections towards the sign change of the unbalance, where it does not change at first."""
 FRACTIONS: Final = tuple(0.5**k for k in range(12))
 LEAST_FALL: Final = 1e-3
-"""The unbalance falls by this fraction of what a step promises, or the step is not taken."""
+"""Least decrease of the unbalance for an accepted step, as a fraction of the predicted decrease."""
 MIN_NORMAL_COSINE: Final = 1e6
-"""Tangential part of a trial traction over its pressure: more than any finite friction coefficient."""
+"""Tangential part of a trial traction over its pressure, larger than any finite friction coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
 class Balanced:
-    """Tractions (n, 3) projected by the law, the trial (n, 3) that was, and the motions (k,) of the mechanical freedoms
-    that balance them."""
+    """Projected tractions (n, 3) with the motions that balance their resultants.
+
+    The trial (n, 3) is what was projected; the motions (k,) are those of the mechanical prescribed resultants.
+    """
 
     traction: Array
     trial: Array
@@ -44,27 +46,27 @@ class Balanced:
 
 
 def motions(problem: ContactProblem) -> Indices:
-    """Numbers of the freedoms that are motions, (k,)."""
+    """Return the numbers (k,) of the prescribed resultants that free rigid motions."""
     return np.array(
         [i for i, freedom in enumerate(problem.prescribed_resultants) if not freedom.electromagnetic], np.int64
     )
 
 
 def potentials(problem: ContactProblem) -> Indices:
-    """Numbers of the freedoms that are potentials, (j,)."""
+    """Return the numbers (j,) of the prescribed resultants that free potentials."""
     return np.array([i for i, freedom in enumerate(problem.prescribed_resultants) if freedom.electromagnetic], np.int64)
 
 
 def start_motion(problem: ContactProblem, start: ContactState | None) -> Array:
-    """Motion (m,) of the previous load step's state, if its freedoms were as many, or none."""
+    """Return the motion (m,) of the previous load step's state if the numbers of free motions agree, else zero."""
     count = len(problem.prescribed_resultants)
     return start.motion if start is not None and start.motion.shape == (count,) else np.zeros(count)
 
 
 def strongest(law: ContactLaw, direction: Array, normal: Array) -> Array:
-    """Admissible tractions (n, 3) of normal parts (n,) with the largest component along directions (n, 3).
+    """Return the admissible tractions (n, 3) with the largest component along directions (n, 3).
 
-    Of laws with the scaling of maximal dissipation.
+    Their normal parts are given, (n,). Applies to laws with the scaling of maximal dissipation.
     """
     tangential = direction[:, :2] @ law.tangential_scaling()
     size = np.linalg.norm(tangential, axis=1)[:, None]
@@ -76,8 +78,11 @@ def strongest(law: ContactLaw, direction: Array, normal: Array) -> Array:
 
 
 def reserve(law: ContactLaw, traction: Array, gap: Array, direction: Array) -> float:
-    """How much more than tractions (n, 3) at normal gaps (n,) others under the same pressures have along directions
-    (n, 3), summed over the nodes; less than zero where `strongest` is not."""
+    """Return the unused friction along directions (n, 3), summed over the nodes.
+
+    It is the difference between the largest admissible component under the same pressures and that of tractions (n, 3)
+    at normal gaps (n,); negative where `strongest` does not return the largest one.
+    """
     pull = attraction(law, gap)
     pressed = traction.copy()
     pressed[:, 2] -= pull
@@ -85,10 +90,10 @@ def reserve(law: ContactLaw, traction: Array, gap: Array, direction: Array) -> f
 
 
 def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r: tuple[float, float]) -> Balanced:
-    """Project the augmented tractions of tractions (n, 3) and gap (n, 3), moved freely so that resultants balance.
+    """Project the augmented tractions, moved freely so that the resultants balance.
 
-    gap: with the motion from which the returned one counts; r: normal and tangential step [Pa/m]. Resultants that
-    cannot be reached are left unbalanced as little as could be found.
+    traction: (n, 3); gap: (n, 3), including the motion from which the returned one counts; r: normal and tangential
+    step [Pa/m]. The unbalance of resultants that cannot be reached is left as small as could be found.
     """
     balance = _Balance.of(problem, traction, gap, r)
     here = balance.at(np.zeros(len(balance.totals)))
@@ -105,8 +110,10 @@ def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Gap, trial and tractions (n, 3) at a motion. unbalance: (k,) of the resultants; size: (k,) what they may be in
-    error by round-off."""
+    """Gap, trial and tractions (n, 3) at a motion.
+
+    unbalance: (k,) of the resultants; size: (k,) magnitudes that set their round-off.
+    """
 
     motion: Array
     gap: Array
@@ -118,8 +125,11 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class _Balance:
-    """The equations. modes, measures: (k, n, 3) and totals: (k,) of the mechanical freedoms; whole: (k,) resistance of
-    the whole zone [N/m] against each."""
+    """Balance equations of the mechanical free motions.
+
+    modes, measures: (k, n, 3) and totals: (k,) of the prescribed resultants; whole: (k,) resistance of the whole zone
+    [N/m] against each motion.
+    """
 
     problem: ContactProblem
     traction: Array
@@ -142,7 +152,7 @@ class _Balance:
         return cls(problem, traction, gap, r, modes, measures, totals, whole)
 
     def at(self, motion: Array) -> _Point:
-        """The tractions at a motion (k,)."""
+        """Return the tractions at a motion (k,)."""
         moved = self.gap + np.tensordot(motion, self.modes, axes=1)
         trial = augmented_traction(self.problem.contact_law, self.traction, moved, self.r)
         projected = fixed_point_map(self.problem.contact_law, trial, moved, self.r)
@@ -151,9 +161,10 @@ class _Balance:
         return _Point(motion, moved, trial, projected, parts.sum(axis=(1, 2)) - self.totals, size)
 
     def better(self, here: _Point, farthest: float) -> _Point | None:
-        """A point with less unbalance, by damped Newton steps, more and more regularised; None if there is none.
+        """Return a point with less unbalance; None if there is none.
 
-        farthest: how far the motion may take the indenter [m].
+        Damped Newton steps are tried with increasing regularisation. farthest: largest allowed displacement of the
+        indenter by the motion [m].
         """
         weight = np.divide(1.0, np.sqrt(self.whole), out=np.zeros_like(self.whole), where=self.whole > 0.0)
         scaled = weight[:, None] * self._jacobian(here) * weight
@@ -179,9 +190,10 @@ class _Balance:
         return self._settled(here, weight, farthest)
 
     def _bears_no_more(self, here: _Point, weight: Array) -> bool:
-        """Whether no tractions under the same pressures, which the motion leaves as they are, have less unbalance.
+        """Return whether no tractions under the same pressures have less unbalance.
 
-        Resultants then lie beyond a plane that the best tractions only just reach.
+        The motion does not change the pressures here. The resultants then lie beyond a plane that the best tractions
+        just reach.
         """
         if self.modes[:, :, 2].any():
             return False
@@ -190,11 +202,10 @@ class _Balance:
         return abs(more) <= LEAST_FALL * float(((weight * here.unbalance) ** 2).sum())
 
     def _settled(self, here: _Point, weight: Array, farthest: float) -> _Point | None:
-        """A point where the unbalance no longer drives the indenter the way it goes from here; None if there is none.
+        """Return a point where the unbalance stops driving the indenter the present way; None if there is none.
 
-        Where nothing touches as yet, or all slips, the resultants do not change with the motion and no Newton step
-        helps. Along their direction the unbalance does not fall (exactly so without friction and
-        attraction), so that bisection does.
+        Before contact, or in full slip, the resultants do not change with the motion and no Newton step helps. Along
+        their direction the unbalance is monotone (exactly so without friction and attraction), which allows bisection.
         """
         direction = -(weight**2) * here.unbalance
         reach = self._reach(direction)
@@ -213,17 +224,17 @@ class _Balance:
         return there if np.linalg.norm(weight * there.unbalance) < np.linalg.norm(weight * here.unbalance) else None
 
     def _jacobian(self, here: _Point) -> Array:
-        """Change of the resultants with the motion, (k, k)."""
+        """Return the derivative of the resultants with respect to the motion, (k, k)."""
         _, by_gap = traction_tangents(self.problem.contact_law, here.trial, here.gap, self.r)
         return np.asarray(np.einsum("kni,nij,lnj->kl", self.measures, by_gap, self.modes))
 
     def distance(self, here: _Point) -> float:
-        """Largest one between body and indenter, or of the motions that the unbalance causes in the whole zone [m]."""
+        """Return the largest distance of body and indenter, or motion due to the unbalance in the whole zone [m]."""
         finite = np.isfinite(here.trial[:, 2])
         apart = float(np.abs(here.trial[finite]).max(initial=0.0)) / self.r[0]
         caused = np.divide(here.unbalance, self.whole, out=np.zeros_like(self.whole), where=self.whole > 0.0)
         return max(apart, self._reach(caused))
 
     def _reach(self, motion: Array) -> float:
-        """Largest displacement of the indenter by a motion (k,) [m]."""
+        """Return the largest displacement of the indenter by a motion (k,) [m]."""
         return float((np.abs(motion) * np.abs(self.modes).max(axis=(1, 2), initial=0.0)).max(initial=0.0))

@@ -16,14 +16,14 @@ from meeframe.system.capabilities import Coarsening, Multigrid
 from meeframe.system.reduced import ReducedSystem
 
 FEWEST: Final = 16
-"""Nodes of a coarser division that must be under the indenter, and overlap: on fewer a problem is another one."""
+"""Least number of coarse nodes under the indenter, and in overlap; with fewer the problem is a different one."""
 ALIKE: Final = 2.0
-"""Areas and the like that differ by a smaller factor are about the same."""
+"""Factor below which two areas, or similar quantities, count as about the same."""
 
 
 @dataclass(frozen=True, eq=False)
 class Coarse:
-    """A problem on a coarser reduced system, and how its nodes are those of the finer one."""
+    """Contact problem on a coarser reduced system, with the relation of its nodes to those of the finer one."""
 
     problem: ContactProblem
     coarsening: Coarsening
@@ -31,8 +31,10 @@ class Coarse:
 
 @memoize_by_identity
 def coarse_problem(problem: ContactProblem) -> Coarse | None:
-    """The problem on the coarser reduced system; None if there is none, if law or edges belong to these nodes, or if
-    too little of the indenter is above the nodes that are left.
+    """Return the problem on the coarser reduced system; None if there is none.
+
+    There is none either if the law or the contact edge belongs to these nodes, or if too little of the indenter lies
+    above the remaining nodes.
     """
     law = problem.contact_law
     if not same_everywhere(law, len(problem.gap)) or problem.area_fraction is not None:
@@ -45,13 +47,13 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
 
 
 def on_nodes(problem: ContactProblem, system: ReducedSystem, kept: Indices) -> ContactProblem:
-    """A problem on a reduced system that has m of its n nodes alone, kept: (m,).
+    """Return a problem on a reduced system that consists of m of its n nodes, kept: (m,).
 
-    A resultant keeps its density: the measure of a freedom is scaled with the weights.
+    The measure of a prescribed resultant is scaled with the weights, which leaves its density unchanged.
     """
     weights = problem.system.weights[kept]
     share = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)
-    prescribed_resultants = tuple(  # components one after another
+    prescribed_resultants = tuple(  # component by component
         PrescribedResultant(f.mode.T.take(kept, axis=1).T, (f.measure.T.take(kept, axis=1) * share).T, f.total)
         for f in problem.prescribed_resultants
     )
@@ -63,12 +65,12 @@ def on_nodes(problem: ContactProblem, system: ReducedSystem, kept: Indices) -> C
 
 
 def alike(one: float, other: float) -> bool:
-    """Whether two numbers >= 0 are about the same; zero is like zero alone."""
+    """Return whether two numbers >= 0 are about the same; zero is about the same as zero only."""
     return max(one, other) <= ALIKE * min(one, other)
 
 
 def same_area(system: ReducedSystem, nodes: NDArray[np.bool_], coarsening: Coarsening) -> bool:
-    """Whether nodes (n,) of a system cover about the same area as those of them that a coarser division keeps."""
+    """Return whether a coarser division represents the area of nodes (n,) of a system about correctly."""
     kept = nodes[coarsening.nodes]
     return alike(float(system.weights[nodes].sum()), float(coarsening.system.weights[kept].sum()))
 
@@ -76,16 +78,16 @@ def same_area(system: ReducedSystem, nodes: NDArray[np.bool_], coarsening: Coars
 def nested_start(
     problem: ContactProblem, solution: Callable[[ContactProblem], ContactState | Iterate | None]
 ) -> ContactState | None:
-    """A state from which to start, the interpolated load of the coarse problem; None if there is no such problem.
+    """Return a start with the interpolated load of the coarse problem; None if there is no such problem.
 
-    solution: of a problem, as well as is worth while, or None; with tension (`tensed`) or without. The displacement is
-    that of the unloaded body: whoever starts there finds his own.
+    solution: returns the solution of a problem, as accurate as is worthwhile, or None; with the signed gap as tension
+    (`tensed`) or without. The displacement is that of the unloaded body: solvers evaluate their own.
     """
     coarse = coarse_problem(problem)
     found = None if coarse is None else solution(coarse.problem)
     if coarse is None or found is None:
         return None
-    load = np.zeros((problem.fields.size, len(problem.gap))).T  # one field after another
+    load = np.zeros((problem.fields.size, len(problem.gap))).T  # field by field
     loaded = np.flatnonzero(found.load.any(axis=0))
     load[:, loaded] = coarse.coarsening.prolong(found.load[:, loaded])
     above = np.isfinite(problem.gap)
@@ -97,8 +99,10 @@ def nested_start(
 
 
 def tensed(load: Array, gap: Array, own: Array | float) -> Array:
-    """A load (n, 5) with a tension like the gap (n,) where contact is open: between nodes the sum of both tells where
-    the contact ends. own: (n,) what nodes respond to their own pressure."""
+    """Return a load (n, 5) with a tension proportional to the gap (n,) where the contact is open.
+
+    Between nodes the sum of both locates the contact edge. own: (n,) response of each node to its own pressure.
+    """
     open_ = (load[:, 2] == 0.0) & (gap > 0.0) & np.isfinite(gap)
     load = load.copy()
     load[:, 2] = np.where(open_, gap / own, load[:, 2])
@@ -106,7 +110,7 @@ def tensed(load: Array, gap: Array, own: Array | float) -> Array:
 
 
 def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
-    """Whether the coarser division sees the indenter, and how it overlaps the body unless it moves freely."""
+    """Return whether the coarser division resolves the indenter and, unless it moves freely, its overlap."""
     seen = [np.isfinite(problem.gap)]
     if all(freedom.electromagnetic for freedom in problem.prescribed_resultants):
         seen.append(problem.gap < problem.system.offset[:, 2])
@@ -116,12 +120,12 @@ def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
 
 
 def same_everywhere(law: ContactLaw, n: int) -> bool:
-    """Whether a law is known to be the same at all of n nodes: what laws with a memory are made of does not show."""
+    """Return whether a law is known to be the same at all of n nodes; False for laws with a memory."""
     return is_pure_projection(law) and not holds_nodes(law, n)
 
 
 def holds_nodes(part: object, n: int) -> bool:
-    """Whether a law, or what it is made of, holds an array with one entry for each of n nodes."""
+    """Return whether a law, or an object that it contains, holds an array with one entry for each of n nodes."""
     if isinstance(part, np.ndarray):
         return n in part.shape
     if isinstance(part, tuple | list):
@@ -130,5 +134,5 @@ def holds_nodes(part: object, n: int) -> bool:
         return any(holds_nodes(item, n) for item in part.values())
     if not is_dataclass(part):
         return False
-    named = [getattr(part, field.name, None) for field in fields(part)]  # those in slots, too
+    named = [getattr(part, field.name, None) for field in fields(part)]  # including attributes in slots
     return any(holds_nodes(item, n) for item in (*named, *getattr(part, "__dict__", {}).values()))

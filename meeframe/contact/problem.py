@@ -1,4 +1,4 @@
-"""Contracts of contact: the contact problem on the reduced system, solvers and their honest status."""
+"""Contact problem on the reduced system, its states and solutions, and the contract of solvers."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
@@ -15,11 +15,14 @@ from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.system.reduced import ReducedSystem
 
 AT_REST: Final = np.zeros(0)
-"""Motion of an indenter without freedoms."""
+"""Motion of an indenter without prescribed resultants."""
 
 
 class Status(StrEnum):
-    """How an iteration ended. Only CONVERGED is a solution; the others hand over the last state as it is."""
+    """Status with which an iteration ended.
+
+    Only CONVERGED marks a solution; with the others the last state is returned as it is.
+    """
 
     CONVERGED = "converged"
     STALLED = "stalled"
@@ -30,14 +33,24 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class PrescribedResultant:
-    """A rigid motion or a potential of the indenter that is not given; what is given instead is a resultant.
+    """Resultant that is prescribed in place of a rigid motion or a potential of the indenter.
 
-    mode: (n, fields) how the indenter's surface moves per unit of the motion, components and signs as a displacement of
-    ReducedSystem (a unit potential is -1 in its column): either the first three columns or the others are zero;
-    measure: (n, fields): the resultant of a load is sum(measure * load); total: what it has to be. With measure =
-    weights * mode it is the force or moment [N, N m] on the body along the motion.
-    Raises CaseError if an array has the wrong shape or a value that is not finite, or if the mode mixes motion and
-    potential.
+    Parameters
+    ----------
+    mode : Array
+        (n, fields), motion of the indenter's surface per unit of the free motion, with components and signs as in a
+        displacement of ReducedSystem (a unit potential is -1 in its column). Either the first three columns or the
+        others are zero.
+    measure : Array
+        (n, fields), weights of the resultant: that of a load is sum(measure * load). With measure = weights * mode it
+        is the force or moment [N, N m] on the body along the motion.
+    total : float
+        Prescribed value of the resultant.
+
+    Raises
+    ------
+    CaseError
+        If an array has the wrong shape or a value that is not finite, or if the mode mixes motion and potential.
     """
 
     mode: Array
@@ -55,36 +68,54 @@ class PrescribedResultant:
 
     @property
     def electromagnetic(self) -> bool:
-        """Whether it is a potential and not a motion."""
+        """True if it frees a potential, False if it frees a motion."""
         return max(self.moved) >= N_MECHANICAL
 
     @cached_property
     def moved(self) -> tuple[int, ...]:
-        """Fields of the mode, ..."""
+        """Columns of the mode that are not zero."""
         return _columns(self.mode)
 
     @cached_property
     def measured(self) -> tuple[int, ...]:
-        """... and of the measure."""
+        """Columns of the measure that are not zero."""
         return _columns(self.measure)
 
 
 def _columns(values: Array) -> tuple[int, ...]:
     """Return the numbers of the columns of values (n, fields) that are not zero."""
-    return tuple(k for k in range(values.shape[1]) if (values[:, k] != 0.0).any())  # faster than to ask numbers for any
+    return tuple(k for k in range(values.shape[1]) if (values[:, k] != 0.0).any())  # faster than any() on numbers
 
 
 @dataclass(frozen=True, eq=False)
 class ContactProblem:
-    """One load step: find the load on the contact zone that satisfies the laws.
+    """Contact problem of one load step: find the load on the contact zone that satisfies the laws.
 
-    channels: of the scalar fields, in the order of their columns; gap: (n,) initial normal gap between body and
-    indenter at this step [m], negative where they overlap, inf where there is no indenter above; translation: (n, 2)
-    tangential motion of the indenter in the local frame [m]; potentials: (n, channels) of the indenter, SI units;
-    prescribed_resultants: motions and potentials of the indenter, on top of those, that follow from them;
-    area_fraction: (n,) the part of each node's area that is in contact where its edge lies between the nodes
-    (EdgeResolution), None where it lies at nodes. Raises CaseError if an array has the wrong shape or a value that is
-    not allowed.
+    Parameters
+    ----------
+    system : ReducedSystem
+        Reduced system of the body on its contact zone of n nodes.
+    contact_law : ContactLaw
+        Law of the tractions.
+    channels : tuple of FluxChannel
+        Flux channels of the scalar fields, in the order of their columns.
+    gap : Array
+        (n,), initial normal gap between body and indenter at this step [m]: negative where they overlap, inf where
+        there is no indenter above.
+    translation : Array
+        (n, 2), tangential motion of the indenter in the local frame [m].
+    potentials : Array
+        (n, channels), potentials of the indenter, SI units.
+    prescribed_resultants : tuple of PrescribedResultant, optional
+        Resultants that determine further motions and potentials of the indenter, which are added to the given ones.
+    area_fraction : Array, optional
+        (n,), fraction of each node's area that is in contact where the contact edge lies between the nodes
+        (EdgeResolution); None where it lies at nodes.
+
+    Raises
+    ------
+    CaseError
+        If an array has the wrong shape or a value that is not allowed.
     """
 
     system: ReducedSystem
@@ -124,7 +155,7 @@ class ContactProblem:
 
     @cached_property
     def fields(self) -> FieldSet:
-        """The field set of the channels."""
+        """Field set of the channels."""
         return field_set(self.channels)
 
     def law_of(self, name: str) -> ConductivityLaw:
@@ -142,13 +173,22 @@ class ContactProblem:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """What a solver works on.
+    """Iterate of a solver.
 
-    load: (n, fields) as in ReducedSystem; contact_fraction: (n,) in [0, 1], the fraction of a closed contact's
-    conductivity that is in force: 1 where p_nu < 0, 0 where the contact is open, between them only at nodes that graze
-    (see ContactState); memory: whatever the solver that made it wants to find again at its next step; nobody else reads
-    it; motion: (m,) of the problem's freedoms; estimate: the solver's own guess of the residual, None without one: the
-    driver, who judges by himself, looks less often before it is small.
+    Parameters
+    ----------
+    load : Array
+        (n, fields), as in ReducedSystem.
+    contact_fraction : Array
+        (n,) in [0, 1], fraction of a closed contact's conductivity in force: 1 where p_nu < 0, 0 where the contact is
+        open, and between these only at biactive nodes (see ContactState).
+    memory : object, optional
+        Data that the solver stores for its next step; read by that solver only.
+    motion : Array, optional
+        (m,), free motions of the problem's prescribed resultants.
+    estimate : float, optional
+        Residual as estimated by the solver, None without an estimate. The driver, which evaluates the independent
+        residual, does so less often while the estimate is large.
     """
 
     load: Array
@@ -160,12 +200,19 @@ class Iterate:
 
 @dataclass(frozen=True, eq=False)
 class ContactState:
-    """A state of the contact zone.
+    """State of the contact zone.
 
-    load: (n, fields); displacement: (n, fields), both as in ReducedSystem; contact_fraction: (n,) in [0, 1], the
-    fraction of a closed contact's conductivity that is in force: 1 where p_nu < 0, 0 where the contact is open, between
-    them only at nodes that graze (zero traction and zero gap); motion: (m,) of the problem's freedoms, in the units of
-    their modes.
+    Parameters
+    ----------
+    load : Array
+        (n, fields), as in ReducedSystem.
+    displacement : Array
+        (n, fields), as in ReducedSystem.
+    contact_fraction : Array
+        (n,) in [0, 1], fraction of a closed contact's conductivity in force: 1 where p_nu < 0, 0 where the contact is
+        open, and between these only at biactive nodes (zero traction and zero gap).
+    motion : Array, optional
+        (m,), free motions of the problem's prescribed resultants, in the units of their modes.
     """
 
     load: Array
@@ -176,11 +223,22 @@ class ContactState:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """What the driver loop hands over: the last state, its status, and the history.
+    """Result of the driver loop: the last state, its status and the history.
 
-    residual: dimensionless violation of the laws, computed from the state alone; iterations: steps of the solver;
-    history: (m, 2) iteration and the judged quantity (the residual, or the change by the paper's criterion) there;
-    message: why it ended, in words.
+    Parameters
+    ----------
+    state : ContactState
+        Last state.
+    status : Status
+        Status with which the iteration ended.
+    iterations : int
+        Number of solver steps.
+    residual : float
+        Dimensionless violation of the laws, computed from the state alone.
+    history : Array
+        (m, 2), iterations and the monitored quantity there: the residual, or the change by the paper's criterion.
+    message : str
+        Reason for the end of the iteration, in words.
     """
 
     state: ContactState
@@ -193,21 +251,21 @@ class ContactSolution:
 
 @dataclass(frozen=True)
 class Solver(ABC):
-    """An iteration on a ContactProblem; the fields of a concrete class are its case-file keys.
+    """Iteration on a ContactProblem; the fields of a concrete class are its case-file keys.
 
-    A solver consists of `init` and `step`, and of `check` if it does not take every problem. Stopping criteria,
-    history, the guard against non-finite numbers and the status belong to the driver loop in meeframe.solvers.
+    A solver implements `init` and `step`, and `check` if it does not accept every problem. Stopping criteria, history,
+    the guard against non-finite numbers and the status belong to the driver loop in meeframe.solvers.
     """
 
     check_interval: ClassVar[int] = 1
-    """Steps between two evaluations by the driver; more than one for solvers whose step costs less than these."""
+    """Steps between two evaluations by the driver; more than one for solvers whose steps cost less than these."""
     stall_window: ClassVar[int] = 2_000
     """Steps within which the residual should fall by a tenth; fewer for solvers whose steps cost more."""
 
     def check(self, problem: ContactProblem) -> None:
-        """Raise CaseError for a problem that the solver does not take; by default it takes all.
+        """Raise CaseError for a problem that the solver does not accept; by default every problem is accepted.
 
-        Asked before the body is reduced: the compliance of the problem's system is then zero.
+        Called before the body is reduced: the compliance of the problem's system is then zero.
         """
         return
 
@@ -222,7 +280,7 @@ class Solver(ABC):
         start : ContactState or None
             Converged state of the previous load step.
         tolerance : float
-            Residual that is asked for; a solver need not do better.
+            Required residual; a solver need not go below it.
         """
 
     @abstractmethod
@@ -233,11 +291,10 @@ class Solver(ABC):
 def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:
     """Return the indenter's position, (n, fields) = (translation, gap, -phi_o, -psi_o, ...).
 
-    motion: (m,) of the prescribed resultants, which is added.
-
-    Its difference to the body's displacement is the contact gap and the drop of the potentials.
+    motion: (m,) of the prescribed resultants, which is added. The difference between this position and the body's
+    displacement is the contact gap and the drop of the potentials.
     """
-    position = np.empty((problem.fields.size, len(problem.gap))).T  # one field after another
+    position = np.empty((problem.fields.size, len(problem.gap))).T  # field by field
     for k in range(problem.fields.size):
         position[:, k] = indenter_field(problem, k, motion)
     return position
@@ -256,16 +313,16 @@ def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST)
 
 
 def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT_REST) -> Array:
-    """Gap (n, 3) = (translation - u_tau, gap - u_nu) of a displacement (n, fields) or (n, 3) [m].
+    """Return the gap (n, 3) = (translation - u_tau, gap - u_nu) at a displacement (n, fields) or (n, 3) [m].
 
-    motion: (m,) of the freedoms, which the indenter has gone besides.
+    motion: (m,) of the prescribed resultants, which is added to that of the indenter.
     """
     gap: Array = indenter_position(problem, motion)[:, MECHANICAL] - displacement[:, MECHANICAL]
     return gap
 
 
 def unbalance(problem: ContactProblem, load: Array) -> Array:
-    """Resultants of a load (n, fields) less the prescribed ones, (m,), for the problem's freedoms."""
+    """Return the resultants of a load (n, fields) minus the prescribed ones, (m,)."""
     return np.array(
         [sum(f.measure[:, k] @ load[:, k] for k in f.measured) - f.total for f in problem.prescribed_resultants]
     )

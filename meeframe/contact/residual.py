@@ -1,4 +1,4 @@
-"""The judge: how far a state is from satisfying the laws, whoever made it."""
+"""Independent residual: the violation of the laws by a state, computed without reference to its solver."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction,
 from meeframe.system.capabilities import apply_load
 
 BLOCK: Final = 2**14
-"""Nodes at which laws are asked at once."""
+"""Number of nodes at which laws are evaluated at once."""
 
 
 def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
@@ -26,12 +26,12 @@ def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
 
 
 def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] | None = None) -> ContactState:
-    """Return the state of an iterate: its displacement by one application of the compliance.
+    """Return the state of an iterate, with its displacement by one application of the compliance.
 
-    fields: columns of the displacement that are computed, all by default; the others are zero. All of them are those of
-    `apply`, some of them those of `apply_load`.
+    fields: columns of the displacement to compute, all by default; the others are zero. All columns together come from
+    `apply`, a selection from `apply_load`.
 
-    Raises CaseError if its solver does not find the free motions of the problem.
+    Raises CaseError if the solver does not determine the free motions of the problem.
     """
     if np.shape(iterate.motion) != (len(problem.prescribed_resultants),):
         raise CaseError(
@@ -44,20 +44,23 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
     whole = fields is None or len(fields) == system.n_fields
     columns = tuple(range(system.n_fields)) if fields is None else fields
     caused = system.apply(iterate.load) if whole else apply_load(system, iterate.load, columns)
-    for field, part in zip(columns, caused.T, strict=True):  # stored one after another
+    for field, part in zip(columns, caused.T, strict=True):  # field by field
         np.add(system.offset[:, field], part, out=displacement[:, field])
     return ContactState(iterate.load, displacement, iterate.contact_fraction, iterate.motion)
 
 
 def residual(problem: ContactProblem, state: ContactState, scales: Scales | None = None) -> float:
-    """Dimensionless violation of the problem by a state: the largest of the five below; inf if it is not finite.
+    """Return the dimensionless violation of the problem by a state; inf if it is not finite.
 
-    Everything follows from the load, the displacement and the closed fraction by the laws, nothing from the solver, in
-    units of magnitudes characteristic of the problem's data (`scales`, computed if not given):
-    consistency, displacement = offset + compliance(load); the contact law as a fixed point of its projection (eqs. 27,
-    28 with r the inverse of a characteristic compliance); the flux laws with the conductivity of the state's traction
-    and closed fraction; the closed fraction itself (see meeframe.contact.conduction); the balance of the prescribed
-    resultants, by summation of the load.
+    It is computed by the laws from the load, the displacement and the closed fraction, without the solver, in units of
+    magnitudes characteristic of the problem's data (`scales`, computed if not given). It is the largest of five parts:
+
+    - consistency, displacement = offset + compliance(load);
+    - the contact law as a fixed point of its projection (eqs. 27, 28 with r the inverse of a characteristic
+    compliance);
+    - the flux laws with the conductivity of the state's traction and closed fraction;
+    - the closed fraction itself (see meeframe.contact.conduction);
+    - the balance of the prescribed resultants, by summation of the load.
     """
     scales = scales or problem_scales(problem)
     expected = problem.system.offset + problem.system.apply(state.load)
@@ -82,13 +85,15 @@ def law_residual(
 
 
 def law_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
-    """The residual of the laws alone, whatever the resultants are; nan if it is not a number."""
+    """Return the residual of the laws alone, irrespective of the resultants; nan if it is not a number."""
     return float(np.max([_contact_violation(problem, state, scales), *_flux_violation(problem, state, scales)]))
 
 
 def _contact_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
-    """The largest of the contact law and of the closed fraction: by blocks of nodes, which stay near the processor,
-    if the law is the same at all of them."""
+    """Return the larger violation of the contact law and of the closed fraction.
+
+    It is computed by blocks of nodes, which fit into the cache, if the law is the same at all nodes.
+    """
     law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
     asked = [axis for axis in judged_fields(problem) if axis < N_MECHANICAL]
     position = {axis: indenter_field(problem, axis, state.motion) for axis in asked}
@@ -106,9 +111,9 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
 
 
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
-    """The largest R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated.
+    """Return the largest R f + (-phi + phi_o) over a characteristic potential, and f alone where insulated.
 
-    One where a law says no number: it does not hold, but may where the iteration goes from there.
+    The violation is one where a law returns NaN: the law is not satisfied there, but the iteration may still proceed.
     """
     compliance, potential = np.diag(scales.compliance)[POTENTIALS], scales.displacement[POTENTIALS]
     if not conducting(problem):

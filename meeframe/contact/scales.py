@@ -1,4 +1,4 @@
-"""Characteristic magnitudes of a contact problem: what its residual is measured in."""
+"""Characteristic magnitudes of a contact problem, the units of its residual."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -18,16 +18,16 @@ from meeframe.system.reduced import ReducedSystem
 Mask = NDArray[np.bool_]
 
 RESOLVED: Final = 4e-5
-"""Of the way that a free indenter goes to the body: round-off of the gap leaves a shallower depth no ten digits."""
+"""Least depth as a fraction of the free indenter's way to the body; round-off of the gap limits smaller depths."""
 ENOUGH: Final = 5_000
-"""Nodes that tell the magnitude of a compliance."""
+"""Number of nodes that suffice to estimate the magnitude of a compliance."""
 FOUNDATION_STEPS: Final = 3
-"""Of the estimate how far the free indenter goes: each takes the compliance of the area that the last one found."""
+"""Number of estimates of the free indenter's motion, each with the compliance of the previous contact area."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """Characteristic magnitudes, from the data of the problem alone and homogeneous in units, moduli and lengths.
+    """Characteristic magnitudes, computed from the problem's data, homogeneous in units, moduli and lengths.
 
     compliance: (fields, fields) largest displacement of field J under a uniform unit load of field K over the nodes
     that the indenter overlaps; displacement, load: (fields,) and totals: (m,), of the prescribed resultants, expected
@@ -41,7 +41,7 @@ class Scales:
 
     @property
     def normal_compliance(self) -> float:
-        """Normal displacement under uniform unit pressure [m/Pa]: a bound of the largest eigenvalue."""
+        """Normal displacement under uniform unit pressure [m/Pa], a bound of the largest eigenvalue."""
         return float(self.compliance[2, 2])
 
     @property
@@ -52,13 +52,15 @@ class Scales:
 
 @memoize_by_identity
 def problem_scales(problem: ContactProblem) -> Scales:
-    """Return the scales of a problem: one application of the compliance a field, more if the indenter moves freely.
+    """Return the scales of a problem.
 
-    The overlap of the indenter with the unloaded surface sets the displacements, where the indenter is free that of an
-    elastic foundation under the prescribed forces; prescribed potentials and charges set the others, and the pressures
-    they cause, where a law conducts. Pressures are at least as large as the attraction at first.
-    An interface that yields by itself is in series with the body. The compliance of large bodies is measured on a
-    coarser division, where that has the overlap; the overlap itself is that of all nodes.
+    This takes one application of the compliance per field, more if the indenter moves freely.
+
+    The overlap of the indenter with the unloaded surface sets the displacements; where the indenter is free, they are
+    those of an elastic foundation under the prescribed forces. Prescribed potentials and charges, and the pressures
+    that they cause, set the others where a law conducts. Pressures are at least as large as the initial attraction. An
+    interface that yields by itself is in series with the body. The compliance of large bodies is measured on a coarser
+    division, where that resolves the overlap; the overlap itself is that of all nodes.
     """
     motion, offset = _foundation_motion(problem), problem.system.offset
     above = indenter_field(problem, 2, motion)
@@ -86,8 +88,10 @@ def problem_scales(problem: ContactProblem) -> Scales:
 
 
 def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
-    """Characteristic amounts (m,) of the prescribed_resultants: their modes then reach the characteristic
-    displacements."""
+    """Return the characteristic amounts (m,) of the free motions.
+
+    With these amounts their modes attain the characteristic displacements.
+    """
     moved = [
         max(largest(f.mode[:, k]) / scales.displacement[k] for k in f.moved) for f in problem.prescribed_resultants
     ]
@@ -96,7 +100,7 @@ def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
 
 @memoize_by_identity
 def _foundation_motion(problem: ContactProblem) -> Array:
-    """Motion (m,) of the freedoms on an elastic foundation as compliant as the body under a uniform pressure."""
+    """Return the free motions (m,) on an elastic foundation as compliant as the body under a uniform pressure."""
     motion = np.zeros(len(problem.prescribed_resultants))
     moving = motions(problem)
     if moving.size == 0:
@@ -119,7 +123,7 @@ def _foundation_motion(problem: ContactProblem) -> Array:
 
 
 def _same_overlap(problem: ContactProblem, coarse: Coarse, motion: Array) -> bool:
-    """Whether the indenter, moved (m,), overlaps as much of the body, and as deeply, as on the coarser division."""
+    """Return whether the overlap, after a motion (m,), agrees in area and depth with that of the coarser division."""
     (area, volume), (coarse_area, coarse_volume) = (
         (float(one.system.weights @ (overlap > 0.0)), float(one.system.weights @ np.maximum(overlap, 0.0)))
         for one, overlap in ((each, _overlap(each, motion)) for each in (problem, coarse.problem))
@@ -128,13 +132,19 @@ def _same_overlap(problem: ContactProblem, coarse: Coarse, motion: Array) -> boo
 
 
 def _overlap(problem: ContactProblem, motion: Array) -> Array:
-    """Overlap (n,) [m] of the unloaded body and the indenter, moved (m,); -inf where there is no indenter above."""
+    """Return the overlap (n,) [m] of the unloaded body and the indenter after a motion (m,).
+
+    It is -inf where there is no indenter above.
+    """
     overlap: Array = problem.system.offset[:, 2] - indenter_field(problem, 2, motion)
     return overlap
 
 
 def _loaded(overlap: Array) -> Mask:
-    """Nodes that the indenter overlaps; all below it if there are none, all if it is above none, (n,)."""
+    """Return the nodes (n,) that the indenter overlaps.
+
+    All nodes below it are returned if there are none, and all nodes if it is above none.
+    """
     loaded = np.asarray(overlap > 0.0 if (overlap > 0.0).any() else np.isfinite(overlap))
     return loaded if loaded.any() else np.ones_like(loaded)
 
@@ -150,9 +160,9 @@ def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
 
 
 def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance: float) -> float:
-    """What body and interface together bear at a depth [m], or the attraction alone where nothing overlaps (n,) [Pa].
+    """Return the pressure that body and interface bear together at a depth [m] [Pa].
 
-    compliance: of the body [m/Pa].
+    Where nothing overlaps (n,) it is the attraction alone. compliance: that of the body [m/Pa].
     """
     law = problem.contact_law
     pull = float(attraction(law, -overlap).max(initial=0.0))
@@ -165,13 +175,16 @@ def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance:
 
 
 def _depth(overlap: Array) -> float:
-    """Deepest overlap, or failing that the largest distance, or failing that one: then every state is exactly zero."""
+    """Return the deepest overlap, or else the largest distance, or else one, as every state is then exactly zero."""
     finite = overlap[np.isfinite(overlap)]
     return float(finite.max(initial=0.0)) or float(np.abs(finite).max(initial=0.0)) or 1.0
 
 
 def _telling(system: ReducedSystem, loaded: Mask) -> tuple[ReducedSystem, Mask]:
-    """A division coarse enough to be measured fast, and those of the loaded nodes (n,) that it keeps: of like area."""
+    """Return a division coarse enough to be measured fast, with the loaded nodes (n,) that it retains.
+
+    These represent a similar area.
+    """
     while len(loaded) > ENOUGH:
         multigrid = system.capability(Multigrid)
         coarse = None if multigrid is None else multigrid.coarsen()
@@ -188,9 +201,10 @@ def _uniform_response(system: ReducedSystem, loaded: Mask) -> Array:
 
 @memoize_by_identity
 def _response_of_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
-    """Return the largest displacements (fields, fields) under uniform unit loads; loaded_bytes: mask of the nodes.
+    """Return the largest displacements (fields, fields) under uniform unit loads.
 
-    Increments under the same normal load ask for those of the same nodes again and again.
+    loaded_bytes: mask of the nodes. The result is memoized because increments under the same normal load use the same
+    nodes.
     """
     loaded = np.frombuffer(loaded_bytes, bool)
     compliance = np.empty((system.n_fields, system.n_fields))
@@ -202,15 +216,15 @@ def _response_of_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
 
 
 def _borne(freedom: PrescribedResultant, loaded: Mask, load: Array) -> float:
-    """Return what a load (fields,) on the loaded nodes (n,) adds up to in a resultant, without regard to sign."""
+    """Return the sum of the magnitudes that a load (fields,) on nodes (n,) contributes to a resultant."""
     return sum(float(np.abs(freedom.measure[loaded, k]).sum() * load[k]) for k in freedom.measured)
 
 
 def largest(values: Array) -> float:
-    """The largest magnitude, nan if there is one among the values; 0 of none."""
+    """Return the largest magnitude; nan if there is one among the values, 0 for an empty array."""
     return float(np.abs(values).max(initial=0.0))
 
 
 def _positive(magnitudes: Array) -> Array:
-    """Magnitudes with ones for zeros: a quantity without a scale is exactly zero."""
+    """Return the magnitudes with zeros replaced by ones: a quantity without a scale is exactly zero."""
     return np.where(magnitudes > 0.0, magnitudes, 1.0)

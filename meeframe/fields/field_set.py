@@ -88,7 +88,7 @@ MAGNETIC_FIELD: Final = ScalarField(
 
 @dataclass(frozen=True)
 class FieldSet:
-    """The displacement and some scalar fields, in the order of their columns.
+    """Displacement and some scalar fields, in the order of their columns.
 
     scalars: the scalar fields; their columns follow the three of the displacement.
     """
@@ -131,13 +131,13 @@ class FieldSet:
 
 
 MEE: Final = FieldSet((ELECTRIC_FIELD, MAGNETIC_FIELD))
-"""The fields of a magneto-electro-elastic body, which every material has."""
+"""Fields of a magneto-electro-elastic body, which every material has."""
 
 OPTIONAL_FIELDS: Final[tuple[ScalarField, ...]] = ()
-"""Further scalar fields, not coupled to the others, which a body has if its material gives their coefficient."""
+"""Further scalar fields, uncoupled from the others, which a body has if its material gives their coefficient."""
 
 N_FIELDS: Final = MEE.size
-"""Size of the default field set: kernels that are compiled for one size take it from here."""
+"""Size of the default field set, used by kernels that are compiled for one size."""
 ELECTRIC: Final = MEE.index(ELECTRIC_FIELD.name)
 MAGNETIC: Final = MEE.index(MAGNETIC_FIELD.name)
 

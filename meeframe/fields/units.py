@@ -1,4 +1,4 @@
-"""Numbers with units in case files: `Annotated[float, Quantity("m")]` takes '5 mm' or a plain SI number."""
+"""Numbers with units in case files: `Annotated[float, Quantity("m")]` accepts '5 mm' or a plain SI number."""
 
 import math
 import re
@@ -13,20 +13,20 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 BOUNDS: Final = ("gt", "ge", "lt", "le")
-# a number; a sign between, or the 1 of "1/mm"; what can be in units, since pint passes over characters it does not know
-# nothing is given back once it is read: blanks or digits without end would take the square of their number
+# a number; a sign between, or the 1 of "1/mm"; allowed characters of units, since pint skips those it does not know
+# possessive matching: with backtracking, blanks or digits without end would take the square of their number
 _TEXT: Final = re.compile(
     r"\s*+((?:[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3})?+|[-+]?inf(?!\w))(?![\d.,_]))"
     r"\s*+(?:[*·×](?!\*)|1?\s*+(?=/))?(?!\s*+\d)([\w\s()*/^.·×⋅{}%°+⁻-]*+)"
 )
 _DIGITS: Final = 20
-"""To which exponents are rounded: a decimal third has 28, and three of them are not one."""
+"""Number of digits of rounded exponents: a decimal third has 28, and three of them do not add up to one."""
 _OTHER: Final = "cannot be read as one number and then units"
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
 
 class Quantity:
-    """Marks an annotated float as a quantity; the field holds SI numbers.
+    """Mark of an annotated float as a quantity; the field holds SI numbers.
 
     unit: its SI unit, "" for pure numbers; alternatives: further SI units, for a key whose dimension depends on where
     it is used; gt, ge, lt, le: bounds in those units. Case files may give a number in SI or a text with a unit of the
@@ -44,18 +44,18 @@ class Quantity:
         self.bounds = bounds
 
     def __get_pydantic_core_schema__(self, source: Any, handler: "GetCoreSchemaHandler") -> "CoreSchema":
-        """How pydantic validates it."""
+        """Return the validation of a quantity by pydantic."""
         from pydantic_core import core_schema
 
         return core_schema.no_info_plain_validator_function(self.check)
 
     def only(self, settled: str) -> "Quantity":
-        """The same quantity where dimensions are settled on some units, with blanks between; itself if it has none."""
+        """Return the quantity restricted to some units, given with blanks between; itself if it has none of them."""
         fitting = [unit for unit in self.units if unit in settled.split()]
         return Quantity(fitting[0], *fitting[1:], **self.bounds) if fitting else self
 
     def convert(self, value: Any) -> float:
-        """SI number of what a case file gives; raises ValueError for anything but a number or a text with this unit."""
+        """Return the SI number of a value in a case file; raise ValueError unless it is a number or has this unit."""
         if isinstance(value, str):
             value = self._parse(value)
         elif isinstance(value, bool) or not isinstance(value, int | float):
@@ -69,13 +69,13 @@ class Quantity:
 
     @property
     def expected(self) -> str:
-        """What a case file may give, in words."""
+        """Description of the accepted values in a case file."""
         if self.units == ("",):
             return "a number without unit"
         return f"a number in {' or '.join(self.units)} or a text with such a unit"
 
     def check(self, value: Any) -> float:
-        """convert(value) within the bounds; raises ValueError."""
+        """Return convert(value) if it is within the bounds; raise ValueError otherwise."""
         number = self.convert(value)
         holds = {"gt": number.__gt__, "ge": number.__ge__, "lt": number.__lt__, "le": number.__le__}
         if not all(holds[name](bound) for name, bound in self.bounds.items()):
@@ -84,7 +84,7 @@ class Quantity:
 
     @property
     def range(self) -> str:
-        """The bounds in words, "" if there are none."""
+        """Bounds in words, "" if there are none."""
         signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
         finite = {name: bound for name, bound in self.bounds.items() if abs(bound) != math.inf}
         parts = [f"{signs[name]} {bound:g}" for name, bound in finite.items()]
@@ -107,7 +107,7 @@ class Quantity:
         raise ValueError(f"{what}; expected {self.expected}")
 
     def _prefixed(self, text: str) -> float | None:
-        """SI number of a text such as '5 mm', the name of one of the units behind a prefix; None for any other text."""
+        """Return the SI number of a text such as '5 mm', one unit with a prefix; None for any other text."""
         match = _TEXT.fullmatch(text)
         if match is None:
             return None
@@ -122,18 +122,21 @@ class Quantity:
 
 @lru_cache(maxsize=1)
 def unit_registry() -> Any:
-    """The one registry of units, with decimal numbers: powers of powers overflow at once, and never do with int."""
-    # pint takes half a second to start: imported when the first text of another kind comes along
+    """Return the common registry of units, with decimal numbers.
+
+    Powers of powers overflow at once with decimal numbers, and never with int.
+    """
+    # pint takes half a second to start: imported at the first text of another kind
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)
 
 
 def read_quantity(text: str) -> Any:
-    """The quantity, of pint and in base units, that a text of one number and then units means.
+    """Return the quantity, of pint and in base units, of a text that is one number followed by units.
 
-    Raises ValueError for any other text. The units are no expression with further numbers than powers: pint would add
-    up, and multiply "50,5" out to 505. The magnitude is a Decimal.
+    Raises ValueError for any other text. The units contain no further numbers than powers: pint would evaluate sums,
+    and multiply "50,5" out to 505. The magnitude is a Decimal.
     """
     match = _TEXT.fullmatch(text)
     if match is None:
@@ -143,7 +146,7 @@ def read_quantity(text: str) -> Any:
         units = registry.parse_units(re.sub(r"^\s*/", "1/", match[2]))
         quantity = _in_base_units(registry.Quantity(number, units))
         finite = math.isfinite(float(quantity.magnitude))
-    except Exception as error:  # pint lets many kinds through
+    except Exception as error:  # pint raises many kinds of exceptions
         name = next(iter(getattr(error, "unit_names", ())), "")
         raise ValueError(_unknown(name) if name and name in text else _OTHER) from None
     if number.is_finite() and not finite:
@@ -152,7 +155,7 @@ def read_quantity(text: str) -> Any:
 
 
 def _in_base_units(quantity: Any) -> Any:
-    """A quantity of pint in base units, whose exponents lose the round-off of fractions."""
+    """Return a quantity of pint in base units, with exponents free of the round-off of fractions."""
     base = quantity.to_base_units()
     rounded = {name: _rounded(Decimal(power)) for name, power in base.unit_items()}
     units = unit_registry().UnitsContainer({name: power for name, power in rounded.items() if power})
@@ -164,7 +167,10 @@ def _rounded(power: Decimal) -> Decimal:
 
 
 def _unknown(name: str) -> str:
-    """That there is no unit of this name, with another where it has an exponent without sign or other capitals."""
+    """Return the message for an unknown unit, with a suggestion where exponent or capitals differ.
+
+    The suggestion has an exponent without sign or other capitals.
+    """
     registry = unit_registry()
     stem = name.rstrip("0123456789")
     found = [f"{stem}^{name[len(stem) :]}"] if stem in registry else []
@@ -175,7 +181,7 @@ def _unknown(name: str) -> str:
 
 
 def check_quantities(record: Any) -> None:
-    """For __post_init__ of a frozen dataclass made in Python: the checks that a case file's entries get.
+    """Check the quantities of a frozen dataclass made in Python, in its __post_init__, like entries of a case file.
 
     Quantities become SI numbers within their bounds, choices (Literal) are among the allowed. Raises CaseError.
     """

@@ -1,4 +1,4 @@
-"""Contract of a rigid indenter: the shape of its surface above the undeformed contact zone, and how it moves."""
+"""Contract of a rigid indenter: the shape of its surface above the undeformed contact zone, and its motions."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -22,10 +22,10 @@ RIGID_RESULTANTS: Final = {
     "moment": slice(3, 5),
     "torque": slice(5, 6),
 }
-"""The resultant that works on each of them, at the same place."""
+"""Resultants conjugate to the rigid motions, at the same places."""
 
 FORCE_RATIO: Final = "force_ratio"
-"""Tangential over normal force, which may be prescribed in place of the tangential force."""
+"""Ratio of tangential to normal force, which may be prescribed in place of the tangential force."""
 
 _RIGID_UNITS: Final = {
     "approach": "m",
@@ -90,31 +90,31 @@ RESULTANTS: Final = IndenterMotions().resultants
 COLUMNS: Final = IndenterMotions().columns
 UNITS: Final = IndenterMotions().units
 N_MOTIONS: Final = IndenterMotions().size
-"""Those of the default field set."""
+"""Number of degrees of freedom of the indenter with the default field set."""
 
 
 @dataclass(frozen=True)
 class Indenter(ABC):
-    """A rigid indenter; the fields of a concrete class are its case-file keys."""
+    """Rigid indenter; the fields of a concrete class are its case-file keys."""
 
     @abstractmethod
     def height(self, x: Array, y: Array) -> Array:
-        """Height of the indenter's surface above its lowest point, (n,) >= 0 [m], inf where there is none.
+        """Return the height of the indenter's surface above its lowest point, (n,) >= 0 [m], inf where there is none.
 
         x, y: (n,) coordinates from the indenter's axis in its own plane [m].
         """
 
     @property
     def pointwise(self) -> bool:
-        """Whether heights are known at single points alone, so that they cannot tell where the indenter ends."""
+        """True if heights are known at single points only, so that they do not show where the indenter ends."""
         return False
 
 
 def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fields: FieldSet = MEE) -> Array:
-    """Return how the indenter's surface moves per unit of each motion, (motions, n, fields), in local frames.
+    """Return the motion of the indenter's surface per unit of each motion, (motions, n, fields), in local frames.
 
     points: (n, 3) [m]; frames: (n, 3, 3) as in ReducedSystem; axes: rows e1, e2, axis of the indenter's place, (3, 3);
-    reference: point of the indenter about which it tilts and twists, (3,) [m]. Small motions: approach against the
+    reference: point of the indenter about which it tilts and twists, (3,) [m]. Motions are small: approach against the
     axis, translation along e1 and e2, right-handed rotations about e1, e2 and the axis; a unit potential is -1 in its
     column, as in a displacement of ReducedSystem.
     """
@@ -130,7 +130,7 @@ def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fi
 def motion_measures(modes: Array, weights: Array) -> Array:
     """Return measures (motions, n, fields) of the resultants that work on the motions.
 
-    Each resultant is sum(measure * load) of a load (n, fields). modes: as motion_modes gives them; weights: (n,) [m^2]
+    Each resultant is sum(measure * load) of a load (n, fields). modes: as returned by motion_modes; weights: (n,) [m^2]
     as in ReducedSystem. Forces [N] and moments [N m] are those of the indenter on the body, the normal force positive
     in compression; total fluxes, such as the charge [C], are what leaves the body.
     """

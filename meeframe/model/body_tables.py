@@ -29,11 +29,11 @@ from meeframe.model.values import (
 from meeframe.plugin.validation import Problem, TableError, problems_of
 
 _REACH: Final = 16.0
-"""Of the mesh of a half space beside its contact zone, in widths of that."""
+"""Extent of the mesh of a half space around its contact zone, in widths of the zone."""
 
 
 class GradedTable(Table):
-    """What a graded block and a half space have in common; keys as of meeframe.mesh.half_space_mesh and Grading."""
+    """Common keys of a graded block and a half space, as in meeframe.mesh.half_space_mesh and Grading."""
 
     contact_width: SizePair
     divisions: CountPair
@@ -42,7 +42,7 @@ class GradedTable(Table):
 
 
 class BlockTable(GradedTable):
-    """[mesh] of a graded block; the keys are those of meeframe.mesh.block_mesh and its Grading."""
+    """Table [mesh] of a graded block; the keys are those of meeframe.mesh.block_mesh and its Grading."""
 
     type: Literal["block"] = "block"
     half_width: SizePair
@@ -53,9 +53,9 @@ class BlockTable(GradedTable):
 
 
 class HalfSpaceTable(GradedTable):
-    """[mesh] on the plane that bounds a half space: a semi-infinite body, which needs no supports.
+    """Table [mesh] on the plane that bounds a half space, a semi-infinite body that needs no supports.
 
-    half_width, rings: of what lies around the contact zone, which not every formulation uses.
+    half_width, rings: of the mesh around the contact zone, which not every formulation uses.
     """
 
     type: Literal["half-space"]
@@ -64,12 +64,15 @@ class HalfSpaceTable(GradedTable):
 
     @property
     def half_widths(self) -> tuple[float, float]:
-        """half_width, by default that many widths of the contact zone."""
+        """Value of half_width, by default that many widths of the contact zone."""
         return self.half_width or (_REACH * self.contact_width[0], _REACH * self.contact_width[1])
 
 
 class FileTable(Table):
-    """[mesh] read from a file; unit: of its coordinates; the other keys are those of meeframe.mesh.read_mesh."""
+    """Table [mesh] of a mesh read from a file.
+
+    unit: that of its coordinates; the other keys are those of meeframe.mesh.read_mesh.
+    """
 
     type: Literal["file"] = "file"
     file: Text
@@ -80,7 +83,7 @@ class FileTable(Table):
 
     @property
     def scale(self) -> float:
-        """Metres in the unit of the file."""
+        """Length of the file's unit in metres."""
         return float(Quantity("m").convert(f"1 {self.unit}"))
 
     @model_validator(mode="after")
@@ -96,7 +99,10 @@ MeshTable = BlockTable | HalfSpaceTable | FileTable
 
 
 def _mesh(value: Any, info: ValidationInfo) -> Any:
-    """The model is chosen here and not by a union: errors then speak of the one that was meant."""
+    """Validate a mesh table with the model that its keys select.
+
+    A union of models would report errors of all of them; this reports those of the intended one.
+    """
     if not isinstance(value, Mapping):
         return value
     models: dict[str, type[Table]] = {"block": BlockTable, "half-space": HalfSpaceTable, "file": FileTable}
@@ -116,7 +122,7 @@ _ONE_OR_MORE: Final = BeforeValidator(lambda value: (value,) if isinstance(value
 
 
 class BoundaryTable(Table):
-    """[[boundary]]: what is prescribed on face groups, in three independent parts; the rest has zero flux.
+    """Table [[boundary]]: conditions on face groups, in three independent parts; the rest has zero flux.
 
     displacement and traction: three components each, global axes, 'free' where nothing is prescribed.
     """
@@ -136,11 +142,11 @@ class BoundaryTable(Table):
         return with_keys(cls, fields, {name: (finite(unit) | None, None) for name, unit in keys})
 
     def conditions(self) -> tuple[BoundaryCondition, ...]:
-        """Everything prescribed, on each group."""
+        """Return all prescribed conditions, on each group."""
         return tuple(BoundaryCondition(group, *prescribed) for group in self.group for prescribed in self._prescribed())
 
     def _prescribed(self) -> list[tuple[int, Literal["value", "flux"], float]]:
-        """(field, kind, number in SI)."""
+        """Return (field, kind, number in SI) of each prescribed component."""
         scalars = self.field_set.scalars
         values = (*(self.displacement or (None,) * 3), *(getattr(self, scalar.value_name) for scalar in scalars))
         fluxes = (*(self.traction or (None,) * 3), *(getattr(self, scalar.flux_name) for scalar in scalars))
@@ -151,9 +157,9 @@ class BoundaryTable(Table):
 
 
 class SecondBodyTable(Table):
-    """[second_body]: the second of two deformable bodies in its own coordinates; keys as of the first body.
+    """Table [second_body]: the second of two deformable bodies in its own coordinates.
 
-    zone: the face group that may come into contact.
+    Keys as for the first body. zone: the face group that may come into contact.
     """
 
     material: dict[str, Any]

@@ -1,4 +1,4 @@
-"""Reduced systems found again by content: the same input and the same code are not computed twice."""
+"""Cache of reduced systems by content: the same input and the same code are not computed twice."""
 
 import dataclasses
 import hashlib
@@ -26,18 +26,17 @@ from meeframe.system.reduced import Progress, ReducedSystem, silent
 _ROOMS: Final = ("common", "elements", "fields", "formulations", "greens", "material", "mesh", "model", "system")
 _CONTACT_ROOMS: Final = ("contact", "indenters", "laws", "solvers")
 _NOTES: Final = ("title", "text", "output")
-"""What a case says beside what determines its result."""
+"""Fields of a case that do not affect its result."""
 _LIBRARIES: Final = ("numpy", "scipy", "numba")
 
 
 def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> ReducedSystem:
-    """Return the reduced system of a case, from files in `folder` if it was computed before, else computed and kept
-    there.
+    """Return the reduced system of a case, from files in `folder` if possible; otherwise compute and store it.
 
-    There is a file for each body, found by `system_key`; one that is damaged is made anew. What is found is the same
-    bit for bit; `recover` reduces the body again when it is first called. Systems without a matrix or `Persistence`
-    are computed each time. Raises as meeframe.model.solve.reduce, and ResultError if the folder cannot be
-    written.
+    There is a file for each body, found by `system_key`; a damaged one is written anew. A system from a file is
+    identical bit for bit; `recover` reduces the body again when it is first called. Systems without a matrix or
+    `Persistence` are computed each time. Raises the errors of meeframe.model.solve.reduce, and ResultError if the
+    folder cannot be written.
     """
     return joined(case, (cached_body(*body, folder, progress) for body in bodies_of(case)))
 
@@ -45,7 +44,7 @@ def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> Redu
 def cached_body(
     formulation: Formulation, body: Body, folder: Path, progress: Progress = silent, key: str = ""
 ) -> ReducedSystem:
-    """Return the reduced system of one body, as cached_reduce; key: its system_key, if that is known already."""
+    """Return the reduced system of one body, like cached_reduce; key: its system_key, if already known."""
     key = key or system_key(formulation, body)
     path = folder / f"{key}.h5"
     found = read_system(path, key, recovery_of(formulation, body, progress))
@@ -71,31 +70,33 @@ def cached_body(
 
 
 def system_key(formulation: Formulation, body: Body) -> str:
-    """Return SHA-256 of everything that determines the reduced system of a body, hexadecimal.
+    """Return the SHA-256 of everything that determines the reduced system of a body, hexadecimal.
 
-    Formulation and body by their content, the classes they are made of, the sources of meeframe (and of plugins) that
+    This covers formulation and body by their content, their classes, the sources of meeframe (and of plugins) that
     compute with them, and the versions of the numerical libraries.
     """
     return _digest(_sources(_ROOMS), (formulation, body))
 
 
 def distinct_bodies(cases: Iterable[Case]) -> dict[str, tuple[Formulation, Body]]:
-    """Return the bodies of all cases, each with its formulation and once, by their system_key."""
+    """Return the distinct bodies of all cases, each with its formulation, by their system_key."""
     return {system_key(*body): body for case in cases for body in bodies_of(case)}
 
 
 def case_key(case: Case) -> str:
-    """Return SHA-256 of everything that determines the result of a case, hexadecimal: as system_key, with what follows
-    it."""
+    """Return the SHA-256 of everything that determines the result of a case, hexadecimal.
+
+    It extends system_key by the parts of the case that are used after the reduction.
+    """
     names = (field.name for field in dataclasses.fields(case) if field.name not in _NOTES)
     return _digest(_sources(_ROOMS + _CONTACT_ROOMS), {name: getattr(case, name) for name in names})
 
 
 def code_key(value: Any) -> str:
-    """Return SHA-256 of the code alone that computes with a value, hexadecimal: where it is the same, so are all
-    results.
+    """Return the SHA-256 of the code alone that computes with a value, hexadecimal.
 
-    The classes that the value is made of, the sources and versions that case_key counts; not what the value holds.
+    Where it agrees, so do all results for the same value. It covers the classes that make up the value, and the sources
+    and versions that case_key includes, but not the content of the value.
     """
     digest = hashlib.sha256(_sources(_ROOMS + _CONTACT_ROOMS))
     for content in sorted({_class_content(owner) for owner in _classes(value)}):
@@ -104,7 +105,7 @@ def code_key(value: Any) -> str:
 
 
 def _classes(value: Any) -> Iterator[type]:
-    """Return the Dataclasses of which a value is made, at any depth."""
+    """Yield the dataclasses that make up a value, at any depth."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         yield type(value)
         value = [getattr(value, field.name) for field in dataclasses.fields(value)]
@@ -117,12 +118,12 @@ def _classes(value: Any) -> Iterator[type]:
 def _digest(sources: bytes, value: Any) -> str:
     digest = hashlib.sha256(sources)
     for piece in _content(value):
-        digest.update(len(piece).to_bytes(8) + piece)  # the length keeps neighbours apart
+        digest.update(len(piece).to_bytes(8) + piece)  # the length separates adjacent pieces
     return digest.hexdigest()
 
 
 def _content(value: Any) -> Iterator[bytes]:
-    """Return the value as a sequence of bytes, other values giving others."""
+    """Yield the value as a sequence of bytes that differs for different values."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         yield _class_content(type(value))
         yield from _content({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
@@ -147,10 +148,10 @@ def _content(value: Any) -> Iterator[bytes]:
 
 @lru_cache
 def _class_content(owner: type) -> bytes:
-    """Return the name of a class and, if it is not meeframe's own, the source of its package, on which results then
-    depend.
+    """Return the name of a class and, for classes outside meeframe, the source of its package.
 
-    Names of modules of local files hold their hash already; the files may be on another machine.
+    Results then depend on that source. Names of modules of local files contain their hash already; the files may be on
+    another machine.
     """
     name = f"{owner.__module__}.{owner.__qualname__}".encode()
     if owner.__module__.startswith(("meeframe.", LOCAL)):
@@ -162,7 +163,7 @@ def _class_content(owner: type) -> bytes:
 
 @lru_cache
 def _sources(rooms: tuple[str, ...]) -> bytes:
-    """Return the versions and the sources of rooms of the package."""
+    """Return the versions and the sources of some subpackages."""
     digest = hashlib.sha256(metadata.version("meeframe").encode())
     for library in _LIBRARIES:
         digest.update(f"{library} {metadata.version(library)}".encode())

@@ -1,4 +1,4 @@
-"""A case: everything that determines a result, as objects."""
+"""Case: everything that determines a result, as objects."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -27,29 +27,65 @@ from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import choices
 
 Warn = Callable[[str], None]
-"""Is told what may come out wrong, in words."""
+"""Type of functions that receive a warning in words."""
 
 
 @dataclass(frozen=True, eq=False)
 class Case(CaseData):
-    """One contact problem with its load steps, checked when it is made.
+    """Contact problem with its load steps, checked when it is created.
 
-    conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
-    contact; conductivity: laws of the contact by the name of their scalar field, those without one insulate; steps:
-    load steps, one after the other; potentials: of the indenter from the beginning, by name, such as
-    {"electric_potential": 5.0} [V], zero if not given; restart: the state to go on from, with potentials of its own, in
-    place of the undeformed body; axes: which way the local axis e1 points, from which a contact law measures its angle,
-    by default as local_frames has it; second_body: the second of two deformable bodies, whose supports and grounds
-    move as the indenter, and whose distance from the first is the indenter's shape; text: the case file, verbatim,
-    kept with the result.
+    Parameters
+    ----------
+    material : Material
+        Material of the body.
+    mesh : SurfaceMesh
+        Surface mesh of the body.
+    conditions : tuple of BoundaryCondition
+        Boundary conditions, none of them on the contact zone.
+    indenter : Indenter
+        Shape of the rigid indenter, or the distance between two deformable bodies.
+    steps : tuple of Step
+        Load steps in their order.
+    placement : Placement, optional
+        Place and axis of the indenter.
+    potentials : mapping of str to float, optional
+        Initial potentials of the indenter by name, such as {"electric_potential": 5.0} [V]; zero if not given.
+    restart : Restart, optional
+        State to continue, with its own potentials, in place of the undeformed body.
+    zone : str, optional
+        Name of the face group that may come into contact.
+    contact_law : ContactLaw, optional
+        Law of the tractions.
+    axes : FrictionAxes, optional
+        Direction of the local axis e1, from which a contact law measures its angle; by default that of local_frames.
+    conductivity : mapping of str to ConductivityLaw, optional
+        Conductivity laws of the contact by the name of their scalar field; a field without one is insulated.
+    formulation : Formulation, optional
+        Discretisation of the body.
+    solver : Solver, optional
+        Contact solver.
+    limits : StoppingCriteria, optional
+        Criteria that end an iteration.
+    output : Output, optional
+        Files and fields that a run writes.
+    second_body : SecondBody, optional
+        Second of two deformable bodies, whose supports and grounds move as the indenter, and whose distance from the
+        first is the indenter's shape.
+    title : str, optional
+        Title of the case.
+    text : str, optional
+        The case file, verbatim, stored with the result.
 
-    Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
-    exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
-    fixes), an indenter that is nowhere above the zone, a contact law whose initial gap is not finite or that has not
-    one traction for each node, a conductivity law likewise, a second body whose zone does not match, a first step
-    that neither moves nor presses it, a step without the duration that the contact law needs, a resultant that the laws
-    cannot resist, a solver that does not take the contact law or what is prescribed, a run to go on from that had
-    another contact zone or other axes.
+    Raises
+    ------
+    MeshError, CaseError
+        If the parts do not fit together. The message names the problem: a face group that does not exist; a condition
+        on the contact zone; a body that the formulation refuses (a rigid motion or a potential that nothing fixes); an
+        indenter that is nowhere above the zone; a contact law whose initial gap is not finite or that has not one
+        traction for each node; a conductivity law likewise; a second body whose zone does not match; a first step that
+        neither moves nor presses the indenter; a step without the duration that the contact law needs; a resultant that
+        the laws cannot resist; a solver that does not accept the contact law or the prescribed quantities; an earlier
+        run with another contact zone or other axes.
     """
 
     def __post_init__(self) -> None:
@@ -88,34 +124,33 @@ class Case(CaseData):
 
     @property
     def body(self) -> Body:
-        """The boundary value problem for the formulation."""
+        """Boundary value problem for the formulation."""
         return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.fields)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What may come out wrong, in words: what the formulations know, an indenter that touches nothing, or whose
-        potential changes nothing.
+        """Warnings of the case, in words, none of which stops a run.
 
-        Nothing that stops a run.
+        They come from the formulations, or report an indenter that touches nothing or whose potential has no effect.
         """
         second_body = () if self.second_body is None else ((self.second_body.formulation, self.second_body.body),)
         return (*warnings_of(((self.formulation, self.body), *second_body)), *self.preflight)
 
     @property
     def preflight(self) -> tuple[str, ...]:
-        """The warnings that do not come from formulations, in words."""
+        """Warnings that do not come from formulations, in words."""
         with faults_of_plugins():
             kinematics = undeformed(self)
             return (*preflight(kinematics), *unused_potentials(kinematics))
 
     @property
     def n_increments(self) -> int:
-        """Increments of all load steps together."""
+        """Number of increments of all load steps together."""
         return sum(step.increments for step in self.steps)
 
 
 def warnings_of(bodies: Iterable[tuple[Formulation, Body]]) -> tuple[str, ...]:
-    """What formulations warn of in their bodies, in words; the same words once."""
+    """Return the distinct warnings of formulations about their bodies, in words."""
     with faults_of_plugins():
         return tuple(dict.fromkeys(text for formulation, body in bodies for text in formulation.warnings(body)))
 
@@ -131,13 +166,13 @@ def _check_keys(what: str, given: Iterable[str], allowed: Sequence[str]) -> None
 
 
 def check_title(title: str) -> None:
-    """Raises CaseError for a title that no result file can hold."""
+    """Raise CaseError for a title that no result file can hold."""
     if "\0" in title:
         raise CaseError("holds the character NUL; allowed: any other in a title")
 
 
 def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:
-    """Raises CaseError unless a part of the indenter lies above the contact zone."""
+    """Raise CaseError unless a part of the indenter lies above the contact zone."""
     if not np.isfinite(initial_gap(indenter, find_contact_zone(mesh, zone), placement)).any():
         raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")
 

@@ -1,4 +1,4 @@
-"""Time by stage, and the process's peak memory."""
+"""Time by stage, and the peak memory of the process."""
 
 import resource
 import sys
@@ -8,7 +8,7 @@ from meeframe.system.reduced import Progress, silent
 
 
 class Clock:
-    """Cuts the time of a run into stages that follow each other; passes progress on to whoever shows it."""
+    """Clock that divides the time of a run into successive stages, and forwards progress."""
 
     def __init__(self, show: Progress = silent) -> None:
         self._show = show
@@ -17,13 +17,13 @@ class Clock:
         self._seconds: dict[str, float] = {}
 
     def __call__(self, stage: str, fraction: float) -> None:
-        """Progress: from here on the time belongs to this stage."""
+        """Report progress: time is assigned to this stage from here on."""
         self._close()
         self._stage = stage
         self._show(stage, fraction)
 
     def timings(self) -> dict[str, float]:
-        """Seconds by stage so far, and their `total`."""
+        """Return the seconds by stage so far, and their `total`."""
         self._close()
         return {**self._seconds, "total": self._mark - self._begin}
 
@@ -35,6 +35,6 @@ class Clock:
 
 
 def peak_memory_mb() -> float:
-    """Largest resident memory of this process so far [MB = 1e6 bytes]."""
+    """Return the largest resident memory of this process so far [MB = 1e6 bytes]."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak * (1.0 if sys.platform == "darwin" else 1024.0) / 1e6

@@ -1,4 +1,4 @@
-"""Whether the conductivity laws of a case are conductivities where the case comes to."""
+"""Checks that the conductivity laws of a case return valid conductivities in the states that the case reaches."""
 
 from collections.abc import Iterator
 from copy import copy
@@ -15,12 +15,12 @@ from meeframe.fields import N_MECHANICAL, Array
 from meeframe.laws.base import GAPS, PRESSURES, ConductivityLaw, contact_traction
 
 _ASTRAY: Final = 10.0
-"""An iteration that comes to so many times the characteristic pressure has gone astray before."""
+"""Multiple of the characteristic pressure from which on an iteration is known to have failed earlier."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a conductivity law said, kappa, under a normal traction [Pa], a gap [m] and a drop [V or A]."""
+    """Conductivity kappa returned by a law under a normal traction [Pa], a gap [m] and a drop [V or A]."""
 
     kappa: float
     traction: float
@@ -31,17 +31,17 @@ class Answer:
 @final
 @dataclass(frozen=True, eq=False)
 class _Watch:
-    """The conductivity of a law, and what that was where it is none under finite tractions, gaps and drops.
+    """Conductivity of a law that records invalid values under finite tractions, gaps and drops.
 
-    Of several answers that under the least traction is kept. What is asked to see whether a law conducts at all
-    (meeframe.laws.base.conducts) does not count.
+    Of several such values the one under the least traction is recorded. Calls that test whether a law conducts at all
+    (meeframe.laws.base.conducts) do not count.
     """
 
     law: ConductivityLaw
     answers: list[Answer] = field(default_factory=list)
 
     def __call__(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """As of the law."""
+        """Return the conductivity of the law."""
         kappa = self.law.conductivity(normal_traction, gap, drop)
         wrong = ~(kappa >= 0.0)
         if wrong.any() and not _tried(normal_traction, gap):
@@ -52,20 +52,23 @@ class _Watch:
 
 
 def watched(law: ConductivityLaw) -> ConductivityLaw:
-    """The law, of its class and with its fields, by which solvers may tell it, but watched in what it says."""
+    """Return a copy of the law that records its invalid values.
+
+    Its class and fields, by which solvers may recognise it, are unchanged.
+    """
     copied = copy(law)
-    object.__setattr__(copied, "conductivity", _Watch(law))  # in place of the method, of this one alone
+    object.__setattr__(copied, "conductivity", _Watch(law))  # in place of the method, on this instance alone
     return copied
 
 
 def _tried(traction: Array, gap: Array) -> bool:
-    """Whether these tractions and gaps (n,) are those with which `conducts` tries a law."""
+    """Return whether these tractions and gaps (n,) are those with which `conducts` tests a law."""
     across = not traction.any() and bool(np.isin(gap, GAPS).all())
     return across or np.array_equal(traction, PRESSURES) or bool((traction == PRESSURES[-1]).all())
 
 
 def _answers(kappa: Array, traction: Array, gap: Array, drop: Array, which: NDArray[np.bool_]) -> Iterator[Answer]:
-    """The one under the least traction of those (n,) that are meant, if any."""
+    """Yield the answer under the least traction among the selected ones (n,), if any."""
     nodes = np.flatnonzero(which)
     if nodes.size:
         node = nodes[traction[nodes].argmax()]
@@ -73,11 +76,11 @@ def _answers(kappa: Array, traction: Array, gap: Array, drop: Array, which: NDAr
 
 
 def check_conduction(problem: ContactProblem, solution: ContactSolution) -> ContactSolution:
-    """Raises CaseError if a conductivity is negative or NaN in a state that converged.
+    """Raise CaseError if a conductivity is negative or NaN in a converged state; else return the solution.
 
-    And, if the state is not finite, or would not be judged since a conductivity is NaN, if one was under a traction of
-    the size of the problem's, which may be why. States on the way and larger tractions a good law need not be fit for:
-    then the message says so.
+    CaseError is also raised if the state is not finite, or has no residual because a conductivity is NaN, and a
+    conductivity was invalid under a traction of the size of the problem's, which may be the cause. A valid law need not
+    cover intermediate states and larger tractions: the message then says so.
     """
     state = solution.state
     finite = bool(np.isfinite(state.load).all() and np.isfinite(state.displacement).all())
@@ -107,7 +110,7 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
 def _wrong_in_state(
     problem: ContactProblem, solution: ContactSolution, law: ConductivityLaw, column: int
 ) -> Iterator[Answer]:
-    """The first answer of a law in a finite state that is no conductivity, if there is one."""
+    """Yield the first invalid conductivity of a law in a finite state, if there is one."""
     state = solution.state
     ahead = indenter_position(problem, state.motion) - state.displacement
     traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2]), 0.0)

@@ -1,4 +1,4 @@
-"""The data of a case, unchecked: what its checks and its solution work on."""
+"""Data of a case without checks, on which its checks and its solution work."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -51,7 +51,7 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class CaseData:
-    """All that determines the result of a contact problem; `Case` has the meaning of its fields, and checks them."""
+    """All data that determine the result of a contact problem; `Case` documents and checks them."""
 
     material: Material
     mesh: SurfaceMesh
@@ -75,7 +75,7 @@ class CaseData:
 
     @property
     def fields(self) -> FieldSet:
-        """The fields, which are those of the material."""
+        """Field set of the material."""
         return self.material.fields
 
     @cached_property
@@ -85,6 +85,6 @@ class CaseData:
 
     @cached_property
     def channels(self) -> tuple[FluxChannel, ...]:
-        """How each scalar field crosses the contact."""
+        """Flux channels of the contact, one for each scalar field."""
         insulating = Insulating()
         return tuple(FluxChannel(one, self.conductivity.get(one.name, insulating)) for one in self.fields.scalars)

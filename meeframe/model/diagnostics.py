@@ -1,4 +1,4 @@
-"""Diagnostics: what the message of an increment adds to how its iteration ended."""
+"""Diagnostics, which the message of an increment adds to the reason for the end of its iteration."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -21,44 +21,48 @@ from meeframe.system.capabilities import diagonal
 from meeframe.system.reduced import ReducedSystem
 
 _LARGEST_ANGLE: Final = 0.1
-"""Rotations [rad] beyond are not small: their cosine differs from one by half a per cent."""
+"""Largest rotation [rad] that counts as small; its cosine differs from one by half a per cent."""
 _SAME: Final = 1e-6
-"""Tractions that change by a smaller fraction are the same ..."""
+"""Relative change of tractions below which they count as equal."""
 _UNCERTAIN: Final = 10.0
-"""... as are those within so many times the residual."""
+"""Change of tractions, in multiples of the residual, below which they count as equal."""
 _LARGEST_ONSET: Final = 0.25
-"""Fraction of the nodes in contact that may come into it within one increment: of a sphere tangential tractions are
-then within some per cent (docs/case-files.md)."""
+"""Fraction of the nodes in contact that may come into contact within one increment.
+
+For a sphere, tangential tractions are then accurate to some per cent (docs/case-files.md).
+"""
 _NOTICED: Final = 1e-3
-"""Tangential over normal tractions below which there are none, and gaps over displacements."""
+"""Ratio of tangential to normal tractions, and of gaps to displacements, below which they count as zero."""
 _COARSE: Final = 0.1
-"""Fraction of the contact area from which on a reader should know that it is uncertain."""
+"""Relative uncertainty of the contact area above which a diagnostic is given."""
 _OF_RIM: Final = 0.5
-"""Times the share of a contact's nodes that are at its rim, to the power 3/2: no less than the error in the area of
-circles six or more spacings across."""
+"""Factor on the fraction of a contact's nodes at its boundary, to the power 3/2, in the error estimate of the area.
+
+It is an upper bound of the error for circles six or more spacings across.
+"""
 _NOTICED_ATTRACTION: Final = 1e-3
-"""Fraction of the largest pressure up to which attraction does not matter."""
+"""Attraction that does not matter, as a fraction of the largest pressure."""
 _TRIAL_GAPS: Final = np.concatenate([[0.0], np.logspace(-15, 1, 1601)])
-"""[m], among which the steepest fall is looked for ..."""
+"""Gaps [m] among which the steepest decrease of the attraction is sought."""
 _GAPS_PER_LOOK: Final = 100
-"""... and then among so many in the interval that has it and in its neighbours, ..."""
+"""Number of gaps for a refinement in the interval with the steepest decrease and in its neighbours."""
 _LOOKS: Final = 3
-"""... so many times."""
+"""Number of refinements of the steepest decrease."""
 _BESIDE: Final = 1e-3
-"""Fraction of the way from the middle of an element to its side, by which a point lies beyond the side."""
+"""Distance of a point beyond the side of an element, as a fraction of the way from its middle to the side."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Diagnostics:
-    """Adds diagnostics to the increments of a case.
+    """Diagnostics of the increments of a case.
 
     Parameters
     ----------
     mechanism
-        The indenter of the case on its reduced system.
+        Kinematics of the indenter on the reduced system.
     warnings
-        What the formulations of the case warn of, in words.
+        Warnings of the formulations of the case, in words.
     """
 
     kinematics: IndenterKinematics
@@ -66,12 +70,12 @@ class Diagnostics:
 
     @cached_property
     def zone(self) -> Zone:
-        """The contact zone."""
+        """Contact zone of the case."""
         return zone_of(self.kinematics.system)
 
     @cached_property
     def zone_boundary(self) -> Indices:
-        """Corners (m, 2) of the sides at the boundary of the zone beyond which the contact would go on."""
+        """Corners (m, 2) of the sides at the boundary of the zone beyond which the contact would continue."""
         case = self.kinematics.case
         if case.formulation.is_periodic():
             return np.zeros((0, 2), np.int64)
@@ -80,14 +84,14 @@ class Diagnostics:
     def with_diagnostics(
         self, increment: Increment, result: StepResult, onsets: "ContactOnsets | None", warns: bool
     ) -> StepResult:
-        """Return a result with diagnostics in its message, and whether its contact reaches the boundary of the zone.
+        """Return a result with diagnostics in its message, and whether its contact reaches the zone boundary.
 
         onsets: after the increment that ends a load step, else None; warns: add the warnings of the case.
         """
         kinematics, zone = self.kinematics, self.zone
         case = kinematics.case
         sides = sides_reached(result, self.zone_boundary) if result.status is Status.CONVERGED else 0
-        # a contact that reaches the boundary tells of an overlap of the whole zone already
+        # contact that reaches the boundary already implies an overlap of the whole zone
         foreseen = list(preflight(kinematics)) if warns and not sides else []
         said = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(foreseen)))
         if onsets is not None:
@@ -99,20 +103,20 @@ class Diagnostics:
 
 
 def with_message(result: StepResult, said: Iterable[str]) -> StepResult:
-    """Return the result with more in its message."""
+    """Return the result with further sentences in its message."""
     return replace(result, message="; ".join([result.message, *said]))
 
 
 def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False) -> Iterator[str]:
     """Yield diagnostics of an increment, each in words.
 
-    law: that of the increment; sides: how many at the edge of the zone the contact has reached; distant: it is told
-    elsewhere that the indenter stays away, and how far.
+    law: that of the increment; sides: number of sides at the zone boundary that the contact has reached; distant: the
+    distance of an indenter without contact is reported elsewhere.
 
-    What follows if it did not converge. Otherwise: nothing touches; the contact reaches the edge of its zone, where it
-    is cut off; the indenter has moved further than the theory of small motions holds, by more than the extent of the
-    zone or a tenth of a radian; a prescribed tangential force or torque is all that friction can bear, so that the
-    motion is not determined.
+    If the increment did not converge: its consequences. Otherwise: nothing touches; the contact reaches the boundary of
+    its zone, where it is cut off; the indenter has moved further than the theory of small motions permits, by more than
+    the extent of the zone or a tenth of a radian; a prescribed tangential force or torque is all that friction can
+    bear, so that the motion is not determined.
     """
     if step.status is not Status.CONVERGED:
         yield "the next increment starts from the last one that converged"
@@ -128,10 +132,10 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
 
 @dataclass(frozen=True, eq=False)
 class ContactOnsets:
-    """The increment of a load step in which each node came into contact.
+    """Increments of a load step in which the nodes came into contact.
 
-    gap: (n,) in the last converged state [m]; touching: (n,) whether it touches there; number: (n,) of the increment in
-    which it came to, from 1, 0 where it touched before the load step or does not.
+    gap: (n,) in the last converged state [m]; touching: (n,) nodes in contact there; number: (n,) of the increment of
+    their onset, from 1, or 0 for nodes that were in contact before the load step or are not in contact.
     """
 
     gap: Array
@@ -144,9 +148,9 @@ class ContactOnsets:
         return cls(gap, touching, np.zeros(len(gap), np.int64))
 
     def after(self, step: StepResult) -> "ContactOnsets":
-        """Return the onsets after another increment; the same if that did not converge.
+        """Return the onsets after another increment; the same ones if it did not converge.
 
-        Nodes between which nothing opened are not new.
+        Nodes between which nothing opened do not count as new.
         """
         if step.status is not Status.CONVERGED:
             return self
@@ -158,9 +162,9 @@ class ContactOnsets:
 def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: ContactOnsets) -> Iterator[str]:
     """Yield diagnostics at the end of a load step, each in words; onsets: after its last increment.
 
-    That much of the contact came about within one increment, if it has friction that matters: slip counts from the
-    increment's beginning, before those nodes touched. That the contact is so few nodes across that its area is
-    uncertain.
+    They report a large part of the contact that came about within one increment, if friction matters: slip counts from
+    the beginning of the increment, before those nodes touched. They also report a contact so few nodes across that its
+    area is uncertain.
     """
     if step.status is not Status.CONVERGED or not step.touching.any():
         return
@@ -168,7 +172,7 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     new = np.bincount(onsets.number, minlength=2)[1:]
     late = onsets.number == 1 + new.argmax()
     shear, pressure = (np.linalg.norm(part) for part in (step.traction[late, :2], step.traction[late, 2]))
-    # on coarse meshes nodes that are equally far come at once, whatever the increments
+    # on coarse meshes equidistant nodes come into contact together, whatever the increments
     much = new.max() > max(_LARGEST_ONSET * count, rim / 2)
     if law.tangential_scaling().any() and much and shear > _NOTICED * pressure:
         yield (
@@ -182,7 +186,7 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
 
 
 def _rim(zone: Zone, step: StepResult) -> int:
-    """Nodes in contact that share an element with one that is not."""
+    """Return the number of nodes in contact that share an element with a node out of contact."""
     beside = np.zeros(len(step.touching), bool)
     for _, nodes in zone.cells:
         beside[nodes[~step.touching[nodes].all(axis=1)]] = True
@@ -200,8 +204,10 @@ def _large(zone: Zone, step: StepResult) -> Iterator[str]:
 
 
 def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
-    """Return whether friction resists a free motion in the plane of the contact to the full: the tractions stay as they
-    are, by the law, when everything slips further along it."""
+    """Return whether friction resists a free motion in the plane of the contact to the full.
+
+    The tractions then stay unchanged, by the law, when everything slips further along it.
+    """
     columns = IndenterMotions().columns
     prescribed = [columns.get(key) for key in step.loading.prescribed]
     free = [key for key in ("tangential_force", "torque") if RIGID_RESULTANTS[key] in prescribed]
@@ -213,11 +219,11 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     modes = modes / np.linalg.norm(modes, axis=(1, 2), keepdims=True)
     way = np.linalg.norm(step.slip, axis=1)
     along = step.slip / np.where(way > 0.0, way, 1.0)[:, None]
-    # the free motion that is least across the slip
+    # the free motion closest to the slip
     across = np.einsum("knt,nt->nk", modes[:, slips], along[slips, ::-1] * [-1.0, 1.0])
     motion = np.einsum("knt,k->nt", modes, np.linalg.svd(across)[2][-1])
     motion *= np.copysign(1.0, (motion * along)[slips].sum()) / np.abs(motion).max()
-    # far enough to turn what slips the other way
+    # far enough to reverse opposite slip
     distance = 2.0 * max(np.abs(step.slip).max(), np.abs(step.displacement).max())
     r = (float(np.abs(step.traction).max() / distance),) * 2
     gap = np.column_stack([step.slip + distance * motion, step.gap])
@@ -227,7 +233,7 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
 
 
 def steepest_fall(law: ContactLaw) -> float:
-    """Return the steepest fall of the attraction with the gap [Pa/m], >= 0, by ever shorter chords."""
+    """Return the steepest decrease of the attraction with the gap [Pa/m], >= 0, by successively shorter chords."""
     gaps = _TRIAL_GAPS
     for _ in range(1 + _LOOKS):
         fall = -np.diff(law.adhesion(gaps)) / np.diff(gaps)
@@ -237,10 +243,10 @@ def steepest_fall(law: ContactLaw) -> float:
 
 
 def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterator[str]:
-    """Yield a diagnostic if single nodes snap into contact and out of it, with the size of elements that would not.
+    """Yield a diagnostic if single nodes snap into and out of contact, with the element size that avoids it.
 
-    law: of the case. A node on its own is unstable where the fall of the attraction times its response to its own load
-    is more than one; the response grows like the size of elements.
+    law: of the case. A single node is unstable where the decrease of the attraction times its response to its own load
+    exceeds one; the response grows with the size of elements.
     """
     if (
         not attracts(law)
@@ -259,7 +265,7 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
 
 
 def boundary_sides(zone: Zone) -> tuple[Indices, Array]:
-    """Return corners (m, 2) of the sides that belong to one cell only, and ways (m, 3) there from its middle [m]."""
+    """Return corners (m, 2) of the sides of one cell only, and vectors (m, 3) to them from its middle [m]."""
     sides, ways = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3))]
     for outline in corners(zone.cells):
         pairs = np.stack([outline, np.roll(outline, -1, axis=1)], axis=-1)
@@ -274,9 +280,9 @@ def boundary_sides(zone: Zone) -> tuple[Indices, Array]:
 
 
 def open_sides(zone: Zone, gaps: Callable[[Array, Array], Array] | None) -> Indices:
-    """Return corners (m, 2) of the sides at the boundary of a zone beyond which the indenter goes on.
+    """Return corners (m, 2) of the sides at the boundary of a zone beyond which the indenter continues.
 
-    gaps: gives the gap at points (k, 3) with frames (k, 3, 3), inf where the indenter has ended; None if nobody knows.
+    gaps: returns the gap at points (k, 3) with frames (k, 3, 3), inf beyond the indenter; None if it is unknown.
     """
     sides, away = boundary_sides(zone)
     if gaps is None or not len(sides):
@@ -287,7 +293,9 @@ def open_sides(zone: Zone, gaps: Callable[[Array, Array], Array] | None) -> Indi
 
 
 def sides_reached(step: StepResult, sides: Indices) -> int:
-    """Count those of the sides (m, 2) that the contact has reached; none where full contact is intended, by the same
-    gap all over the zone."""
+    """Return the number of the sides (m, 2) that the contact has reached.
+
+    It is zero where full contact is intended, as indicated by a uniform gap over the zone.
+    """
     count = int(step.touching[sides].all(axis=1).sum())
     return 0 if count and overlaps_evenly(step.initial_gap) else count

@@ -1,4 +1,4 @@
-"""The local frames in which the contact of a case is described."""
+"""Local frames in which the contact of a case is described."""
 
 from meeframe.fields import Array
 from meeframe.mesh import ContactZone, FrictionAxes
@@ -6,5 +6,5 @@ from meeframe.system.rotated import rotated_frames
 
 
 def frames_along(zone: ContactZone, axes: FrictionAxes | None) -> Array:
-    """The frames (n, 3, 3) of a contact zone, turned to the friction axes if there are any."""
+    """Return the frames (n, 3, 3) of a contact zone, rotated to the friction axes if there are any."""
     return zone.frames if axes is None else rotated_frames(zone.frames, axes.directions(zone.points))

@@ -1,4 +1,4 @@
-"""Load histories: what is in force between one converged state and the next."""
+"""Load histories: the controls between one converged state and the next."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,12 +11,12 @@ from meeframe.indenters.base import FORCE_RATIO, IndenterMotions
 from meeframe.laws.base import ContactLaw
 
 Controls = Mapping[str, Array]
-"""What is in force, one key for each motion: the motion itself or what is prescribed instead, (1,) or (2,), SI."""
+"""Controls in force by key: each motion itself or what is prescribed instead, (1,) or (2,), SI."""
 
 
 @dataclass(frozen=True, eq=False)
 class Converged:
-    """A converged state to go on from.
+    """Converged state from which a computation continues.
 
     motions: names and places of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
     places; total_slip: (n, 2) and slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the
@@ -32,7 +32,7 @@ class Converged:
     state: ContactState | None
 
     def value(self, key: str) -> Array:
-        """What could have been prescribed to have this state, (1,) or (2,)."""
+        """Return the value of a control that would reproduce this state, (1,) or (2,)."""
         if key in self.motions.motions:
             return self.motion[self.motions.columns[key]]
         value = self.resultants[self.motions.columns[key]]
@@ -43,7 +43,10 @@ class Converged:
 
 
 def at_rest(motions: IndenterMotions, potentials: Mapping[str, float], n: int) -> Converged:
-    """Return the beginning, n nodes without load: the indenter just touches and has some potentials, by name."""
+    """Return the initial state of n nodes without load.
+
+    The indenter just touches and has the given potentials, by name.
+    """
     motion = np.zeros(motions.size)
     for name, potential in potentials.items():
         motion[motions.columns[name]] = potential
@@ -51,12 +54,15 @@ def at_rest(motions: IndenterMotions, potentials: Mapping[str, float], n: int) -
 
 
 def held(start: Converged, prescribed: Controls) -> Controls:
-    """The resultants that are prescribed, and every other motion held where it is."""
+    """Return the prescribed resultants, with every other motion fixed at its present value."""
     return ramped({key: start.value(key) for key in start.motions.motions}, start, prescribed)
 
 
 def ramped(controls: Controls, start: Converged, given: Controls, fraction: float = 1.0) -> Controls:
-    """The controls with those of a step instead, after a fraction of the linear way from its start to what is given."""
+    """Return the controls after a fraction of the linear way from a step's start to its given values.
+
+    Controls that are not given remain.
+    """
     columns = start.motions.columns
     taken = [columns[key] for key in given]
     others = {key: value for key, value in controls.items() if columns[key] not in taken}
@@ -75,7 +81,8 @@ def extrapolate(law: ContactLaw, before: Converged, here: Converged) -> ContactS
 
     Returns
     -------
-    Linear continuation of loads and free motions; None if one of the states is the undeformed body.
+    ContactState or None
+        Linear continuation of loads and free motions; None if one of the states is the undeformed body.
     """
     if before.state is None or here.state is None:
         return None

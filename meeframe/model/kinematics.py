@@ -1,4 +1,4 @@
-"""How the indenter of a case moves over the contact zone: the contact problem of an increment, and what it leads to."""
+"""Kinematics of the indenter over the contact zone: the contact problem of an increment, and its evaluation."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,21 +30,24 @@ from meeframe.system.capabilities import IndenterEdge
 from meeframe.system.reduced import ReducedSystem
 
 _ACROSS: Final = 1e-9
-"""Cosine between a normal and the indenter's axis below which they are across each other."""
+"""Cosine between a normal and the indenter's axis below which they count as perpendicular."""
 _REACH: Final = 2.0
-"""Of the rim of the indenter, in the longest sides of cells."""
+"""Distance around the edge of the indenter that is considered, in the longest sides of cells."""
 _FIRM: Final = 1e6
-"""Of the tangential step of a law, times the stiffness of a node, at which it gives the traction of a given slip."""
+"""Tangential step of a law, in stiffnesses of a node, at which it returns the traction of a given slip."""
 _STUCK: Final = 1e-6
-"""Slip that would cause less than this fraction of the characteristic pressure is none ..."""
+"""Largest slip of a sticking node, as a fraction of that due to the characteristic pressure."""
 _UNCERTAIN: Final = 10.0
-"""... nor is slip within so many times the residual of the solution."""
+"""Largest slip of a sticking node, in multiples of the residual of the solution."""
 
 
 @dataclass(frozen=True, eq=False)
 class Increment:
-    """One increment. problem: of contact; base: (motions,) motions of the indenter from which its freedoms count; free:
-    (m,) numbers of those that are free; prescribed, duration: as in Loading."""
+    """Increment of a load step.
+
+    problem: contact problem; base: (motions,) motions of the indenter from which its free motions count; free: (m,)
+    numbers of those that are free; prescribed, duration: as in Loading.
+    """
 
     problem: ContactProblem
     base: Array
@@ -55,19 +58,19 @@ class Increment:
 
 @dataclass(frozen=True, eq=False)
 class IndenterKinematics:
-    """The indenter of a case on the reduced system of its body."""
+    """Kinematics of the indenter of a case on the reduced system of its body."""
 
     case: CaseData
     system: ReducedSystem
 
     @cached_property
     def reference(self) -> Array:
-        """The point about which it turns, (3,) [m]."""
+        """Centre of rotation, (3,) [m]."""
         return self.case.placement.reference(self.system.points)
 
     @cached_property
     def touching_gap(self) -> Array:
-        """Gap (n,) [m] between the undeformed body and the indenter where that just touches.
+        """Gap (n,) [m] between the undeformed body and the indenter that just touches it.
 
         If the contact law adds to it, along the normals, the indenter stands so that the lowest gap at a node is zero.
         """
@@ -76,26 +79,26 @@ class IndenterKinematics:
 
     @cached_property
     def _lowering(self) -> Array:
-        """What the contact law and the way that the indenter goes for it add to the gap, (n,) [m]."""
+        """Change of the gap by the contact law and the corresponding motion of the indenter, (n,) [m]."""
         added = gap_of_law(self.case.contact_law, self.system.points)
         if not added.any():
             return added
         gap = self.gaps(self.system.points, self.system.frames) + added
-        nearing = -self.modes[0, :, 2]  # of the gap, for each metre of approach
+        nearing = -self.modes[0, :, 2]  # change of the gap per metre of approach
         # a tilted indenter may lie above nodes whose normals are across its axis: approach never closes their gaps
         closing = np.isfinite(gap) & (nearing > _ACROSS)
         way = (gap[closing] / nearing[closing]).min() if closing.any() else 0.0
         return np.asarray(added - way * nearing)
 
     def _lowered(self, gap: Array) -> Array:
-        """Gaps (n,) of the surfaces alone as the law has them, which lets none overlap if it adds any."""
+        """Return gaps (n,) of the surfaces changed as by the contact law, without overlap if the law adds to them."""
         return np.maximum(gap + self._lowering, 0.0) if self._lowering.any() else gap
 
     def gaps(self, points: Array, frames: Array) -> Array:
-        """Gap (m,) [m] at points (m, 3) with frames (m, 3, 3), of the indenter where it just touches the zone."""
+        """Return the gap (m,) [m] at points (m, 3) with frames (m, 3, 3), of the indenter just touching the zone."""
         cells, place = self.system.cells, self.case.placement
         zone = ContactZone(points, frames, np.ones(len(points)), cells, np.arange(len(points)))
-        # it stands level with the highest point of the system's zone, whichever points are asked for
+        # its height refers to the highest point of the system's zone, whichever points are evaluated
         lowered = place.lowest(points)[2] - place.lowest(self.system.points)[2]
         return initial_gap(self.case.indenter, zone, place, float(lowered))
 
@@ -108,7 +111,7 @@ class IndenterKinematics:
         return rim and replace(rim, gap=self._lowered(rim.gap))
 
     def rim(self, increment: Increment) -> IndenterEdge | None:
-        """Where the indenter ends, as the increment has it."""
+        """Return the edge of the indenter in an increment."""
         rim = self._touching_rim
         return rim and replace(
             rim, gap=rim.gap + np.einsum("k,kn->n", increment.base[:N_RIGID], self.modes[:N_RIGID, :, 2])
@@ -116,25 +119,25 @@ class IndenterKinematics:
 
     @cached_property
     def modes(self) -> Array:
-        """Modes of its motions, (motions, n, fields); see motion_modes."""
+        """Modes of the indenter's motions, (motions, n, fields); see motion_modes."""
         place = self.system.points, self.system.frames, self.case.placement.base, self.reference
         return motion_modes(*place, self.case.fields)
 
     @cached_property
     def measures(self) -> Array:
-        """Measures of the resultants that work on its motions, (motions, n, fields)."""
+        """Measures of the resultants conjugate to the motions, (motions, n, fields)."""
         return motion_measures(self.modes, self.system.weights)
 
     @cached_property
     def resists(self) -> NDArray[np.bool_]:
-        """Which of its motions anything may resist, (motions,)."""
+        """Mask of the motions that anything may resist, (motions,)."""
         return resisted(self.modes, self.case.contact_law, self.case.channels)
 
     def increment(self, controls: Controls, start: Converged, duration: float | None = None) -> Increment:
-        """The increment from a converged state to where the controls are in force, in a duration [s].
+        """Return the increment from a converged state to the given controls, in a duration [s].
 
-        Slip is measured from that state. Motions are small: the gap changes by their part along the normals. Free ones
-        count from the converged state, and those that nothing can resist stay there.
+        Slip is measured from that state. Motions are small: the gap changes by their part along the normals. Free
+        motions count from the converged state, and those that nothing can resist stay there.
         """
         base = start.motion.copy()
         for key in controls.keys() & self.case.motions.motions.keys():
@@ -153,7 +156,7 @@ class IndenterKinematics:
         return Increment(problem, base, np.array(list(prescribed_resultants), int), prescribed, duration)
 
     def _freedoms(self, prescribed: Controls) -> dict[int, PrescribedResultant]:
-        """Free motions that something may resist, by their number."""
+        """Return the prescribed resultants of free motions that something may resist, by number."""
         prescribed_resultants, columns = {}, self.case.motions.columns
         for key, totals in prescribed.items():
             numbers = range(*columns[key].indices(len(self.modes)))
@@ -166,9 +169,9 @@ class IndenterKinematics:
         return dict(sorted(prescribed_resultants.items()))
 
     def settled(self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]) -> ContactState:
-        """The state, in which motions that nothing resists, for lack of nodes (n,) in contact, stay where they were.
+        """Return the state with motions that nothing resists, for lack of nodes (n,) in contact, left unchanged.
 
-        Those are all but the ones along normals, which must not bring the indenter into the body or away from what it
+        Exceptions are motions along normals, which must not bring the indenter into the body or away from what it
         attracts, and potentials of an indenter that charges reach across the gap.
         """
         if touches.any():
@@ -180,7 +183,7 @@ class IndenterKinematics:
     def reached(
         self, increment: Increment, state: ContactState, touches: NDArray[np.bool_], start: Converged
     ) -> Converged:
-        """A state of the contact zone, in which these nodes (n,) touch, as one to go on from."""
+        """Return a state of the contact zone, with these nodes (n,) in contact, as one to continue from."""
         motion = increment.base.copy()
         motion[increment.free] += state.motion
         slip = slip_of(increment, state)
@@ -190,33 +193,34 @@ class IndenterKinematics:
         )
 
     def dissipation(self, increment: Increment, start: Converged, state: ContactState, region: Indices) -> Array:
-        """Work of friction in an increment from a converged state, (n,) [J/m^2], where nodes (n,) of `region` slip.
+        """Return the work of friction in an increment from a converged state, (n,) [J/m^2].
 
-        While a node slips its traction is the one of the law for its slip and the pressure of the moment: the mean of
-        that at the end and of what the law has for the same slip under the pressure at the start.
+        It is zero except where nodes (n,) of `region` slip. While a node slips its traction is the one of the law for
+        its slip and the present pressure: the mean of that at the end and of the law's for the same slip under the
+        initial pressure.
         """
         problem, slip = increment.problem, slip_of(increment, state)
         traction = state.load[:, :2]
         if start.state is not None:
-            # of the problem as solved: with an edge between nodes, those beside the indenter have gaps, too
+            # of the problem as solved: with a contact edge between nodes, those near the indenter have gaps, too
             back = np.einsum("k,kn->n", (start.motion - increment.base)[:N_RIGID], self.modes[:N_RIGID, :, 2])
             gap = np.column_stack([slip, problem.gap + back - start.state.displacement[:, 2]])
             stiffness = 1.0 / problem_scales(problem).normal_compliance
             r = stiffness, _FIRM * stiffness
             pressed = np.column_stack([np.zeros_like(slip), start.state.load[:, 2]])
             law = problem.contact_law
-            with np.errstate(all="ignore"):  # the state may be of an iteration that went astray
+            with np.errstate(all="ignore"):  # the state may come from a diverged iteration
                 traction = traction + law.resolve(augmented_traction(law, pressed, gap, r), gap, r)[:, :2]
         return np.where(region == Region.SLIP, np.einsum("nt,nt->n", traction, slip) / 2.0, 0.0)
 
     def resultants(self, state: ContactState) -> Array:
-        """Return those that work on its motions in a state of the contact zone, (motions,)."""
+        """Return the resultants conjugate to the motions in a state of the contact zone, (motions,)."""
         totals: Array = np.einsum("kni,ni->k", self.measures, state.load)
         return totals
 
 
 def beginning(kinematics: IndenterKinematics) -> tuple[Converged, Controls]:
-    """The state to start from and what is in force there: the undeformed body, or where an earlier run ended."""
+    """Return the initial state and its controls: the undeformed body, or the end of an earlier run."""
     case = kinematics.case
     if case.restart is None:
         here = at_rest(case.motions, case.potentials, len(kinematics.system.points))
@@ -228,27 +232,27 @@ def beginning(kinematics: IndenterKinematics) -> tuple[Converged, Controls]:
 
 
 def slip_of(increment: Increment, state: ContactState) -> Array:
-    """Tangential motion of the indenter over the body since the last converged state, (n, 2) [m]."""
+    """Return the tangential motion of the indenter over the body since the last converged state, (n, 2) [m]."""
     return contact_gap(increment.problem, state.displacement, state.motion)[:, :2]
 
 
 def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
-    """Nodes in contact, (n,): the contact itself bears a pressure there, whatever attraction is on top of it."""
+    """Return the nodes in contact, (n,): the contact itself bears a pressure there, apart from any attraction."""
     law = problem.contact_law
     if not attracts(law):
         return np.asarray(state.load[:, 2] < 0.0)
     r = (1.0 / problem_scales(problem).normal_compliance,) * 2
     gap = contact_gap(problem, state.displacement, state.motion)
-    with np.errstate(all="ignore"):  # the state may be of an iteration that went astray
+    with np.errstate(all="ignore"):  # the state may come from a diverged iteration
         # where surfaces are apart by round-off, traction and attraction differ by that: the law knows which it is
         trial = augmented_traction(law, state.load[:, MECHANICAL], gap, r)
         return np.asarray(law.resolve(trial, gap, r)[:, 2] < 0.0)
 
 
 def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np.bool_]) -> Indices:
-    """Numbers of Region, (n,): a node in contact sticks if it slips by less than the contact law notices.
+    """Return numbers of Region, (n,): a node in contact sticks if its slip is below the resolution of the law.
 
-    Without friction nothing holds it, and it slips wherever it touches.
+    Without friction nothing holds a node, and it slips wherever it touches.
     """
     scales = problem_scales(increment.problem)
     slip = np.linalg.norm(slip_of(increment, solution.state), axis=1)

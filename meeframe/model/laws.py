@@ -1,4 +1,4 @@
-"""What a run asks of laws before anything is computed; what else they owe is for their conformance kits."""
+"""Checks of laws before anything is computed; further requirements are left to their conformance kits."""
 
 from collections.abc import Callable
 from typing import Final
@@ -10,16 +10,16 @@ from meeframe.fields import Array
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 
 _STEPS: Final = (1e12, 1e12)
-"""Of augmented tractions with which laws are tried [Pa/m]."""
+"""Normal and tangential steps of the augmented tractions with which laws are tested [Pa/m]."""
 _TRIALS: Final = np.array([[1e6, -2e6, -3e6], [1e5, 0.0, -3e6], [0.0, 0.0, -3e6], [1e6, 0.0, 1e6], [0.0, 0.0, 0.0]])
-"""Trial tractions of nodes that slip, stick, are pressed, are apart, and nothing [Pa]."""
+"""Trial tractions of nodes that slip, stick, are pressed, are apart, and are unloaded [Pa]."""
 
 _PLAIN: Final = {"tangential_scaling": "", "adhesion": " at a gap of 0 m"}
-"""Methods that are not asked for trial tractions, and for what they are."""
+"""Methods that take no trial tractions, with the words for their arguments."""
 
 
 def gap_of_law(law: ContactLaw, points: Array) -> Array:
-    """What the contact law adds to the gap at points (n, 3), (n,) [m]. Raises CaseError unless that is finite."""
+    """Return the gap that the contact law adds at points (n, 3), (n,) [m]; raise CaseError if it is not finite."""
     gap = law.initial_gap(points)
     what = f"the initial gap of the contact law {type(law).__name__}"
     _check_array(what, gap, (len(points),))
@@ -30,17 +30,18 @@ def gap_of_law(law: ContactLaw, points: Array) -> Array:
 
 
 def check_tractions(law: ContactLaw, n: int) -> None:
-    """Raises CaseError unless the contact law has one traction for each of n nodes, and what belongs to it.
+    """Raise CaseError unless the contact law returns valid arrays for n nodes.
 
-    Or if it changes the arrays that it is given, or has tractions that are not finite at finite trial ones.
-    What else is asked of a law is for its conformance kit; without these shapes a run ends in the middle.
+    It must return one traction for each node, with the quantities that belong to it; leave the arrays unchanged that it
+    is given; and return finite tractions for finite trial ones. Further requirements are left to its conformance kit;
+    without these shapes a run ends in the middle.
     """
-    for first in range(0, len(_TRIALS), n):  # small zones have not the nodes for all at once
+    for first in range(0, len(_TRIALS), n):  # small zones have too few nodes for all at once
         _check_tractions(law, np.resize(np.roll(_TRIALS, -first, axis=0), (n, 3)))
 
 
 def _check_tractions(law: ContactLaw, trial: Array) -> None:
-    """As check_tractions, for trial tractions (n, 3)."""
+    """Apply check_tractions to trial tractions (n, 3)."""
     n, gap = len(trial), np.zeros(trial.shape)
     asked: dict[str, tuple[Callable[[Array, Array], object], tuple[int, ...]]] = {
         "project": (lambda trial, _: law.project(trial), (n, 3)),
@@ -69,9 +70,9 @@ def _check_tractions(law: ContactLaw, trial: Array) -> None:
 
 
 def _check_array(what: str, array: object, shape: tuple[int, ...], tried: Array | str | None = None) -> None:
-    """Raises CaseError unless it is an array of real numbers of this shape, and finite if it was tried.
+    """Raise CaseError unless a value is an array of real numbers of this shape, and finite if it was tested.
 
-    tried: trial tractions (n, 3), or in words for what.
+    tried: trial tractions (n, 3), or words for the argument.
     """
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
         raise CaseError(f"{what} returns {_kind(array)}; allowed: an array of real numbers of shape {shape}")
@@ -86,16 +87,16 @@ def _check_array(what: str, array: object, shape: tuple[int, ...], tried: Array 
 
 
 def _kind(answer: object) -> str:
-    """What a law returned, in words: 'None', 'list', 'an array of complex128'."""
+    """Return words for the type of a returned value: 'None', 'list', 'an array of complex128'."""
     if isinstance(answer, np.ndarray):
         return f"an array of {answer.dtype}"
     return "None" if answer is None else f"a {type(answer).__name__}"
 
 
 def check_conductivity(law: ConductivityLaw, n: int) -> None:
-    """Raises CaseError unless the law has a conductivity for each of n nodes, and leaves alone what it is given.
+    """Raise CaseError unless the law returns n conductivities, and leaves its arguments unchanged.
 
-    Whether it is one shows where the case needs it: check_conduction of meeframe.model.conduction.
+    check_conduction of meeframe.model.conduction checks the values where the case needs them.
     """
     asked = np.linspace(-1e6, 0.0, n), np.zeros(n), np.ones(n)
     given = tuple(array.copy() for array in asked)
@@ -108,9 +109,9 @@ def check_conductivity(law: ConductivityLaw, n: int) -> None:
 
 
 def law_of_increment(law: ContactLaw, slip_path: Array, duration: float | None) -> ContactLaw:
-    """The contact law during an increment of a duration [s], before which nodes have slipped slip_path (n,) [m].
+    """Return the contact law for an increment of a duration [s] that follows slip_path (n,) [m].
 
-    Raises CaseError unless that is one, as check_tractions.
+    Raises CaseError unless that law passes check_tractions.
     """
     made = law.for_increment(slip_path, duration)
     if not isinstance(made, ContactLaw):

@@ -1,4 +1,4 @@
-"""From a case file to a case: every problem of the file is found before anything is computed."""
+"""Loading of a case file into a case; every problem of the file is reported before anything is computed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 def load_case(path: str | Path, registry: Registry | None = None) -> Case:
-    """The checked case of a case file.
+    """Return the checked case of a case file.
 
     registry: where names are looked up; by default the built-ins and the installed plugins.
     Raises CaseError with one line for each problem found: file, key, value and what is allowed. Its __cause__ is the
@@ -52,9 +52,9 @@ def load_case(path: str | Path, registry: Registry | None = None) -> Case:
 def case_from_tables(
     tables: Mapping[str, Any], registry: Registry | None = None, folder: Path = Path(), text: str = "", file: str = ""
 ) -> Case:
-    """The checked case of the tables of a case file; folder: where relative paths in it start; file: its name.
+    """Return the checked case of the tables of a case file.
 
-    Raises TableError (a CaseError) with all problems found.
+    folder: where relative paths in it start; file: its name. Raises TableError (a CaseError) with all problems found.
     """
     try:
         check_integers(tables)
@@ -88,7 +88,10 @@ def case_from_tables(
 
 
 def _attempt(problems: list[Problem], make: Callable[[], T], *location: str) -> T | None:
-    """What make() returns; or None, and its problems join the others, so that one run of a check shows them all."""
+    """Return the result of make(), or None with its problems added to the list.
+
+    A single run thus reports all problems.
+    """
     try:
         return make()
     except TableError as error:
@@ -101,7 +104,7 @@ def _attempt(problems: list[Problem], make: Callable[[], T], *location: str) -> 
 
 
 def _material(problems: list[Problem], table: Any, registry: Registry, folder: Path, *location: str) -> Material | None:
-    """The material in the table of a body; that there is none is for the validation to say."""
+    """Return the material in the table of a body, or None; a missing material is reported by the validation."""
     if not isinstance(table, Mapping) or not isinstance(table.get("material"), Mapping):
         return None
     make = partial(material_from_table, table["material"], folder, registry.scalar_fields)

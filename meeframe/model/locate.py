@@ -1,4 +1,4 @@
-"""Where in a case file the cause of an error lies that shows only when the parts are put together."""
+"""Location in a case file of the cause of an error that shows only when the parts are put together."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -28,7 +28,7 @@ from meeframe.plugin.validation import Problem, TableError
 from meeframe.solvers import Auto
 
 Check = tuple[Problem, Callable[[], object]]
-"""A place in the file with what is given there, and the check of it."""
+"""Location in the file with the value given there, and its check."""
 
 
 def locate(
@@ -39,17 +39,20 @@ def locate(
     restart: Restart | None,
     assemble: Callable[[Solver], Case],
 ) -> Problem:
-    """The error at its place, with what caused it.
+    """Return the error at its location, with its cause.
 
-    It is the key whose own check says the same, or the boundary table without which the formulation takes the body, or
-    else the mesh or the formulation. body: that of the case, without its boundary conditions; counter, restart: of the
-    case; assemble: makes the case with another solver.
+    The location is the key whose own check gives the same message, or the boundary table without which the formulation
+    accepts the body, or else the mesh or the formulation. body: that of the case, without its boundary conditions;
+    second_body, restart: of the case; assemble: makes the case with another solver.
     """
     return _locate(error, table, body, _case_checks(table, body, second_body, restart, assemble))
 
 
 def locate_in_second_body(error: MeeframeError, table: SecondBodyTable, body: Body) -> Problem:
-    """The error at its place inside [second_body]; body: the second body, without its boundary conditions."""
+    """Return the error at its location in [second_body].
+
+    body: the second body, without its boundary conditions.
+    """
     return _locate(error, table, body, _body_checks(table, body, ("zone",), table.zone))
 
 
@@ -133,12 +136,12 @@ def _case_checks(
 
 
 def _check_held(step: Step, motions: IndenterMotions, held: Callable[[], NDArray[np.bool_]]) -> None:
-    """As check_resisted, by motions that are found only now: laws of plugins may fail there."""
+    """Apply check_resisted with motions that are evaluated only here: laws of plugins may fail."""
     check_resisted(step, motions, held())
 
 
 def _check_solver(assemble: Callable[[Solver], Case], solver: Solver) -> None:
-    """As check_solver, of a case that nothing else is wrong with."""
+    """Apply check_solver to a case without other problems."""
     try:
         case = assemble(Auto())
     except MeeframeError:

@@ -19,7 +19,7 @@ from meeframe.model.kinematics import Increment, IndenterKinematics, beginning
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 _FLAT: Final = 1e-6
-"""Relative difference of overlaps up to which they are the same."""
+"""Relative difference of overlaps up to which they count as equal."""
 
 
 @final
@@ -36,7 +36,7 @@ class RigidSystem(ReducedSystem):
         return np.zeros((len(self.points), self.n_fields, self.n_fields))
 
     def dense(self) -> Array | None:
-        """No matrix is held."""
+        """Return None: there is no matrix."""
         return None
 
     def recover(self, load: Array) -> NodalFields:
@@ -52,7 +52,7 @@ def undeformed(case: CaseData) -> IndenterKinematics:
 
 
 def planned(kinematics: IndenterKinematics) -> Iterator[Increment]:
-    """Yield the increment to the end of each load step; motions that are not prescribed stay where they began."""
+    """Yield the increment to the end of each load step; motions that are not prescribed keep their initial values."""
     here, controls = beginning(kinematics)
     for step in kinematics.case.steps:
         controls = ramped(controls, here, step.given)
@@ -70,9 +70,9 @@ def check_solver(case: CaseData, solver: Solver) -> None:
 def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
     """Yield a warning if the indenter touches nothing, or overlaps the whole zone, on the undeformed body.
 
-    No warning where the indenter moves freely until it touches, or where the case continues an earlier run; none of an
-    overlap of the whole zone where full contact is intended, as with flat punches and periodic surfaces; none of a
-    missing contact where the laws act across the gap.
+    There is no warning where the indenter moves freely until it touches, or where the case continues an earlier run. An
+    overlap of the whole zone is not reported where full contact is intended, as with flat punches and periodic
+    surfaces, nor is a missing contact where the laws act across the gap.
     """
     case = kinematics.case
     if case.restart is not None:
@@ -123,7 +123,7 @@ def _approach(increment: Increment) -> float:
 
 
 def _beside(case: CaseData) -> str:
-    """Return words that say that the lowest point of the indenter lies beside the contact zone; '' if it does not."""
+    """Return words stating that the lowest point of the indenter lies outside the contact zone, '' if it does not."""
     points = find_contact_zone(case.mesh, case.zone).points
     x, y, _ = case.placement.lowest(points)
     (least_x, least_y), (most_x, most_y) = (end(points @ case.placement.base[:2].T, axis=0) for end in (np.min, np.max))
@@ -136,5 +136,5 @@ def _beside(case: CaseData) -> str:
 
 
 def overlaps_evenly(gap: Array) -> bool:
-    """Return whether the overlap is the same at all nodes, as where full contact is intended; gap: (n,) [m]."""
+    """Return whether the overlap is the same at all nodes, as in intended full contact; gap: (n,) [m]."""
     return bool(np.ptp(gap) <= _FLAT * -gap.min())

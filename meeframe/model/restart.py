@@ -16,17 +16,19 @@ from meeframe.results.records import StepResult
 from meeframe.system.reduced import ReducedSystem
 
 _SAME_PLACE: Final = 1e-9
-"""Of the extent of the contact zone: points that differ by less are the same."""
+"""Distance below which points coincide, as a fraction of the extent of the contact zone."""
 _SAME_AXES: Final = 1e-6
-"""Of components of unit vectors: frames that differ by less are the same."""
+"""Difference of components of unit vectors below which frames coincide."""
 _SAME_BODY: Final = 1e-6
-"""Of the displacement: what a state may miss by in the body that continues it."""
+"""Allowed relative misfit of a state's displacement in the body that continues it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Restart:
-    """A converged increment to go on from. source: where it is from, in words; points: (n, 3) of its zone [m]; frames:
-    (n, 3, 3) there, along the friction axes."""
+    """Converged increment to continue.
+
+    source: its origin, in words; points: (n, 3) of its zone [m]; frames: (n, 3, 3) there, along the friction axes.
+    """
 
     source: str
     points: Array
@@ -35,7 +37,7 @@ class Restart:
 
 
 def read_restart(folder: Path, source: str = "") -> Restart:
-    """The last converged increment of a run; source: by default its folder.
+    """Return the last converged increment of a run; source: by default its folder.
 
     Raises ResultError if there is no result in the folder, CaseError if nothing in it converged.
     """
@@ -47,7 +49,7 @@ def read_restart(folder: Path, source: str = "") -> Restart:
 
 
 def check_same_zone(restart: Restart, zone: ContactZone, axes: FrictionAxes | None) -> None:
-    """Raises CaseError unless the run had the contact zone and the friction axes that are to continue it."""
+    """Raise CaseError unless the earlier run had the same contact zone and friction axes."""
     if len(restart.points) != len(zone.points):
         raise CaseError(
             f"the contact zone of that run has {len(restart.points)} points, this one {len(zone.points)}; "
@@ -69,11 +71,11 @@ def check_same_zone(restart: Restart, zone: ContactZone, axes: FrictionAxes | No
 
 
 def check_same_body(restart: Restart, system: ReducedSystem) -> None:
-    """Raises CaseError unless the displacement of the run's state is what its load causes in this body."""
+    """Raise CaseError unless the load of the earlier run's state causes its displacement in this body."""
     state = restart.step.state
     expected = system.offset + system.apply(state.load)
     own = np.einsum("nJK,nK->nJ", np.abs(system.diagonal_blocks()), np.abs(state.load))
-    size = np.maximum(np.abs(expected), own).max(axis=0)  # own: a field that is zero but for round-off has a size too
+    size = np.maximum(np.abs(expected), own).max(axis=0)  # own: a scale also for a field that is zero but for round-off
     missed = np.abs(state.displacement - expected).max(axis=0)
     worst = float((missed / np.where(size > 0.0, size, 1.0)).max())
     if not worst <= _SAME_BODY:

@@ -1,4 +1,4 @@
-"""What a case file may say: one frozen model for each table. Documented in docs/case-files.md."""
+"""Schema of a case file: one frozen model for each table. Documented in docs/case-files.md."""
 
 import dataclasses
 import math
@@ -63,7 +63,7 @@ def _axes(value: Any) -> Any:
 
 
 class ContactTable(Table):
-    """[contact]: the face group that may come into contact, its law, and the axes of its friction."""
+    """Table [contact]: the face group that may come into contact, its law, and the axes of its friction."""
 
     zone: Text = "contact"
     law: Annotated[ContactLaw, by_name(ContactLaw)] = Field(default="signorini", validate_default=True)
@@ -74,7 +74,7 @@ _INSULATING: Final = Field(default="insulating", validate_default=True)
 
 
 class ConductivityTable(Table):
-    """[conductivity]: laws of the contact zone, one for each scalar field; a field without one is insulated."""
+    """Table [conductivity]: laws of the contact zone, one for each scalar field; a field without one is insulated."""
 
     @classmethod
     def of(cls, fields: FieldSet) -> "type[ConductivityTable]":
@@ -84,7 +84,7 @@ class ConductivityTable(Table):
 
     @property
     def laws(self) -> dict[str, ConductivityLaw]:
-        """The laws by the name of their field."""
+        """Laws by the name of their field."""
         return {name: getattr(self, name) for name in self.field_set.names}
 
 
@@ -94,7 +94,7 @@ def _law_of(scalar: ScalarField) -> Any:
 
 
 def _divided(value: Any, info: ValidationInfo, contract: type, record: type, others: tuple[str, ...] = ()) -> Any:
-    """Divides a flat table: keys of `record`, keys of the table itself (others), and the rest for the named object."""
+    """Split a flat table into keys of `record`, keys of the table itself (others), and those of the named object."""
     if isinstance(value, str):
         value = {"name": value}
     if not isinstance(value, Mapping):
@@ -109,7 +109,7 @@ def _divided(value: Any, info: ValidationInfo, contract: type, record: type, oth
 
 
 class IndenterTable(Table):
-    """[indenter]: a named shape with its keys, its placement and its potentials."""
+    """Table [indenter]: a named shape with its keys, its placement and its potentials."""
 
     named: Indenter
     record: Placement
@@ -122,7 +122,7 @@ class IndenterTable(Table):
 
     @property
     def potentials(self) -> dict[str, float]:
-        """The potentials by name."""
+        """Potentials of the indenter by name."""
         return {scalar.value_name: getattr(self, scalar.value_name) for scalar in self.field_set.scalars}
 
     @model_validator(mode="before")
@@ -133,7 +133,7 @@ class IndenterTable(Table):
 
 
 class SolverTable(Table):
-    """[solver]: a named solver with its keys, and the limits of the iteration."""
+    """Table [solver]: a named solver with its keys, and the stopping criteria of the iteration."""
 
     named: Solver
     record: StoppingCriteria
@@ -145,7 +145,7 @@ class SolverTable(Table):
 
 
 class StepTable(Table):
-    """[[steps]]: what one load step prescribes, key by key as in meeframe.model.step.Step.
+    """Table [[steps]]: prescribed quantities of one load step, key by key as in meeframe.model.step.Step.
 
     direction: angle from e1 to e2 of those entries across the axis that are one number instead of two components.
     """
@@ -173,7 +173,7 @@ class StepTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _directed(cls, value: Any) -> Any:
-        """Sizes along `direction` become components."""
+        """Convert magnitudes along `direction` to components."""
         if not isinstance(value, Mapping):
             return value
         sizes = {
@@ -202,7 +202,7 @@ class StepTable(Table):
         return self
 
     def step(self) -> Step:
-        """The load step."""
+        """Return the load step."""
         given = {name: getattr(self, name) for name in StepTable.model_fields if name != "direction"}
         names = (name for scalar in self.field_set.scalars for name in (scalar.value_name, scalar.resultant))
         scalars = {name: value for name in names if (value := getattr(self, name)) is not None}
@@ -217,13 +217,13 @@ def _checked(key: str, quantity: Quantity, table: Mapping[str, Any]) -> float:
 
 
 class RestartTable(Table):
-    """[restart]: the folder of a run whose last converged increment is to be continued."""
+    """Table [restart]: the folder of a run whose last converged increment is to be continued."""
 
     folder: Text = Field(alias="from")
 
 
 class OutputTable(Table):
-    """[output]: what is written beside result.h5 and summary.json, and the optional fields in result.h5."""
+    """Table [output]: files beside result.h5 and summary.json, and the optional fields in result.h5."""
 
     figures: Flag = True
     vtu: Flag = True
@@ -240,7 +240,7 @@ class OutputTable(Table):
 
 
 class CaseTable(Table):
-    """The whole case file."""
+    """Complete case file."""
 
     title: Annotated[str, Strict()] = ""
     material: dict[str, Any]

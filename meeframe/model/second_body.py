@@ -1,4 +1,4 @@
-"""The second of two deformable bodies: what a case says of it."""
+"""Second of two deformable bodies, as described by a case."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -19,10 +19,9 @@ _BODIES: Final = ("first body", "second body")
 
 @dataclass(frozen=True, eq=False)
 class SecondBody:
-    """The second body of a case, in its own coordinates, in which its contact zone lies up (see
-    meeframe.system.two_body).
+    """Second body of a case, in its own coordinates, in which its contact zone faces up.
 
-    Fields as those of a case. Raises MeshError or CaseError as a case does.
+    See meeframe.system.two_body. The fields are those of a case, and so are the errors: MeshError or CaseError.
     """
 
     material: Material
@@ -38,7 +37,7 @@ class SecondBody:
 
     @property
     def body(self) -> Body:
-        """The boundary value problem for the formulation."""
+        """Boundary value problem for the formulation."""
         return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.material.fields)
 
 
@@ -50,13 +49,16 @@ def check_fields(second_body: SecondBody | None, fields: FieldSet) -> None:
 
 
 def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> None:
-    """Raises MeshError unless the contact zone of the second body, if there is one, fits that of the first body."""
+    """Raise MeshError unless the contact zone of the second body, if there is one, fits that of the first."""
     if second_body is not None:
         match_nodes(find_contact_zone(mesh, zone), find_contact_zone(second_body.mesh, second_body.zone))
 
 
 def check_alike(second_body: SecondBody | None, formulation: Formulation) -> None:
-    """Raises CaseError if of two bodies one alone has an endless surface or resolves edges, as formulations say."""
+    """Raise CaseError if only one of two bodies has a periodic surface, or only one resolves contact edges.
+
+    The formulations provide this information.
+    """
     if second_body is None:
         return
     theirs = second_body.formulation

@@ -1,4 +1,4 @@
-"""From a case to its result in memory: one reduced system, then one contact problem for each increment of a load."""
+"""Solution of a case in memory: one reduced system, then one contact problem for each increment."""
 
 import platform
 from collections.abc import Callable, Iterable, Iterator
@@ -45,9 +45,10 @@ from meeframe.system.two_body import combine_bodies, second_displacement
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
-    """The result of a case, in memory.
+    """Return the result of a case, in memory.
 
-    Raises as `reduce` and `solve_steps`. A step that does not converge raises nothing: its status says so.
+    Raises the errors of `reduce` and `solve_steps`. A step that does not converge raises nothing: its status reports
+    it.
     """
     clock = Clock(progress)
     system = reduce(case, clock)
@@ -56,17 +57,20 @@ def solve_case(case: Case, progress: Progress = silent) -> Result:
 
 
 def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
-    """The reduced system of a case: of its body, or of its two bodies in contact.
+    """Return the reduced system of a case: of its body, or of its two bodies in contact.
 
-    Of two, the second body keeps what contact needs alone, as reduce_for_contact. Raises MeshError, CaseError or
-    MaterialError if a formulation does not take its body, TooLargeError if its matrices do not fit into memory.
+    With two bodies, the second one retains only what contact needs, see reduce_for_contact. Raises MeshError, CaseError
+    or MaterialError if a formulation does not accept its body, TooLargeError if its matrices do not fit into memory.
     """
     *second_body, own = bodies_of(case)
     return joined(case, [*(reduce_for_contact(*body, progress) for body in second_body), reduce_body(*own, progress)])
 
 
 def joined(case: Case, systems: Iterable[ReducedSystem]) -> ReducedSystem:
-    """The reduced system of a case, in frames along its friction axes; systems: those of bodies_of, in this order."""
+    """Return the reduced system of a case, in frames along its friction axes.
+
+    systems: those of bodies_of, in this order.
+    """
     *second_body, first = systems
     with faults_of_plugins():
         if case.axes is not None:
@@ -75,16 +79,16 @@ def joined(case: Case, systems: Iterable[ReducedSystem]) -> ReducedSystem:
 
 
 def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
-    """The second body of a case, if it has one, and its body, each with its formulation.
+    """Return the second body of a case, if it has one, and its body, each with its formulation.
 
-    They are reduced in this order: the system of the body may keep large matrices, from which its fields are recovered.
+    They are reduced in this order: the system of the body may hold large matrices, from which its fields are recovered.
     """
     own = (case.formulation, case.body)
     return (own,) if case.second_body is None else ((case.second_body.formulation, case.second_body.body), own)
 
 
 def reduce_body(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
-    """The reduced system of one body. Raises as reduce."""
+    """Return the reduced system of one body. Raises the errors of `reduce`."""
     try:
         with faults_of_plugins():
             return checked(formulation, formulation.reduce(body, progress), body.fields.size)
@@ -96,7 +100,7 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
 
 
 def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
-    """As reduce_body, for contact alone: what fields are recovered from is let go where the system can do without.
+    """Return the reduced system of one body for contact alone, without data for recovery where possible.
 
     `recover` reduces the body again when it is first called.
     """
@@ -111,7 +115,10 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
 
 
 def recovery_of(formulation: Formulation, body: Body, progress: Progress = silent) -> Callable[[Array], NodalFields]:
-    """The fields on the whole boundary for a load (n, 5), by a reduced system that is made with the first of them."""
+    """Return a function that recovers the fields on the whole boundary for a load (n, 5).
+
+    Its reduced system is made at the first call.
+    """
     system = lru_cache(maxsize=1)(partial(reduce_body, formulation, body, progress))
     return lambda load: system().recover(load)
 
@@ -119,13 +126,13 @@ def recovery_of(formulation: Formulation, body: Body, progress: Progress = silen
 def solve_steps(
     case: Case, system: ReducedSystem, clock: Progress = silent, boundary: bool = True
 ) -> Iterator[StepResult]:
-    """The increments of a case's load steps one after the other, each from the last one that converged.
+    """Yield the increments of a case's load steps, each computed from the last converged one.
 
     Slip is measured from that state too (docs/theory.md, Departures): a single increment, from the undeformed body, is
-    the paper's. What a step names goes linearly there from the state in which the step begins.
-    boundary: recover the fields on the whole boundary too, at the end of each step, and tell in the first one's message
-    what the case warns of; a study of the contact zone does not need the one and tells the other itself. Raises
-    CaseError if the case continues a run whose state does not belong to this body.
+    the paper's. The controls that a step names vary linearly from the state in which the step begins.
+    boundary: recover the fields on the whole boundary too, at the end of each step, and include the warnings of the
+    case in the first message; a study of the contact zone does not need the fields and reports the warnings itself.
+    Raises CaseError if the case continues a run whose state does not belong to this body.
     """
     clock("contact", 0.0)
     kinematics = IndenterKinematics(case, system)
@@ -167,13 +174,13 @@ def solve_steps(
                         replace(result, boundary=recovered), unbalance_warning(recovered, case.fields)
                     )
                 except Exception:
-                    yield result  # it is solved all the same
+                    yield result  # the increment is solved all the same
                     raise
             yield result
 
 
 def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float) -> None:
-    """Progress of one increment as that of all."""
+    """Report the progress of one increment as a share of all increments."""
     clock(stage, (done + fraction) / planned)
 
 
@@ -209,7 +216,7 @@ def _solve(
     numbers: tuple[int, int],
     progress: Progress,
 ) -> tuple[Converged, StepResult]:
-    """The state after an increment, or the one before if it does not converge, and its result.
+    """Return the state after an increment, or the one before if it does not converge, and its result.
 
     start: initial guess of the solver; numbers: of the step and the increment.
     """
@@ -227,14 +234,14 @@ def _solve(
 
 
 def provenance(case: Case) -> Provenance:
-    """What makes a result of this case, here and now."""
+    """Return the provenance of a result computed from this case in the present environment."""
     providers = {provider.name: provider.version for provider in plugins.load().providers}
     return Provenance(case.title, case.text, _software() | providers | local_files(case), numba.get_num_threads())
 
 
 @lru_cache(maxsize=1)
 def _software() -> dict[str, str]:
-    """Versions of Python and of what computes."""
+    """Return the versions of Python and of the numerical software."""
     libraries = ("numpy", "scipy", "numba", "h5py", "pydantic")
     return {"python": platform.python_version(), **{name: metadata.version(name) for name in libraries}}
 
@@ -285,7 +292,7 @@ def _step_result(
 
 
 def _surfaces(system: ReducedSystem, state: ContactState) -> tuple[Array, Array, SecondSurface | None]:
-    """Displacement and potentials of the body, and those of the second body if there is one."""
+    """Return displacement and potentials of the body, and those of the second body if there is one."""
     second_body = second_displacement(system, state.load)
     if second_body is None:
         return *split_displacement(state.displacement), None

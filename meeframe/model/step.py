@@ -1,4 +1,4 @@
-"""A load step: what it prescribes to the indenter."""
+"""Load step: the quantities that it prescribes to the indenter."""
 
 import math
 from collections.abc import Mapping
@@ -18,24 +18,44 @@ from meeframe.laws.base import ContactLaw, attracts
 from meeframe.plugin.validation import Problem, TableError, choices
 
 _LEAST_PART: Final = 1e-9
-"""Of a motion that is along the normal: less is round-off of the frames."""
+"""Least part of a motion along the normal; smaller parts are round-off of the frames."""
 
 Pair = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Step:
-    """What one load step prescribes, in SI units; what it does not name stays as the step before left it.
+    """Load step in SI units; quantities that it does not name stay as the previous step left them.
 
-    For each of the indenter's motions either the motion, from where it just touched, or the resultant that works on it:
-    approach [m] or normal_force [N], >= 0 in compression, < 0 only under laws whose surfaces attract each other;
-    translation (2,) [m], tangential_force (2,) [N] or force_ratio (2,), the tangential over the normal force; tilt (2,)
-    [rad] or moment (2,) [N m]; twist [rad] or torque [N m]; scalars: by name, for each scalar field the potential of
-    the indenter or the total flux, such as {"electric_potential": 5.0} [V] or {"charge": 0.0} [C]; fields: the field
-    set that these names belong to. Axes, signs and reference point as in Loading and `resultants`. duration: time of
-    the whole step [s] > 0, for laws that need it; increments: in how many equal parts it is applied. Texts with units,
-    such as "5 N", become SI numbers as in case files. Raises CaseError if two of them name the same motion, or what is
-    given is not allowed.
+    For each of the indenter's motions either the motion, from where it just touched, or the conjugate resultant is
+    given. Axes, signs and reference point are those of Loading and `resultants`. Texts with units, such as "5 N",
+    become SI numbers as in case files.
+
+    Parameters
+    ----------
+    approach, normal_force : float, optional
+        Approach [m] or normal force [N], >= 0 in compression; the force is < 0 only under laws whose surfaces attract
+        each other.
+    translation, tangential_force, force_ratio : pair of float, optional
+        Translation (2,) [m], tangential force (2,) [N], or tangential over normal force (2,).
+    tilt, moment : pair of float, optional
+        Tilt (2,) [rad] or moment (2,) [N m].
+    twist, torque : float, optional
+        Twist [rad] or torque [N m].
+    scalars : mapping of str to float, optional
+        For each scalar field, by name, the potential of the indenter or the total flux, such as {"electric_potential":
+        5.0} [V] or {"charge": 0.0} [C].
+    duration : float, optional
+        Time of the whole step [s] > 0, for laws that need it.
+    increments : int, optional
+        Number of equal increments in which the step is applied.
+    fields : FieldSet, optional
+        Field set to which the names in `scalars` belong.
+
+    Raises
+    ------
+    CaseError
+        If two quantities determine the same motion, or a value is not allowed.
     """
 
     approach: float | None = None
@@ -80,13 +100,13 @@ class Step:
 
     @property
     def given(self) -> Mapping[str, Array]:
-        """What it prescribes by key, (1,) or (2,)."""
+        """Prescribed quantities by key, (1,) or (2,)."""
         values = {key: getattr(self, key) for key in _rigid_keys()} | dict(self.scalars)
         return {key: np.atleast_1d(np.asarray(value, float)) for key, value in values.items() if value is not None}
 
     @property
     def increment_duration(self) -> float | None:
-        """Time of each of its increments [s], if it says any."""
+        """Time of each increment [s]; None if the step has no duration."""
         return None if self.duration is None else self.duration / self.increments
 
 
@@ -96,7 +116,7 @@ def _rigid_keys() -> tuple[str, ...]:
 
 
 def _in_si(key: str, value: Any, motions: IndenterMotions) -> Any:
-    """Return what is given for a key as a number or a tuple of them, in SI units; raise CaseError if it holds none."""
+    """Return the value of a key as a number or a tuple of numbers, in SI units; raise CaseError if it holds none."""
     quantity = Quantity(motions.units.get(key, "s").removeprefix("1"))
     try:
         if isinstance(value, str):
@@ -108,18 +128,18 @@ def _in_si(key: str, value: Any, motions: IndenterMotions) -> Any:
             raise ValueError(f"expected {quantity.expected}")
     except ValueError as error:
         raise CaseError(f"{key} = {value!r}: {error}") from None
-    # of arrays, too, which are neither equal nor fixed
+    # arrays as well, which neither compare nor stay fixed
     return numbers.item() if numbers.size == 1 else tuple(numbers.tolist())
 
 
 def check_first(step: Step) -> None:
-    """Raises CaseError unless the first load step of an unloaded body says how deep or hard the indenter presses."""
+    """Raise CaseError unless the first step of an unloaded body prescribes an approach or a normal force."""
     if step.approach is None and step.normal_force is None:
         raise CaseError("the first load step gives neither approach nor normal_force; allowed: one of them")
 
 
 def check_pull(step: Step, law: ContactLaw) -> None:
-    """Raises TableError if a load step pulls on surfaces that do not attract each other."""
+    """Raise TableError if a load step pulls on surfaces that do not attract each other."""
     force = step.given.get("normal_force", np.zeros(1)).item()
     if force < 0 and not attracts(law):
         allowed = "allowed: numbers >= 0 [N], pressing on the body, unless the contact law attracts"
@@ -127,7 +147,7 @@ def check_pull(step: Step, law: ContactLaw) -> None:
 
 
 def check_duration(step: Step, number: int, law: ContactLaw) -> None:
-    """Raises CaseError if the contact law needs the duration of a load step, of this number from 1, that has none."""
+    """Raise CaseError if the contact law needs a duration that the load step, number from 1, does not give."""
     if law.needs_duration and step.duration is None:
         raise CaseError(
             f"load step {number} has no duration, which the contact law {type(law).__name__} needs; "
@@ -144,7 +164,7 @@ def check_names(step: Step, motions: IndenterMotions) -> None:
 
 
 def check_resisted(step: Step, motions: IndenterMotions, resists: NDArray[np.bool_]) -> None:
-    """Raise TableError if a resultant is asked of a motion that nothing resists; resists: (motions.size,)."""
+    """Raise TableError if a resultant is prescribed for a motion that nothing resists; resists: (motions.size,)."""
     for key, value in step.given.items():
         if key not in motions.motions and np.any((value != 0.0) & ~resists[motions.columns[key]]):
             why = "insulate" if key in step.scalars else "admit no traction that resists this motion"
@@ -155,7 +175,8 @@ def check_resisted(step: Step, motions: IndenterMotions, resists: NDArray[np.boo
 def resisted(modes: Array, contact: ContactLaw, channels: tuple[FluxChannel, ...]) -> NDArray[np.bool_]:
     """Return which motions of the indenter, of modes (motions, n, fields), the laws may resist, (motions,).
 
-    By normal tractions, or by tangential ones that the law admits in that direction; potentials if their law conducts.
+    Motions are resisted by normal tractions, or by tangential ones that the law admits in that direction; potentials if
+    their law conducts.
     """
     moving = modes[:N_RIGID, :, MECHANICAL]
     size = np.abs(moving).max(axis=(1, 2))

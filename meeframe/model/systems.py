@@ -1,4 +1,4 @@
-"""Checks of a reduced system at run time; everything else is left to its conformance kit."""
+"""Checks of a reduced system at run time; all further checks are left to its conformance kit."""
 
 from typing import Final
 
@@ -37,7 +37,7 @@ def checked(formulation: Formulation, system: object, n_fields: int) -> ReducedS
             raise CaseError(f"{what} is {kind}; allowed: an array of numpy of real numbers with a decimal point")
         if array.shape != shape:
             raise CaseError(f"{what} has shape {array.shape}; allowed: {shape}")
-        with np.errstate(invalid="ignore"):  # the sum tells of any, without an array as large as the matrix
+        with np.errstate(invalid="ignore"):  # the sum shows any, without an array as large as the matrix
             finite = np.isfinite(array.sum())
         if not finite:
             raise CaseError(f"{what} has numbers that are not finite; allowed: finite ones")

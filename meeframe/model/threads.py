@@ -1,4 +1,4 @@
-"""How many threads a computation takes."""
+"""Number of threads of a computation."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,9 +9,9 @@ from threadpoolctl import threadpool_limits
 
 @contextmanager
 def limited(threads: int | None) -> Iterator[None]:
-    """With so many threads of numba, of the libraries under numpy and scipy, and of meeframe's own; None: as it is.
+    """Limit the threads of numba, of the libraries under numpy and scipy, and of meeframe; None: no change.
 
-    numba's are those of the calling thread alone, at most as many as it was started with.
+    The limit for numba applies to the calling thread alone, and is at most the number it was started with.
     """
     if threads is None:
         yield

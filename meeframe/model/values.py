@@ -17,7 +17,7 @@ FINITE: Final = {"gt": -math.inf, "lt": math.inf}
 
 Text = Annotated[str, Strict(), Field(min_length=1)]
 Flag = Annotated[bool, Strict()]
-Count = Annotated[int, Strict(), Field(ge=1, le=1000)]  # a thousand a side is more than any memory holds
+Count = Annotated[int, Strict(), Field(ge=1, le=1000)]  # a thousand per side exceeds any memory
 Size = Annotated[float, Quantity("m", gt=0, lt=math.inf)]
 Length = Annotated[float, Quantity("m", **FINITE)]
 Angle = Annotated[float, Quantity("rad", **FINITE)]
@@ -33,20 +33,23 @@ FreePressure = Annotated[Pressure | None, _FREE]
 
 
 def by_name(contract: type, unit: str = "", default: str = "") -> BeforeValidator:
-    """Makes the object that a table names, by the registry that is the context of the validation; unit: as there;
-    default: name of what a table without one has the keys of."""
+    """Return a validator that makes the object that a table names.
+
+    Names are looked up in the registry that is the context of the validation. unit: as in that registry; default: name
+    of the object whose keys a table without a name has.
+    """
     return BeforeValidator(
         lambda table, info: replace(registry_of(info), unit=unit).create(CONTRACTS[contract], named(table, default))
     )
 
 
 def named(table: Any, default: str) -> Any:
-    """The table with the default name, if there is one, unless it has a name; anything else as it is."""
+    """Return the table with the default name, if there is one, unless it has a name; other values unchanged."""
     return {"name": default, **table} if default and isinstance(table, Mapping) else table
 
 
 def registry_of(info: ValidationInfo) -> Registry:
-    """Where names are looked up: the context of the validation."""
+    """Return the registry that is the context of the validation, in which names are looked up."""
     registry: Registry = info.context  # type: ignore[assignment]  # load_case sees to it
     return registry
 
@@ -55,7 +58,7 @@ Model = TypeVar("Model", bound="Table")
 
 
 class Table(BaseModel):
-    """Base of all tables: frozen, no unknown keys.
+    """Base class of all tables: frozen, without unknown keys.
 
     field_set: the fields of the case, in tables whose keys depend on them.
     """
@@ -78,7 +81,7 @@ def with_keys(base: type[Model], fields: FieldSet, keys: Mapping[str, Any]) -> t
 
 
 def _pair(check: Callable[[Any], Any]) -> BeforeValidator:
-    """One number stands for two equal ones, (x1, x2)."""
+    """Return a validator that replaces one number by two equal ones, (x1, x2)."""
     return BeforeValidator(lambda value: value if isinstance(value, list | tuple) else (check(value),) * 2)
 
 

@@ -14,13 +14,13 @@ from meeframe.system.reduced import NodalFields
 
 _BY_TYPE: Final = {element.meshio_type: element for element in ELEMENTS.values()}
 _ORDER: Final = 3
-"""Gauss points per direction: exact for quadratic fields on plane elements."""
+"""Number of Gauss points per direction, exact for quadratic fields on plane elements."""
 _CLOSED: Final = 1e-6
-"""Fraction of its area up to which the integral of the normal over a closed surface may differ from zero."""
+"""Largest integral of the normal over a closed surface, as a fraction of its area."""
 _ROUNDING: Final = 1e-10
-"""Fraction of the largest work of a field: a field of less work is zero but for rounding."""
+"""Fraction of the largest work of a field below which a field is zero but for rounding."""
 NOTICED: Final = 0.02
-"""Relative unbalance above which a reader should know of it."""
+"""Relative unbalance above which a warning is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +28,8 @@ class Unbalance:
     """Integrals over the whole boundary that vanish in equilibrium.
 
     force: (3,) [N], global axes; fluxes: (scalars,) totals of the scalar fields, SI units; relative: (1 + scalars,) of
-    force and fluxes, over half the integral of the modulus, what goes through the body from one part of its boundary to
-    the others; 0 where that is no more than rounding leaves.
+    force and fluxes, over half the integral of the modulus, which passes through the body from one part of its boundary
+    to the others; 0 where that is no more than rounding leaves.
     """
 
     force: Array
@@ -38,10 +38,10 @@ class Unbalance:
 
 
 def unbalance(boundary: NodalFields | None) -> Unbalance | None:
-    """Return the unbalance of the fields on a boundary.
+    """Return the unbalance of the fields on a boundary; None where it is not defined.
 
-    None without fields, for elements of plugins, and for boundaries that are not closed, as those of half spaces, which
-    bear the rest at infinity.
+    It is None without fields, for elements of plugins, and for boundaries that are not closed, as those of half spaces,
+    which bear the rest at infinity.
     """
     if boundary is None or any(name not in _BY_TYPE for name, _ in boundary.cells):
         return None
@@ -74,12 +74,12 @@ def _closed(boundary: NodalFields) -> bool:
 
 
 def balanced_names(fields: FieldSet) -> tuple[str, ...]:
-    """Return the names of what `unbalance` measures, in words."""
+    """Return the names of the quantities that `unbalance` measures, in words."""
     return ("force", *(scalar.resultant.replace("_", " ") for scalar in fields.scalars))
 
 
 def unbalance_warning(boundary: NodalFields | None, fields: FieldSet = MEE) -> Iterator[str]:
-    """Yield a warning if the fields on the boundary are out of equilibrium by more than a reader would expect."""
+    """Yield a warning if the fields on the boundary are noticeably out of equilibrium."""
     found = unbalance(boundary)
     if found is None or found.relative.max() <= NOTICED:
         return

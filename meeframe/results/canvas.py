@@ -1,4 +1,4 @@
-"""What all figures share: the sheet, the heading, colours, units with prefixes."""
+"""Common parts of all figures: the sheet, the heading, colours, units with prefixes."""
 
 import textwrap
 from typing import TYPE_CHECKING, Any, Final
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 MAP_COLOURS: Final = "cividis"  # perceptually uniform, the same to colour-blind readers
 LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # of the Okabe-Ito palette
 _LETTERS: Final = 56
-"""In a line of a heading over axes some four inches wide."""
+"""Number of letters in a line of a heading over axes some four inches wide."""
 _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -29,7 +29,7 @@ def sheet(size: tuple[float, float]) -> "Figure":
 
 
 def head(axes: Any, what: str, title: str) -> None:
-    """Heading of a figure over its first axes, in lines that fit."""
+    """Put the heading of a figure over its first axes, in lines that fit."""
     lines = [textwrap.fill(line, _LETTERS) for line in (*title.split("\n"), what) if line]
     axes.set_title("\n".join(lines), fontsize=10)
 

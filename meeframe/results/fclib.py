@@ -39,10 +39,13 @@ from meeframe.results.output import replacing
 
 PER_CONTACT: Final = 3
 LARGEST: Final = 5_000
-"""Contacts of a problem: its matrix is held in full, 1.8 GB at so many, and four times (by Newton's method six
-times) that besides in our solvers."""
+"""Largest number of contacts of a problem.
+
+Its matrix is held in full, 1.8 GB at this size; our solvers need four times that in addition (by Newton's method six
+times).
+"""
 _UNREADABLE: Final = (KeyError, ValueError, TypeError, IndexError, OSError, RuntimeError)
-"""What h5py and numpy raise of files that are damaged or hold something else."""
+"""Exceptions of h5py and numpy for files that are damaged or hold something else."""
 _LOCAL: Final = "fclib_local"
 _SOLUTION: Final = "solution"
 _TEXTS: Final = ("title", "description", "math_info")
@@ -52,11 +55,11 @@ _ROWS: Final = -2
 
 @dataclass(frozen=True, eq=False)
 class LocalProblem:
-    """u = W r + q under Coulomb's law at m contacts, components (normal, tangential, tangential) contact by contact.
+    """Local problem u = W r + q under Coulomb's law at m contacts.
 
-    matrix: (3m, 3m) W, positive semidefinite with a positive diagonal; q: (3m,); mu: (m,) friction coefficients >= 0.
-    Of ours, u is the gap [m] and r the force [N] (meeframe.results.fclib_contact); files of others have velocities and
-    impulses.
+    Components are (normal, tangential, tangential), contact by contact. matrix: (3m, 3m) W, positive semidefinite with
+    a positive diagonal; q: (3m,); mu: (m,) friction coefficients >= 0. In problems from meeframe, u is the gap [m] and
+    r the force [N] (meeframe.results.fclib_contact); files from elsewhere have velocities and impulses.
     Raises CaseError if shapes do not fit, a value is not finite, a coefficient is negative, the diagonal of W is not
     positive, or there are more than 5000 contacts.
     """
@@ -96,7 +99,7 @@ class LocalProblem:
 
 @dataclass(frozen=True, eq=False)
 class LocalSolution:
-    """Solution of a LocalProblem. u, r: (3m,)."""
+    """Solution of a LocalProblem; u, r: (3m,)."""
 
     u: Array
     r: Array
@@ -111,11 +114,12 @@ def check_size(contacts: int) -> None:
 
 
 def natural_residual(problem: LocalProblem, reaction: Array) -> float:
-    """Return how far reactions (3m,) are from solving a problem; zero for a solution, and it needs nothing but r.
+    """Return the relative residual of reactions (3m,); zero for a solution.
 
-    |r - P(r - rho (u + mu |u_T| N))| / |r| with P the projection onto the friction cones, u = W r + q and rho the
-    inverse of the mean of W's diagonal; over |rho q| if r is zero. FCLIB's merit function is the same with rho = 1,
-    which suits SI units badly: forces exceed gaps by many decades there.
+    The residual is |r - P(r - rho (u + mu |u_T| N))| / |r| with P the projection onto the friction cones, u = W r + q
+    and rho the inverse of the mean of W's diagonal; it is relative to |rho q| if r is zero. It depends on r only.
+    FCLIB's merit function is the same with rho = 1, which suits SI units badly: forces exceed gaps by many decades
+    there.
     """
     rho = 1.0 / float(np.diag(problem.matrix).mean())
     r = reaction.reshape(-1, PER_CONTACT)
@@ -141,7 +145,7 @@ def project_on_cones(reaction: Array, mu: Array) -> Array:
 def write_local(path: Path, problem: LocalProblem, solution: LocalSolution | None = None) -> None:
     """Write a problem, with its solution if there is one, as a new file.
 
-    The file is whole or not there. Raises ResultError if it cannot be written.
+    The file is written completely or not at all. Raises ResultError if it cannot be written.
     """
     with replacing(path) as temporary, changed_file(temporary, "w") as file:
         local = file.create_group(_LOCAL)
@@ -157,7 +161,7 @@ def write_local(path: Path, problem: LocalProblem, solution: LocalSolution | Non
 
 
 def write_solution(path: Path, solution: LocalSolution) -> None:
-    """Put a solution into the file of its problem, in place of the one that it has. Raises ResultError."""
+    """Write a solution into the file of its problem, in place of an earlier one. Raises ResultError."""
     with replacing(path) as temporary:
         shutil.copy(path, temporary)
         with changed_file(temporary, "r+") as file:
@@ -253,7 +257,7 @@ def _lines(pointers: Indices, count: int) -> Indices:
 
 
 def _put_matrix(group: Any, matrix: Array) -> None:
-    """A matrix by compressed columns, without its zeros."""
+    """Write a matrix by compressed columns, without its zeros."""
     stored = sparse.csc_array(matrix)
     whole = {"nzmax": stored.nnz, "m": matrix.shape[0], "n": matrix.shape[1], "nz": _COLUMNS}
     for name, number in whole.items():
@@ -276,7 +280,7 @@ def _whole(group: Any, name: str) -> int:
 
 
 def _numbers(group: Any, name: str) -> Any:
-    """A dataset of real numbers as it is, in one dimension."""
+    """Return a dataset of real numbers, flat."""
     found = np.ravel(group[name][()])
     if found.dtype.kind not in "fiu":
         raise ValueError(f"{name} is of type {found.dtype}; allowed: whole numbers and floats")
@@ -284,7 +288,7 @@ def _numbers(group: Any, name: str) -> Any:
 
 
 def _put_text(group: Any, name: str, text: str) -> None:
-    """As H5LTmake_dataset_string does: programs in C want the zero byte at the end."""
+    """Write a text like H5LTmake_dataset_string: programs in C need the zero byte at the end."""
     content = text.encode() + b"\0"
     kind = h5py.h5t.C_S1.copy()
     kind.set_size(len(content))

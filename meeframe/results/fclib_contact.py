@@ -1,14 +1,14 @@
-"""Contact problems of ours as local problems of FCLIB, and the other way round.
+"""Conversion between contact problems of meeframe and local problems of FCLIB.
 
 A force on the body is -r: r = -weights * traction, so that r_N >= 0 in compression. The velocity u is the gap between
-indenter and body at the end of the increment, its tangential part the slip of the indenter over the body:
-u = position - offset - compliance(load), and hence W = compliance / weights, q = position - offset. The signs agree: a
-traction of ours has the direction of the slip, a reaction of FCLIB the opposite one. Components are reordered, (e1, e2,
-nu) to (nu, e1, e2), which keeps frames right-handed. Nodes without an indenter above are no contacts.
+indenter and body at the end of the increment, its tangential part the slip of the indenter over the body: u = position
+- offset - compliance(load), and hence W = compliance / weights, q = position - offset. The signs agree: a traction of
+meeframe has the direction of the slip, a reaction of FCLIB the opposite one. Components are reordered, (e1, e2, nu) to
+(nu, e1, e2), which keeps frames right-handed. Nodes without an indenter above are no contacts.
 
-Mechanics alone goes into a file. Where the contact conducts, its potentials are eliminated at given resistances
-R = 1/kappa (on the set A of node and potential pairs that conduct, meeframe.solvers.conduction.elimination), which
-take the Schur complement W = C_mm - C_mA (C_AA + R)^-1 C_Am of the compliance.
+Files contain mechanics alone. Where the contact conducts, its potentials are eliminated at given resistances R =
+1/kappa (on the set A of node and potential pairs that conduct, meeframe.solvers.conduction.elimination), which take the
+Schur complement W = C_mm - C_mA (C_AA + R)^-1 C_Am of the compliance.
 """
 
 import warnings
@@ -37,9 +37,9 @@ from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields
 
 COMPONENTS: Final = np.array([2, 0, 1])
-"""Of a load or displacement of ours in the order of FCLIB."""
+"""Order of the components of a meeframe load or displacement in FCLIB."""
 _PRESSURES: Final = -np.logspace(-3, 15, 19)
-"""Normal tractions [Pa]: a law that insulates at all of them is taken to insulate."""
+"""Normal tractions [Pa] for the test of insulation: a law that insulates at all of them counts as insulating."""
 MATH_INFO: Final = "W: compliance of deformable bodies, unsymmetric where the formulation collocates"
 
 
@@ -48,7 +48,7 @@ def local_problem(
 ) -> LocalProblem:
     """Return a contact problem as one of FCLIB: forces [N], gaps and slips [m], contacts in the order of the nodes.
 
-    state: of the problem, where its free motions and its conductivities are held; needed only if it has any.
+    state: of the problem, where its free motions and its conductivities are fixed; needed only if it has any.
     Raises CaseError if the law is not frictionless or isotropic Coulomb friction with a finite coefficient, if the
     compliance is not held as a matrix, if the indenter is nowhere above, or if a state is needed.
     """
@@ -67,8 +67,10 @@ def local_problem(
 
 
 def local_solution(problem: ContactProblem, state: ContactState) -> LocalSolution:
-    """Return a state of a contact problem as solution of its `local_problem`: gaps and slips [m], forces on the body
-    [N]."""
+    """Return a state of a contact problem as a solution of its `local_problem`.
+
+    Gaps and slips are in [m], forces on the body in [N].
+    """
     nodes = contacts(problem)
     gap = contact_gap(problem, state.displacement, state.motion)[nodes]
     force = problem.system.weights[nodes, None] * state.load[nodes, :PER_CONTACT]
@@ -81,12 +83,12 @@ def contacts(problem: ContactProblem) -> Indices:
 
 
 def contact_problem(local: LocalProblem) -> ContactProblem:
-    """Return a problem of FCLIB as one of ours: as many nodes as contacts, weights of one, insulating.
+    """Return a problem of FCLIB as one of meeframe: as many nodes as contacts, weights of one, insulating.
 
-    Our laws have one coefficient. Where that of a contact is another, mu_i, its tangential traction is r_T = s_i t with
-    s_i = mu_i / max(mu) and its slip s_i u_T: the cone in t has the largest coefficient, and W becomes S W S, which
-    leaves the solutions what they are. A contact without friction has s_i = 0, and a compliance of its own besides that
-    keeps t at zero. See `reactions` for the way back.
+    Laws of meeframe have one coefficient. Where that of a contact is another, mu_i, its tangential traction is r_T =
+    s_i t with s_i = mu_i / max(mu) and its slip s_i u_T: the cone in t has the largest coefficient, and W becomes S W
+    S, which leaves the solutions unchanged. A contact without friction has s_i = 0, and an additional compliance that
+    keeps t at zero. See `reactions` for the inverse.
     """
     n = len(local.mu)
     scale = _scales(local)
@@ -99,7 +101,7 @@ def contact_problem(local: LocalProblem) -> ContactProblem:
     matrix[:, COMPONENTS[:, None], :, COMPONENTS] = blocks.transpose(1, 3, 0, 2)
     nodes = np.arange(n)
     for field in range(PER_CONTACT, N_FIELDS):
-        matrix[nodes, field, nodes, field] = 1.0  # potentials, of which nothing comes
+        matrix[nodes, field, nodes, field] = 1.0  # potentials without any effect
     system = DenseSystem(
         points=np.zeros((n, 3)),
         frames=np.tile(np.eye(3), (n, 1, 1)),
@@ -123,14 +125,14 @@ def reactions(local: LocalProblem, state: ContactState) -> LocalSolution:
 def solve_local(
     local: LocalProblem, solver: Solver, limits: StoppingCriteria | None = None
 ) -> tuple[LocalSolution, ContactSolution]:
-    """Solve a problem of FCLIB with a solver of ours; the second result has the status and the residual.
+    """Solve a problem of FCLIB with a solver of meeframe; the second result has the status and the residual.
 
-    Raises CaseError if the solver does not take the problem.
+    Raises CaseError if the solver does not accept the problem.
     """
     problem = contact_problem(local)
     solver.check(problem)
     with warnings.catch_warnings():
-        # W of more contacts than degrees of freedom is singular: its residual tells whether there is a solution
+        # W of more contacts than degrees of freedom is singular: its residual shows whether there is a solution
         warnings.simplefilter("ignore", LinAlgWarning)
         found = solve(problem, solver, limits)
     return reactions(local, found.state), found
@@ -145,8 +147,10 @@ def _scales(local: LocalProblem) -> Array:
 
 
 def friction_coefficient(law: ContactLaw) -> float:
-    """Return the friction coefficient of a law, zero without friction. Raises CaseError if FCLIB does not know the
-    law."""
+    """Return the friction coefficient of a law, zero without friction.
+
+    Raises CaseError if FCLIB does not support the law.
+    """
     match law:
         case Signorini():
             return 0.0
@@ -188,7 +192,7 @@ def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
 def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices) -> tuple[Array, Array]:
     """Return W per density (k, k) and q (k,) at mechanical dofs (k,) with the conducting potentials eliminated.
 
-    compliance: (5n, 5n); ahead: (5n,) of the indenter over the unloaded body; resistance: (n, 2).
+    compliance: (5n, 5n); ahead: (5n,) position of the indenter relative to the unloaded body; resistance: (n, 2).
     """
     matrix, q = compliance[np.ix_(dofs, dofs)], ahead[dofs]
     of_fields = np.full((len(resistance), PER_CONTACT + resistance.shape[1]), np.inf)
@@ -197,7 +201,7 @@ def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices
     if pairs.size == 0:
         return matrix, q
     equations = compliance[np.ix_(pairs, pairs)] + np.diag(of_fields.flat[pairs])
-    scale = np.diag(equations) ** -0.5  # rids the equations of units
+    scale = np.diag(equations) ** -0.5  # makes the equations independent of units
     factor = lu_factor(scale[:, None] * equations * scale)
     given = np.column_stack([compliance[np.ix_(pairs, dofs)], ahead[pairs]])
     caused = compliance[np.ix_(dofs, pairs)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * given))

@@ -1,4 +1,4 @@
-"""Figures of the last finished increment: maps over the contact zone, sections through its centre; and its history."""
+"""Figures of the last finished increment: maps, sections through the centre, and history."""
 
 import warnings
 from itertools import cycle
@@ -22,16 +22,17 @@ if TYPE_CHECKING:
 
 _PRESSURE: Final = "pressure"
 _BETWEEN: Final = (0.1, 2.0)
-"""Bounds of the weights by which the edge of the contact is put between two nodes."""
+"""Bounds of the weights that locate the contact edge between two nodes."""
 _SEEN: Final = 0.01
-"""Fraction of the largest traction from which on attraction is shown: it fades with the distance, but never ends."""
+"""Least attraction that is shown, as a fraction of the largest traction; it decays with the distance without end."""
 
 
 def figures(result: Result) -> "dict[str, Figure]":
-    """Return the figures of the last finished increment by file name; none if there is none, if not all in it is
-    finite, or if the zone has neither cells nor nodes that span an area.
+    """Return the figures of the last finished increment by file name.
 
-    A potential that is zero throughout has none. With several increments that converged, their history besides.
+    There are none if there is no finished increment, if not all in it is finite, or if the zone has neither cells nor
+    nodes that span an area. A potential that is zero throughout has none. With several converged increments, their
+    history is included.
     """
     if not result.steps:
         return {}
@@ -49,7 +50,7 @@ def figures(result: Result) -> "dict[str, Figure]":
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
-    """Write a figure as PNG. Dollars in texts are dollars; characters that the font lacks are boxes."""
+    """Write a figure as PNG; dollar signs are literal, characters that the font lacks are boxes."""
     from matplotlib.text import Text
 
     figure.set_dpi(150)
@@ -80,11 +81,11 @@ def _title(result: Result) -> str:
 
 
 def _edge(zone: Zone, step: StepResult) -> Array:
-    """Return what is positive at nodes in contact and negative at others, (n,), and zero where the contact ends
-    between them.
+    """Return a function of the nodes, (n,), that is positive in contact, negative elsewhere, and zero at the edge.
 
-    Along a smooth edge p^2 grows linearly inwards, and gap^(2/3) outwards. Each counts over its mean at the nodes next
-    to the edge: on average the line goes half way between two nodes, but close to one that hardly touches.
+    Along a smooth contact edge p^2 grows linearly inwards, and gap^(2/3) outwards. Each is divided by its mean at the
+    nodes next to the edge: on average the line lies half way between two nodes, but close to a node that hardly
+    touches.
     """
     touching, edge = step.touching, np.zeros(len(step.touching), bool)
     for _, nodes in zone.cells:
@@ -118,7 +119,7 @@ def _map(row: NodalField, result: Result, picture: Picture, title: str) -> "Figu
         edge = picture.values(_edge(zone, step))
         rim = picture.beside(touching, ~touching)
         if of_contact and not (felt & ~touching).any():
-            # between nodes the shading goes on beyond the edge, where there is no pressure
+            # between nodes the shading continues beyond the contact edge, where there is no pressure
             nothing = drawn.to_rgba(np.zeros(1))[0]
             axes.tricontourf(rim, edge, [-2 * _BETWEEN[1], 0], colors=[nothing])
         axes.tricontour(rim, edge, [0.0], colors="white")
@@ -128,8 +129,7 @@ def _map(row: NodalField, result: Result, picture: Picture, title: str) -> "Figu
 
 
 def _felt(step: StepResult) -> NDArray[np.bool_]:
-    """Return the nodes (n,) in contact, and those that are attracted across the gap, but for what no colour tells from
-    nothing."""
+    """Return the nodes (n,) in contact, and those whose attraction across the gap is visible in a figure."""
     size = np.abs(step.traction[:, 2])
     return np.asarray(step.touching | (size > _SEEN * size.max()))
 
@@ -146,7 +146,7 @@ def _no_contact(axes: Any, picture: Picture) -> None:
 
 
 def _regions(result: Result, picture: Picture, title: str) -> "Figure":
-    """Return where the contact sticks and where it slips."""
+    """Return the map of stick and slip."""
     step, totals = result.steps[-1], resultants(result.zone, result.steps[-1])
     figure = sheet((5.6, 4.9))
     axes = figure.subplots()
@@ -167,7 +167,7 @@ def _regions(result: Result, picture: Picture, title: str) -> "Figure":
 
 
 def _sections(result: Result, picture: Picture, title: str) -> "Figure":
-    """Along x through the middle; with friction the tangential traction, too."""
+    """Return sections along x through the middle; with friction the tangential traction, too."""
     x = np.linspace(picture.points[:, 0].min(), picture.points[:, 0].max(), 401)
     on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(picture.points[:, 1])
     step = result.steps[-1]

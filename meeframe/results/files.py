@@ -1,12 +1,13 @@
-"""The result file: self-describing HDF5. Each increment of a run is written once, when it is finished.
+"""Result file in self-describing HDF5; each increment of a run is written once, when it is finished.
 
-Layout (docs/results.md): attributes of the root say what made the file; /zone is the contact zone; /boundary the points
-and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one increment each. Every dataset has `units`.
+Layout (docs/results.md): attributes of the root describe the origin of the file; /zone is the contact zone; /boundary
+the points and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one increment each. Every dataset has
+`units`.
 
-While a run goes on each increment is a file of its own in the folder `result.increments`, to which result.h5 has
-external links: no byte of a finished increment is written again, so that a run that is killed at any moment leaves
-files that can be read, and an increment costs the same however many there are. At the end of the run they are moved
-into result.h5.
+During a run each increment is a file of its own in the folder `result.increments`, to which result.h5 has external
+links: no byte of a finished increment is written again, so that a run that is killed at any moment leaves readable
+files, and the cost of an increment does not depend on their number. At the end of the run they are moved into
+result.h5.
 """
 
 import json
@@ -36,9 +37,9 @@ _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
 _LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
 _SMALL: Final = 4096
-"""Arrays of fewer bytes are not compressed."""
+"""Size in bytes below which arrays are not compressed."""
 _CHUNK: Final = 1 << 24
-"""Bytes of a chunk, at most."""
+"""Largest size of a chunk in bytes."""
 _BOUNDARY_FILE: Final = "boundary.h5"
 _SURFACE: Final = ("displacement", "potentials")
 """Attributes of StepResult that the surface of a second body has, too."""
@@ -47,14 +48,14 @@ _SURFACE: Final = ("displacement", "potentials")
 @final
 @dataclass(eq=False)
 class ResultWriter:
-    """Writes the result of one run into its folder, increment by increment.
+    """Writer of the result of one run into its folder, increment by increment.
 
     Parameters
     ----------
     folder
         Output folder.
     result
-        What is known of the run before its first increment.
+        Data of the run before its first increment.
     fields
         Optional nodal fields to store (`meeframe.results.schema.optional_fields`); None: all.
     """
@@ -66,7 +67,7 @@ class ResultWriter:
     _has_boundary: bool = field(default=False, init=False)
 
     def append(self, step: StepResult) -> None:
-        """Write one more increment, whole or not at all. Raises ResultError if it cannot be written."""
+        """Write one more increment, completely or not at all. Raises ResultError if it cannot be written."""
         increments = self.folder / INCREMENTS
         increments.mkdir(exist_ok=True)
         if step.boundary is not None and not self._has_boundary and self._stores(BOUNDARY):
@@ -116,7 +117,7 @@ class ResultWriter:
 
 
 def write_result(folder: Path, result: Result, fields: Collection[str] | None = None) -> None:
-    """Write a result file as a whole; fields: as in ResultWriter. Raises ResultError if it cannot be written."""
+    """Write a complete result file; fields: as in ResultWriter. Raises ResultError if it cannot be written."""
     with replacing(folder / RESULT_FILE) as path, changed_file(path, "w") as file:
         _put_head(file, result)
         boundary = next((step.boundary for step in result.steps if step.boundary is not None), None)
@@ -133,7 +134,7 @@ def _name(number: int) -> str:
 
 
 def read_result(folder: str | Path) -> Result:
-    """Return the result in an output folder, of a run that is finished, goes on or was stopped.
+    """Return the result in an output folder, of a run that is finished, in progress or stopped.
 
     Raises ResultError if there is none or it cannot be read.
     """
@@ -159,7 +160,7 @@ def read_result(folder: str | Path) -> Result:
 
 
 def _put_head(file: Any, result: Result) -> None:
-    """Write what is known before the first increment."""
+    """Write the data known before the first increment."""
     file.attrs["format"] = FORMAT
     file.attrs["title"] = result.provenance.title
     file.attrs["case"] = result.provenance.case_text
@@ -173,7 +174,7 @@ def _put_head(file: Any, result: Result) -> None:
 
 
 def _put_end(file: Any, result: Result) -> None:
-    """Write what is known after the last increment."""
+    """Write the data known after the last increment."""
     file.attrs["status"] = str(result.status)
     file.attrs["timings"] = json.dumps(dict(result.timings))
     file.attrs["peak_memory_mb"] = result.peak_memory_mb
@@ -215,7 +216,7 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
 def _is_stored(row: NodalField, fields: Collection[str] | None) -> bool:
     if row.stored is Stored.ALWAYS:
         return True
-    # without a choice all that a step holds, but for what follows from that
+    # without a selection everything that a step holds, except derived quantities
     return bool(row.attribute) if fields is None else row.name in fields
 
 
@@ -335,7 +336,7 @@ def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: A
 
 
 def _get_field_set(group: Any) -> FieldSet:
-    """Return the field set of an increment; files of earlier versions, which do not say, have the default one."""
+    """Return the field set of an increment, the default one for files of earlier versions, which do not name it."""
     if "scalar_fields" not in group.attrs:
         return MEE
     return FieldSet(tuple(ScalarField(**entry) for entry in json.loads(text_of(group, "scalar_fields"))))
@@ -344,7 +345,7 @@ def _get_field_set(group: Any) -> FieldSet:
 def _slips(
     zone: Zone, loading: Loading, displacement: Array, touching: Any, total_slip: Array, slip_path: Array
 ) -> dict[str, Array]:
-    """Return what follows from the motion of the indenter and the displacement (n, 3) of the surface under it.
+    """Return the slips, from the motion of the indenter and the displacement (n, 3) of the surface under it.
 
     The total slip is their difference along e1 and e2; the others follow from the last converged increment before.
     """
@@ -356,7 +357,7 @@ def _slips(
 
 
 def _get_fields(group: Any, rows: Sequence[NodalField], n: int) -> dict[str, Any]:
-    """Return the attributes of records that nodal fields are taken from, by name."""
+    """Return the attributes of records that nodal fields are read from, by name."""
     zero = text_of(group, "zero").split()
     arrays: dict[str, Any] = {}
     columns = 1 + max((row.column for row in rows if row.column is not None), default=-1)

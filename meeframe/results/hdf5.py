@@ -1,4 +1,4 @@
-"""HDF5 files on disks that may be full, and what they hold, which may have been changed since."""
+"""HDF5 files on disks that may be full, with contents that may have been modified."""
 
 import io
 import json
@@ -12,9 +12,9 @@ import numpy as np
 
 
 class _Sink:
-    """A file that keeps the first error of writing to itself, and what comes from then on in memory.
+    """File that stores the first error of writing to itself, and keeps all later data in memory.
 
-    HDF5 gets into disorder by such an error, and by what it wrote and does not find again, up to a crash.
+    Such an error, and missing data that it wrote before, leaves HDF5 in an inconsistent state, up to a crash.
     """
 
     def __init__(self, path: Path, mode: str) -> None:
@@ -22,11 +22,11 @@ class _Sink:
         self._file: io.FileIO | io.BytesIO = io.FileIO(path, mode)
 
     def __getattr__(self, name: str) -> Any:
-        """Whatever else a file does."""
+        """Return any other attribute of the file."""
         return getattr(self._file, name)
 
     def write(self, data: Any) -> int:
-        """Return all of the data."""
+        """Write the data; return the number of bytes, all of them."""
         place, whole = self._file.tell(), memoryview(data).cast("B")
         left = whole
         try:
@@ -37,7 +37,7 @@ class _Sink:
         return len(whole)
 
     def truncate(self, size: int) -> int:
-        """As of any file."""
+        """Truncate the file."""
         try:
             return self._file.truncate(size)
         except OSError as error:
@@ -54,7 +54,7 @@ class _Sink:
 
 @contextmanager
 def sink(path: Path, mode: str) -> Iterator[_Sink]:
-    """Return a file for HDF5 to write, mode "w", or to change, "r+". Raises OSError if it cannot be written."""
+    """Open a file for HDF5 to write, mode "w", or to change, "r+". Raises OSError if it cannot be written."""
     file = _Sink(path, {"w": "w+", "r+": "r+"}[mode])
     try:
         yield file
@@ -66,7 +66,7 @@ def sink(path: Path, mode: str) -> Iterator[_Sink]:
 
 @contextmanager
 def changed_file(path: Path, mode: str) -> Iterator[Any]:
-    """Return an HDF5 file to be written, mode "w", or to be changed, "r+". Raises OSError if it cannot be written."""
+    """Open an HDF5 file to be written, mode "w", or changed, "r+". Raises OSError if it cannot be written."""
     with sink(path, mode) as own, h5py.File(own, mode) as file:
         yield file
 
@@ -89,7 +89,7 @@ def text_of(group: Any, name: str) -> str:
 
 
 def table_of(group: Any, name: str, kind: Any) -> dict[str, Any]:
-    """Return what an attribute holds as JSON. Raises ValueError unless that is a table of values of a kind."""
+    """Return the JSON table in an attribute. Raises ValueError unless it is a table of values of a kind."""
     table = json.loads(text_of(group, name))
     if not isinstance(table, dict) or not all(isinstance(value, kind) for value in table.values()):
         raise ValueError(f"attribute {name!r} of {group.name} is not the table that belongs there")

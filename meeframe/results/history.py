@@ -1,4 +1,4 @@
-"""The history of a run with several increments: force-displacement curves and the energy that friction dissipates."""
+"""History of a run with several increments: force-displacement curves and the energy dissipated by friction."""
 
 from typing import TYPE_CHECKING, Any, Final
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 _NONE: Final = 1e-6
-"""Of the motion or force along the other axis, or of the normal force: less is none."""
+"""Motion or force that counts as zero, as a fraction of that along the other axis, or of the normal force."""
 _SAME: Final = 1e-6
-"""Of the largest value: a range of less is one value, with so much room about it in the picture:"""
+"""Range that counts as constant, as a fraction of the largest value; pictures show it with a margin `_ROOM`."""
 _ROOM: Final = 0.05
 
 
@@ -27,10 +27,10 @@ def name_of(result: Result, step: StepResult) -> str:
 
 
 def history(result: Result) -> "Figure | None":
-    """Return the normal force over approach; if there is any, tangential force over translation, and energy dissipated
-    since the beginning.
+    """Return the figure of force-displacement curves; None with fewer than two converged increments.
 
-    Of the increments that converged; None if there are fewer than two.
+    It shows the normal force over approach and, if there are any, tangential force over translation and the energy
+    dissipated since the beginning, of the increments that converged.
     """
     steps = [step for step in result.steps if step.status is Status.CONVERGED]
     if len(steps) < 2:
@@ -41,7 +41,7 @@ def history(result: Result) -> "Figure | None":
     tangential = np.array([total.tangential_force for total in totals])
     dissipated = np.cumsum([total.dissipated_energy for total in totals])
     forces = np.array([[total.normal_force] for total in totals])
-    # what rounding leaves of a force that is none is no curve
+    # rounding of a vanishing force is no curve
     dragged, rubs = bool(np.abs(tangential).max() > _NONE * np.abs(forces).max()), bool(dissipated.any())
     rows = 1 + dragged + rubs
     figure = sheet((5.6, 0.6 + 2.8 * rows))
@@ -61,7 +61,7 @@ def history(result: Result) -> "Figure | None":
 
 
 def _curves(axes: Any, across: tuple[str, Array], up: tuple[str, Array]) -> None:
-    """Columns of one quantity over those of another; the components along e1 and e2 where there are two.
+    """Plot columns of one quantity over those of another; the components along e1 and e2 where there are two.
 
     A second one that stays at rest without force, up to rounding, is left out.
     """
@@ -77,7 +77,7 @@ def _curves(axes: Any, across: tuple[str, Array], up: tuple[str, Array]) -> None
     axes.set(xlabel=f"{x_name} [{x_unit}]", ylabel=f"{y_name} [{y_unit}]")
     axes.ticklabel_format(useOffset=False)
     for values, limits in ((x / x_factor, axes.set_xlim), (y / y_factor, axes.set_ylim)):
-        if np.ptp(values) < _SAME * np.abs(values).max():  # held: its last digits are no curve
+        if np.ptp(values) < _SAME * np.abs(values).max():  # constant: its last digits are no curve
             middle = values.mean()
             limits(middle - _ROOM * abs(middle), middle + _ROOM * abs(middle))
     axes.grid(alpha=0.3)

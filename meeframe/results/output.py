@@ -1,4 +1,4 @@
-"""The output folder: refused before anything is computed, held by one run at a time; files in it are whole."""
+"""Output folder: checked before anything is computed, locked for one run at a time, with complete files only."""
 
 import fcntl
 import os
@@ -18,7 +18,7 @@ RESULT_FILE: Final = "result.h5"
 SUMMARY_FILE: Final = "summary.json"
 FIELDS_FILE: Final = "fields.vtu"
 INCREMENTS: Final = "result.increments"
-"""Folder of the increments of a run that has not ended, one file each."""
+"""Folder of the increments of an unfinished run, one file each."""
 LOCK_FILE: Final = ".lock"
 _DRAWN: Final = ("sections.png", "stick_slip.png", "history.png")
 
@@ -31,9 +31,9 @@ def output_files() -> tuple[str, ...]:
 
 @contextmanager
 def open_output(folder: Path, overwrite: bool) -> Iterator[None]:
-    """Hold an output folder for one run, from before anything is computed until it ends.
+    """Lock an output folder for one run, from before anything is computed until it ends.
 
-    Nothing in the folder is changed. A folder that is made for it goes again if it is still empty at the end.
+    Nothing in the folder is changed. A folder that is created for it is removed again if it is still empty at the end.
 
     Raises
     ------
@@ -48,10 +48,10 @@ def open_output(folder: Path, overwrite: bool) -> Iterator[None]:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a folder for this process alone, by a lock on a file in it; make the folder if there is none.
+    """Lock a folder for this process alone, by a lock on a file in it; create the folder if there is none.
 
     The operating system releases the lock when the process ends, however it ends: a file that a killed process left
-    behind locks nothing. Without effect on file systems that have no locks. Raises ResultError if another process
+    behind locks nothing. The lock has no effect on file systems without locks. Raises ResultError if another process
     holds the folder, or if it cannot be written.
     """
     absent: list[Path] = []
@@ -101,7 +101,7 @@ def _remove_empty(folders: list[Path]) -> None:
 
 
 def check_output(folder: Path, overwrite: bool) -> None:
-    """Check that the output folder can be made and files written there; nothing is changed or left behind.
+    """Check that the output folder can be created and files written there, without leaving any change.
 
     Raises ResultError if it cannot be written, or if it holds anything and overwrite is false.
     """
@@ -117,7 +117,7 @@ def check_output(folder: Path, overwrite: bool) -> None:
     except OSError as error:
         raise _unwritable(folder, error) from None
     finally:
-        _remove_empty(absent)  # the first result makes it for good
+        _remove_empty(absent)  # the first result creates it permanently
     if occupied and not overwrite:
         listed = ", ".join(occupied[:4]) + (", ..." if len(occupied) > 4 else "")
         otherwise = "name another one or pass --overwrite (from Python overwrite=True)"
@@ -125,7 +125,7 @@ def check_output(folder: Path, overwrite: bool) -> None:
 
 
 def check_place(file: Path) -> None:
-    """Check that a file can be written in its folder, which must exist; leaves nothing. Raises ResultError."""
+    """Check that a file can be written in its folder, which must exist, without any change. Raises ResultError."""
     try:
         if file.is_dir():
             raise IsADirectoryError("is a folder")
@@ -136,7 +136,10 @@ def check_place(file: Path) -> None:
 
 
 def clear_output(folder: Path) -> None:
-    """Make the output folder or remove the files that an earlier run left in it, and only those. Raises ResultError."""
+    """Create the output folder or remove the files that an earlier run left in it, and only those.
+
+    Raises ResultError.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name in map(Path, output_files()):
@@ -155,9 +158,9 @@ def _unwritable(folder: Path, error: OSError) -> ResultError:
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """Return the path of a temporary file that takes the target's place at the end, unless an exception passes.
+    """Provide the path of a temporary file that replaces the target at the end, unless an exception passes.
 
-    Whatever happens, the target holds either its old content or its new one. Raises ResultError if writing fails.
+    In any case the target holds either its old content or its new one. Raises ResultError if writing fails.
     """
     temporary = target.with_name(f".{target.stem}.{get_native_id()}{target.suffix}")
     try:
@@ -173,10 +176,9 @@ def replacing(target: Path) -> Iterator[Path]:
 
 
 def _of_files(error: OSError | RuntimeError) -> str | None:
-    """Return the words of an error of a file, None if it is not one.
+    """Return the message of an error of a file, None if it is not one.
 
-    HDF5 writes the number of what the system said into its text, and what it meets on closing h5py raises as a
-    RuntimeError.
+    HDF5 writes the system's error number into its text, and h5py raises errors on closing as a RuntimeError.
     """
     number = re.search(r"errno = (\d+)", str(error))
     if number:
@@ -186,7 +188,7 @@ def _of_files(error: OSError | RuntimeError) -> str | None:
 
 @contextmanager
 def rewriting(target: Path) -> Iterator[Callable[[str], None]]:
-    """Write texts into a file, each in place of the one before; an interruption is told where the last of them is."""
+    """Write texts into a file, each in place of the one before; an interruption reports where the last of them is."""
     written = False
 
     def write(text: str) -> None:

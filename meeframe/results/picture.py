@@ -1,4 +1,4 @@
-"""The contact zone laid flat and cut into triangles, for drawing."""
+"""Contact zone mapped to the plane and cut into triangles, for drawing."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ def lengths(zones: Iterable[Zone]) -> tuple[float, str]:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A flat zone.
+    """Plane picture of a contact zone.
 
     points: its nodes, (n, 2), in a unit of so many metres; axes: those of the picture in space, (2, 3); triangulation:
     matplotlib's, of the nodes and then the centres of the quads.
@@ -46,8 +46,8 @@ class Picture:
     def of(cls, zone: Zone, scale: tuple[float, str] | None = None) -> "Picture":
         """Return the zone seen along its mean normal, coordinates from the middle of its extent.
 
-        They run along the axes that the zone's frames have where no direction field turns them. scale: factor and unit,
-        if not those that suit the zone. A zone that knows no cells is cut as Delaunay did.
+        They run along the axes that the zone's frames have where no direction field rotates them. scale: factor and
+        unit, if not those that suit the zone. A zone without known cells is cut by Delaunay triangulation.
         """
         from matplotlib.tri import Triangulation
 
@@ -63,8 +63,10 @@ class Picture:
         return cls(points, factor, unit, axes, Triangulation(flat[:, 0], flat[:, 1], triangles), quads)
 
     def around(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the stoppingCriteria along x and y of a square about these nodes (n,), half as large again; cut at
-        the zone's edges."""
+        """Return the limits along x and y of a square around these nodes (n,), half as large again.
+
+        The square is cut at the zone's edges.
+        """
         low, high = self.points[chosen].min(axis=0), self.points[chosen].max(axis=0)
         reach = 0.75 * (high - low).max() or np.ptp(self.points, axis=0).max()
         begin = np.maximum((low + high) / 2 - reach, self.points.min(axis=0))
@@ -76,14 +78,16 @@ class Picture:
         return _with_centres(nodal, self.quads)
 
     def shade(self, axes: Any, nodal: Array, **limits: float) -> Any:
-        """Return the colours of values (n,) at the nodes drawn over the zone; limits: vmin, vmax."""
+        """Draw values (n,) at the nodes as colours over the zone; limits: vmin, vmax."""
         drawn = axes.tripcolor(self.triangulation, self.values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
-        drawn.set_in_layout(False)  # it ends with its axes; its extent would be found triangle by triangle
+        drawn.set_in_layout(False)  # it ends with its axes; matplotlib would find its extent triangle by triangle
         return drawn
 
     def section(self, x: Array, *nodal: Array) -> list[Array]:
-        """Return the values along y = 0 at x (k,) for each of the values (n,) at the nodes, masked where there is no
-        zone."""
+        """Return the values along y = 0 at x (k,) for each of the values (n,) at the nodes.
+
+        They are masked where there is no zone.
+        """
         from matplotlib.tri import LinearTriInterpolator
 
         y = self.triangulation.y[self.triangulation.triangles]
@@ -91,14 +95,16 @@ class Picture:
         return [LinearTriInterpolator(across, self.values(values))(x, np.zeros_like(x)) for values in nodal]
 
     def beside(self, *kinds: NDArray[np.bool_]) -> Any:
-        """Of the triangulation the triangles at nodes (n,) of every kind: contours are found quicker in few of them."""
+        """Return the triangles at nodes (n,) of every kind: contours are found faster in few triangles."""
         triangles = self.triangulation.triangles
         at = [(self.values(kind.astype(float)) > 0.0)[triangles].any(axis=1) for kind in kinds]
         return self._part(np.logical_and.reduce(at))
 
     def _part(self, chosen: NDArray[np.bool_]) -> Any:
-        """Return the triangulation by these triangles (t,) alone, whole if there are none: matplotlib's have at least
-        one."""
+        """Return the triangulation by these triangles (t,) alone, or all if there are none.
+
+        matplotlib's triangulations have at least one triangle.
+        """
         from matplotlib.tri import Triangulation
 
         flat = self.triangulation
@@ -115,7 +121,7 @@ def _triangles(cells: tuple[tuple[str, Indices], ...], n_nodes: int) -> Indices:
         if name == "quad":
             nodes = np.column_stack([nodes, n_nodes + np.arange(len(nodes))])
             n_nodes += len(nodes)
-        # of an element from a plugin only the corners are drawn
+        # elements of plugins are drawn by their corners only
         cut = TRIANGLES.get(name, ((0, 1, 2),) if name.startswith("triangle") else ((0, 1, 2), (2, 3, 0)))
         triangles += [nodes[:, triangle] for triangle in cut]
     return np.concatenate(triangles)

@@ -1,4 +1,4 @@
-"""Frozen records of a result: what is written to and read from the result file, and all that reports ever see."""
+"""Frozen records of a result, which are written to and read from the result file and used by all reports."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,11 +16,11 @@ from meeframe.mesh.measures import corners, vector_areas
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 _ALIKE: Final = 1e-12
-"""Weights of nodes that differ by no more of the largest are the same but for round-off."""
+"""Difference of nodal weights that counts as round-off, as a fraction of the largest weight."""
 
 
 class RunStatus(StrEnum):
-    """How a run as a whole stands."""
+    """Status of a run as a whole."""
 
     CONVERGED = "converged"
     NOT_CONVERGED = "not-converged"
@@ -29,7 +29,7 @@ class RunStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """The contact zone: points (n, 3) [m], frames (n, 3, 3), weights (n,) [m^2] and cells as in ReducedSystem."""
+    """Contact zone: points (n, 3) [m], frames (n, 3, 3), weights (n,) [m^2] and cells as in ReducedSystem."""
 
     points: Array
     frames: Array
@@ -37,7 +37,7 @@ class Zone:
     cells: tuple[tuple[str, Indices], ...]
 
     def __repr__(self) -> str:
-        """In words: arrays fill screens."""
+        """Return words instead of long arrays."""
         return f"Zone({len(self.points)} nodes)"
 
 
@@ -47,7 +47,7 @@ def zone_of(system: ReducedSystem) -> Zone:
 
 
 class Region(IntEnum):
-    """What a node of the contact zone does."""
+    """Region of a node of the contact zone."""
 
     OPEN = 0
     SLIP = 1
@@ -56,15 +56,15 @@ class Region(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """Where the indenter is in one increment, and which resultants held it there.
+    """Position of the indenter in one increment, with the resultants that were prescribed.
 
     approach: along its axis into the body [m]; translation: (2,) across its axis, along e1 and e2 of its place [m];
     tilt: (2,) about e1 and e2, twist: about the axis, right-handed [rad]; scalars: the potentials of its surface by
-    name, where the laws conduct, such as "electric_potential" [V]; each is an attribute by this name, too. All from
-    where it just touched, and found ones where they were free.
+    name, where the laws conduct, such as "electric_potential" [V]; each is an attribute by this name, too. All are
+    measured from where the indenter just touched, and are results of the computation where they were free.
     prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
-    reference: its lowest point where it just touched, about which it turns, (3,) in global axes [m]; axes: rows e1, e2,
-    axis of its place, (3, 3); duration: of the increment, None if its load step says none [s].
+    reference: its lowest point where it just touched, about which it rotates, (3,) in global axes [m]; axes: rows e1,
+    e2, axis of its place, (3, 3); duration: of the increment, None if its load step names none [s].
     """
 
     approach: float
@@ -99,13 +99,13 @@ class Loading:
 
     @property
     def motion(self) -> Array:
-        """All motions of the indenter, (motions,), at the places of IndenterMotions."""
+        """Motions of the indenter, (motions,), at the places of IndenterMotions."""
         rigid = (np.atleast_1d(getattr(self, name)) for name in RIGID_MOTIONS)
         return np.concatenate([*rigid, list(self.scalars.values())])
 
 
 def _named_scalar(record: "Loading | Resultants", name: str) -> float:
-    """Return what a record holds of a scalar field by name; raise AttributeError if it holds none of this name."""
+    """Return the value of a scalar field in a record by name; raise AttributeError if there is none."""
     scalars: Mapping[str, float] = record.__dict__.get("scalars", {})
     if name not in scalars:
         raise AttributeError(f"{type(record).__name__} has no attribute {name!r}")
@@ -114,10 +114,10 @@ def _named_scalar(record: "Loading | Resultants", name: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class SecondSurface:
-    """The surface of the second body at the nodes of the contact zone, along e1, e2, nu of the zone's frames.
+    """Surface of the second body at the nodes of the contact zone, along e1, e2, nu of the zone's frames.
 
-    displacement: (n, 3) [m]; potentials: (n, scalars), SI units. Both count from its own supports and
-    grounds, wherever the loading has moved them.
+    displacement: (n, 3) [m]; potentials: (n, scalars), SI units. Both count from its own supports and grounds, wherever
+    the loading has moved them.
     """
 
     displacement: Array
@@ -126,21 +126,52 @@ class SecondSurface:
 
 @dataclass(frozen=True, eq=False)
 class StepResult:
-    """One increment of a load step.
+    """Result of one increment of a load step.
 
-    step, increment: their numbers, from 1; initial_gap: (n,) gap between the undeformed body and the indenter in its
-    position at this increment [m], inf where there is none above; traction: (n, 3) along e1, e2, nu [Pa], the last <= 0
-    in compression, > 0 where surfaces attract each other; displacement: (n, 3) along e1, e2, nu [m]; potentials: (n,
-    scalars), such as electric [V]; fluxes: (n, scalars) outward, such as electric [C/m^2]; contact_fraction:
-    (n,) as in ContactState; slip: (n, 2) tangential motion of the indenter over the body along e1, e2 since the last
-    converged increment, total_slip: (n, 2) since the beginning, both also where the contact is open [m]; slip_path:
-    (n,) length of the way slipped in contact, the sum of the moduli of the slips of those increments at whose end the
-    node touches [m]; dissipation: (n,) work of friction in this increment [J/m^2], see docs/results.md; region: (n,)
-    numbers of Region; iterations, residual, history, message as in ContactSolution; boundary: fields on the whole
-    boundary. All of them are of the body; second_body: surface of the second body, if there is one instead of a rigid
-    indenter; area_fraction: (n,) part of each node's area that is in contact if it touches, where the contact edge is
-    resolved between the nodes (EdgeCorrection), None where it is resolved to nodes; reaches_edge: whether the zone cuts
-    it off; fields: whose scalar fields are the columns of potentials and fluxes.
+    All fields are those of the body unless stated otherwise; n is the number of nodes of the contact zone.
+
+    Parameters
+    ----------
+    loading : Loading
+        Position of the indenter.
+    step, increment : int
+        Numbers of the load step and of the increment, from 1.
+    initial_gap : Array
+        (n,), gap between the undeformed body and the indenter in its position at this increment [m], inf where there is
+        none above.
+    traction : Array
+        (n, 3), along e1, e2, nu [Pa]; the last component is <= 0 in compression, > 0 where surfaces attract each other.
+    displacement : Array
+        (n, 3), along e1, e2, nu [m].
+    potentials : Array
+        (n, scalars), such as electric [V].
+    fluxes : Array
+        (n, scalars), outward, such as electric [C/m^2].
+    contact_fraction : Array
+        (n,), as in ContactState.
+    slip, total_slip : Array
+        (n, 2), tangential motion of the indenter over the body along e1, e2 since the last converged increment, and
+        since the beginning; both also where the contact is open [m].
+    slip_path : Array
+        (n,), length of the path slipped in contact, the sum of the moduli of the slips of those increments at whose end
+        the node touches [m].
+    dissipation : Array
+        (n,), work of friction in this increment [J/m^2], see docs/results.md.
+    region : Indices
+        (n,), numbers of Region.
+    status, iterations, residual, history, message
+        As in ContactSolution.
+    boundary : NodalFields, optional
+        Fields on the whole boundary.
+    second_body : SecondSurface, optional
+        Surface of the second body, if there is one instead of a rigid indenter.
+    area_fraction : Array, optional
+        (n,), fraction of each node's area that is in contact if it touches, where the contact edge is resolved between
+        the nodes (EdgeCorrection); None where it is resolved to nodes.
+    reaches_edge : bool, optional
+        True if the boundary of the zone cuts the contact off.
+    fields : FieldSet, optional
+        Field set whose scalar fields are the columns of potentials and fluxes.
     """
 
     loading: Loading
@@ -169,14 +200,14 @@ class StepResult:
     fields: FieldSet = MEE
 
     def __repr__(self) -> str:
-        """In words: arrays fill screens."""
+        """Return words instead of long arrays."""
         touching = f"{self.touching.sum()} of {len(self.region)} nodes in contact"
         place = f"step {self.step}, increment {self.increment}, approach {self.loading.approach:.6g} m"
         return f"StepResult({place}: {self.status}, {touching})"
 
     @property
     def touching(self) -> NDArray[np.bool_]:
-        """Nodes in contact, (n,): an attraction across the gap does not make one."""
+        """Mask of the nodes in contact, (n,); an attraction across the gap is no contact."""
         return np.asarray(self.region != Region.OPEN)
 
     @property
@@ -187,7 +218,7 @@ class StepResult:
 
     @property
     def state(self) -> ContactState:
-        """The state of the contact zone, of an indenter that stays where it is.
+        """State of the contact zone, for an indenter that stays where it is.
 
         Its displacement is that of the reduced system: of the body, less that of the second body if there is one.
         """
@@ -200,7 +231,7 @@ class StepResult:
 
 @dataclass(frozen=True, eq=False)
 class Resultants:
-    """Numbers that sum an increment up; see `resultants`.
+    """Resultants and maxima of an increment; see `resultants`.
 
     scalars: the total fluxes and the largest absolute potentials by name, each an attribute by this name, too.
     """
@@ -228,17 +259,16 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     force: (3,) of the indenter on the body, global axes [N]; the same along the axes of the indenter's place:
     normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis
     through its reference point [N m]; charge [C], magnetic_flux [Wb]: integrals of the outward fluxes, by the names of
-    the scalar fields;
-    dissipated_energy: integral of the dissipation [J]; contact_area, stick_area, slip_area: sum over the elements of
-    their area times the share of their nodes in contact, and in either region [m^2], of covered nodes their covered
-    part (the weights of nodes will not do: those of quad8's corners are negative, those of tri6's zero; of a periodic
-    surface, whose nodes are all alike, they do); max_pressure, max_tension: of the normal traction, >= 0, tension where
-    surfaces attract each other, in contact or across the gap [Pa]; max_abs_electric_potential [V] and the like: largest
-    absolute potentials of the body's surface in the contact zone.
+    the scalar fields; dissipated_energy: integral of the dissipation [J]; contact_area, stick_area, slip_area: sum over
+    the elements of their area times the share of their nodes in contact, and in either region [m^2], with the covered
+    part of covered nodes (the weights of nodes are not suitable: those of quad8's corners are negative, those of tri6's
+    zero; for a periodic surface, whose nodes are all alike, they are); max_pressure, max_tension: of the normal
+    traction, >= 0, tension where surfaces attract each other, in contact or across the gap [Pa];
+    max_abs_electric_potential [V] and the like: largest absolute potentials of the body's surface in the contact zone.
     """
     normal = step.traction[:, 2]
     scalars, potentials = step.fields.scalars, np.abs(step.potentials).max(axis=0).tolist()
-    # of one layout in memory, on which last digits depend, whether the step is solved or read
+    # one memory layout, on which last digits depend, whether the step is solved or read
     traction, fluxes = split_load(step.state.load)
     forces = zone.weights[:, None] * np.einsum("na,nai->ni", traction, zone.frames)
     moments = np.cross(zone.points - step.loading.reference, forces)
@@ -269,8 +299,8 @@ def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
 
 @memoize_by_identity
 def _areas(zone: Zone) -> Array:
-    """Of the elements, shared out evenly over their nodes, (n,) [m^2]."""
-    # nodes alone of test systems and plugins, and of a periodic surface, whose elements lack the last row and column
+    """Return the areas of the elements, distributed evenly over their nodes, (n,) [m^2]."""
+    # nodes alone for test systems and plugins, and for a periodic surface, whose elements lack the last row and column
     if not zone.cells or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
         return zone.weights
     areas = np.zeros(len(zone.points))
@@ -284,7 +314,10 @@ def _areas(zone: Zone) -> Array:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What made a result: title and verbatim text of the case, versions of the software by name, threads used."""
+    """Provenance of a result: title and text of the case, versions of the software by name, threads used.
+
+    The text is verbatim.
+    """
 
     title: str
     case_text: str
@@ -294,9 +327,9 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A run: its zone and the finished increments of its load steps.
+    """Result of a run: its zone and the finished increments of its load steps.
 
-    planned_steps: how many increments the case asks for; timings: seconds by stage; peak_memory_mb: of the process.
+    planned_steps: number of increments of the case; timings: seconds by stage; peak_memory_mb: of the process.
     """
 
     provenance: Provenance
@@ -307,13 +340,13 @@ class Result:
     peak_memory_mb: float = 0.0
 
     def __repr__(self) -> str:
-        """In words: arrays fill screens."""
+        """Return words instead of long arrays."""
         increments = f"{len(self.steps)} of {self.planned_steps} increments"
         return f"Result({self.provenance.title!r}: {self.status}, {increments}, {len(self.zone.points)} nodes)"
 
     @property
     def status(self) -> RunStatus:
-        """CONVERGED only if every planned increment did."""
+        """Status of the run, CONVERGED only if every planned increment converged."""
         if any(step.status is not Status.CONVERGED for step in self.steps):
             return RunStatus.NOT_CONVERGED
         return RunStatus.CONVERGED if len(self.steps) == self.planned_steps else RunStatus.UNFINISHED

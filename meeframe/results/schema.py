@@ -1,7 +1,7 @@
-"""The one table of what a result holds: names, units, labels, shapes and how each quantity is taken from a result.
+"""Definitive table of the quantities of a result: names, units, labels, shapes and their evaluation.
 
 HDF5 files, summaries, VTK files, figures, studies and sweeps take names, units and labels from here. A row added to one
-of these tables appears in all of them; a row says with `views` where it does not.
+of these tables appears in all of them, except where `views` excludes it.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,7 +17,7 @@ from meeframe.results.records import Region, StepResult, Zone, resultants
 
 
 class Stored(StrEnum):
-    """The condition under which a result file holds a nodal field."""
+    """Condition under which a result file holds a nodal field."""
 
     ALWAYS = "always"
     WITH_FRICTION = "with friction"
@@ -25,8 +25,10 @@ class Stored(StrEnum):
 
 
 class View(StrEnum):
-    """A place that shows quantities: maps and sections of a run, fields.vtu, studies, sweeps, tables of runs and of
-    comparisons."""
+    """View that shows quantities.
+
+    Views are maps and sections of a run, fields.vtu, studies, sweeps, and tables of runs and of comparisons.
+    """
 
     MAP = "map"
     VTK = "vtk"
@@ -44,7 +46,7 @@ NOWHERE: Final[frozenset[View]] = frozenset()
 
 @dataclass(frozen=True)
 class NodalField:
-    """A field on the nodes of the contact zone.
+    """Field on the nodes of the contact zone.
 
     Parameters
     ----------
@@ -55,13 +57,13 @@ class NodalField:
     components
         Number k of components along e1, e2, nu of the zone's frames; 0 for a scalar.
     stored
-        When result files hold it.
+        Condition under which result files hold it.
     views
-        Where it is shown besides.
+        Further places that show it.
     attribute, column
         Attribute of StepResult, and column of it, that a result file restores from it; "" if it follows from others.
     integer
-        Whether its values are whole numbers.
+        True if its values are whole numbers.
     """
 
     name: str
@@ -92,7 +94,7 @@ def _state(
     column: int | None = None,
     integer: bool = False,
 ) -> NodalField:
-    """Return the field that an attribute of StepResult holds, by default the one of its name, or a column of it."""
+    """Return the field of an attribute of StepResult, by default the one of the same name, or of one column."""
     source = attribute or name
 
     def values(_: Zone, step: StepResult) -> Array:
@@ -149,11 +151,14 @@ NODAL_FIELDS: tuple[NodalField, ...] = (
     _state("total_slip", "m", "total slip", 2, Stored.WITH_FRICTION, frozenset({View.VTK})),
     _state("slip_path", "m", "slip path", stored=Stored.WITH_FRICTION),
 )
-"""Fields on the contact zone: pressure and tractions on the body, along global x1 and x2 and along the zone's frames;
-stick 1 or 0; potentials of the body and outward fluxes; the others as in StepResult."""
+"""Fields on the contact zone.
+
+These are the pressure and the tractions on the body, along global x1 and x2 and along the zone's frames; stick 1 or 0;
+potentials of the body and outward fluxes; the others as in StepResult.
+"""
 
 BOUNDARY: Final = "boundary"
-"""Name by which `[output] fields` asks for the fields on the whole boundary."""
+"""Name in `[output] fields` for the fields on the whole boundary."""
 
 
 def further_scalars(fields: FieldSet) -> tuple[ScalarField, ...]:
@@ -184,9 +189,9 @@ def optional_fields() -> tuple[str, ...]:
 
 
 def loaded_fields(friction: bool) -> frozenset[str]:
-    """Return the optional fields that a result file holds unless its case says which.
+    """Return the optional fields that a result file holds unless its case selects others.
 
-    friction: whether the contact law resists slip, or the case continues a run whose law may have.
+    friction: whether the contact law resists slip, or the case continues a run whose law may have resisted it.
     """
     kinds = {Stored.WITH_FRICTION} if friction else set()
     return frozenset({field.name for field in NODAL_FIELDS if field.stored in kinds} | {BOUNDARY})
@@ -194,7 +199,7 @@ def loaded_fields(friction: bool) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class BoundaryField:
-    """A field on the whole boundary: columns of the `values` or `fluxes` of NodalFields, in global axes."""
+    """Field on the whole boundary: columns of the `values` or `fluxes` of NodalFields, in global axes."""
 
     name: str
     unit: str
@@ -203,7 +208,7 @@ class BoundaryField:
 
     @property
     def is_scalar(self) -> bool:
-        """Return whether it has one column."""
+        """True if it has one column."""
         return bool(self.columns.stop - self.columns.start == 1)
 
     @property
@@ -228,7 +233,7 @@ def boundary_fields(fields: FieldSet = MEE) -> tuple[BoundaryField, ...]:
 
 @dataclass(frozen=True)
 class Total:
-    """A number, or one for each of some components, that sums an increment up.
+    """Number, or one for each of some components, that summarises an increment.
 
     Parameters
     ----------
@@ -237,8 +242,8 @@ class Total:
     components
         Suffixes of its components, () for a single number.
     value
-        Function of the zone and an increment that returns the number, or an array of numbers; None for what
-        `resultants` returns under this name.
+        Function of the zone and an increment that returns the number, or an array of numbers; None for the entry of
+        `resultants` under this name.
     phenomenon
         Tables show the totals of a phenomenon only where one of them is not zero; those of "" always.
     views
@@ -255,12 +260,12 @@ class Total:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of its components as numbers by themselves."""
+        """Names of its components as separate numbers."""
         return tuple(f"{self.name}_{part}" for part in self.components) or (self.name,)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Words for its components."""
+        """Labels of its components."""
         return tuple(f"{self.label} {part}" for part in self.components) or (self.label,)
 
 
@@ -328,8 +333,11 @@ MEASURES: Final = (
     Total("iterations", "1", "iterations", value=lambda _, step: float(step.iterations)),
     Total("residual", "1", "residual", value=lambda _, step: step.residual),
 )
-"""Further numbers of an increment that sweeps gather: the largest slip since the beginning of nodes in contact and the
-longest way slipped, 1 if the contact reaches the edge of its zone, iterations and residual."""
+"""Further numbers of an increment that sweeps collect.
+
+These are the largest slip since the beginning of nodes in contact and the longest path slipped, 1 if the contact
+reaches the boundary of its zone, iterations and residual.
+"""
 
 
 def _largest(values: Array) -> float:
@@ -360,7 +368,7 @@ def total_named(name: str) -> Total | None:
 
 
 def label_of(name: str) -> str:
-    """Return the words for a total, a component of one or a nodal field; other names with blanks."""
+    """Return the label of a total, a component of one or a nodal field; for other names, the name with blanks."""
     field = next((row for row in NODAL_FIELDS if row.name == name), None)
     row = total_named(name)
     if row is not None:
@@ -369,7 +377,7 @@ def label_of(name: str) -> str:
 
 
 def shown_totals(view: View, values: Sequence[Mapping[str, Any]], fields: FieldSet = MEE) -> list[Total]:
-    """Return the totals that a table shows of increments with these values, as of `totals`."""
+    """Return the totals that a table shows for increments with these values, as of `totals`."""
     rows = total_rows(fields)
     there = {total.phenomenon for total in rows if any(np.any(each[total.name]) for each in values)}
     return [total for total in rows if view in total.views and total.phenomenon in {"", *there}]

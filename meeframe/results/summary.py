@@ -1,4 +1,4 @@
-"""The summary of a result: a dictionary for summary.json and a table for the terminal."""
+"""Summary of a result: a dictionary for summary.json and a table for the terminal."""
 
 import json
 import math
@@ -23,12 +23,14 @@ _Row = tuple[str, str, list[Any]]
 
 _ENERGY: Final = "dissipated_energy"
 _ABOUT: Final = {"tilt": "moment", "twist": "torque"}
-"""Resultants that the table shows beside the motion on which they work; the others have rows in any case."""
+"""Resultants that the table shows with their conjugate motion; the others always have rows."""
 
 
 def summary(result: Result) -> dict[str, Any]:
-    """Return what summary.json holds, of plain Python types; see docs/results.md. Numbers that are not finite become
-    None."""
+    """Return the content of summary.json, of plain Python types; see docs/results.md.
+
+    Numbers that are not finite become None.
+    """
     made = result.provenance
     data = {
         "title": made.title,
@@ -76,8 +78,10 @@ def _unbalance(balance: Unbalance, fields: FieldSet) -> dict[str, Any]:
 
 
 def _load_steps(result: Result) -> list[dict[str, Any]]:
-    """Return what concerns a load step as a whole: its finished increments, and the energy that friction dissipates in
-    it."""
+    """Return the data of each load step as a whole.
+
+    These are its finished increments, and the energy that friction dissipates in it.
+    """
     numbers = sorted({step.step for step in result.steps})
     counts = [sum(step.step == number for step in result.steps) for number in numbers]
     energies = _dissipated(result, numbers)
@@ -98,7 +102,7 @@ def _plain(value: Any) -> Any:
 
 
 def summary_table(result: Result) -> RenderableType:
-    """Return the summary for the terminal: a line on the run and a table with a column for each step, at its end."""
+    """Return the summary for the terminal: a line on the run and a table with a column for the end of each step."""
     table = LiteralTable(result.provenance.title)
     table.add_column("")
     table.add_column("unit")
@@ -126,7 +130,7 @@ def summary_table(result: Result) -> RenderableType:
 
 
 def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
-    """Rows on what is missing to the equilibrium of the body, of closed boundaries whose fields are known."""
+    """Yield rows on the unbalance of the body, for closed boundaries whose fields are known."""
     found = [unbalance(step.boundary) for step in shown]
     for number, name in enumerate(balanced_names(shown[0].fields) if shown else ()):
         relative = [math.nan if one is None else float(one.relative[number]) for one in found]
@@ -135,7 +139,7 @@ def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
 
 
 def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
-    """Return rows of totals, of phenomena that there are; the dissipated energy is that of the whole load step."""
+    """Yield rows of the totals of present phenomena; the dissipated energy is that of the whole load step."""
     for row in schema.shown_totals(schema.View.SUMMARY, totals, fields):
         for i, label in enumerate(row.labels):
             words = f"{label}, whole step" if row.name == _ENERGY else label
@@ -143,8 +147,10 @@ def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
 
 
 def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[_Row]:
-    """Return rows of the indenter's motions other than the approach that were free or are not zero, and of their
-    moments."""
+    """Yield rows of the indenter's motions that were free or are not zero, and of their moments.
+
+    The approach is not among them.
+    """
     motions = IndenterMotions(shown[0].fields if shown else MEE)
     for name, place in list(motions.motions.items())[1:]:
         free = any(motions.columns[key] == place for step in shown for key in step.loading.prescribed)
@@ -158,7 +164,7 @@ def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[
 
 
 def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
-    """Return rows of a quantity with one component, or with those along, or about, e1 and e2."""
+    """Yield rows of a quantity with one component, or with those along, or about, e1 and e2."""
     words = (name.replace("_", " "),) if len(values[0]) == 1 else (f"{name} e1", f"{name} e2")
     for i, word in enumerate(words):
         yield word, unit, [float(value[i]) for value in values]
@@ -170,8 +176,10 @@ def _ends(step: StepResult, after: StepResult | None) -> bool:
 
 
 def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:
-    """Return the row of the time that the finished increments of each load step took, if any step says how long it
-    takes."""
+    """Return the row of the time that the finished increments of each load step took.
+
+    There is none unless a step has a duration.
+    """
     if all(end.loading.duration is None for end in shown):
         return []
     all_times = [[s.loading.duration or math.nan for s in result.steps if s.step == end.step] for end in shown]
@@ -180,8 +188,10 @@ def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, 
 
 
 def _dissipated(result: Result, numbers: list[int]) -> list[float]:
-    """Return the energy that friction dissipates in the whole of each load step of these numbers [J]; increments that
-    did not converge do not count."""
+    """Return the energy that friction dissipates in the whole of each load step of these numbers [J].
+
+    Increments that did not converge do not count.
+    """
     done = [step for step in result.steps if step.status is Status.CONVERGED]
     energies = [(step.step, resultants(result.zone, step).dissipated_energy) for step in done]
     return [float(sum(energy for number, energy in energies if number == wanted)) for wanted in numbers]

@@ -1,4 +1,4 @@
-"""Files of a sweep: sweep.h5, which xarray opens, and sweep.json, which says what the folder's points are of."""
+"""Files of a sweep: sweep.h5, which xarray opens, and sweep.json, which identifies the folder's points."""
 
 import json
 import shutil
@@ -25,10 +25,10 @@ NODE: Final = "node"
 
 
 def write_sweep(folder: Path, sweep: SweepResult) -> None:
-    """Write sweep.h5, whole: `xarray.open_dataset(path, engine="h5netcdf")` gives it back.
+    """Write sweep.h5 completely; `xarray.open_dataset(path, engine="h5netcdf")` reads it.
 
-    Its dimensions are the axes, and `increment` and `node` where there are such; units are attributes. Raises
-    ResultError if it cannot be written, CaseError without xarray.
+    Its dimensions are the axes, and `increment` and `node` where these exist; units are attributes. Raises ResultError
+    if it cannot be written, CaseError without xarray.
     """
     check_installed()
     h5netcdf, backends = import_module("h5netcdf"), import_module("xarray.backends")
@@ -37,7 +37,7 @@ def write_sweep(folder: Path, sweep: SweepResult) -> None:
 
 
 def check_installed() -> None:
-    """Raise CaseError unless what writes sweep.h5 is installed."""
+    """Raise CaseError unless the packages that write sweep.h5 are installed."""
     try:
         for module in ("xarray", "h5netcdf"):
             import_module(module)
@@ -75,11 +75,11 @@ def _attributes(unit: str, label: str) -> dict[str, str]:
 
 @contextmanager
 def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> Iterator[None]:
-    """Make the folder of a sweep ready for points with these keys, or for going on with them; keep others out of it.
+    """Prepare the folder of a sweep for new or continued points, and lock it against other processes.
 
-    keys: of its points. What the folder holds of them stays. With overwrite, points of another sweep are removed that
-    are not in this one. Raises ResultError if it cannot be written, or while another process writes a sweep there; and
-    unless overwrite is true if it holds anything else, or another sweep.
+    keys: of its points. Existing points with these keys remain. With overwrite, points of another sweep are removed
+    that are not in this one. Raises ResultError if it cannot be written, or while another process writes a sweep there;
+    and unless overwrite is true if it holds anything else, or another sweep.
     """
     check_output(folder, overwrite or _held(folder) is not None or _begun(folder))
     with locked(folder):
@@ -100,7 +100,7 @@ def _make_ready(folder: Path, wanted: set[str], overwrite: bool) -> None:
         (folder / POINTS).mkdir(exist_ok=True)
         # of a process that was killed while it wrote
         for leftover in (*folder.glob(".sweep.*"), *folder.glob(f"{SYSTEMS}/.*")):
-            leftover.unlink(missing_ok=True)  # by a worker of it that ends just now
+            leftover.unlink(missing_ok=True)  # by a worker that is just ending
         for leftover in folder.glob(f"{POINTS}/.*"):
             shutil.rmtree(leftover)
         for key in (held or set()) - wanted:
@@ -126,7 +126,7 @@ def drop_systems(folder: Path, keys: Collection[str]) -> None:
 
 
 def _begun(folder: Path) -> bool:
-    """Return whether a folder holds only what a sweep makes before sweep.json, as one does that was killed there."""
+    """Return whether a folder holds only what a sweep creates before sweep.json, as after an early interruption."""
     try:
         return all(
             path.name == LOCK_FILE

@@ -1,4 +1,4 @@
-"""Frozen record of a sweep: numbers of all its points along its axes. What reports and files of sweeps are made of."""
+"""Frozen record of a sweep: numbers of all its points along its axes, for its reports and files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,10 @@ POINT: Final = "point"
 
 @dataclass(frozen=True, eq=False)
 class SweepAxis:
-    """What varies. labels: of its values; values: (m,) as numbers in `unit`, None if one of them is none."""
+    """Axis of a sweep.
+
+    labels: of its values; values: (m,) as numbers in `unit`, None if one of them is not a number.
+    """
 
     name: str
     labels: tuple[str, ...]
@@ -25,12 +28,12 @@ class SweepAxis:
 
 @dataclass(frozen=True, eq=False)
 class SweepResult:
-    """A sweep as arrays over its axes; nan and "" where a point has no result.
+    """Sweep as arrays over its axes; nan and "" where a point has no result.
 
     quantities: by name, arrays of the shape of the axes, or with the increments as one axis more; units: of quantities,
     fields and x, y, z; status, message, key: of each point; fields: of the zone, the shape of the axes and then its
     nodes; nodes: x, y, z of these [m], (n,) or, where points differ in their zone, as the fields; notes: texts by name
-    about what made it; plotted: quantities that its study asks to see, () if it does not say.
+    about its origin; plotted: quantities that its study selects for plots, () without a selection.
     """
 
     title: str
@@ -51,7 +54,7 @@ class SweepResult:
         return tuple(len(axis.labels) for axis in self.axes)
 
     def last(self, quantity: str) -> Array:
-        """Return a quantity at the end of each point, in the shape of the axes: its last increment that is a number."""
+        """Return a quantity at the end of each point, in the shape of the axes: its last increment with a number."""
         values = self.quantities[quantity]
         if values.ndim == len(self.axes):
             return values

@@ -31,9 +31,10 @@ _UNITS: Final = {
 
 
 def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> None:
-    """Write a reduced system; matrix: its compliance (n, 5, n, 5); key: what it is known by, kept with it.
+    """Write a reduced system.
 
-    The file is whole or not there. Raises ResultError if it cannot be written.
+    matrix: its compliance (n, 5, n, 5); key: its identification, stored with it. The file is written completely or not
+    at all. Raises ResultError if it cannot be written.
     """
     arrays = {name: getattr(system, name) for name in _UNITS if name != "matrix"} | {"matrix": matrix}
     with _written(path, FORMAT, key) as file:
@@ -56,9 +57,9 @@ def read_arrays(path: Path, key: str) -> dict[str, AnyArray] | None:
 
 
 def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) -> DenseSystem | None:
-    """Return the reduced system of a file, bit for bit; None if there is no whole file of this key.
+    """Return the reduced system of a file, bit for bit; None if there is no complete file of this key.
 
-    recovery: how fields on the whole boundary are found, which no file holds.
+    recovery: returns the fields on the whole boundary, which no file holds.
     """
 
     def system(file: Any) -> DenseSystem:
@@ -70,7 +71,7 @@ def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) 
 
 
 def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Found | None:
-    """Return what is taken from a file of this kind and key; None if there is no whole one."""
+    """Return the data read from a file of this kind and key; None if there is no complete one."""
     try:
         with h5py.File(path, "r") as file:
             return take(file) if (file.attrs["format"], file.attrs["key"]) == (kind, key) else None
@@ -80,14 +81,16 @@ def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Foun
 
 @contextmanager
 def _written(path: Path, kind: str, key: str) -> Iterator[Any]:
-    """Return a file in the making."""
+    """Open a file that replaces the target when it is complete."""
     with replacing(path) as temporary, changed_file(temporary, "w") as file:
         file.attrs.update({"format": kind, "key": key})
         yield file
 
 
 def _put(file: Any, name: str, array: Any) -> Any:
-    """Return a dataset with a check sum, so that a change on the disk shows when it is read; single numbers have
-    none."""
+    """Return a new dataset; arrays have a check sum, so that a change on the disk is detected on reading.
+
+    Single numbers have none.
+    """
     checked = {"chunks": True, "fletcher32": True} if np.ndim(array) else {}
     return file.create_dataset(name, data=array, **checked)

@@ -16,15 +16,15 @@ from meeframe.results.records import Result, StepResult, Zone
 from meeframe.system.reduced import NodalFields
 
 _VTK_CELLS: Final = ("triangle", "triangle6", "quad", "quad8", "quad9")
-"""Cell types of elements that VTK has too, by meshio's names."""
+"""Cell types that VTK supports, by meshio's names."""
 _SAME_PLACE: Final = 1e-9
-"""Of the extent of the contact zone: points that differ by less are the same."""
+"""Distance below which points coincide, as a fraction of the extent of the contact zone."""
 
 
 def write_fields(folder: Path, result: Result) -> None:
     """Write fields.vtu: the boundary fields of the last finished step, SI units, global axes.
 
-    With the region and the slip of the contact zone; elsewhere the region is 0 and the slip NaN.
+    The region and the slip of the contact zone are included; elsewhere the region is 0 and the slip NaN.
 
     Raises ResultError if the result holds no boundary fields.
     """
@@ -65,9 +65,9 @@ def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> dict[str, A
 
 
 def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
-    """Return the points of the boundary on elements of the contact zone, and the nodes of the zone that they are.
+    """Return the points of the boundary on elements of the contact zone, and the corresponding nodes of the zone.
 
-    By elements: at the edge of the zone a point that is repeated there may belong to the surface outside.
+    They are matched by elements: at the edge of the zone a repeated point may belong to the surface outside.
     """
     n = len(zone.points)
     pairs = close_point_pairs(
@@ -92,7 +92,7 @@ def _rows_among(rows: Indices, others: Indices) -> NDArray[np.bool_]:
 
 
 def _cells(fields: NodalFields) -> list[tuple[str, Indices]]:
-    """Cells as VTK has them: of an element from a plugin that it does not have, the corners."""
+    """Return cells as in VTK; an element from a plugin that VTK lacks is represented by its corners."""
     outlines = zip(fields.cells, corners(fields.cells), strict=True)
     return [
         (name, nodes) if name in _VTK_CELLS else ("triangle" if name.startswith("triangle") else "quad", outline)

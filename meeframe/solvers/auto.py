@@ -1,4 +1,4 @@
-"""The solver that needs no choice: the fastest that takes the problem first, others where that does not get on."""
+"""Solver that needs no choice: the fastest one that accepts the problem first, others where it stops progressing."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, final
@@ -17,13 +17,17 @@ from meeframe.solvers.newton.method import SemismoothNewton, estimated_residual
 from meeframe.system.capabilities import EdgeResolution
 
 FALL: Final = 0.9
-"""Progress is a residual below this fraction of the smallest so far."""
+"""Factor relative to the smallest residual so far below which a residual counts as progress."""
 
 
 @dataclass(frozen=True)
 class _Stage:
-    """steps: of the solver in one step of `auto`; patience: steps of `auto` without progress after which the next stage
-    takes over; grazing: whether it goes on with nodes that graze, or that does."""
+    """Stage of `auto` with one solver.
+
+    steps: number of the solver's steps in one step of `auto`; stall_window: number of steps of `auto` without progress
+    after which the next stage takes over; grazing: whether the stage continues with biactive nodes, which otherwise end
+    it.
+    """
 
     solver: Solver
     steps: int
@@ -32,11 +36,16 @@ class _Stage:
 
 
 FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, grazing=False)
-"""Before the others where it takes the problem and there is no matrix to factorise. It finds pressures and the closed
-fractions of nodes that graze in turns, Newton's method together."""
+"""First stage where it accepts the problem and there is no matrix to factorise.
+
+It determines pressures and the closed fractions of biactive nodes alternately, Newton's method together.
+"""
 CONDUCTING: Final = (_Stage(SemismoothNewton(), 1, 10), _Stage(ProjectedCG(), 1, 15))
-"""In its place if anything conducts; not where edges are resolved: of several solutions, where conduction draws nodes
-into contact, that of conjugate gradients has been the nearer one to closed forms."""
+"""First stages if anything conducts, unless contact edges are resolved.
+
+Where conduction draws nodes into contact several solutions exist; that of conjugate gradients has been the nearer one
+to closed forms.
+"""
 STAGES: Final = (
     _Stage(SemismoothNewton(), 1, 25),
     _Stage(Nesterov(), 25, 60),
@@ -49,8 +58,8 @@ STAGES: Final = (
 class _Memory:
     """State between steps.
 
-    stages: in force and to come; inner: iterate of the solver in force; residual, best: smallest residual so far and
-    its iterate; idle: steps since; scales: of the problem; tolerance: residual that is asked for.
+    stages: the current one and those to come; inner: iterate of the current solver; residual, best: smallest residual
+    so far and its iterate; idle: steps since; scales: of the problem; tolerance: required residual.
     """
 
     stages: tuple[_Stage, ...]
@@ -65,13 +74,15 @@ class _Memory:
 @final
 @dataclass(frozen=True)
 class Auto(Solver):
-    """Semismooth Newton; if it makes no progress, gradient iterations from its best state: Nesterov's, which is the
-    hardest to upset where friction is strong, then projected Barzilai-Borwein steps, then Uzawa's. Without friction and
-    matrix, projected conjugate gradients come before them, until nodes graze; if anything conducts and edges are not
-    resolved, Newton's method and then these, whatever grazes.
+    """Sequence of solvers that starts with semismooth Newton and continues with gradient iterations.
 
-    Progress is judged by what the solver in force estimates of the residual, or else by the residual of the laws, as
-    the driver judges it. A step is one of Newton's method or of conjugate gradients, or 25 of a gradient iteration.
+    If Newton's method makes no progress, gradient iterations follow from its best state: Nesterov's, the most robust
+    one under strong friction, then projected Barzilai-Borwein steps, then Uzawa's. Without friction and matrix,
+    projected conjugate gradients come before them, until nodes are biactive; if anything conducts and contact edges are
+    not resolved, Newton's method and then conjugate gradients come first, with or without biactive nodes.
+
+    Progress is measured by the residual as estimated by the current solver, or else by the independent residual of the
+    laws, as in the driver. A step is one of Newton's method or of conjugate gradients, or 25 of a gradient iteration.
     """
 
     stall_window: ClassVar[int] = 240
@@ -114,7 +125,7 @@ def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
 
 
 def _resolves_edges(problem: ContactProblem) -> bool:
-    """Return whether contact edges lie between nodes, or will once the problem has been solved (edge_resolution)."""
+    """Return whether contact edges lie between nodes, or will after a first solution (edge_resolution)."""
     return problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None
 
 

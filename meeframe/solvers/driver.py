@@ -43,7 +43,7 @@ def solve(
     """
     keep_freed_memory()
     criteria = criteria or StoppingCriteria()
-    # one thread: products of contact size are too small to share, and waiting for each other costs far more
+    # one thread: products of contact size are too small to share, and synchronisation costs far more
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore", category=LinAlgWarning), ONE_BLAS_THREAD:
         monitor = ConvergenceMonitor(problem, solver, criteria)
         iterate = solver.init(problem, start, criteria.tolerance if criteria.by_residual else 0.0)

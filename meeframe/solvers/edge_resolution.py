@@ -1,4 +1,4 @@
-"""Contact whose edge lies between the nodes: solved with the edge along nodes, then once more with it where it is."""
+"""Resolution of contact edges between nodes: one solution with the edge along nodes, then one with its position."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,10 +23,11 @@ def solve_to_edges(
     progress: Progress = silent,
     rim: Callable[[], IndenterEdge | None] = lambda: None,
 ) -> tuple[ContactSolution, ContactProblem]:
-    """As `solve`; where the system resolves edges and a load is singular there, the solution with the edge between the
-    nodes, and the problem that it is the solution of.
+    """Solve a problem, then once more with the contact edge between nodes if the system resolves edges.
 
-    rim: gives where the indenter ends. A first solution that did not converge is handed over as it is.
+    Returns the solution and the problem that it solves. The second solution is computed where a load is singular at the
+    edge. The other arguments are those of `solve`; rim: returns the edge of the indenter. A first solution that did not
+    converge is returned as it is.
     """
     solution = solve(problem, solver, limits, start, progress)
     if solution.status is not Status.CONVERGED:
@@ -40,11 +41,11 @@ def solve_to_edges(
 def resolved(
     problem: ContactProblem, state: ContactState, rim: Callable[[], IndenterEdge | None] = lambda: None
 ) -> ContactProblem | None:
-    """The problem with the edge of the contact as a state of it has it; None if its system does not resolve edges.
+    """Return the problem with the contact edge of a state; None if its system does not resolve edges.
 
-    Nor is there anything to resolve where no load is singular at the edge: smooth indenters, and laws that conduct
-    nothing without pressure; nor, if nobody knows where the indenter ends, where the contact ends with it.
-    rim: gives where the indenter ends; asked for only if the system resolves edges.
+    None is also returned where no load is singular at the edge: for smooth indenters with laws that conduct nothing
+    without pressure; and where the contact ends with the indenter, but the edge of the indenter is unknown.
+    rim: returns the edge of the indenter; called only if the system resolves edges.
     """
     pressure = np.maximum(-state.load[:, 2], 0.0)
     resolution = problem.system.capability(EdgeResolution)
@@ -52,7 +53,7 @@ def resolved(
         return None
     smooth, end = resolution.edge_correction(pressure), rim()
     edges = smooth if end is None else resolution.edge_correction(pressure, end)
-    # a rim counts if it changes the edge: one somewhere in the zone, which the contact does not reach, is none
+    # the indenter's edge counts only if it changes the contact edge: the contact may not reach it
     ends = end is not None and not np.array_equal(edges.extra_compliance, smooth.extra_compliance)
     if not (ends or _charged_edge(problem)):
         return None
@@ -68,7 +69,7 @@ def resolved(
 
 
 def _charged_edge(problem: ContactProblem) -> bool:
-    """Whether a law conducts where the pressure fades."""
+    """Return whether a law conducts in the limit of vanishing pressure."""
     least = np.array([TOUCHING])
     return any(
         channel.conducts and not channel.law.across_gap and bool((contact_conductivity(channel.law, least) > 0.0).any())

@@ -1,40 +1,42 @@
-"""Krylov iteration for the linear equations that solvers meet without a matrix."""
+"""Krylov iteration for the linear equations of solvers without a matrix."""
 
 from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # its submodules are imported where they are used
 
 from meeframe.fields import Array
 
 Linear = Callable[[Array], Array]
-"""A linear map from (k,) to (k,)."""
+"""Type of linear maps from (k,) to (k,)."""
 RESTART: Final = 60
 LEAST_FALL: Final = 0.9
-"""A cycle that leaves more of the residual is the last one."""
+"""Reduction factor of the residual above which a cycle is the last one."""
 BREAKDOWN: Final = 50.0
-"""What is left of a product beside the directions before it is none below so many times the round-off of it."""
+"""Multiple of a product's round-off below which its part orthogonal to earlier directions counts as zero."""
 
 CANCELLED: Final = 0.1
-"""A product of which less is left beside the directions before it is made orthogonal to them once more: what is left is
-then not so to the last digit."""
+"""Remaining part of a product below which its orthogonalisation is repeated for the sake of round-off."""
 
 
 def gmres(
     multiply: Linear, precondition: Linear, right: Array, tolerance: float, most: int = 400
 ) -> tuple[Array, float]:
-    """x, (k,), with |right - multiply(x)| <= tolerance |right| (k,), or as near to it as so many products come; and
-    that norm, as the iteration has it: round-off apart. Zero where the right-hand side is not finite.
+    """Return an approximate solution x (k,) of multiply(x) = right, and the norm of its residual.
+
+    The solution satisfies |right - multiply(x)| <= tolerance |right|, or comes as near to it as `most` products allow;
+    the norm is that of the iteration, exact up to round-off. The solution is zero where the right-hand side is not
+    finite.
 
     Flexible restarted GMRES, preconditioned from the right: the norm is that of the residual itself, and the
-    preconditioner need not be linear to the last digit, so that it may be of single precision.
+    preconditioner need only be approximately linear, so that it may use single precision.
     Source: Saad, SIAM J. Sci. Comput. 14 (1993) 461.
     """
     unit = float(np.abs(right).max(initial=0.0))
     if not 0.0 < unit < np.inf:
         return np.zeros_like(right), unit
-    right = right / unit  # whose squares are numbers in single precision too
+    right = right / unit  # its squares then stay within the range of single precision
     solution, residual = np.zeros_like(right), right
     size = float(np.linalg.norm(residual))
     goal = tolerance * size
@@ -46,15 +48,18 @@ def gmres(
             return unit * solution, unit * left
         residual = right - multiply(solution)
         before, size = size, float(np.linalg.norm(residual))
-        if not size < LEAST_FALL * before:  # round-off: what was left by the equations of the cycle is not there
+        if not size < LEAST_FALL * before:  # round-off: the reduction predicted by the cycle is not attained
             break
     return unit * solution, unit * size
 
 
 def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float, most: int) -> tuple[Array, float, int]:
-    """Change (k,) that leaves least of the residual (k,) over at most so many directions; what it leaves; products."""
+    """Return the change (k,) that minimises the residual (k,) over up to `most` directions.
+
+    Also returned are the norm of the remaining residual and the number of products.
+    """
     size = float(np.linalg.norm(residual))
-    # vectors by themselves: memory of all at once would be the operating system's each time, and fresh
+    # separate vectors: the memory of all together would be newly allocated by the operating system each time
     basis, directions = [residual / size], list[Array]()
     hessenberg = np.zeros((most + 1, most))
     weights, left = np.zeros(0), size

@@ -1,4 +1,4 @@
-"""Convergence monitor: what the driver records of an iteration and concludes from it."""
+"""Convergence monitor: the driver's record of an iteration and the conclusions from it."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,11 +1,11 @@
-"""The potentials eliminated at contact size: system (30) as a relation between tractions and displacements alone.
+"""Elimination of the potentials at contact size: system (30) between tractions and displacements alone.
 
 On the set A of (node, potential) pairs that conduct, flux density f and potential obey, with resistance R = 1/kappa,
     (C_AA + R) f = -(potential_o + offset)_A - C_Am p;
 the displacement is then offset_m + C_mm p + C_mA f. A perfect conductor is R = 0 exactly; insulated pairs are not in A.
 C_AA has a positive-definite symmetric part, so that the system is regular for any R >= 0.
 
-Potentials of the indenter that follow from prescribed totals are unknowns besides
+Potentials of the indenter that follow from prescribed totals are additional unknowns
 (meeframe.solvers.conduction.floating).
 """
 
@@ -22,7 +22,7 @@ from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.solvers.conduction.floating import Floating
 
 EXACT: Final = 1e-13
-"""What iterations leave of the equations, if nobody asks for less."""
+"""Default relative tolerance of iterations for the flux equations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +36,10 @@ class Response:
 
 @dataclass(frozen=True, eq=False)
 class Conductors:
-    """The contact with given resistances, prepared for repeated responses.
+    """Contact with given resistances, prepared for repeated responses.
 
-    resistance: (n, channels) 1/kappa, inf where insulated; floating: see there; parts: what else the elimination that
-    made it wants to find again.
+    resistance: (n, channels) 1/kappa, inf where insulated; floating: see there; parts: further data that the
+    elimination stores for later use.
     """
 
     resistance: Array
@@ -47,7 +47,7 @@ class Conductors:
     parts: Any
 
     def fixed(self, flux: Array, potential: Array) -> Array:
-        """Flux (n, channels) less what potentials (j,) of the floating conductors add to it."""
+        """Return the flux (n, channels) less the contribution of potentials (j,) of the floating conductors."""
         if potential.size == 0:
             return flux
         return flux - filled(np.isfinite(self.resistance), self.floating.flux @ potential)
@@ -61,20 +61,20 @@ class Elimination(ABC):
 
     @abstractmethod
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
-        """Conductors of the resistances (n, channels); those of `previous` are used again as far as they fit."""
+        """Return conductors of the resistances (n, channels), with the data of `previous` as far as applicable."""
 
     @abstractmethod
     def respond(
         self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
     ) -> Response:
-        """Response to tractions (n, 3) alone; guess: (n, channels), a flux near the answer, as of Conductors.fixed.
+        """Return the response to tractions (n, 3) alone.
 
-        rest: part of the guess's error that may be left: iterations whose guesses get better need no more; enough: as
-        much potential may be left, as part of the displacement with the guess where something conducts, both in roots
-        of the nodes' own responses.
-        Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above. Of
-        those in single precision the response need be no more precise.
-        Displacements that no contact condition asks for may be left zero.
+        guess: (n, channels), a flux near the answer, as of Conductors.fixed; rest: part of the guess's error that may
+        be left: iterations whose guesses improve need no more; enough: allowed error of the potential, relative to the
+        displacement with the guess where something conducts, both in roots of the nodes' own responses.
+        Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above. With
+        tractions in single precision the response may be in single precision.
+        Displacements that no contact condition needs may be left zero.
         """
 
     @abstractmethod
@@ -87,10 +87,11 @@ class Elimination(ABC):
         rest: float = 0.0,
         enough: float = 0.0,
     ) -> Response:
-        """As `respond`, but all of it: due to the offset, the indenter's potentials and prescribed totals, too.
+        """Return the total response, including offset, potentials of the indenter and prescribed totals.
 
-        flux: (n, channels), potential: (j,) of the floating conductors, near those to be found; enough: as much
-        potential may be left, divided by roots of the nodes' own responses: its norm.
+        The arguments are those of `respond`, except flux: (n, channels), potential: (j,) of the floating conductors,
+        near those to be found; enough: allowed norm of the error of the potential, divided by roots of the nodes' own
+        responses.
         """
 
 
@@ -109,21 +110,24 @@ class _Blocks:
 
 @dataclass(frozen=True, eq=False)
 class _Factor:
-    """The factorised flux equations. scale: (a,) roots of the Jacobi scaling, which rids the equations of units."""
+    """Factorised flux equations.
+
+    scale: (a,) roots of the Jacobi scaling, which makes the equations independent of units.
+    """
 
     blocks: _Blocks
     scale: Array
     lu: tuple[Array, Array]
 
     def solve(self, difference: Array) -> Array:
-        """Flux densities (a,) that raise (-phi, -psi) by the differences (a,)."""
+        """Return the flux densities (a,) that raise (-phi, -psi) by the differences (a,)."""
         flux: Array = self.scale * lu_solve(self.lu, self.scale * difference, check_finite=False)
         return flux
 
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """The factorised equations, None if nothing conducts; alone: the state without tractions."""
+    """Factorised equations, None if nothing conducts; alone: the state without tractions."""
 
     factor: _Factor | None
     alone: Response
@@ -143,7 +147,10 @@ class DenseElimination(Elimination):
     mechanical: Array
 
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
-        """See Elimination. The factorisation is kept while the resistances stay, its blocks while the set stays."""
+        """Return the conductors of resistances (n, channels).
+
+        The factorisation is reused while the resistances stay, its blocks while the set of conducting pairs stays.
+        """
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
         factor = self._factor(resistance, None if previous is None else previous.parts.factor)
@@ -163,7 +170,7 @@ class DenseElimination(Elimination):
     def respond(
         self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
     ) -> Response:
-        """See Elimination. The guess is not used."""
+        """Return the response to tractions, as in Elimination; the guess is not used."""
         factor: _Factor | None = conductors.parts.factor
         potential = np.zeros(0)
         load, flux, moved = np.zeros((3, *self.problem.system.offset.shape))
@@ -187,7 +194,7 @@ class DenseElimination(Elimination):
         rest: float = 0.0,
         enough: float = 0.0,
     ) -> Response:
-        """See Elimination. Nothing needs to be near."""
+        """Return the total response, as in Elimination; the initial guesses are not used."""
         found, alone = self.respond(traction, conductors, flux), conductors.parts.alone
         displacement, potential = found.displacement + alone.displacement, found.potential + alone.potential
         return Response(found.flux + alone.flux, displacement, potential)
@@ -214,13 +221,13 @@ class DenseElimination(Elimination):
 
 
 def filled(conducts: Mask, flux: Array) -> Array:
-    """Flux (n, channels) of the pairs (n, channels) that conduct (a of them), zero elsewhere."""
+    """Return the flux (n, channels) of the pairs (n, channels) that conduct (a of them), zero elsewhere."""
     filled = np.zeros(conducts.shape)
     filled[conducts] = flux
     return filled
 
 
 def difference(problem: ContactProblem) -> Array:
-    """Rise of (-phi, -psi), (n, channels), that brings the unloaded surface to the indenter's potentials."""
+    """Return the rise of (-phi, -psi), (n, channels), that brings the unloaded surface to the indenter's potentials."""
     difference: Array = -problem.potentials - problem.system.offset[:, POTENTIALS]
     return difference

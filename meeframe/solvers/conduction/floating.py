@@ -1,9 +1,9 @@
-"""Floating conductors: potentials of the indenter that are not given, but the total fluxes.
+"""Floating conductors: potentials of the indenter that follow from prescribed total fluxes.
 
 With the potentials v of the floating conductors the flux equations on the conducting (node, potential) pairs A become
     (C_AA + R) f = difference + mode_A v,   measure_A : f = total.
 The v are eliminated by the capacitance measure_A : (C_AA + R)^-1 mode_A, which has as many rows as there are of them.
-Where nothing conducts, or nothing that touches them, the potentials are not determined and stay what they were.
+Where nothing conducts, or nothing in contact with them, the potentials are not determined and stay unchanged.
 """
 
 from collections.abc import Callable
@@ -19,10 +19,10 @@ from meeframe.fields import POTENTIALS, Array, Indices
 
 @dataclass(frozen=True, eq=False)
 class Floating:
-    """The potentials of the indenter that prescribed total fluxes determine.
+    """Potentials of the indenter that prescribed total fluxes determine.
 
-    numbers: (j,) among the problem's freedoms; totals: (j,) SI units; flux: (a, j) densities on the conducting pairs
-    due to unit potentials; measure: (j, a); elastance: (j, j) potentials due to unit totals.
+    numbers: (j,) among the problem's prescribed resultants; totals: (j,) SI units; flux: (a, j) densities on the
+    conducting pairs due to unit potentials; measure: (j, a); elastance: (j, j) potentials due to unit totals.
     """
 
     numbers: Indices
@@ -33,9 +33,9 @@ class Floating:
 
     @classmethod
     def of(cls, problem: ContactProblem, conducts: Mask, solve: Callable[[Array], Array]) -> "Floating":
-        """Return those on the pairs (n, channels) that conduct.
+        """Return the floating conductors on the pairs (n, channels) that conduct.
 
-        solve: gives flux densities (a,) that raise the negated potentials by differences (a,).
+        solve: returns flux densities (a,) that raise the negated potentials by differences (a,).
         """
         modes = {i: problem.prescribed_resultants[i].mode[:, POTENTIALS][conducts] for i in potentials(problem)}
         numbers = np.array([i for i, mode in modes.items() if mode.any()], int)
@@ -52,7 +52,10 @@ class Floating:
         return cls(numbers, np.array([freedom.total for freedom in prescribed_resultants]), flux, measure, elastance)
 
     def balance(self, flux: Array, totals: Array | float) -> tuple[Array, Array]:
-        """Flux densities (a,) with the totals (j,), from those (a,) without a potential, and the potentials (j,)."""
+        """Return flux densities (a,) with the totals (j,), and the potentials (j,).
+
+        flux: densities (a,) without a potential.
+        """
         if self.numbers.size == 0:
             return flux, np.zeros(0)
         potential = self.elastance @ (totals - self.measure @ flux)

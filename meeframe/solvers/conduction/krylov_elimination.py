@@ -1,4 +1,4 @@
-"""The potentials eliminated by iteration, for compliances without a matrix; and the choice between both ways."""
+"""Elimination of the potentials by iteration, for compliances without a matrix; and the choice of a method."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,38 +16,41 @@ from meeframe.system.capabilities import ApproximateInverse, Restriction, apply_
 from meeframe.system.reduced import ReducedSystem
 
 ROUGH: Final = 1e-3
-"""To which part single precision takes down what is left of the equations at once."""
+"""Factor by which one solution in single precision reduces the residual of the equations."""
 SINGLE: Final = 1e-5
-"""Its round-off in what a change of fluxes moves does not show where a larger part of the change may be left."""
+"""Allowed relative error of the change above which round-off of single precision in its effect does not matter."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """Of pairs (a of them) of nodes and k fields. numbers: (a,) among `shape`, (k, n), one field after another."""
+    """Positions of pairs (a of them) of nodes and k fields.
+
+    numbers: (a,) among `shape`, (k, n), one field after another.
+    """
 
     numbers: Indices
     shape: tuple[int, int]
 
     def spread(self, flux: Array) -> Array:
-        """Of the pairs (a,): (n, k), stored one field after another."""
+        """Return the flux of the pairs (a,) as (k, n), stored one field after another."""
         block = np.zeros(self.shape, flux.dtype)
         block.reshape(-1)[self.numbers] = flux
         return block.T
 
     def taken(self, values: Array) -> Array:
-        """Of (k, n): those of the pairs (a,)."""
+        """Return the values of the pairs (a,) among those of all nodes, (k, n)."""
         taken: Array = values.reshape(-1)[self.numbers]
         return taken
 
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """(C + R) flux = difference on the (node, potential) pairs that conduct (a of them), both sides divided by `size`.
+    """Equations (C + R) flux = difference on the (node, potential) pairs that conduct (a of them).
 
-    system: the part of the body's that holds the pairs, if it has one; fields: those that conduct; conducting: (n,
-    channels) the pairs; nodes: those of the pairs; places, inner: of the pairs in the zone and in that part; own: (a,)
-    response to their own flux; resistance: (a,); size: (a,) roots of the sums of both; inverse: the body's approximate
-    one, None if it has none.
+    Both sides are divided by `size`. system: the part of the body's that contains the pairs, if it has one; fields:
+    those that conduct; conducting: (n, channels) the pairs; nodes: those of the pairs; places, inner: positions of the
+    pairs in the zone and in that part; own: (a,) response to their own flux; resistance: (a,); size: (a,) roots of the
+    sums of both; inverse: the body's approximate one, None if it has none.
     """
 
     system: ReducedSystem
@@ -70,7 +73,7 @@ class _Equations:
         own: Array,
         inverse: Callable[[Array], Array] | None,
     ) -> "_Equations":
-        """Of resistances and own responses (n, channels)."""
+        """Return the equations of resistances and own responses (n, channels)."""
         conducting = np.isfinite(resistance)
         at, potentials = np.nonzero(conducting)
         chosen, n = np.searchsorted(fields, potentials + N_MECHANICAL), len(own)
@@ -87,13 +90,13 @@ class _Equations:
         return cls(system, fields, conducting, nodes, places, inner, own, resistance, size, inverse)
 
     def left(self, moved: Array, flux: Array) -> Array:
-        """What a displacement (k, n) that is not to be there leaves of the equations (a,), with the flux (a,)."""
+        """Return the residual (a,) of the equations with the flux (a,), for a displacement (k, n) to be eliminated."""
         return -(self.places.taken(moved) + self.resistance * flux) / self.size
 
     def solve(self, left: Array, goal: float) -> Array:
-        """Flux (a,) that takes what is left (a,) down to a norm.
+        """Return the flux (a,) that reduces a residual (a,) to a norm.
 
-        By corrections in single precision; in double precision if these do not get anywhere.
+        It is found by corrections in single precision; in double precision if these stagnate.
         """
         found = np.zeros_like(left)
         while (norm := float(np.linalg.norm(left))) > goal:
@@ -115,8 +118,10 @@ class _Equations:
         return product
 
     def _precondition(self, scaled: Array) -> Array:
-        """Where a pair conducts well, which is where its own response exceeds its resistance, by the approximate
-        inverse; elsewhere the sum of the two does."""
+        """Apply the approximate inverse to well-conducting pairs, and the diagonal to the others.
+
+        A pair conducts well where its own response exceeds its resistance.
+        """
         well = self.own > self.resistance
         if self.inverse is None or not well.any():
             return scaled
@@ -130,10 +135,10 @@ class _Equations:
 class KrylovElimination(Elimination):
     """Elimination by GMRES, for compliances without a matrix.
 
-    mechanical: the fields, of 0 to 2, in which the law asks for tractions; conducting: those that the laws
-    conduct; own: (n, channels) response of each node's potentials to their own flux; root: (n, m) roots of that of the
-    mechanical fields; inverse: the system's approximate one in the conducting fields, (n, k) of (n, k), None if it has
-    none or nothing conducts. Products are of these fields alone, which are stored one after another.
+    mechanical: the fields, of 0 to 2, in which the law needs tractions; conducting: those that the laws conduct; own:
+    (n, channels) response of each node's potentials to their own flux; root: (n, m) roots of that of the mechanical
+    fields; inverse: the system's approximate one in the conducting fields, (n, k) of (n, k), None if it has none or
+    nothing conducts. Products involve these fields alone, which are stored one after another.
     """
 
     mechanical: list[int]
@@ -144,7 +149,7 @@ class KrylovElimination(Elimination):
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "KrylovElimination":
-        """Of a problem."""
+        """Return the elimination of a problem."""
         conducting = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.conducts]
         approximate = problem.system.capability(ApproximateInverse) if conducting else None
         inverse = None if approximate is None else approximate.approximate_inverse(conducting)
@@ -153,7 +158,7 @@ class KrylovElimination(Elimination):
         return cls(problem, mechanical, conducting, own[:, POTENTIALS], np.sqrt(own[:, mechanical]), inverse)
 
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
-        """See Elimination."""
+        """Return the conductors of resistances (n, channels), as in Elimination."""
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
         equations = _Equations.of(self.problem.system, self.conducting, resistance, self.own, self.inverse)
@@ -167,7 +172,7 @@ class KrylovElimination(Elimination):
     def respond(
         self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
     ) -> Response:
-        """See Elimination. In the precision of the tractions."""
+        """Return the response to tractions, as in Elimination, in the precision of the tractions."""
         equations: _Equations = conductors.parts
         start = guess[equations.conducting]
         moved = self._moved(traction, start, equations)
@@ -184,13 +189,16 @@ class KrylovElimination(Elimination):
         rest: float = 0.0,
         enough: float = 0.0,
     ) -> Response:
-        """See Elimination. What the fluxes change is found in single precision where as much of it may be left."""
+        """Return the total response, as in Elimination.
+
+        The effect of the fluxes is computed in single precision where its error is allowed.
+        """
         equations: _Equations = conductors.parts
         start = conductors.fixed(flux, potential)[equations.conducting]
         unloaded = self.problem.system.offset.T[self.mechanical + self.conducting]
         potentials = unloaded[len(self.mechanical) :]
         potentials += self.problem.potentials.T[[field - N_MECHANICAL for field in self.conducting]]
-        # what potentials are made of, not displacements: these may be anything beside them where nothing couples both
+        # the part of potentials, not of displacements: their ratio is arbitrary where nothing couples them
         terms = np.hypot(
             np.linalg.norm(start * equations.size), np.linalg.norm(equations.places.taken(potentials) / equations.size)
         )
@@ -207,10 +215,11 @@ class KrylovElimination(Elimination):
         totals: Array | float,
         precision: np.dtype[Any] | None = None,
     ) -> Response:
-        """Response with prescribed totals (j,), from what tractions and fluxes (a,) to start with move, (m + k, n).
+        """Return the response with prescribed totals (j,).
 
-        enough: what may be left of the equations, as part of what the start leaves of them, and by itself; precision:
-        of what the change of the fluxes moves, if not given single where more than its round-off is left by itself.
+        start, moved: fluxes (a,) to start with, and the displacement (m + k, n) of tractions and these fluxes; enough:
+        allowed residual of the equations, relative to that of the start, and absolute; precision: of the effect of the
+        change of the fluxes, by default single where more than its round-off is allowed in the absolute residual.
         """
         equations: _Equations = conductors.parts
         count = len(self.mechanical)
@@ -228,7 +237,7 @@ class KrylovElimination(Elimination):
         return Response(filled(equations.conducting, balanced), displacement, potential)
 
     def _moved(self, traction: Array, flux: Array, equations: _Equations) -> Array:
-        """Displacement of tractions (n, 3) and fluxes (a,), (m + k, n), in the precision of the former."""
+        """Return the displacement of tractions (n, 3) and fluxes (a,), (m + k, n), in the precision of the former."""
         fields = self.mechanical + self.conducting
         load = {field: traction[:, field] for field in self.mechanical}
         if flux.any():
@@ -237,7 +246,7 @@ class KrylovElimination(Elimination):
 
 
 def eliminate(problem: ContactProblem) -> Elimination:
-    """By factorisation if the compliance is held as a matrix, otherwise by Krylov iteration."""
+    """Return a factorisation if the compliance is held as a matrix, otherwise a Krylov iteration."""
     matrix = problem.system.dense()
     if matrix is None:
         return KrylovElimination.of(problem)

@@ -1,4 +1,4 @@
-"""Transmissivity of a contact's conduction at contact size, and how it changes with pressure, gap and drop.
+"""Transmissivity of a contact's conduction at contact size, and its derivatives by pressure, gap and drop.
 
 T = own / (own + R), with the resistance R of a node and the response `own` of its potentials to their own flux: from 0,
 insulated, to 1, a perfect conductor.
@@ -17,51 +17,59 @@ from meeframe.fields import POTENTIALS, Array
 from meeframe.laws.base import contact_conductivity
 
 WIDTH: Final = 6e-6
-"""Of differences on a logarithmic scale of pressure."""
+"""Width of differences on a logarithmic scale of pressure."""
 LOWEST: Final = 1e-9
 """Fraction of the characteristic pressure below which the slope of a conductivity is not resolved."""
 NEAREST: Final = 1e-4
-"""Fraction of the characteristic gap and drop below which widths of differences do not fall: round-off."""
+"""Least widths of differences, as a fraction of the characteristic gap and drop; bounded by round-off."""
 
 
 @dataclass(frozen=True, eq=False)
 class Transmissivity:
-    """Of the contact of a problem. scales: of its data; own: (n, channels)."""
+    """Conduction transmissivity at each contact node.
+
+    scales: of the problem's data; own: (n, channels), response of each node's potentials to their own flux.
+    """
 
     problem: ContactProblem
     scales: Scales
     own: Array
 
     def __call__(self, pressing: Array, ahead: Array, contact_fraction: float) -> Array:
-        """T, (n, channels), at contact tractions (n,) and (n, fields) ahead if all nodes have one closed fraction."""
+        """Return T, (n, channels), at contact tractions (n,) and relative positions (n, fields).
+
+        All nodes have one closed fraction.
+        """
         fraction = np.full_like(pressing, contact_fraction)
         across = ahead if follows_gap(self.problem) else None
         return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, across)))
 
     def unloaded(self, ahead: Array, flux: Array) -> Array:
-        """The indenter ahead of the body (n, fields) as if no node had its own flux (n, channels), if a law asks how
-        far it is."""
+        """Return the indenter's position relative to the body (n, fields) without the nodes' own fluxes (n, channels).
+
+        The fluxes are removed only if a law depends on the gap or the drop.
+        """
         return unloaded(ahead, flux, self.own) if follows_gap(self.problem) else ahead
 
     def open(self, pressing: Array, ahead: Array) -> Array:
-        """T, (n, channels), if all contacts are open: the same at all states, most often."""
+        """Return T, (n, channels), with all contacts open, which usually is the same in all states."""
         return self(pressing, ahead, 0.0) if self._open is None else self._open
 
     @cached_property
     def _open(self) -> Array | None:
-        """That of open contacts, (n, channels); None if it depends on the state."""
+        """Transmissivity of open contacts, (n, channels); None if it depends on the state."""
         if follows_gap(self.problem) or self.problem.area_fraction is not None:
             return None
         nothing = np.zeros((len(self.own), self.problem.fields.size))
         return self(nothing[:, 2], nothing, 0.0)
 
     def slope(self, pressing: Array, answered: Array, ahead: Array) -> Array:
-        """dT/dp_nu of closed contacts, (n, channels) [1/Pa]: the conductivity's derivative, by central differences.
+        """Return dT/dp_nu of closed contacts, (n, channels) [1/Pa], by central differences of the conductivity.
 
-        pressing: tractions (n,) of the contact; answered: (n,) those that the law makes of them. Where there is no
-        pressure yet power laws are steepest: there it is the slope at what is answered, if that is the smaller one and
-        there is no matrix. With one the gradient steps to which the steepest slopes lead are cheap, and where a coarse
-        contact has several solutions they find the one with most of it.
+        pressing: tractions (n,) of the contact; answered: (n,) those that the law returns for them. Power laws are
+        steepest without pressure: there the slope at `answered` is used, if it is the smaller one and there is no
+        matrix. With a matrix the gradient steps to which the steepest slopes lead are cheap, and where a coarse contact
+        has several solutions they find the one with the largest contact.
         """
         least = -LOWEST * self.scales.pressure
         slope = self._slope(np.minimum(pressing, least), ahead)
@@ -72,7 +80,7 @@ class Transmissivity:
 
     def _slope(self, here: Array, ahead: Array) -> Array:
         above, below = here * (1.0 + WIDTH), here * (1.0 - WIDTH)
-        if not follows_gap(self.problem):  # most laws are steps, without a slope: that costs less to be seen
+        if not follows_gap(self.problem):  # most laws are steps, without a slope: this test is cheaper
             laws = [channel.law for channel in self.problem.channels]
             kappas = ((contact_conductivity(law, above), contact_conductivity(law, below)) for law in laws)
             if all(np.array_equal(more, less) for more, less in kappas):
@@ -81,10 +89,10 @@ class Transmissivity:
         return np.asarray((more - less) / (2.0 * WIDTH * here)[:, None])
 
     def across(self, pressing: Array, ahead: Array, contact_fraction: Array) -> tuple[Array, Array]:
-        """dT/dgap [1/m] and dT/ddrop [1/V], [1/A] of closed fractions (n,), (n, channels) each, by central differences.
+        """Return dT/dgap [1/m] and dT/ddrop [1/V], [1/A], (n, channels) each, by central differences.
 
-        For conductivities that follow the gap or the drop. Widths are fractions of the gap and the drop themselves: a
-        breakdown happens within a small fraction of a drop that may be far below the others.
+        contact_fraction: (n,). For conductivities that depend on the gap or the drop. Widths are fractions of the gap
+        and the drop themselves: a breakdown happens within a small fraction of a drop that may be far below the others.
         """
         by_gap, by_drop = np.zeros((2, *self.own.shape))
 

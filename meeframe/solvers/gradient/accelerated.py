@@ -1,11 +1,11 @@
 """Uzawa's method accelerated: projected Barzilai-Borwein steps and restarted Nesterov extrapolation.
 
 Both are gradient steps on the gap with the potentials eliminated, projected by the contact law, as in Uzawa's method,
-at one product with the compliance a step. They have nothing to choose: lengths follow from the tractions and gaps that
-they meet, and from the largest eigenvalue of the compliance where there is contact.
+at one product with the compliance per step. They have no parameters: step lengths follow from the tractions and gaps
+encountered, and from the largest eigenvalue of the compliance where there is contact.
 
-Friction is no gradient of anything, so that neither need descend. Both watch the violation of the contact law; where it
-rises beyond what it was over a window of steps, plain steps of Uzawa's method follow, shorter each time.
+Friction does not derive from a potential, so that neither need descend. Both monitor the violation of the contact law;
+where it rises beyond its level over a window of steps, plain steps of Uzawa's method follow, shorter each time.
 """
 
 from dataclasses import dataclass, replace
@@ -21,27 +21,27 @@ from meeframe.solvers.gradient.spectrum import Spectrum
 from meeframe.solvers.gradient.steps import Conduction, Ground, Slope, start_load, traction_of
 
 PLAIN_STEP: Final = 1.6
-"""A plain step times the largest eigenvalue; the limit of stability is 2."""
+"""Plain step times the largest eigenvalue; the limit of stability is 2."""
 WINDOW: Final = 12
 RISE: Final = 2.0
-"""The violation may rise to so many times its largest value over the window."""
+"""Largest allowed growth of the violation over its largest value in the window."""
 CAUTION: Final = 12
-"""So many plain steps follow when it rose further."""
+"""Number of plain steps after a larger growth."""
 IDLE: Final = 200
-"""As many, and three times as many each further time, follow when it has not fallen for so many steps."""
+"""Number of steps without a decrease of the violation after which plain steps follow, three times as many each time."""
 SHORTENING: Final = 0.8
 SHORTEST: Final = 0.1
 STEP_LIMITS: Final = (0.2, 1e3)
-"""Of Barzilai-Borwein steps, in units of the plain one: they are the inverse of some mean eigenvalue."""
+"""Limits of Barzilai-Borwein steps in units of the plain one; each is the inverse of some mean eigenvalue."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Guard:
-    """Watches the violation of the contact law.
+    """Monitor of the violation of the contact law.
 
-    seen: violations at the last steps; best, idle: the smallest one so far and how many steps ago it was met; plain:
-    plain steps still to be made; dose: of plain steps, in units of CAUTION, the next time; wary: whether a rise of the
-    violation increases it too; shortening: of the plain steps, 1 at first.
+    seen: violations at the last steps; best, idle: the smallest one so far and the number of steps since; plain: plain
+    steps still to be made; dose: number of plain steps the next time, in units of CAUTION; wary: whether a rise of the
+    violation increases it too; shortening: factor on the plain steps, 1 at first.
     """
 
     seen: tuple[float, ...] = ()
@@ -53,7 +53,7 @@ class _Guard:
     shortening: float = 1.0
 
     def next(self, violation: float) -> "_Guard":
-        """After a violation was measured."""
+        """Return the monitor after a further violation."""
         shorter = max(SHORTENING * self.shortening, SHORTEST)
         best = min(violation, self.best)
         if self.idle >= IDLE:
@@ -74,11 +74,11 @@ class _Guard:
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """What both iterations remember.
+    """State of both iterations between steps.
 
-    ground, conduction, guard: see there; conductors, spectrum: of the last step; base: (n, 3) tractions from which the
-    last step was made (or, extrapolating, the next will be), gap: (n, 3) the gap there; momentum: of the extrapolation;
-    turn: number of the step.
+    ground, conduction, guard: see their classes; conductors, spectrum: of the last step; base: (n, 3) tractions from
+    which the last step was made (with extrapolation, from which the next will be made), gap: (n, 3) the gap there;
+    momentum: of the extrapolation; turn: number of the step.
     """
 
     ground: Ground
@@ -95,7 +95,7 @@ class _Memory:
 @final
 @dataclass(frozen=True)
 class BarzilaiBorwein(Solver):
-    """Uzawa's method with projected Barzilai-Borwein steps.
+    """Projected Barzilai-Borwein steps for Uzawa's method.
 
     Source: Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141; Dai and Fletcher, Numer. Math. 100 (2005) 21, for
     projected and alternating steps. Inner products are those of the contact law's metric.
@@ -104,11 +104,11 @@ class BarzilaiBorwein(Solver):
     check_interval: ClassVar[int] = 10
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
-        """The converged state of the previous load step, or no load at all."""
+        """Return the converged state of the previous load step, or no load at all."""
         return _init(problem, start, wary=False)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """One projected step; its length is that of the last change of tractions over that of the gap."""
+        """Take one projected step; its length is the ratio of the last changes of tractions and gap."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
         memory, slope, plain, violation = _measured(memory, iterate, traction)
         guard = memory.guard.next(violation)
@@ -123,7 +123,7 @@ class BarzilaiBorwein(Solver):
 @final
 @dataclass(frozen=True)
 class Nesterov(Solver):
-    """Uzawa's method with Nesterov's extrapolation, restarted when it overshoots.
+    """Nesterov's extrapolation for Uzawa's method, restarted when it overshoots.
 
     Source: Nesterov, Soviet Math. Dokl. 27 (1983) 372; restarts: O'Donoghue and Candes, Found. Comput. Math. 15 (2015)
     715.
@@ -132,11 +132,11 @@ class Nesterov(Solver):
     check_interval: ClassVar[int] = 10
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
-        """The converged state of the previous load step, or no load at all."""
+        """Return the converged state of the previous load step, or no load at all."""
         return _init(problem, start, wary=True)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """One projected step from the extrapolated tractions."""
+        """Take one projected step from the extrapolated tractions."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
         ahead = memory.base
         memory, slope, plain, violation = _measured(memory, iterate, ahead)
@@ -167,9 +167,9 @@ def _memory(iterate: Iterate) -> _Memory:
 
 
 def _measured(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memory, Slope, float, float]:
-    """Memory with what belongs to the present contact; slope at tractions (n, 3); plain step; violation there.
+    """Return the state for the present contact, the slope at tractions (n, 3), the plain step and the violation.
 
-    The slope is that with the motions of a plain step. Changes of gaps are then those of the compliance less their part
+    The slope includes the motions of a plain step. Changes of gaps are then those of the compliance less their part
     that is a free motion: with it, a secant would be that of a body that the indenter cannot follow. The violation is
     the size of the plain step [Pa].
     """
@@ -185,7 +185,7 @@ def _measured(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memo
 
 
 def _stepped(memory: _Memory, traction: Array, base: Array, slope: Slope, r: float) -> tuple[Iterate, Array]:
-    """The iterate after a step of length r from a base (n, 3) with its slope, and its tractions (n, 3)."""
+    """Return the iterate after a step of length r from a base (n, 3) with its slope, and its tractions (n, 3)."""
     step = memory.ground.projected(base, slope, (r, r))
     moved = step.traction
     conduction = memory.ground.conducted(memory.conduction, traction, slope, step)
@@ -195,10 +195,11 @@ def _stepped(memory: _Memory, traction: Array, base: Array, slope: Slope, r: flo
 
 
 def _secant_step(scaling: Array, change: Array, response: Array, short: bool, plain: float) -> float:
-    """Long or short Barzilai-Borwein step [Pa/m] of a change (n, 3) of tractions and the response (n, 3) to it [m].
+    """Return the long or short Barzilai-Borwein step [Pa/m].
 
-    scaling: (2, 2) the law's tangential scaling S; the long step is <s, S^-1 s>/<s, y>, the short one <s, y>/<y, S y>,
-    y on the nodes that moved: the others are held by the law.
+    change: (n, 3) of the tractions; response: (n, 3) to it [m]; scaling: (2, 2) the law's tangential scaling S. The
+    long step is <s, S^-1 s>/<s, y>, the short one <s, y>/<y, S y>, with y on the nodes that moved: the others are held
+    by the law.
     """
     moved = change.any(axis=1)
     change, response = change[moved], response[moved]

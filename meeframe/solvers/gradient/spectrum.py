@@ -1,4 +1,4 @@
-"""The largest eigenvalue of the compliance where there is contact: what a gradient step must not exceed."""
+"""Largest eigenvalue of the compliance where there is contact, which bounds gradient steps."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -18,11 +18,11 @@ SHRINKAGE: Final = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """largest: eigenvalue [m/Pa] of the compliance, potentials eliminated, in the law's metric, on the exposed nodes.
+    """Largest eigenvalue [m/Pa] of the compliance on the exposed nodes.
 
-    exposure: (n, 1 + channels) in [0, 1], mechanical (in contact or about to be) and of each channel (share of the flux
-    that a perfect conductor would draw) at which it was computed; vector: (n, 3) its eigenvector, where the next
-    computation starts.
+    largest: eigenvalue in the law's metric with the potentials eliminated; exposure: (n, 1 + channels) in [0, 1],
+    mechanical (in contact or about to be) and of each channel (share of the flux that a perfect conductor would draw)
+    at which it was computed; vector: (n, 3) its eigenvector, where the next computation starts.
     """
 
     largest: float
@@ -30,7 +30,10 @@ class Spectrum:
     vector: Array
 
     def holds(self, exposure: Array) -> bool:
-        """Whether the eigenvalue serves another exposure: it grows with that, and a little too much wastes little."""
+        """Return whether the eigenvalue applies to another exposure.
+
+        It grows with the exposure, and a slight overestimate costs little.
+        """
         grown = (exposure > self.exposure + GROWTH).any()
         shrunk = (exposure.sum(axis=0) < SHRINKAGE * self.exposure.sum(axis=0)).any()
         return not (grown or shrunk)
@@ -45,15 +48,15 @@ def contact_exposure(touching: NDArray[np.bool_], resistance: Array, scales: Sca
 def largest_eigenvalue(
     elimination: Elimination, conductors: Conductors, exposure: Array, scaling: Array, start: Array | None
 ) -> Spectrum:
-    """Power iteration on the exposed nodes; scaling: (2, 2) the law's tangential scaling; start: (n, 3) or None.
+    """Return the largest eigenvalue by power iteration on the exposed nodes, of which there must be at least one.
 
-    At least one node must be exposed.
+    scaling: (2, 2) the law's tangential scaling; start: (n, 3) or None.
     """
     weight = exposure[:, :1] > 0.0
     values, axes = np.linalg.eigh(scaling)
     root = np.eye(3)
     root[:2, :2] = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
-    # not symmetric about anything, so that no eigenvector is missed; alike everywhere, as the largest one nearly is
+    # without any symmetry, so that no eigenvector is missed; nearly uniform, as the one of the largest eigenvalue
     seed = np.array([0.8, 0.6, 1.0]) if start is None else start + 0.01 * np.abs(start).max()
     vector = weight * np.broadcast_to(seed, (len(exposure), 3)) @ root
     guess = np.zeros_like(exposure[:, 1:])

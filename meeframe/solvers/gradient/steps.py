@@ -1,4 +1,4 @@
-"""What the gradient iterations share: the contact gap of a traction, with the potentials eliminated."""
+"""Common parts of the gradient iterations: the contact gap of a traction, with the potentials eliminated."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -19,15 +19,15 @@ FOLLOW_GROWTH: Final = 1.1
 FOLLOW_FALL: Final = 0.5
 LEAST_FOLLOW: Final = 1e-3
 FOLLOWED: Final = 1e-3
-"""Part of the change of the fluxes in a step that may be left for the next one where they are found by iteration."""
+"""Part of the fluxes' change in a step that may be left for the next one where fluxes are found by iteration."""
 
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """The gap at given tractions.
+    """Gap at given tractions.
 
-    gap: (n, 3) as of contact_gap; flux: (n, channels); motion: (m,) of the freedoms, potentials as the flux equations
-    have them and motions as they were given.
+    gap: (n, 3) as of contact_gap; flux: (n, channels); motion: (m,) of the prescribed resultants: potentials as the
+    flux equations determine them, motions as given.
     """
 
     gap: Array
@@ -37,8 +37,11 @@ class Slope:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A projected step: tractions (n, 3) and the trial (n, 3) that was projected; slope: at the tractions before it,
-    with the motions by which the resultants of those after it balance."""
+    """Projected step.
+
+    Tractions (n, 3) and the trial (n, 3) that was projected; slope: at the tractions before the step, with the motions
+    by which the resultants after it balance.
+    """
 
     traction: Array
     trial: Array
@@ -47,7 +50,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What does not change during an iteration: elimination, own responses (n, channels) and scales of the problem."""
+    """Constant data of an iteration: elimination, responses of nodes to their own fluxes (n, channels), and scales."""
 
     problem: ContactProblem
     elimination: Elimination
@@ -56,13 +59,13 @@ class Ground:
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "Ground":
-        """Of a problem."""
+        """Return the data of a problem."""
         return cls(problem, eliminate(problem), own_response(problem), problem_scales(problem))
 
     def conductors(
         self, iterate: Iterate, conduction: "Conduction", previous: Conductors | None
     ) -> tuple["Conduction", Conductors]:
-        """Conductors of an iterate, and the conduction as it follows the gap and the drop there."""
+        """Return the conduction at the gap and the drop of an iterate, and the conductors."""
         problem, pressing, ahead = self.problem, iterate.load[:, 2], None
         if follows_gap(problem) or attracts(problem.contact_law):
             displacement = problem.system.offset + problem.system.apply(iterate.load)
@@ -77,19 +80,21 @@ class Ground:
         return conduction, self.elimination.prepare(resistance, previous)
 
     def touching(self, traction: Array, gap: Array) -> Mask:
-        """Nodes (n,) that bear tractions (n, 3), overlap at the gap (n, 3) or attract each other across it."""
+        """Return the nodes (n,) that bear tractions (n, 3), overlap at the gap (n, 3) or attract across it."""
         attracted = attraction(self.problem.contact_law, gap[:, 2]) > 0.0
         return np.asarray((traction[:, 2] < 0.0) | (gap[:, 2] < 0.0) | attracted)
 
     def conducted(self, conduction: "Conduction", before: Array, slope: "Slope", step: "Step") -> "Conduction":
-        """The conduction after a step from tractions before it (n, 3) with a slope."""
+        """Return the conduction after a step from tractions (n, 3) with a slope."""
         law, gap = self.problem.contact_law, slope.gap[:, 2]
         earlier, later = (contact_traction(law, traction[:, 2], gap) for traction in (before, step.traction))
         return conduction.next(earlier, later, step.trial[:, 2], self.scales)
 
     def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array, left: float = 0.0) -> Slope:
-        """The gap at tractions (n, 3) and motion (m,); flux: (n, channels) near that to be found; left: see
-        Elimination."""
+        """Return the gap at tractions (n, 3) and motion (m,).
+
+        flux: (n, channels), an initial guess; left: see Elimination.
+        """
         floating = conductors.floating.numbers
         found = self.elimination.state(traction, conductors, flux, motion[floating], FOLLOWED, left)
         if floating.size:
@@ -98,7 +103,7 @@ class Ground:
         return Slope(contact_gap(self.problem, found.displacement, motion), found.flux, motion)
 
     def projected(self, traction: Array, slope: Slope, r: tuple[float, float]) -> Step:
-        """Tractions after a step r, normal and tangential [Pa/m], from tractions (n, 3) and the slope there."""
+        """Return the tractions after a step r, normal and tangential [Pa/m], from tractions (n, 3) and their slope."""
         balanced = balanced_projection(self.problem, traction, slope.gap, r)
         moving = motions(self.problem)
         if moving.size == 0:
@@ -110,11 +115,11 @@ class Ground:
         return Step(balanced.traction, balanced.trial, replace(slope, gap=gap, motion=motion))
 
     def largest(self, spectrum: Spectrum | None) -> float:
-        """The largest eigenvalue [m/Pa], expected if there has been no contact yet."""
+        """Return the largest eigenvalue [m/Pa], the expected one if there has been no contact yet."""
         return self.scales.normal_compliance if spectrum is None else spectrum.largest
 
     def spectrum(self, touching: Mask, conductors: Conductors, previous: Spectrum | None) -> Spectrum | None:
-        """The largest eigenvalue where nodes touch (n,); the previous one if it still holds or none do."""
+        """Return the largest eigenvalue where nodes touch (n,); the previous one if it still holds or none touch."""
         if not touching.any():
             return previous
         exposure = contact_exposure(touching, conductors.resistance, self.scales)
@@ -127,12 +132,12 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Conduction:
-    """The conduction of the nodes during an iteration.
+    """Conduction of the nodes during an iteration.
 
-    closed: fractions (n,), and the switches that move them; transmissivity: (n, channels), in [0, 1], of laws that
-    follow the gap or the drop, which go only a part, `follow` (n, channels), of the way that these ask for: less where
-    they ask for the contrary at the next step, which would go on and on; way: (n, channels) sign of the last one. No
-    transmissivity at first.
+    closed: fractions (n,), and the switches that change them; transmissivity: (n, channels), in [0, 1], of laws that
+    depend on the gap or the drop; None at first. It is relaxed: it advances by only a part, `follow` (n, channels), of
+    the way to the value of these laws, a smaller part where the direction reverses at the next step, which would
+    otherwise oscillate; way: (n, channels) sign of the last change.
     """
 
     contact_fraction: Array
@@ -143,11 +148,11 @@ class Conduction:
 
     @classmethod
     def of(cls, start: ContactState | None, n: int) -> "Conduction":
-        """Of a start, or of n open nodes."""
+        """Return the conduction of a start, or that of n open nodes."""
         return cls(np.zeros(n) if start is None else start.contact_fraction, Switches.unused(n))
 
     def followed(self, asked: Array) -> tuple["Conduction", Array]:
-        """After the part of the way to the transmissivity (n, channels) that is asked for, with where it is then."""
+        """Return the conduction after a relaxed change to a transmissivity (n, channels), and the value reached."""
         if self.transmissivity is None:
             return replace(self, transmissivity=asked), asked
         change = asked - self.transmissivity
@@ -157,7 +162,7 @@ class Conduction:
         return replace(self, transmissivity=reached, follow=follow, way=way), reached
 
     def next(self, before: Array, after: Array, trial: Array, scales: Scales) -> "Conduction":
-        """After a step of the normal traction from `before` to `after` (n,) with the trial (n,)."""
+        """Return the conduction after a normal traction step from `before` to `after` (n,) with the trial (n,)."""
         touching = after < 0.0
         switches = self.switches.next(before < 0.0, touching, trial)
         contact_fraction = switches.contact_fraction(self.contact_fraction, touching, trial, scales.pressure)
@@ -170,5 +175,5 @@ def start_load(problem: ContactProblem, start: ContactState | None) -> Array:
 
 
 def traction_of(load: Array) -> Array:
-    """Tractions (n, 3) of a load (n, fields)."""
+    """Return the tractions (n, 3) of a load (n, fields)."""
     return load[:, MECHANICAL]

@@ -15,9 +15,9 @@ from meeframe.solvers.gradient.spectrum import Spectrum
 from meeframe.solvers.gradient.steps import Conduction, Ground, start_load, traction_of
 
 STEP_FRACTION: Final = 1.6
-"""The automatic step times the largest eigenvalue; the limit of stability is 2."""
+"""Automatic step times the largest eigenvalue; the limit of stability is 2."""
 STREAK: Final = 10
-"""So many times in succession may the change grow before the automatic step is shortened."""
+"""Number of successive increases of the change after which the automatic step is shortened."""
 SHORTENING: Final = 0.7
 
 _STEP = Quantity("Pa/m", gt=0, lt=float("inf"))
@@ -25,8 +25,11 @@ _STEP = Quantity("Pa/m", gt=0, lt=float("inf"))
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """ground, conduction: see there; conductors, spectrum: of the last step; damping: of the automatic step, 1 at
-    first; change, streak: last relative change of the tractions and how many times in succession it has grown."""
+    """State between steps.
+
+    ground, conduction: see their classes; conductors, spectrum: of the last step; damping: of the automatic step, 1 at
+    first; change, streak: last relative change of the tractions and the number of its successive increases.
+    """
 
     ground: Ground
     conduction: Conduction
@@ -43,13 +46,13 @@ class Uzawa(Solver):
     """Uzawa's method with the paper's fixed step or an automatic one.
 
     step_normal, step_tangential: r_nu and r_tau of eqs. (31), (32) [Pa/m], or 'auto'. The paper's r_nu = 5e3 is in
-    GPa/m: 5e12 Pa/m. In eq. (32) r_tau goes with M^2; here it goes with M^2 / max(mu)^2, so that it is r_tau max(mu)^2.
-    'auto' is 1.6 over the largest eigenvalue of the compliance on the nodes in contact, potentials eliminated, in the
-    metric of the contact law; it follows the contact as that grows and conducts, and is shortened if the tractions
-    begin to run away.
+    GPa/m: 5e12 Pa/m. In eq. (32) r_tau is multiplied by M^2, here by M^2 / max(mu)^2, so that step_tangential is r_tau
+    max(mu)^2. 'auto' is 1.6 over the largest eigenvalue of the compliance on the nodes in contact, potentials
+    eliminated, in the metric of the contact law; it follows the contact as that grows and conducts, and is shortened if
+    the tractions begin to diverge.
 
-    Gaps are those of u^(n+1), from p^(n) (docs/theory.md, Departures). A node that keeps opening and closing because it
-    conducts in contact only is brought to graze (meeframe.contact.conduction). Raises CaseError for a step that
+    Gaps are those of u^(n+1), from p^(n) (docs/theory.md, Departures). A node that opens and closes repeatedly because
+    it conducts in contact only is treated as biactive (meeframe.contact.conduction). Raises CaseError for a step that
     is not positive.
     """
 
@@ -68,14 +71,14 @@ class Uzawa(Solver):
                     raise CaseError(f"Uzawa: {name} = {value!r}: {error}, or 'auto'") from None
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
-        """The converged state of the previous load step, or no load at all."""
+        """Return the converged state of the previous load step, or no load at all."""
         n = len(problem.gap)
         conduction = Conduction.of(start, n)
         memory = _Memory(Ground.of(problem), conduction)
         return Iterate(start_load(problem, start), conduction.contact_fraction, memory, start_motion(problem, start))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """Eq. (30) for the displacement, then eqs. (31), (32) for the tractions."""
+        """Apply eq. (30) for the displacement, then eqs. (31), (32) for the tractions."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
         ground = memory.ground
         conduction, conductors = ground.conductors(iterate, memory.conduction, memory.conductors)
@@ -104,7 +107,10 @@ def _memory(iterate: Iterate) -> _Memory:
 
 
 def _watched(memory: _Memory, change: Array) -> _Memory:
-    """Memory after a change (n, 3) of the tractions: a change that grows and grows means that the step is too long."""
+    """Return the state after a change (n, 3) of the tractions.
+
+    A change that grows at many successive steps means that the step is too long.
+    """
     size = float(np.abs(change).max(initial=0.0)) / memory.ground.scales.pressure
     streak = memory.streak + 1 if size > memory.change else 0
     if streak < STREAK:
