@@ -76,7 +76,7 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
 
 
 @memoize_by_identity
-def own_response(problem: ContactProblem) -> Array:
+def potential_diagonal(problem: ContactProblem) -> Array:
     """Return the response of each node's potentials to their own flux density, (n, channels)."""
     own = diagonal(problem.system, range(problem.fields.size)[POTENTIALS])
     own.setflags(write=False)  # the independent residual uses it as well

@@ -15,7 +15,7 @@ from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.system.capabilities import Coarsening, Multigrid
 from meeframe.system.reduced import ReducedSystem
 
-FEWEST: Final = 16
+MIN_COARSE_NODES: Final = 16
 """Least number of coarse nodes under the indenter, and in overlap; with fewer the problem is a different one."""
 ALIKE: Final = 2.0
 """Factor below which two areas, or similar quantities, count as about the same."""
@@ -81,7 +81,7 @@ def nested_start(
     """Return a start with the interpolated load of the coarse problem; None if there is no such problem.
 
     solution: returns the solution of a problem, as accurate as is worthwhile, or None; with the signed gap as tension
-    (`tensed`) or without. The displacement is that of the unloaded body: solvers evaluate their own.
+    (`with_signed_gap`) or without. The displacement is that of the unloaded body: solvers evaluate their own.
     """
     coarse = coarse_problem(problem)
     found = None if coarse is None else solution(coarse.problem)
@@ -98,7 +98,7 @@ def nested_start(
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), found.motion)
 
 
-def tensed(load: Array, gap: Array, own: Array | float) -> Array:
+def with_signed_gap(load: Array, gap: Array, own: Array | float) -> Array:
     """Return a load (n, 5) with a tension proportional to the gap (n,) where the contact is open.
 
     Between nodes the sum of both locates the contact edge. own: (n,) response of each node to its own pressure.
@@ -115,7 +115,8 @@ def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
     if all(freedom.electromagnetic for freedom in problem.prescribed_resultants):
         seen.append(problem.gap < problem.system.offset[:, 2])
     return all(
-        nodes[coarsening.nodes].sum() >= FEWEST and same_area(problem.system, nodes, coarsening) for nodes in seen
+        nodes[coarsening.nodes].sum() >= MIN_COARSE_NODES and same_area(problem.system, nodes, coarsening)
+        for nodes in seen
     )
 
 

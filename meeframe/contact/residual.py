@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.conduction import conducting, follows_gap, own_response, resistances, switch, unloaded
+from meeframe.contact.conduction import conducting, follows_gap, potential_diagonal, resistances, switch, unloaded
 from meeframe.contact.nested import same_everywhere
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, problem_scales
@@ -17,7 +17,7 @@ BLOCK: Final = 2**14
 """Number of nodes at which laws are evaluated at once."""
 
 
-def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
+def essential_fields(problem: ContactProblem) -> tuple[int, ...]:
     """Return the fields of the displacement on which the laws depend, by column."""
     law = problem.contact_law
     slides = not law.tangential_scaling().any() and type(law).resolve is ContactLaw.resolve
@@ -74,7 +74,7 @@ def law_residual(
 ) -> float:
     """Return the residual without the consistency of load and displacement.
 
-    fields: columns of the displacement that are known, at least those of `judged_fields`; all by default.
+    fields: columns of the displacement that are known, at least those of `essential_fields`; all by default.
     """
     known = [state.displacement] if fields is None else [state.displacement[:, field] for field in fields]
     if not all(np.isfinite(part).all() for part in (state.load, *known, state.contact_fraction, state.motion)):
@@ -95,7 +95,7 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
     It is computed by blocks of nodes, which fit into the cache, if the law is the same at all nodes.
     """
     law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
-    asked = [axis for axis in judged_fields(problem) if axis < N_MECHANICAL]
+    asked = [axis for axis in essential_fields(problem) if axis < N_MECHANICAL]
     position = {axis: indenter_field(problem, axis, state.motion) for axis in asked}
     size, worst = BLOCK if same_everywhere(law, n) else max(n, 1), [0.0]
     for first in range(0, n, size):
@@ -122,7 +122,7 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     ahead = indenter_position(problem, state.motion)
     ahead -= state.displacement
     pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
-    own = own_response(problem)
+    own = potential_diagonal(problem)
     alone = unloaded(ahead, state.load[:, POTENTIALS], own) if follows_gap(problem) else None
     resistance = resistances(problem, pressing, state.contact_fraction, own, alone)
     difference = -ahead[:, POTENTIALS]

@@ -19,7 +19,7 @@ Mask = NDArray[np.bool_]
 
 RESOLVED: Final = 4e-5
 """Least depth as a fraction of the free indenter's way to the body; round-off of the gap limits smaller depths."""
-ENOUGH: Final = 5_000
+MAX_REPRESENTATIVE_NODES: Final = 5_000
 """Number of nodes that suffice to estimate the magnitude of a compliance."""
 FOUNDATION_STEPS: Final = 3
 """Number of estimates of the free indenter's motion, each with the compliance of the previous contact area."""
@@ -105,14 +105,14 @@ def _foundation_motion(problem: ContactProblem) -> Array:
     moving = motions(problem)
     if moving.size == 0:
         return motion
-    coarse = coarse_problem(problem) if len(problem.gap) > ENOUGH else None
+    coarse = coarse_problem(problem) if len(problem.gap) > MAX_REPRESENTATIVE_NODES else None
     if coarse is not None:
         found = _foundation_motion(coarse.problem)
         if _same_overlap(problem, coarse, found):
             return found
     loaded = _loaded(np.where(np.isfinite(problem.gap), 0.0, -np.inf))
     for _ in range(FOUNDATION_STEPS):
-        system, nodes = _telling(problem.system, loaded)
+        system, nodes = coarse_representative(problem.system, loaded)
         press = np.zeros_like(system.offset)
         press[nodes, 2] = 1.0
         r = 1.0 / float(np.abs(apply_load(system, press, (2,))).max())
@@ -180,12 +180,12 @@ def _depth(overlap: Array) -> float:
     return float(finite.max(initial=0.0)) or float(np.abs(finite).max(initial=0.0)) or 1.0
 
 
-def _telling(system: ReducedSystem, loaded: Mask) -> tuple[ReducedSystem, Mask]:
+def coarse_representative(system: ReducedSystem, loaded: Mask) -> tuple[ReducedSystem, Mask]:
     """Return a division coarse enough to be measured fast, with the loaded nodes (n,) that it retains.
 
     These represent a similar area.
     """
-    while len(loaded) > ENOUGH:
+    while len(loaded) > MAX_REPRESENTATIVE_NODES:
         multigrid = system.capability(Multigrid)
         coarse = None if multigrid is None else multigrid.coarsen()
         if coarse is None or not same_area(system, loaded, coarse):
@@ -195,7 +195,7 @@ def _telling(system: ReducedSystem, loaded: Mask) -> tuple[ReducedSystem, Mask]:
 
 
 def _uniform_response(system: ReducedSystem, loaded: Mask) -> Array:
-    system, loaded = _telling(system, loaded)
+    system, loaded = coarse_representative(system, loaded)
     return _response_of_nodes(system, loaded.tobytes())
 
 

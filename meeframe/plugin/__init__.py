@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from meeframe.common.errors import TooLargeError as TooLargeError
     from meeframe.contact.channels import FluxChannel as FluxChannel
     from meeframe.contact.conduction import Switches as Switches
-    from meeframe.contact.conduction import own_response as own_response
+    from meeframe.contact.conduction import potential_diagonal as potential_diagonal
     from meeframe.contact.conduction import resistances as resistances
     from meeframe.contact.conduction import unloaded as unloaded
     from meeframe.contact.problem import ContactProblem as ContactProblem
@@ -140,7 +140,7 @@ _HOMES = {
     "unbalance": "meeframe.contact.problem",
     "FluxChannel": "meeframe.contact.channels",
     "Switches": "meeframe.contact.conduction",
-    "own_response": "meeframe.contact.conduction",
+    "potential_diagonal": "meeframe.contact.conduction",
     "resistances": "meeframe.contact.conduction",
     "unloaded": "meeframe.contact.conduction",
     # Formulations and bodies

@@ -6,7 +6,7 @@ import importlib
 import linecache
 import sys
 import traceback
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
@@ -127,6 +127,8 @@ def local_files(record: object) -> dict[str, str]:
     dict of str to str
         Shortened SHA-256 by file name.
     """
+    if isinstance(record, Mapping):
+        record = tuple(record.values())
     if isinstance(record, tuple | list):
         return {name: digest for item in record for name, digest in local_files(item).items()}
     if not dataclasses.is_dataclass(record):

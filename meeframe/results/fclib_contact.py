@@ -19,7 +19,7 @@ from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.conduction import own_response, resistances
+from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import (
     ContactProblem,
     ContactSolution,
@@ -180,7 +180,7 @@ def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
     if state is not None:
         ahead = indenter_position(problem, state.motion) - state.displacement
         pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
-        return resistances(problem, pressing, state.contact_fraction, own_response(problem), ahead)
+        return resistances(problem, pressing, state.contact_fraction, potential_diagonal(problem), ahead)
     for name, law in ((channel.field.name, channel.law) for channel in problem.channels):
         if law.across_gap or contact_conductivity(law, _PRESSURES).any():
             raise CaseError(

@@ -46,7 +46,8 @@ def solve(
     # one thread: products of contact size are too small to share, and synchronisation costs far more
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore", category=LinAlgWarning), ONE_BLAS_THREAD:
         monitor = ConvergenceMonitor(problem, solver, criteria)
-        iterate = solver.init(problem, start, criteria.tolerance if criteria.by_residual else 0.0)
+        tolerances = (criteria.tolerance,) if criteria.by_residual else ()
+        iterate = solver.init(problem, start, *tolerances)
         monitor.begin(iterate)
         while monitor.outcome is None:
             iterate = solver.step(problem, iterate)

@@ -8,7 +8,7 @@ import numpy as np
 
 from meeframe.contact.feasibility import beyond_friction, unreachable
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
-from meeframe.contact.residual import evaluate, judged_fields, law_residual
+from meeframe.contact.residual import essential_fields, evaluate, law_residual
 from meeframe.contact.scales import largest, motion_scales, problem_scales
 from meeframe.fields import Array
 from meeframe.solvers.stopping import Progression, StoppingCriteria, paper_change, status_of
@@ -80,7 +80,7 @@ class ConvergenceMonitor:
         self._problem, self._solver, self._criteria = problem, solver, criteria
         self._scales = problem_scales(problem)
         self._motion_scales = motion_scales(problem, self._scales)
-        self._fields = judged_fields(problem) if criteria.by_residual else None
+        self._fields = essential_fields(problem) if criteria.by_residual else None
         self._window = criteria.stall_window or solver.stall_window
         self._progression: Progression | None = None
         self._estimates: Progression | None = None

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.conduction import own_response
+from meeframe.contact.conduction import potential_diagonal
 from meeframe.contact.problem import (
     ContactProblem,
     ContactSolution,
@@ -79,7 +79,7 @@ def conducting_sphere(
     """
     medium = library_material("orthotropic-mee")
     case = SphereCase(medium, law, Insulating(), Insulating(), cells, drag, potentials=potentials)
-    scales = own_response(case.problem())[0]
+    scales = potential_diagonal(case.problem())[0]
     electric, magnetic = (StepConductivity(float(k / o)) for k, o in zip(kappa, scales, strict=True))
     return replace(case, electric=electric, magnetic=magnetic).problem()
 

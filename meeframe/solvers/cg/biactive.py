@@ -8,7 +8,7 @@ import numpy as np
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
 
-TELLING: Final = 0.5
+MIN_SLOPE_CHANGE: Final = 0.5
 """Smallest change of a contact fraction from which the slope of the node's own trial is determined.
 
 With a smaller change those of other nodes dominate, and a slope due to them would be so steep that the node never moved
@@ -25,7 +25,7 @@ ROUNDS: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Grazing:
+class BiactiveNodes:
     """Model of the trial tractions of nodes as functions of their contact fractions.
 
     It serves iterations that know the contact at each fraction. A node conducts when it has traction. Where that opens
@@ -46,34 +46,34 @@ class Grazing:
     changes: tuple[tuple[Array, Array], ...] = ()
 
     @classmethod
-    def unknown(cls, n: int) -> "Grazing":
+    def unknown(cls, n: int) -> "BiactiveNodes":
         """Return the model of n nodes before any evaluation."""
         return cls(*np.full((3, n), np.nan))
 
-    def next(self, contact_fraction: Array, trial: Array) -> "Grazing":
+    def next(self, contact_fraction: Array, trial: Array) -> "BiactiveNodes":
         """Return the model after evaluating the trial tractions (n,) at contact fractions (n,).
 
         Derivatives are discarded if the trials grew, and not updated if hardly anything moved. The model starts again
         from the beginning if trials are not finite, which laws may return during the iteration.
         """
         if not np.isfinite(trial).all():
-            return Grazing.unknown(len(contact_fraction))
+            return BiactiveNodes.unknown(len(contact_fraction))
         moved, rise = contact_fraction - self.contact_fraction, trial - self.trial
         known = self.slope > 0.0
         nodes = np.flatnonzero(known & (_between(contact_fraction) | _between(self.contact_fraction)))
         astray = float(np.linalg.norm(trial[nodes])) > WORSE * float(np.linalg.norm(self.trial[nodes]))
         with np.errstate(divide="ignore", invalid="ignore"):
             found = rise / moved
-        grows = (np.abs(moved) > TELLING) & (found > 0.0)
+        grows = (np.abs(moved) > MIN_SLOPE_CHANGE) & (found > 0.0)
         # a slope that moves a node from one end to the other is due to other nodes, and no update would correct it
         thrown = np.abs(moved) == 1.0
         slope = np.where(grows & (astray | ~known | thrown), found, self.slope)
         size = float(moved[nodes] @ moved[nodes])
         if astray or size <= LEAST_MOVE**2:
-            return Grazing(contact_fraction, trial, slope)
+            return BiactiveNodes(contact_fraction, trial, slope)
         by, along = np.zeros((2, len(contact_fraction)))
         by[nodes], along[nodes] = rise[nodes] - self._rise(moved, nodes), moved[nodes] / size
-        return Grazing(contact_fraction, trial, slope, (*self.changes, (by, along))[-REMEMBERED:])
+        return BiactiveNodes(contact_fraction, trial, slope, (*self.changes, (by, along))[-REMEMBERED:])
 
     def fractions(self, touching: Mask) -> Array:
         """Return the next contact fractions (n,), given which nodes touch (n,)."""

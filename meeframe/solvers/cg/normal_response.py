@@ -11,7 +11,7 @@ from meeframe.contact.free_motion import start_motion
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate
 from meeframe.contact.scales import Scales
 from meeframe.fields import N_MECHANICAL, POTENTIALS, Array
-from meeframe.solvers.cg.biactive import Grazing
+from meeframe.solvers.cg.biactive import BiactiveNodes
 from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.conduction.elimination import Conductors
 from meeframe.solvers.gradient.steps import Conduction, Ground, start_load
@@ -201,7 +201,7 @@ class Conducting(NormalResponse):
     following: Array
     conduction: Conduction
     conductors: Conductors
-    grazing: Grazing
+    grazing: BiactiveNodes
     held: Mask | None = None
     opened: Mask | None = None
 
@@ -213,7 +213,7 @@ class Conducting(NormalResponse):
         near = Iterate(start_load(problem, start), conduction.contact_fraction, motion=start_motion(problem, start))
         conduction, conductors = ground.conductors(near, conduction, None)
         own = diagonal(problem.system, (NORMAL,))[:, 0]
-        grazing = Grazing.unknown(n)
+        grazing = BiactiveNodes.unknown(n)
         return cls(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
 
     def at(self, pressure: Array, near: Effect) -> Effect:

@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.contact.conduction import conducting, switch
 from meeframe.contact.free_motion import start_motion
-from meeframe.contact.nested import nested_start, tensed
+from meeframe.contact.nested import nested_start, with_signed_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import Array, Indices
@@ -130,7 +130,7 @@ class ProjectedCG(Solver):
         unit = np.zeros((len(gap), 1))
         unit[firm] = 1.0
         own = float(apply_fields(problem.system, unit, (NORMAL,), (NORMAL,))[firm, 0])
-        return replace(iterate, load=tensed(iterate.load, gap, own))
+        return replace(iterate, load=with_signed_gap(iterate.load, gap, own))
 
 
 def _started(response: NormalResponse, load: Array, motion: Array) -> _Memory:

@@ -15,7 +15,7 @@ from meeframe.solvers.krylov import LEAST_FALL, gmres
 from meeframe.system.capabilities import ApproximateInverse, Restriction, apply_fields, diagonal
 from meeframe.system.reduced import ReducedSystem
 
-ROUGH: Final = 1e-3
+MIN_SINGLE_TOLERANCE: Final = 1e-3
 """Factor by which one solution in single precision reduces the residual of the equations."""
 SINGLE: Final = 1e-5
 """Allowed relative error of the change above which round-off of single precision in its effect does not matter."""
@@ -100,7 +100,7 @@ class _Equations:
         """
         found = np.zeros_like(left)
         while (norm := float(np.linalg.norm(left))) > goal:
-            part = max(goal / norm, ROUGH)
+            part = max(goal / norm, MIN_SINGLE_TOLERANCE)
             change, rest = gmres(self._multiply, self._precondition, left.astype(np.float32), part)
             found += change
             if rest <= goal:

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.conduction import Mask, Switches, follows_gap, own_response, resistances, unloaded
+from meeframe.contact.conduction import Mask, Switches, follows_gap, potential_diagonal, resistances, unloaded
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
 from meeframe.contact.scales import Scales, problem_scales
@@ -60,7 +60,7 @@ class Ground:
     @classmethod
     def of(cls, problem: ContactProblem) -> "Ground":
         """Return the data of a problem."""
-        return cls(problem, eliminate(problem), own_response(problem), problem_scales(problem))
+        return cls(problem, eliminate(problem), potential_diagonal(problem), problem_scales(problem))
 
     def conductors(
         self, iterate: Iterate, conduction: "Conduction", previous: Conductors | None

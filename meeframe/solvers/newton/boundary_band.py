@@ -9,7 +9,7 @@ from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Indices
 from meeframe.solvers._kernels.edge_relaxation import number_edge
-from meeframe.solvers.newton.residual import Point
+from meeframe.solvers.newton.residual import ResidualState
 from meeframe.system.capabilities import LatticeStencil, Stencil
 from meeframe.system.reduced import ReducedSystem
 
@@ -22,7 +22,7 @@ ROUND_OFF: Final = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Ring:
+class BoundaryBand:
     """Band of m nodes on either side of such a boundary.
 
     stencil: responses of nodes to each other; number: (nx, ny) of the nodes on the lattice, -1 elsewhere; places: (m,
@@ -35,7 +35,7 @@ class Ring:
     nodes: Indices
 
     @classmethod
-    def of(cls, point: Point, kind: Mask, width: int) -> "Ring | None":
+    def of(cls, point: ResidualState, kind: Mask, width: int) -> "BoundaryBand | None":
         """Return the band of nodes at most `width` spacings from one of the other kind (n,).
 
         The result is None if there are no such nodes, or no lattice.
@@ -55,7 +55,7 @@ def _stencil(system: ReducedSystem, fields: tuple[int, ...]) -> Stencil | None:
     return None if lattice is None else lattice.stencil(REACH, fields)
 
 
-def slips(point: Point) -> Mask:
+def slips(point: ResidualState) -> Mask:
     """Return the nodes (n,) whose friction is less than what would prevent sliding, open nodes included."""
     trial = point.trial[:, :2]
     off = np.abs(point.equation.problem.contact_law.project(point.trial)[:, :2] - trial).max(axis=1)

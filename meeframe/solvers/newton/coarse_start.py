@@ -17,27 +17,31 @@ import numpy as np
 from meeframe.contact.nested import Coarse
 from meeframe.contact.problem import unbalance
 from meeframe.fields import MECHANICAL, POTENTIALS, Indices
-from meeframe.solvers.newton.contact_edge import relaxed_edge
+from meeframe.solvers.newton.contact_edge import smooth_contact_edge
 from meeframe.solvers.newton.globalization import newton_step
-from meeframe.solvers.newton.moves import moved_by
-from meeframe.solvers.newton.residual import Equation, Point
-from meeframe.solvers.newton.slip_boundary import relaxed_slip
+from meeframe.solvers.newton.moves import take_step
+from meeframe.solvers.newton.residual import ContactResidual, ResidualState
+from meeframe.solvers.newton.slip_boundary import smooth_slip_boundary
 
 TOLERANCE: Final = 0.03
 """Largest fraction of the residual that the linear solution on the coarse grid may leave."""
 
 
-def improved_start(point: Point, nodes: Indices, coarse: Coarse, below: Equation, places: Indices) -> Point:
+def improved_start(
+    point: ResidualState, nodes: Indices, coarse: Coarse, below: ContactResidual, places: Indices
+) -> ResidualState:
     """Return a start from a coarser grid after relaxation, correction by that grid and another relaxation.
 
     See `corrected`.
     """
-    smooth = relaxed_slip(relaxed_edge(point))
+    smooth = smooth_slip_boundary(smooth_contact_edge(point))
     found = corrected(smooth, nodes, coarse, below, places)
-    return smooth if found is smooth else relaxed_slip(relaxed_edge(found))
+    return smooth if found is smooth else smooth_slip_boundary(smooth_contact_edge(found))
 
 
-def corrected(point: Point, nodes: Indices, coarse: Coarse, below: Equation, places: Indices) -> Point:
+def corrected(
+    point: ResidualState, nodes: Indices, coarse: Coarse, below: ContactResidual, places: Indices
+) -> ResidualState:
     """Return a point whose load is changed by a step of the coarser problem; the given point if that does not help.
 
     nodes: (n,) of the problem's zone that its equation has, in order; below: the equation of places (m,) of the coarser
@@ -47,7 +51,7 @@ def corrected(point: Point, nodes: Indices, coarse: Coarse, below: Equation, pla
     step = newton_step(there.equation, there.linearise(), TOLERANCE)
     if not step.finite:
         return point
-    _, moved = moved_by(there, np.zeros(len(places)), step, 1.0)
+    _, moved = take_step(there, np.zeros(len(places)), step, 1.0)
     if not moved.merit < there.merit:
         return point
     change = np.zeros((point.equation.problem.fields.size, len(coarse.problem.gap))).T
@@ -61,7 +65,9 @@ def corrected(point: Point, nodes: Indices, coarse: Coarse, below: Equation, pla
     return found if found.merit < point.merit else point
 
 
-def _seen_from_below(point: Point, nodes: Indices, coarse: Coarse, below: Equation, places: Indices) -> Point:
+def _seen_from_below(
+    point: ResidualState, nodes: Indices, coarse: Coarse, below: ContactResidual, places: Indices
+) -> ResidualState:
     """Return the point at the nodes of the coarser grid, in a coarse problem with corrected data.
 
     The indenter is moved so that its displacement relative to the body is that of the finer grid, and the prescribed
@@ -72,7 +78,9 @@ def _seen_from_below(point: Point, nodes: Indices, coarse: Coarse, below: Equati
     same = nodes[at] == known
     load = np.where(same[:, None], point.load[at], 0.0)
     grazing, contact_fraction = same & point.grazing[at], np.where(same, point.contact_fraction[at], 0.0)
-    ahead, _ = below.roughly_ahead(load, point.motion)  # error far below the difference of the two grids
+    ahead, _ = below.approximate_relative_displacement(
+        load, point.motion
+    )  # error far below the difference of the two grids
     moved = np.zeros_like(ahead)
     np.subtract(point.ahead[at], ahead, out=moved, where=same[:, None] & np.isfinite(ahead))
     missing = unbalance(problem, load) - point.balance * point.equation.scales.totals

@@ -16,8 +16,8 @@ from meeframe.fields import MECHANICAL
 from meeframe.laws.base import is_pure_projection
 from meeframe.solvers._kernels.edge_relaxation import relax_edge
 from meeframe.solvers.conduction.transmissivity import LOWEST
-from meeframe.solvers.newton.boundary_band import ROUGHER, Ring, slips
-from meeframe.solvers.newton.residual import Point
+from meeframe.solvers.newton.boundary_band import ROUGHER, BoundaryBand, slips
+from meeframe.solvers.newton.residual import ResidualState
 
 WIDTH, SWEEPS = 2, 6
 """Half width of the relaxed band, in spacings from the contact edge, and largest number of sweeps.
@@ -30,12 +30,12 @@ SETTLED: Final = 1e-3
 """Work of a sweep, relative to that of the greatest one, at which it is the last."""
 BEHIND: Final = 0.1
 """Fraction of the largest violation above which the residual of pressure or fluxes shows that a node lags behind."""
-FEW: Final = 25
+MAX_DOMINANT_NODES: Final = 25
 """Largest number of nodes with the largest violation that count as few.
 
 So many nodes with the largest violation each would have the merit of all nodes: the others violate the laws less.
 """
-HARDLY: Final = 1e-3
+MAX_PRESSURE_RATIO: Final = 1e-3
 """Largest fraction of its new pressure that a node bore before to count as newly pressed."""
 AT_ONCE: Final = 0.5
 """Smallest jump of conduction of a contact without pressure, as a fraction of the largest jump.
@@ -44,7 +44,7 @@ Below it the conduction counts as growing with the pressure.
 """
 
 
-def relaxed_edge(point: Point) -> Point:
+def smooth_contact_edge(point: ResidualState) -> ResidualState:
     """Return a point with the nodes around the contact edge relaxed, those left between open and closed as biactive.
 
     The result is the given point where conduction does not jump at the edge, where nodes lie on no lattice, or if the
@@ -54,21 +54,21 @@ def relaxed_edge(point: Point) -> Point:
     return relaxed if relaxed.merit < ROUGHER * point.merit else point
 
 
-def relaxed_where_switched(before: Point, moved: Point) -> Point:
+def relaxed_where_switched(before: ResidualState, moved: ResidualState) -> ResidualState:
     """Return a moved point after relaxation of the nodes that have opened or closed.
 
     If only few nodes violate the laws strongly, biactive nodes that lag behind are included, and in any case the nodes
     around. The result is the given point if these nodes do not violate the laws far more than others, or if the
     relaxation does not help.
     """
-    few = moved.merit**2 * moved.equation.count < FEW * moved.judged**2
-    behind = np.maximum(np.abs(moved.residual[:, 2]), moved.judged_nodes) > BEHIND * moved.judged
+    few = moved.merit**2 * moved.equation.count < MAX_DOMINANT_NODES * moved.law_residual**2
+    behind = np.maximum(np.abs(moved.residual[:, 2]), moved.node_residual) > BEHIND * moved.law_residual
     switched = behind & (moved.switched(before) | (few & moved.grazing))
     relaxed = _relaxed(moved, switched, SWITCHED_WIDTH, SWITCHED_SWEEPS) if switched.any() else moved
     return relaxed if relaxed.merit < moved.merit else moved
 
 
-def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
+def _relaxed(point: ResidualState, kind: Mask, width: int, sweeps: int) -> ResidualState:
     """Return a point after relaxation of the nodes near others of another kind (n,), if there are any."""
     problem = point.equation.problem
     if (
@@ -78,7 +78,7 @@ def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
         or not _jumps_at_edge(point)
     ):
         return point
-    ring = Ring.of(point, kind, width)
+    ring = BoundaryBand.of(point, kind, width)
     if ring is None:
         return point
     nodes, stencil = ring.nodes, ring.stencil
@@ -94,7 +94,7 @@ def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
     whole, fraction, grazing = point.load.copy(order="K"), point.contact_fraction.copy(), point.grazing.copy()
     whole[nodes], fraction[nodes] = load, contact_fraction
     fresh = nodes[
-        point.load[nodes, 2] > HARDLY * load[:, 2]
+        point.load[nodes, 2] > MAX_PRESSURE_RATIO * load[:, 2]
     ]  # newly pressed nodes slip in the direction of their trial
     whole[fresh, :2] = point.trial[fresh, :2]
     whole[nodes, MECHANICAL] = problem.contact_law.project(whole[:, MECHANICAL])[nodes]
@@ -102,7 +102,7 @@ def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
     return point.moved(whole, fraction, grazing, point.motion)
 
 
-def _jumps_at_edge(point: Point) -> bool:
+def _jumps_at_edge(point: ResidualState) -> bool:
     """Return true if contact begins to conduct at once.
 
     Where the conductivity grows from zero with the pressure, it does not matter which of two neighbours is pressed.

@@ -9,7 +9,7 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
 from meeframe.solvers.newton.linear import UNRESISTED, Inverse, krylov_step
-from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
+from meeframe.solvers.newton.residual import FRACTION, ContactResidual, Linearization
 
 ACCURATE: Final = 1e-10
 """Fraction of the residual that linear iterations leave by default."""
@@ -33,7 +33,9 @@ class Step:
         return bool(np.isfinite(self.local).all() and np.isfinite(self.motion).all())
 
 
-def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE, before: Inverse | None = None) -> Step:
+def newton_step(
+    equation: ContactResidual, blocks: Linearization, tolerance: float = ACCURATE, before: Inverse | None = None
+) -> Step:
     """Return the step that solves the linearised equations; it is not finite if they are singular.
 
     Rows that determine one unknown of their own node alone (open nodes, insulated potentials, contact fractions of
@@ -41,8 +43,8 @@ def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE,
     without resistance is left unchanged. Where there is no matrix, tolerance: fraction of the residual that may be
     left; before: approximate inverse of the last step.
     """
-    coupled = _coupled(blocks)
-    given = _stated(blocks, coupled)
+    coupled = coupled_rows(blocks)
+    given = decoupled_rows(blocks, coupled)
     matrix, inverse = equation.problem.system.dense(), None
     if matrix is None:
         try:
@@ -55,7 +57,9 @@ def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE,
     return Step(local, equation.units * amounts, inverse)
 
 
-def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array, matrix: Array) -> tuple[Array, Array]:
+def _direct_step(
+    equation: ContactResidual, blocks: Linearization, coupled: Mask, given: Array, matrix: Array
+) -> tuple[Array, Array]:
     """Return the step (n, fields + 1) and the amounts (m,) of the motions by factorisation.
 
     The step with the indenter at rest comes first, then the responses to each motion. Free motions are eliminated,
@@ -74,7 +78,7 @@ def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array
     return responses[:, :, 0] + responses[:, :, 1:] @ amounts, amounts
 
 
-def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
+def _product(equation: ContactResidual, blocks: Linearization, step: Array) -> Array:
     """Return (A + B C) step, (n, fields + 1)."""
     moved = equation.problem.system.apply(step[:, :FRACTION])
     product = blocks.a.products(step.dtype).times(step.T)
@@ -82,7 +86,7 @@ def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
     return product.T
 
 
-def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
+def _amounts(equation: ContactResidual, blocks: Linearization, responses: Array) -> Array:
     """Return the motions (m,), in units of the equation, that restore the balance, limited to the largest step allowed.
 
     responses: (n, fields + 1, 1 + m), the step at rest followed by the responses to the motions.
@@ -95,7 +99,7 @@ def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
     return np.asarray(amounts * blocks.farthest / np.abs(amounts).max(initial=blocks.farthest))
 
 
-def _coupled(blocks: Blocks) -> Mask:
+def coupled_rows(blocks: Linearization) -> Mask:
     """Return the rows (n, fields + 1) that involve more than their own unknown.
 
     The row of the pressure is included where that of the contact fraction is, as the two belong together.
@@ -108,7 +112,7 @@ def _coupled(blocks: Blocks) -> Mask:
     return coupled.T
 
 
-def _stated(blocks: Blocks, coupled: Mask) -> Array:
+def decoupled_rows(blocks: Linearization, coupled: Mask) -> Array:
     """Return the step (n, fields + 1) that the decoupled rows determine, zero on the coupled ones (n, fields + 1)."""
     step = np.zeros(coupled.shape[::-1]).T
     for row in range(coupled.shape[1]):
@@ -117,12 +121,12 @@ def _stated(blocks: Blocks, coupled: Mask) -> Array:
     return step
 
 
-def _unit(equation: Equation, unknown: Indices) -> Array:
+def _unit(equation: ContactResidual, unknown: Indices) -> Array:
     """Return the characteristic magnitudes of unknowns, given their numbers; they make the equations dimensionless."""
     return np.append(equation.scales.load, 1.0)[unknown]
 
 
-def _direct(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array, matrix: Array) -> Array:
+def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rights: Array, matrix: Array) -> Array:
     """Return the solutions by LU factorisation; matrix: (n fields, n fields) compliance."""
     # loads before contact fractions, so that the compliance fills a block
     n_fields = equation.problem.fields.size

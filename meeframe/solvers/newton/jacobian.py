@@ -11,7 +11,7 @@ from meeframe.fields import Array, Indices
 from meeframe.solvers._kernels.node_products import spread
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.node_blocks import NodeBlocks, NodeProducts
-from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
+from meeframe.solvers.newton.residual import FRACTION, ContactResidual, Linearization
 from meeframe.system.capabilities import ApproximateApply, apply_fields, apply_load
 
 TANGENTIAL: Final = (0, 1)
@@ -19,7 +19,7 @@ TANGENTIAL: Final = (0, 1)
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class ReducedJacobian:
     """Linearised equations on c nodes in r of their components, with unknowns in characteristic units.
 
     nodes: (c,) that have coupled rows; components: the r that are coupled anywhere; fields: the l of them that are
@@ -28,7 +28,7 @@ class Rows:
     (r c,) with zeros where nothing is coupled.
     """
 
-    equation: Equation
+    equation: ContactResidual
     nodes: Indices
     components: list[int]
     asked: list[int]
@@ -38,7 +38,9 @@ class Rows:
     precision: np.dtype[Any]
 
     @classmethod
-    def of(cls, equation: Equation, blocks: Blocks, coupled: Mask, precision: np.dtype[Any]) -> "Rows":
+    def of(
+        cls, equation: ContactResidual, blocks: Linearization, coupled: Mask, precision: np.dtype[Any]
+    ) -> "ReducedJacobian":
         """Return the coupled rows of the blocks of an equation; coupled: (n, fields + 1)."""
         nodes = np.flatnonzero(coupled.any(axis=1))
         components = np.flatnonzero(coupled.any(axis=0)).tolist()
@@ -63,7 +65,7 @@ class Rows:
         """Components that are loads."""
         return [component for component in self.components if component < self.equation.problem.fields.size]
 
-    def like(self, other: "Rows") -> bool:
+    def like(self, other: "ReducedJacobian") -> bool:
         """Return true if the same rows are coupled, in the same precision, and the same nodes stick."""
         return (
             self.components == other.components
@@ -96,7 +98,7 @@ class Rows:
             step[self.nodes, component] += unit * part
         return step
 
-    def image(self, blocks: Blocks, given: Array, values: Array) -> Array:
+    def image(self, blocks: Linearization, given: Array, values: Array) -> Array:
         """Return the product (r c,) of the equations with unknowns (r c,) and the given step (n, fields + 1) elsewhere.
 
         blocks: of all rows.

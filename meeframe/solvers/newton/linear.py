@@ -15,9 +15,9 @@ from numpy.linalg import LinAlgError
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array
 from meeframe.solvers.krylov import Linear, gmres
-from meeframe.solvers.newton.jacobian import Rows
+from meeframe.solvers.newton.jacobian import ReducedJacobian
 from meeframe.solvers.newton.preconditioner import preconditioner
-from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
+from meeframe.solvers.newton.residual import FRACTION, ContactResidual, Linearization
 
 UNRESISTED: Final = 1e-12
 """Largest stiffness against a motion, relative to the largest one, that counts as zero."""
@@ -43,12 +43,12 @@ class Inverse:
     It remains useful as long as the same rows are coupled, and the same nodes stick: all other changes are small.
     """
 
-    rows: Rows
+    rows: ReducedJacobian
     precondition: Linear
     responses: Array
 
     @classmethod
-    def of(cls, rows: Rows, columns: Array, before: "Inverse | None") -> "Inverse":
+    def of(cls, rows: ReducedJacobian, columns: Array, before: "Inverse | None") -> "Inverse":
         """Return the approximate inverse of rows, or `before` if that still serves.
 
         columns: (m, r c) contribution of the motions to the right-hand side.
@@ -63,20 +63,25 @@ class Inverse:
 
 
 def krylov_step(
-    equation: Equation, blocks: Blocks, coupled: Mask, given: Array, tolerance: float, before: Inverse | None = None
+    equation: ContactResidual,
+    blocks: Linearization,
+    coupled: Mask,
+    given: Array,
+    tolerance: float,
+    before: Inverse | None = None,
 ) -> tuple[Array, Array, Inverse]:
     """Return the step (n, fields + 1), the amounts (m,) of the motions and the approximate inverse for the next step.
 
     given: (n, fields + 1) step in the decoupled rows; tolerance: fraction of the residual that may be left; before: the
     approximate inverse of the last step. Raises LinAlgError if the equations are not finite.
     """
-    rows = Rows.of(equation, blocks, coupled, np.dtype(np.float32 if tolerance >= SINGLE else np.float64))
+    rows = ReducedJacobian.of(equation, blocks, coupled, np.dtype(np.float32 if tolerance >= SINGLE else np.float64))
     right = rows.chosen(-blocks.residual).astype(rows.precision)
     if not (np.isfinite(given).all() and rows.a.finite and rows.b.finite and np.isfinite(right).all()):
         raise LinAlgError("equations of what is no number")
     multiplication, columns = rows.multiplication(tolerance >= ROUGHLY), rows.lifted(equation.modes)
     inverse = Inverse.of(rows, columns, before)
-    precondition, border = inverse.precondition, _Border.of(rows, inverse.responses)
+    precondition, border = inverse.precondition, BorderedSystem.of(rows, inverse.responses)
     balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :FRACTION])
     weight = np.sqrt(equation.count, dtype=rows.precision)  # as the merit weighs the balance
     size = len(right)
@@ -100,7 +105,7 @@ def krylov_step(
     image: Linear | None = None
     if _counts(rows, given, tolerance * float(np.linalg.norm(right))):
         image = partial(rows.image, blocks, given)
-    whole = np.concatenate([right, weight * border.turned(balance)]).astype(rows.precision)
+    whole = np.concatenate([right, weight * border.rotated(balance)]).astype(rows.precision)
     found = _solution(product, bordered(image) if image else None, solve, whole, tolerance)
     amounts = (border.motions @ found[size:]).astype(float)
     farthest = float(np.abs(amounts).max(initial=0.0))
@@ -111,7 +116,7 @@ def krylov_step(
     return rows.step(found[:size], given), amounts, inverse
 
 
-def _counts(rows: Rows, given: Array, asked: float) -> bool:
+def _counts(rows: ReducedJacobian, given: Array, asked: float) -> bool:
     """Return true if the given part of the step (n, fields + 1) is not negligible beside the residual `asked`."""
     units = np.append(rows.equation.scales.load, 1.0)
     return float(np.linalg.norm(given / units)) > UNNOTICED * asked
@@ -134,7 +139,7 @@ def _solution(multiply: Linear, image: Linear | None, precondition: Linear, righ
 
 
 @dataclass(frozen=True, eq=False)
-class _Border:
+class BorderedSystem:
     """Bordered part of the system: q combinations of motions with resistance, and of resultants that they change.
 
     motions: (m, q) amounts in them; left: (m, q) resultants in them, of loads by totals: see Rows.combined; stiffness:
@@ -147,7 +152,7 @@ class _Border:
     stiffness: Array
 
     @classmethod
-    def of(cls, rows: Rows, responses: Array) -> "_Border":
+    def of(cls, rows: ReducedJacobian, responses: Array) -> "BorderedSystem":
         """Return the border of rows; responses: (m, r c) approximate responses to each motion."""
         totals = rows.combined(rows.equation.measures)
         matrix = np.array([_resultants(totals, response) for response in responses]).T
@@ -158,9 +163,9 @@ class _Border:
 
     def resultants(self, loads: Array) -> Array:
         """Return the combinations (q,) of the resultants of loads (r c,)."""
-        return self.turned(_resultants(self.totals, loads))
+        return self.rotated(_resultants(self.totals, loads))
 
-    def turned(self, resultants: Array) -> Array:
+    def rotated(self, resultants: Array) -> Array:
         """Return the combinations (q,) of resultants (m,)."""
         return np.asarray(self.left.T @ resultants)
 

@@ -8,7 +8,7 @@ import numpy as np
 from meeframe.contact.conduction import Mask, conducting
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_motion
-from meeframe.contact.nested import coarse_problem, nested_start, tensed
+from meeframe.contact.nested import coarse_problem, nested_start, with_signed_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
@@ -19,9 +19,9 @@ from meeframe.solvers.gradient.steps import start_load
 from meeframe.solvers.newton.coarse_start import improved_start
 from meeframe.solvers.newton.globalization import newton_step
 from meeframe.solvers.newton.linear import Inverse
-from meeframe.solvers.newton.moves import FLIPS, held_where_it_grazes, moved_by
-from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, has_parts, inset, kept_nodes
-from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.solvers.newton.moves import FLIPS, held_where_it_grazes, take_step
+from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, has_parts, inset, neighbourhood_nodes
+from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.solvers.stopping import StoppingCriteria
 from meeframe.system.capabilities import diagonal
 
@@ -34,7 +34,7 @@ FALL: Final = 0.99
 LOOSEST: Final = 0.03
 TIGHTEST: Final = 1e-4
 """Largest (LOOSEST) and smallest (TIGHTEST) tolerance of the linear equations where there is no matrix."""
-ENOUGH: Final = 0.3
+LINEAR_FRACTION: Final = 0.3
 """Fraction of the required residual below which linear equations need not reduce the violation of the laws."""
 PEAK: Final = 60.0
 """Largest ratio assumed between the largest component and the merit of what linear equations leave of a residual."""
@@ -79,7 +79,7 @@ class _Memory:
     laws that is sufficient.
     """
 
-    point: Point
+    point: ResidualState
     merits: tuple[float, ...]
     flips: Array
     fall: float = np.inf
@@ -89,7 +89,7 @@ class _Memory:
     inset: ContactNeighbourhood | None = None
     unseen: bool = True
     insets: int = 0
-    enough: float = ENOUGH * StoppingCriteria().tolerance
+    enough: float = LINEAR_FRACTION * StoppingCriteria().tolerance
 
 
 @final
@@ -113,7 +113,7 @@ class SemismoothNewton(Solver):
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, that of a coarser system, or one without load."""
         iterate = _begun(problem, start, 0.0)
-        return replace(iterate, memory=replace(_memory(iterate), enough=ENOUGH * tolerance))
+        return replace(iterate, memory=replace(_memory(iterate), enough=LINEAR_FRACTION * tolerance))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Make one Newton step, a fraction of it, or a burst of gradient steps; none if no law is violated."""
@@ -121,14 +121,14 @@ class SemismoothNewton(Solver):
         point = memory.point
         if point.merit == 0.0:
             return iterate
-        left = memory.enough / min(point.judged, PEAK * point.merit)
+        left = memory.enough / min(point.law_residual, PEAK * point.merit)
         tolerance = _tolerance(memory.fall, left)
         direction = newton_step(point.equation, point.linearise(), tolerance, memory.inverse)
         allowed = FALL * max(memory.merits)
         flips = memory.flips
         if direction.finite:
             for fraction in FRACTIONS:
-                flips, moved = moved_by(point, flips, direction, fraction)
+                flips, moved = take_step(point, flips, direction, fraction)
                 if not moved.merit < allowed:
                     moved = held_where_it_grazes(point, moved)
                 if moved.merit < allowed:
@@ -137,7 +137,7 @@ class SemismoothNewton(Solver):
                     after = replace(memory, point=moved, merits=merits, flips=flips, fall=fall, inverse=inverse)
                     return _iterate(_looked_beside(problem, after))
             if memory.leaps:
-                _, moved = moved_by(point, np.zeros_like(flips), direction, 1.0)
+                _, moved = take_step(point, np.zeros_like(flips), direction, 1.0)
                 if moved.merit < FARTHEST_LEAP:
                     leapt = replace(_anew(memory, moved, flips), leaps=memory.leaps - 1)
                     return _iterate(_looked_beside(problem, leapt))
@@ -151,7 +151,7 @@ class SemismoothNewton(Solver):
 
 def estimated_residual(iterate: Iterate) -> float | None:
     """Return the residual that Newton's equation has at an iterate; None if another solver made the iterate."""
-    return iterate.memory.point.judged if isinstance(iterate.memory, _Memory) else None
+    return iterate.memory.point.law_residual if isinstance(iterate.memory, _Memory) else None
 
 
 def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> Iterate:
@@ -166,11 +166,11 @@ def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> I
     part = None if prolonged is None else inset(problem, np.asarray(load.any(axis=1)))
     if part is not None:
         point = part.equation.at(
-            load[part.kept], contact_fraction[part.kept], _between(contact_fraction[part.kept]), motion, aim
+            load[part.nodes], contact_fraction[part.nodes], _between(contact_fraction[part.nodes]), motion, aim
         )
         insets -= 1
     else:
-        point = Equation.of(problem).at(load, contact_fraction, _between(contact_fraction), motion, aim)
+        point = ContactResidual.of(problem).at(load, contact_fraction, _between(contact_fraction), motion, aim)
     # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
     held = prolonged is not None or (start is not None and attracts(problem.contact_law))
     if not held and (np.abs(point.balance) > BALANCED).any():
@@ -178,13 +178,13 @@ def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> I
     flips, rise = np.zeros(len(point.load)), 1.0
     if coarse is not None and below is not None:
         known = _memory(below)
-        on_coarse = known.point.equation, kept_nodes(coarse.problem, known.inset)
-        point, rise = improved_start(point, kept_nodes(problem, part), coarse, *on_coarse), ROUGHENING
+        on_coarse = known.point.equation, neighbourhood_nodes(coarse.problem, known.inset)
+        point, rise = improved_start(point, neighbourhood_nodes(problem, part), coarse, *on_coarse), ROUGHENING
     memory = _Memory(point, (rise * point.merit,), flips, leaps=leaps, inset=part, insets=insets)
     return _iterate(replace(memory, unseen=prolonged is None))
 
 
-def _anew(memory: _Memory, point: Point, flips: Array) -> _Memory:
+def _anew(memory: _Memory, point: ResidualState, flips: Array) -> _Memory:
     """Return the state that continues from a point without the history of those before."""
     return replace(memory, point=point, merits=(point.merit,), flips=flips, fall=np.inf, inverse=None)
 
@@ -193,13 +193,13 @@ def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
     """Return the state on the neighbourhood of the contact, if any; on the whole zone once that has converged."""
     point, part = memory.point, memory.inset
     if part is not None:
-        return _on_whole(problem, memory, part) if point.judged <= memory.enough else memory
+        return _on_whole(problem, memory, part) if point.law_residual <= memory.enough else memory
     if not memory.insets or not point.merit < NEAR:
         return memory
     part = inset(problem, point.load.any(axis=1) | (point.trial[:, 2] < 0.0))
     if part is None:
         return memory if has_parts(problem) else replace(memory, insets=0)
-    kept = part.kept
+    kept = part.nodes
     nodes = (point.load[kept], point.ahead[kept], point.contact_fraction[kept], point.grazing[kept])
     within = replace(part.equation.beside(*nodes, point.motion), rounded=point.rounded)
     flips = memory.flips[kept]
@@ -210,7 +210,7 @@ def _on_whole(problem: ContactProblem, memory: _Memory, part: ContactNeighbourho
     """Return the state on the whole zone, from one on a neighbourhood."""
     point, spread = memory.point, part.spread
     nodes = spread(point.load), spread(point.contact_fraction), spread(point.grazing)
-    whole = Equation.of(problem).at(*nodes, point.motion)
+    whole = ContactResidual.of(problem).at(*nodes, point.motion)
     return replace(_anew(memory, whole, spread(memory.flips)), inset=None)
 
 
@@ -259,8 +259,8 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     gap = point.ahead[:, 2]
     if part is not None:
         around, gap = gap, np.full(len(problem.gap), np.inf)
-        gap[part.kept] = around
-    return replace(iterate, load=tensed(iterate.load, gap, diagonal(problem.system, (2,))[:, 0]))
+        gap[part.nodes] = around
+    return replace(iterate, load=with_signed_gap(iterate.load, gap, diagonal(problem.system, (2,))[:, 0]))
 
 
 def _hopeless(problem: ContactProblem, iterate: Iterate) -> bool:
@@ -270,7 +270,7 @@ def _hopeless(problem: ContactProblem, iterate: Iterate) -> bool:
     return beyond_friction(problem, evaluate(problem, iterate), problem_scales(problem)) is not None
 
 
-def _moved_indenter(problem: ContactProblem, point: Point) -> Array:
+def _moved_indenter(problem: ContactProblem, point: ResidualState) -> Array:
     """Return a motion (m,) at which the tractions of one projected step have the prescribed resultants.
 
     At that motion there is contact.
@@ -298,7 +298,7 @@ def _memory(iterate: Iterate) -> _Memory:
 def _iterate(memory: _Memory) -> Iterate:
     """Return the iterate, with the violation of the laws that the equation estimates where products are expensive."""
     point, part = memory.point, memory.inset
-    estimate = point.judged if _matrixless(point.equation.problem) else None
+    estimate = point.law_residual if _matrixless(point.equation.problem) else None
     load, contact_fraction = point.load, np.clip(point.contact_fraction, 0.0, 1.0)
     if part is not None:
         load, contact_fraction = part.spread(load), part.spread(contact_fraction)
@@ -309,7 +309,7 @@ def _between(contact_fraction: Array) -> Mask:
     return (contact_fraction > 0.0) & (contact_fraction < 1.0)
 
 
-def _gradient_steps(problem: ContactProblem, point: Point, grazing: Mask, count: int) -> Point:
+def _gradient_steps(problem: ContactProblem, point: ResidualState, grazing: Mask, count: int) -> ResidualState:
     """Return the point after projected Barzilai-Borwein steps; biactive nodes (n,) remain biactive."""
     solver = BarzilaiBorwein()
     contact_fraction = np.clip(point.contact_fraction, 0.0, 1.0)

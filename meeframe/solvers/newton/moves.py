@@ -9,7 +9,7 @@ from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, attracts
 from meeframe.solvers.newton.contact_edge import relaxed_where_switched
 from meeframe.solvers.newton.globalization import Step
-from meeframe.solvers.newton.residual import FLUX_ROWS, FRACTION, Point
+from meeframe.solvers.newton.residual import FLUX_ROWS, FRACTION, ResidualState
 
 FLIPS: Final = 1
 """Largest number of openings and closings before a node is treated as biactive.
@@ -23,7 +23,7 @@ A flux counts as zero below this fraction of its previous value.
 """
 
 
-def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Array, Point]:
+def take_step(point: ResidualState, flips: Array, step: Step, fraction: float) -> tuple[Array, ResidualState]:
     """Return the flips (n,) and the point after a fraction of a step.
 
     Nodes whose conduction keeps changing become biactive. They begin between open and closed, at the fraction where
@@ -54,7 +54,7 @@ def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[A
     return flips, relaxed_where_switched(point, moved)
 
 
-def held_where_it_grazes(point: Point, moved: Point) -> Point:
+def held_where_it_grazes(point: ResidualState, moved: ResidualState) -> ResidualState:
     """Return a moved point with the nodes that it opened or closed as biactive, if that violates the laws less.
 
     Their conduction remains unchanged for the time being: it would jump, and the fluxes with it. Only nodes whose trial
@@ -68,7 +68,7 @@ def held_where_it_grazes(point: Point, moved: Point) -> Point:
     return held if held.merit < moved.merit else moved
 
 
-def _with_fitting_fractions(moved: Point) -> Point:
+def _with_fitting_fractions(moved: ResidualState) -> ResidualState:
     """Return a moved point with the intermediate contact fractions that fit its fluxes and drives best.
 
     A step changes both at once, and the conducted flux is their product, which the linearised equations do not contain.

@@ -9,7 +9,7 @@ from meeframe.contact.conduction import Mask, follows_gap
 from meeframe.contact.nested import on_nodes, same_everywhere
 from meeframe.contact.problem import ContactProblem, indenter_field
 from meeframe.fields import Array, Indices
-from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.capabilities import AnyArray, Restriction, apply_fields
 
 MARGIN: Final = 2.0
@@ -25,23 +25,23 @@ Approximate inverses on slender parts may be poor.
 class ContactNeighbourhood:
     """Equation of a problem on m of its n nodes alone, in the scales of the whole problem.
 
-    whole: the problem; kept: (m,) the nodes.
+    whole: the problem; nodes: (m,) its nodes.
     """
 
     whole: ContactProblem
-    kept: Indices
-    equation: Equation
+    nodes: Indices
+    equation: ContactResidual
 
     def spread(self, values: AnyArray) -> AnyArray:
         """Return values (m, ...) of the neighbourhood on all nodes, zero outside it."""
         spread = np.zeros((*values.shape[:0:-1], len(self.whole.gap)), values.dtype).T
-        spread[self.kept] = values
+        spread[self.nodes] = values
         return spread
 
-    def has_contact_outside(self, point: Point) -> bool:
+    def has_contact_outside(self, point: ResidualState) -> bool:
         """Return true if the indenter overlaps the body outside the neighbourhood, at a point of its equation."""
         beside = np.isfinite(self.whole.gap)
-        beside[self.kept] = False
+        beside[self.nodes] = False
         if not beside.any():
             return False
         # tractions of a law without tangential scaling are loads, too
@@ -51,9 +51,9 @@ class ContactNeighbourhood:
         return bool((indenter_field(self.whole, 2, point.motion) < moved)[beside].any())
 
 
-def kept_nodes(problem: ContactProblem, part: ContactNeighbourhood | None) -> Indices:
+def neighbourhood_nodes(problem: ContactProblem, part: ContactNeighbourhood | None) -> Indices:
     """Return the nodes of a problem's zone in a neighbourhood; all of them if there is none."""
-    return np.arange(len(problem.gap)) if part is None else part.kept
+    return np.arange(len(problem.gap)) if part is None else part.nodes
 
 
 def has_parts(problem: ContactProblem) -> bool:
@@ -92,4 +92,4 @@ def inset(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None
     kept = part.nodes
     if not all(freedom.mode[kept].any() for freedom in problem.prescribed_resultants):
         return None
-    return ContactNeighbourhood(problem, kept, Equation.of(on_nodes(problem, part.system, kept), problem))
+    return ContactNeighbourhood(problem, kept, ContactResidual.of(on_nodes(problem, part.system, kept), problem))

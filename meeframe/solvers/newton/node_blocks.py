@@ -14,7 +14,7 @@ from meeframe.solvers._kernels.node_products import add_products, add_products_a
 SINGULAR: Final = 1e12
 """Condition number of a node's block beyond which its pseudo-inverse is used."""
 
-FEW: Final = 101
+SAMPLE_STRIDE: Final = 101
 """Stride of the nodes in the first test of an entry for zero."""
 
 
@@ -33,7 +33,9 @@ class NodeBlocks:
     def of(cls, entries: Mapping[tuple[int, int], Array], shape: tuple[int, int]) -> "NodeBlocks":
         """Return the blocks with entries (c,), dropping those that are zero everywhere."""
         # a sample of the nodes is tested first
-        return cls({place: entry for place, entry in entries.items() if entry[::FEW].any() or entry.any()}, shape)
+        return cls(
+            {place: entry for place, entry in entries.items() if entry[::SAMPLE_STRIDE].any() or entry.any()}, shape
+        )
 
     @property
     def finite(self) -> bool:
@@ -91,7 +93,7 @@ class NodeBlocks:
                 blocks = blocks.changed(row, column, nodes, self.entry(from_row, column)[nodes])
         return blocks
 
-    def turned(self, cosine: Array, sine: Array) -> "NodeBlocks":
+    def rotated(self, cosine: Array, sine: Array) -> "NodeBlocks":
         """Return the blocks in axes of the first two components rotated by angles of these cosines and sines (c,)."""
         entries, none = dict(self.entries), np.zeros(self.shape[1])
         for axis in (0, 1):
@@ -159,18 +161,18 @@ class NodeProducts:
 
 def _inverse(blocks: Array) -> Array:
     """Return the inverses of blocks (s, s, c), pseudo-inverses of singular ones, and NaN for non-finite ones."""
-    turned = blocks.transpose(2, 0, 1)
+    rotated = blocks.transpose(2, 0, 1)
     with np.errstate(all="ignore"):
         if len(blocks) == 2:  # the two directions in which nodes slip, at many of them
             (a, b), (c, d) = blocks
             found = (np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1)
         else:
             try:
-                found = np.asarray(np.linalg.inv(turned), float)
+                found = np.asarray(np.linalg.inv(rotated), float)
             except np.linalg.LinAlgError:  # one of them is singular, and nothing is known of the others
-                found = np.full(turned.shape, np.inf)
-        size, bound = (np.abs(part).max(axis=(1, 2), initial=0.0) for part in (turned, found))
+                found = np.full(rotated.shape, np.inf)
+        size, bound = (np.abs(part).max(axis=(1, 2), initial=0.0) for part in (rotated, found))
         singular = ~(size * bound < SINGULAR) & np.isfinite(size)
     found[~np.isfinite(size)] = np.nan
-    found[singular] = np.linalg.pinv(turned[singular])
+    found[singular] = np.linalg.pinv(rotated[singular])
     return np.asarray(found.transpose(1, 2, 0))

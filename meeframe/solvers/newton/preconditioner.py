@@ -17,7 +17,7 @@ from meeframe.contact.conduction import Mask
 from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.krylov import Linear
-from meeframe.solvers.newton.jacobian import TANGENTIAL, Rows
+from meeframe.solvers.newton.jacobian import TANGENTIAL, ReducedJacobian
 from meeframe.solvers.newton.node_blocks import NodeBlocks
 from meeframe.system.capabilities import ApproximateInverse, Prolongation
 
@@ -26,7 +26,7 @@ NEARBY: Final = 1.1
 
 It falls with the third power of the distance. 1.5 saves no product, 0.6 takes two more.
 """
-HARDLY: Final = 3.0
+MAX_TANGENTIAL_RATIO: Final = 3.0
 """Largest ratio of the own load to the own response at which a tangential row still prescribes a displacement.
 
 2 took as many products in frictional contact with conduction on ten grids, 1 took 6 % more.
@@ -35,7 +35,7 @@ ROUND_OFF: Final = 1e-6
 """Round-off of single precision, relative to other entries of a block."""
 
 
-def preconditioner(rows: Rows) -> Linear:
+def preconditioner(rows: ReducedJacobian) -> Linear:
     """Return the approximate inverse of the coupled rows, (r c,) of (r c,).
 
     At nodes between open and closed pressure and gap are zero. In the preconditioner their gap is paired with the
@@ -80,7 +80,7 @@ def preconditioner(rows: Rows) -> Linear:
     return precondition
 
 
-def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -> tuple[Indices, Any]:
+def _responses_nearby(solve: Linear, jumps: Array, rows: ReducedJacobian, nodes: Indices) -> tuple[Indices, Any]:
     """Return the unknowns that right-hand sides (r, c) of single nodes (g,) cause near these.
 
     The result is the numbers (t,), in order, of these unknowns among the (r c,), and their values, (t, g) sparse. Nodes
@@ -109,19 +109,19 @@ def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -
     return touched, scipy.sparse.csr_array(found, (len(touched), len(nodes)))
 
 
-def _solution_of_loads(rows: Rows) -> Linear:
+def _solution_of_loads(rows: ReducedJacobian) -> Linear:
     """Return the function that approximately solves for the unknowns (r, c) of right-hand sides (r, c).
 
     Rows that prescribe displacements come first, then the others, node by node; tangential rows are solved along and
     across the direction in which a node slips.
     """
     inverse, loaded = rows.equation.inverse, rows.equation.loaded
-    turn, own_response = _Turn.of(rows), _own_response(rows)
+    turn, node_compliance = _Turn.of(rows), _node_compliance(rows)
     rows = replace(rows, a=turn.there(rows.a), b=turn.there(rows.b))
     loads = slice(len(rows.fields))
-    asking = _asking(rows, own_response) if inverse else np.zeros_like(rows.coupled[loads])
-    ask = _asked(rows, own_response, asking)
-    own, by_loads, by_displacement = _apart(rows, own_response, rows.coupled[loads] & ~asking, asking)
+    asking = _asking(rows, node_compliance) if inverse else np.zeros_like(rows.coupled[loads])
+    ask = _asked(rows, node_compliance, asking)
+    own, by_loads, by_displacement = _apart(rows, node_compliance, rows.coupled[loads] & ~asking, asking)
     answering = NodeBlocks.of({(i, i): part / rows.units[i] for i, part in enumerate(asking)}, asking.shape)
     # prescribed displacements, and unknowns by right-hand sides and by inverse: one map each, with rotation and units
     maps = ask, own.plus(by_displacement.after(ask)), answering.plus(by_loads.after(answering))
@@ -151,7 +151,7 @@ def _solution_of_loads(rows: Rows) -> Linear:
     return solve
 
 
-def _beside(rows: Rows, asking: Mask) -> dict[int, tuple[Indices, Prolongation]]:
+def _beside(rows: ReducedJacobian, asking: Mask) -> dict[int, tuple[Indices, Prolongation]]:
     """Return for the place of a field the nodes that prescribe displacements in it, and their prolongation.
 
     The nodes are numbers among those of the rows (l, c); the prolongation extends their displacements to the zone. The
@@ -184,7 +184,7 @@ class _Turn:
     angle: tuple[Array, Array] | None
 
     @classmethod
-    def of(cls, rows: Rows) -> "_Turn":
+    def of(cls, rows: ReducedJacobian) -> "_Turn":
         """Return the rotation to the directions in which the tangential rows A involve their loads most and least.
 
         These are the principal axes of A A^T, since A is not symmetric where friction is orthotropic.
@@ -202,7 +202,7 @@ class _Turn:
         """Return the blocks of the nodes in the rotated axes, without the round-off that couples the two."""
         if self.angle is None:
             return blocks
-        entries = dict(blocks.turned(*self.angle).entries)
+        entries = dict(blocks.rotated(*self.angle).entries)
         for place in {(0, 1), (1, 0)} & entries.keys():
             least = ROUND_OFF * sum(np.abs(entries.get((i, i), 0.0)) for i in (0, 1))
             entries[place] = np.where(np.abs(entries[place]) > least, entries[place], 0.0)
@@ -213,10 +213,10 @@ class _Turn:
         if self.angle is None:
             return blocks
         cosine, sine = self.angle
-        return blocks.turned(cosine, -sine)
+        return blocks.rotated(cosine, -sine)
 
 
-def _asking(rows: Rows, own: NodeBlocks) -> Mask:
+def _asking(rows: ReducedJacobian, own: NodeBlocks) -> Mask:
     """Return the rows (l, c) that prescribe displacements.
 
     In these the response of a node to its own load outweighs the load itself, or does not fall far behind, where a node
@@ -229,12 +229,12 @@ def _asking(rows: Rows, own: NodeBlocks) -> Mask:
         if field in rows.equation.loaded:
             asked = rows.asked.index(field)
             moved = np.abs(rows.b.entry(place, asked) * own.entry(asked, place))
-            least = np.abs(rows.a.entry(place, place)) / (HARDLY if field in TANGENTIAL else 1.0)
+            least = np.abs(rows.a.entry(place, place)) / (MAX_TANGENTIAL_RATIO if field in TANGENTIAL else 1.0)
             asking[place] = rows.coupled[place] & (moved > least)
     return asking
 
 
-def _own_response(rows: Rows) -> NodeBlocks:
+def _node_compliance(rows: ReducedJacobian) -> NodeBlocks:
     """Return the displacements (f, c) that the unknowns (l, c) of the loads cause at their own node.
 
     They are almost the same in all tangential directions, so that the axes do not matter. Round-off is omitted.
@@ -250,7 +250,7 @@ def _own_response(rows: Rows) -> NodeBlocks:
     return NodeBlocks.of(entries, (len(rows.asked), len(rows.nodes)))
 
 
-def _asked(rows: Rows, own: NodeBlocks, asking: Mask) -> NodeBlocks:
+def _asked(rows: ReducedJacobian, own: NodeBlocks, asking: Mask) -> NodeBlocks:
     """Return the displacements (l, c), in the fields of the loads, that right-hand sides (r, c) prescribe.
 
     The right-hand sides are those of the rows `asking` (l, c). The displacements are those that loads cause at their
@@ -269,7 +269,9 @@ def _asked(rows: Rows, own: NodeBlocks, asking: Mask) -> NodeBlocks:
     return NodeBlocks({place: causes[place[0]] * entry for place, entry in found.entries.items()}, asking.shape)
 
 
-def _apart(rows: Rows, response: NodeBlocks, marked: Mask, asking: Mask) -> tuple[NodeBlocks, NodeBlocks, NodeBlocks]:
+def _apart(
+    rows: ReducedJacobian, response: NodeBlocks, marked: Mask, asking: Mask
+) -> tuple[NodeBlocks, NodeBlocks, NodeBlocks]:
     """Return blocks (l, l) that give the loads of the marked rows (l, c).
 
     The three blocks act on the right-hand sides of these rows, on the loads of other rows, and on the prescribed

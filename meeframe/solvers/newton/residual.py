@@ -66,7 +66,7 @@ UNNOTICED: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Equation:
+class ContactResidual:
     """Nonsmooth equation of a problem.
 
     scales: of its data; blocks: (n, fields, fields) response of each node to its own load; own: (n, channels) of its
@@ -93,7 +93,7 @@ class Equation:
     count: int
 
     @classmethod
-    def of(cls, problem: ContactProblem, whole: ContactProblem | None = None) -> "Equation":
+    def of(cls, problem: ContactProblem, whole: ContactProblem | None = None) -> "ContactResidual":
         """Return the equation of a problem; whole: the problem of which it is a part, and which sets the scales."""
         whole = whole or problem
         scales = problem_scales(whole)
@@ -139,7 +139,9 @@ class Equation:
         """Transmissivity of the contact."""
         return Transmissivity(self.problem, self.scales, self.own)
 
-    def at(self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array, aim: float = 0.0) -> "Point":
+    def at(
+        self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array, aim: float = 0.0
+    ) -> "ResidualState":
         """Return the equation at a load (n, fields) and motion (m,) of the freedoms.
 
         contact_fraction: (n,) of the biactive nodes (n,), that of the others follows; aim: the smallest violation that
@@ -147,7 +149,7 @@ class Equation:
         """
         load = np.asfortranarray(load)
         if aim and self.problem.system.dense() is None:
-            ahead, farthest = self.roughly_ahead(load, motion)
+            ahead, farthest = self.approximate_relative_displacement(load, motion)
             if ROUNDED * farthest < UNNOTICED * aim:
                 return replace(self.beside(load, ahead, contact_fraction, grazing, motion), rounded=ROUNDED * farthest)
         return self.beside(load, self.ahead(load, motion), contact_fraction, grazing, motion)
@@ -159,7 +161,7 @@ class Equation:
         """
         return self._ahead_of(self.problem.system.apply(load), motion)
 
-    def roughly_ahead(self, load: Array, motion: Array) -> tuple[Array, float]:
+    def approximate_relative_displacement(self, load: Array, motion: Array) -> tuple[Array, float]:
         """Return the relative displacement in single precision, and the largest response to the load; see farthest."""
         system, loaded = self.problem.system, np.flatnonzero(load.any(axis=0)).tolist()
         single: AnyArray = load.T[loaded].astype(np.float32)
@@ -178,7 +180,9 @@ class Equation:
         largest = np.maximum(response.max(axis=0, initial=0.0), -response.min(axis=0, initial=0.0))
         return float((largest / self.weighed).max())
 
-    def beside(self, load: Array, ahead: Array, contact_fraction: Array, grazing: Mask, motion: Array) -> "Point":
+    def beside(
+        self, load: Array, ahead: Array, contact_fraction: Array, grazing: Mask, motion: Array
+    ) -> "ResidualState":
         """Return the equation as `at` does, with known displacement of the indenter relative to the body.
 
         ahead: (n, fields) that displacement.
@@ -208,11 +212,11 @@ class Equation:
         residual[at, FRACTION] = off * sigma[at] / self.scales.pressure
         balance = unbalance(self.problem, load) / self.scales.totals
         nodes = (ahead, trial, transmissivity, jump, drive, sigma, switch, residual)
-        return Point(self, load, contact_fraction, grazing, motion, *nodes, balance)
+        return ResidualState(self, load, contact_fraction, grazing, motion, *nodes, balance)
 
 
 @dataclass(frozen=True, eq=False)
-class Blocks:
+class Linearization:
     """Linearisation (A + B C) step - B modes motion = -residual, measures : step = -balance.
 
     a: of n nodes by unknowns (fields + 1,) and b: by displacements (fields,), one row for each unknown; residual: (n,
@@ -228,7 +232,7 @@ class Blocks:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class ResidualState:
     """Equation at a state.
 
     load: (n, fields); contact_fraction: (n,), of biactive nodes not confined to [0, 1]; grazing: (n,) the biactive
@@ -239,7 +243,7 @@ class Point:
     due to single precision.
     """
 
-    equation: Equation
+    equation: ContactResidual
     load: Array
     contact_fraction: Array
     grazing: Mask
@@ -255,7 +259,7 @@ class Point:
     balance: Array
     rounded: float = 0.0
 
-    def moved(self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array) -> "Point":
+    def moved(self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array) -> "ResidualState":
         """Return the equation at another load (n, fields) and motion (m,), as Equation.at.
 
         Without a matrix only the change is applied, in single precision as long as its error is negligible.
@@ -283,7 +287,7 @@ class Point:
             return replace(found, rounded=rounded)
         return equation.at(load, contact_fraction, grazing, motion)
 
-    def regrazed(self, contact_fraction: Array, grazing: Mask) -> "Point":
+    def regrazed(self, contact_fraction: Array, grazing: Mask) -> "ResidualState":
         """Return the equation at the same load with other contact fractions (n,) and biactive nodes (n,)."""
         contact_fraction = np.where(grazing, contact_fraction, self.trial[:, 2] < 0.0)
         some = np.flatnonzero((contact_fraction != self.contact_fraction) | (grazing != self.grazing))
@@ -312,7 +316,7 @@ class Point:
         """Biactive nodes (n,) that are neither open nor closed."""
         return np.asarray(self.grazing & (self.switch > 0.0) & (self.switch < 1.0))
 
-    def switched(self, before: "Point") -> Mask:
+    def switched(self, before: "ResidualState") -> Mask:
         """Return the nodes (n,) that have opened or closed since a point before, where that changes the conduction."""
         return np.asarray(((self.contact_fraction > 0.0) != (before.contact_fraction > 0.0)) & self.jump.any(axis=1))
 
@@ -329,12 +333,12 @@ class Point:
         return float(max(np.abs(part).max(initial=0.0) for part in (self.residual, self.balance)))
 
     @cached_property
-    def judged(self) -> float:
+    def law_residual(self) -> float:
         """Violation of the laws in the measure of the independent residual, meeframe.contact.residual."""
-        return float(max(self.violation, self.judged_nodes.max(initial=0.0)))
+        return float(max(self.violation, self.node_residual.max(initial=0.0)))
 
     @cached_property
-    def judged_nodes(self) -> Array:
+    def node_residual(self) -> Array:
         """Violation by fluxes and contact fractions at the nodes (n,), in the measure of meeframe.contact.residual.
 
         The part of a potential drop that the fluxes leave counts as if the body had the compliance of the whole
@@ -366,7 +370,7 @@ class Point:
         trial[pressed, 2], trial[opened, 2] = -least, least
         return trial
 
-    def linearise(self) -> Blocks:
+    def linearise(self) -> Linearization:
         """Return an element of the generalised Jacobian, by the tangents of the laws.
 
         Between open and closed a biactive node has p_nu = 0 and g_nu = 0; the second equation stands in the row of c.
@@ -421,4 +425,4 @@ class Point:
                 b[field, 2] = -drive * across[:, k]
         farthest = FARTHEST * float(np.abs(self.motion / equation.units).max(initial=1.0))
         of_unknowns, of_displacement = (NodeBlocks.of(part, residual.T.shape) for part in (a, b))
-        return Blocks(of_unknowns, of_displacement, residual, self.balance, farthest)
+        return Linearization(of_unknowns, of_displacement, residual, self.balance, farthest)

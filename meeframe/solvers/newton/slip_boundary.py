@@ -12,8 +12,8 @@ import numpy as np
 
 from meeframe.fields import MECHANICAL
 from meeframe.solvers._kernels.stencil_products import neighbours, stencil_products
-from meeframe.solvers.newton.boundary_band import ROUGHER, Ring, slips
-from meeframe.solvers.newton.residual import Point
+from meeframe.solvers.newton.boundary_band import ROUGHER, BoundaryBand, slips
+from meeframe.solvers.newton.residual import ResidualState
 
 WIDTH: Final = 4
 """Half width of the relaxed band, in spacings from the boundary."""
@@ -25,7 +25,7 @@ FIRST: Final = 0.3
 """Length of the first gradient step, relative to the inverse of a node's own response."""
 
 
-def relaxed_slip(point: Point) -> Point:
+def smooth_slip_boundary(point: ResidualState) -> ResidualState:
     """Return a point with the friction relaxed around the stick-slip boundary.
 
     The result is the given point where there is no such boundary, where nodes lie on no lattice, or if relaxation does
@@ -37,7 +37,7 @@ def relaxed_slip(point: Point) -> Point:
     law = problem.contact_law
     if not {0, 1}.issubset(point.equation.loaded):
         return point
-    ring = Ring.of(point, (point.load[:, 2] < 0.0) & ~slips(point), WIDTH)
+    ring = BoundaryBand.of(point, (point.load[:, 2] < 0.0) & ~slips(point), WIDTH)
     if ring is None:
         return point
     nodes, reach = ring.nodes, len(ring.stencil.responses) // 2

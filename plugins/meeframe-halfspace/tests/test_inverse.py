@@ -8,7 +8,7 @@ from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.inverse import wave_inverse
 
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.conduction import own_response
+from meeframe.contact.conduction import potential_diagonal
 from meeframe.contact.problem import ContactProblem, ContactSolution, Status
 from meeframe.elements import Quad4
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, StepConductivity
@@ -48,7 +48,7 @@ def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem
         none,
         prescribed_resultants,
     )
-    own = own_response(problem)[len(x) // 2]
+    own = potential_diagonal(problem)[len(x) // 2]
     laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, own, strict=True)]
     return replace(problem, channels=flux_channels(laws[0], laws[1]))
 

@@ -11,7 +11,7 @@ from meeframe_halfspace.convolution import Convolution
 from meeframe_halfspace.system import HalfSpaceSystem
 
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.nested import coarse_problem, nested_start, tensed
+from meeframe.contact.nested import coarse_problem, nested_start, with_signed_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status
 from meeframe.contact.scales import problem_scales
 from meeframe.elements import Quad4
@@ -185,7 +185,7 @@ def test_tension_of_open_nodes_tells_where_the_contact_ends(radius: float) -> No
         out = np.maximum(r, 1.0)
         gap = radius**2 / (np.pi * sphere) * (np.sqrt(out**2 - 1.0) - (2.0 - out**2) * np.arccos(1.0 / out))
         own = coarse.system.diagonal_blocks()[:, 2, 2]
-        return ContactState(tensed(load, gap, own), coarse.system.offset, (r < 1.0).astype(float))
+        return ContactState(with_signed_gap(load, gap, own), coarse.system.offset, (r < 1.0).astype(float))
 
     start = nested_start(problem, hertz)
     assert start is not None

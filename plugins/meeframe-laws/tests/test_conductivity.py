@@ -12,7 +12,7 @@ from meeframe_laws.conductivity import RECORDS, AcrossGap, Breakdown, PowerLaw, 
 
 from meeframe import load_case
 from meeframe.common.errors import CaseError
-from meeframe.contact.conduction import own_response
+from meeframe.contact.conduction import potential_diagonal
 from meeframe.contact.problem import Status
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.laws.base import contact_conductivity
@@ -95,7 +95,7 @@ def case(electric, magnetic=None, law=None, cells: int = 8):
     return drawn.problem()
 
 
-OWN = own_response(case(Insulating()))[0]
+OWN = potential_diagonal(case(Insulating()))[0]
 
 
 def solved(problem, solver=None, start=None):

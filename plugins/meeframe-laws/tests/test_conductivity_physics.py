@@ -7,7 +7,7 @@ import pytest
 from meeframe_laws.conductivity import AcrossGap, Breakdown, Robin, Saturating, Thresholded
 
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.conduction import own_response
+from meeframe.contact.conduction import potential_diagonal
 from meeframe.contact.problem import ContactProblem, Status
 from meeframe.laws import Insulating, Signorini, StepConductivity
 from meeframe.material import library_material
@@ -74,7 +74,7 @@ def test_one_node_breaks_down(voltage) -> None:
     flat = np.diag(np.diag(XI))
     problem = plates(Breakdown(AIR, field, discharge), flat, voltage=voltage)
     flux, _, drop = one_node(problem)
-    own = own_response(problem)[0, 0]
+    own = potential_diagonal(problem)[0, 0]
     most, capacitor = field * DISTANCE, AIR / DISTANCE
     expected = abs(voltage) / (1.0 + own * capacitor)
     if expected > most:
@@ -131,7 +131,7 @@ def test_discharge_lowers_the_field_of_the_gap_to_the_breakdown_field() -> None:
         drop = -state.displacement[:, 3] - problem.potentials[:, 0]
         return np.where(state.load[:, 2] == 0.0, np.abs(drop) / gap, 0.0), gap, np.abs(state.load[:, 3])
 
-    own = own_response(sphere(insulating))[0, 0]
+    own = potential_diagonal(sphere(insulating))[0, 0]
     capacitor = fields(AcrossGap(AIR, 1.0, residual_gap))[0]
     np.testing.assert_array_equal(fields(Breakdown(AIR, field, 0.0, 1.0, residual_gap))[0], capacitor)
     highest, most = [], capacitor
@@ -161,14 +161,14 @@ def test_robin_holds_the_potentials_of_the_whole_zone() -> None:
     np.testing.assert_allclose(-perfect.displacement[:, 3], 2e4, rtol=1e-9)
     np.testing.assert_allclose(-perfect.displacement[:, 4], -15.0, rtol=1e-9)
     assert (perfect.load[:, 2] == 0.0).any()
-    own = own_response(sphere(Insulating()))[0, 0]
+    own = potential_diagonal(sphere(Insulating()))[0, 0]
     errors = [np.abs(solved(sphere(Robin(k / own))).displacement[:, 3] + 2e4).max() for k in (1e3, 1e4)]
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.05)
 
 
 def test_charge_grows_from_that_of_the_contact_to_that_of_held_potentials() -> None:
     """With the permittivity of the gap; the sphere holds charge where it touches, at last on the whole zone."""
-    own = own_response(sphere(Insulating()))[0, 0]
+    own = potential_diagonal(sphere(Insulating()))[0, 0]
     weights = sphere(Insulating()).system.weights
     laws = [StepConductivity(math.inf), *(AcrossGap(k * 1e-6 / own) for k in (1e-3, 1e-1, 1e1, 1e3)), Robin(math.inf)]
     charges = np.array([abs(weights @ solved(sphere(law)).load[:, 3]) for law in laws])
@@ -178,7 +178,7 @@ def test_charge_grows_from_that_of_the_contact_to_that_of_held_potentials() -> N
 
 
 def test_film_insulates_up_to_its_threshold_and_conducts_beyond_the_ramp() -> None:
-    own = own_response(sphere(Insulating()))[0, 0]
+    own = potential_diagonal(sphere(Insulating()))[0, 0]
     threshold, ramp, kappa = 2e7, 5e6, 2.0 / own
     problem = sphere(Thresholded(kappa, threshold, ramp))
     state = solved(problem)

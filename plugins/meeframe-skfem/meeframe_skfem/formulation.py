@@ -92,7 +92,7 @@ class FiniteElements(Formulation):
         return system
 
     def solve(self, body: Body, progress: Progress = silent) -> FiniteElementSolution:
-        """The factorised system, which also gives the values in the volume. Raises as reduce."""
+        """Return the factorised system, which also gives the values in the volume. Raises as reduce."""
         progress("mesh", 0.0)
         return solve_body(*self._prepare(body), self.linear_solver, progress)
 
@@ -110,7 +110,7 @@ class FiniteElements(Formulation):
 
 
 def _check_response(system: ReducedSystem, element: str) -> None:
-    """Raises CaseError unless every node moves with the pressure on it."""
+    """Raise CaseError unless every node moves with the pressure on it."""
     own = system.diagonal_blocks()[:, 2, 2]
     if own.min() <= 0.0:
         raise CaseError(

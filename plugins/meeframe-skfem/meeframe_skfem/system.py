@@ -145,7 +145,7 @@ def _add_forces(forces: Array, matched: MatchedBody, mesh: VolumeMesh, layout: L
 
 
 def _zone_mass(matched: MatchedBody, length: float) -> csr_array:
-    """int N_a N_b dS over the contact zone, (n, n), lengths in a unit [m]."""
+    """Return int N_a N_b dS over the contact zone, (n, n), lengths in a unit [m]."""
     (_, cells), block = matched.zone.cells[0], matched.body.mesh.blocks[0]
     masses = face_masses(matched.zone.points / length, block.element, cells)
     n = len(matched.zone.points)

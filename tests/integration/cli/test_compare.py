@@ -371,7 +371,7 @@ def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write
     label = Choice.read("formulation", coarse).label
     assert [run.label for run in made.runs] == ["winkler, -", f"{label}, tabulated", f"{label}, residue"]
     assert [run.status for run in made.runs] == ["converged"] * 3
-    with pytest.raises(CaseError, match="--fundamental-solution: the formulation takes none"):
+    with pytest.raises(CaseError, match="--fundamental-solution: the formulation takes no fundamental solution"):
         compare(write_case(), {"fundamental-solution": ["residue"]}, tmp_path / "none", registry=laws)
 
 

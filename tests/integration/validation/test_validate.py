@@ -335,7 +335,7 @@ def test_the_page_is_whole_and_loads_nothing():
     assert parsed.links == ["#name"]
     assert parsed.plots == len(parsed.data) == 2
     assert parsed.data[0]["data"][0]["y"] == [None, 1.0]
-    assert parsed.data[0]["layout"]["title"]["text"] == "a plot </script>"
+    assert parsed.data[0]["layout"]["title"]["text"] == "a plot &lt;/script&gt;"
     assert len(parsed.data[1]["layout"]["updatemenus"][0]["buttons"]) == 2
     assert "Title &lt;1&gt;" in html
     assert str(Verdict.DIFFERS) in html

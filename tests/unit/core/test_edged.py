@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.conduction import own_response, resistances
+from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import ContactProblem
 from meeframe.laws import Signorini, StepConductivity
 from meeframe.system.capabilities import apply_load
@@ -46,11 +46,11 @@ def test_covered_parts_conduct_with_and_without_pressure():
     traction = np.where(np.arange(25) % 2 == 0, -1.0, 0.0)
     contact_fraction = (traction < 0.0).astype(float)
     case = problem(4.0, area_fraction)
-    found = resistances(case, traction, contact_fraction, np.abs(own_response(case)))
+    found = resistances(case, traction, contact_fraction, np.abs(potential_diagonal(case)))
     assert found[:10, 0] == pytest.approx(1.0)
     assert (found[10:, 0] == np.where(contact_fraction[10:] > 0.0, 0.25, np.inf)).all()
     assert np.isinf(found[:, 1]).all()
-    perfect = resistances(problem(np.inf, area_fraction), traction, contact_fraction, np.abs(own_response(case)))
+    perfect = resistances(problem(np.inf, area_fraction), traction, contact_fraction, np.abs(potential_diagonal(case)))
     assert (perfect[:10, 0] == 0.0).all()
 
 

@@ -231,7 +231,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
     [
         (BoundaryCondition("top", 2, "force", 1.0), "kind = 'force'; allowed: 'value', 'flux'"),
         (BoundaryCondition("top", 9, "flux", 1.0), "field = 9; allowed: 0 to 4"),
-        (BoundaryCondition("top", 2, "flux", np.ones(3)), r"data of shape \(3,\); allowed: one number or \("),
+        (BoundaryCondition("top", 2, "flux", np.ones(3)), r"data has shape \(3,\); allowed: one number or shape \("),
         (BoundaryCondition("top", 2, "flux", np.nan), "must be finite"),
         (BoundaryCondition("base", 2, "flux", 1.0), "prescribe displacement_3 or traction_3 twice"),
     ],

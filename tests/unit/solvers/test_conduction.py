@@ -79,7 +79,7 @@ def test_fractions_do_not_depend_on_the_way_there() -> None:
 def test_resistances() -> None:
     case = problem(2.0, cells=4)
     n = 16
-    own = conduction.own_response(case)
+    own = conduction.potential_diagonal(case)
     traction = np.full(n, -1.0)
     kappa = contact_conductivity(case.law_of("magnetic"), traction)[0]
     contact_fraction = np.linspace(0.0, 1.0, n)
@@ -148,7 +148,7 @@ class Discharge(ConductivityLaw):
 def test_drop_is_found_together_with_its_conductivity(steepness: float) -> None:
     """A law that conducts hardly below a drop and steeply above it: the root of each piece in closed form."""
     case = problem(0.0, cells=8)
-    n, own = len(case.gap), conduction.own_response(case)
+    n, own = len(case.gap), conduction.potential_diagonal(case)
     laws = [Discharge(0.3 / size, steepness / size) for size in own[0]]
     case = replace(case, channels=flux_channels(laws[0], laws[1]), gap=np.full(n, 1e-6))
     alone = np.logspace(-3, 5, n)

@@ -13,6 +13,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solv
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.solvers import ProjectedCG, SemismoothNewton, StoppingCriteria, Uzawa, residual, solve
+from meeframe.system.capabilities import FieldwiseApply
 from meeframe.system.reduced import NodalFields, ReducedSystem
 from meeframe.testing.contact import check_solver, exact_pressure
 from meeframe.testing.half_space import half_space_system, indentation_problem
@@ -72,8 +73,8 @@ def test_status_of_iterations_that_fail(kind: str, status: Status, said: str) ->
 
 @final
 @dataclass(frozen=True, eq=False)
-class Misled(ReducedSystem):
-    """Answers with more than it applies, where it is asked for some fields alone."""
+class Misled(ReducedSystem, FieldwiseApply):
+    """A system whose products in some of the fields are larger than those of `apply`."""
 
     inner: ReducedSystem
 
@@ -84,8 +85,13 @@ class Misled(ReducedSystem):
     def apply(self, load: Array) -> Array:
         return self.inner.apply(load)
 
-    def response(self, load: Array, fields: Sequence[int]) -> Array:
-        return 1.001 * self.apply(load)[:, list(fields)]
+    def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        whole = np.zeros_like(self.offset)
+        whole[:, list(loaded)] = load
+        return 1.001 * self.apply(whole)[:, list(fields)]
+
+    def diagonal(self, fields: Sequence[int]) -> Array:
+        return self.diagonal_blocks()[:, list(fields), list(fields)]
 
     def diagonal_blocks(self) -> Array:
         return self.inner.diagonal_blocks()

@@ -7,7 +7,7 @@ import pytest
 
 from meeframe.common.errors import MeeframeError
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.conduction import own_response, resistances
+from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import ContactProblem, contact_gap
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, StepConductivity
@@ -77,7 +77,7 @@ def test_reduced_answer_is_the_monolithic_one(kappa: tuple[float, float]) -> Non
 
     elimination = eliminate(problem)
     conductors = elimination.prepare(
-        resistances(problem, traction[:, 2], contact_fraction, own_response(problem)), None
+        resistances(problem, traction[:, 2], contact_fraction, potential_diagonal(problem)), None
     )
     state = elimination.state(traction, conductors, np.zeros((N, 2)), np.zeros(0))
     above = np.isfinite(problem.gap)
@@ -100,7 +100,7 @@ def test_krylov_agrees_with_factors(kappa: tuple[float, float]) -> None:
     ):
         traction = random.normal(size=(N, 3))
         traction[3] = 0.0
-        resistance = resistances(problem, -np.ones(N), contact_fraction, own_response(problem))
+        resistance = resistances(problem, -np.ones(N), contact_fraction, potential_diagonal(problem))
         factors, iterative = dense.prepare(resistance, factors), krylov.prepare(resistance, iterative)
         above = np.isfinite(problem.gap)
         nothing, none = np.zeros((N, 2)), np.zeros(0)
@@ -114,7 +114,7 @@ def test_krylov_agrees_with_factors(kappa: tuple[float, float]) -> None:
 def test_factors_are_used_again_while_nothing_changes() -> None:
     problem = random_problem(5)
     elimination = eliminate(problem)
-    resistance = resistances(problem, -np.ones(N), np.ones(N), own_response(problem))
+    resistance = resistances(problem, -np.ones(N), np.ones(N), potential_diagonal(problem))
     first = elimination.prepare(resistance, None)
     assert elimination.prepare(resistance.copy(), first) is first
     other = elimination.prepare(2.0 * resistance, first)
@@ -142,7 +142,7 @@ def test_as_much_potential_is_left_as_is_enough(enough: float, astray: float) ->
     guess is from the answer: as part of what it moves."""
     problem = random_problem(7, (np.inf, 0.2))
     krylov = KrylovElimination.of(problem)
-    resistance = resistances(problem, -np.ones(N), np.ones(N), own_response(problem))
+    resistance = resistances(problem, -np.ones(N), np.ones(N), potential_diagonal(problem))
     load = np.zeros((N, 5))
     load[:, 2] = -np.random.default_rng(8).uniform(size=N)
     load[3] = 0.0

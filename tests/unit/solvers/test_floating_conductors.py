@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from meeframe.contact.conduction import own_response, resistances
+from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import ContactState, Status
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.material import library_material
@@ -100,7 +100,7 @@ def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
     load = np.zeros((n, 5))
     load[:, :3] = 1e6 * random.normal(size=(n, 3))
     contact_fraction = (random.uniform(size=n) > 0.4).astype(float)
-    resistance = resistances(problem, -np.ones(n), contact_fraction, own_response(problem))
+    resistance = resistances(problem, -np.ones(n), contact_fraction, potential_diagonal(problem))
     pairs = np.flatnonzero(np.column_stack([np.zeros((n, 3), bool), np.isfinite(resistance)]))
     matrix = system.dense().reshape(5 * n, 5 * n)
     scale = np.tile(np.diag(matrix)[:5] ** -0.5, n)[pairs]

@@ -19,7 +19,7 @@ from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton import coarse_start as newton_coarse
-from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.contact_cases import SphereCase
@@ -115,11 +115,11 @@ def conducting() -> Callable[..., ContactProblem]:
 
 
 @pytest.fixture(scope="session")
-def at() -> Callable[[ContactProblem, Array, Array], Point]:
+def at() -> Callable[[ContactProblem, Array, Array], ResidualState]:
     """The equation at a load and closed fractions, nodes in between grazing."""
 
-    def make(problem: ContactProblem, load: Array, contact_fraction: Array) -> Point:
-        return Equation.of(problem).at(
+    def make(problem: ContactProblem, load: Array, contact_fraction: Array) -> ResidualState:
+        return ContactResidual.of(problem).at(
             load, contact_fraction, (contact_fraction > 0.0) & (contact_fraction < 1.0), np.zeros(0)
         )
 
@@ -127,10 +127,10 @@ def at() -> Callable[[ContactProblem, Array, Array], Point]:
 
 
 @pytest.fixture(scope="session")
-def at_solution(at: Callable[..., Point]) -> Callable[[ContactProblem], Point]:
+def at_solution(at: Callable[..., ResidualState]) -> Callable[[ContactProblem], ResidualState]:
     """The equation at the solution, nodes in between grazing."""
 
-    def make(problem: ContactProblem) -> Point:
+    def make(problem: ContactProblem) -> ResidualState:
         solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-11))
         assert solution.status is Status.CONVERGED, solution.message
         return at(problem, solution.state.load, solution.state.contact_fraction)
@@ -139,19 +139,19 @@ def at_solution(at: Callable[..., Point]) -> Callable[[ContactProblem], Point]:
 
 
 @pytest.fixture
-def interpolated(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], Point]:
+def interpolated(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], ResidualState]:
     """The equation at the solution on the coarser grid, on the part of the zone that the solver takes, its edge relaxed
     but not what is between stick and slip."""
 
-    def make(problem: ContactProblem) -> Point:
-        seen = list[Point]()
+    def make(problem: ContactProblem) -> ResidualState:
+        seen = list[ResidualState]()
 
-        def kept(point: Point) -> Point:
+        def kept(point: ResidualState) -> ResidualState:
             seen.append(point)
             return point
 
         with monkeypatch.context() as without:
-            without.setattr(newton_coarse, "relaxed_slip", kept)
+            without.setattr(newton_coarse, "smooth_slip_boundary", kept)
             without.setattr(newton_coarse, "corrected", lambda point, *_: point)
             SemismoothNewton().init(problem, None)
         return seen[-1]

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.conduction import own_response
+from meeframe.contact.conduction import potential_diagonal
 from meeframe.contact.problem import AT_REST, ContactProblem, Status
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.laws.base import ConductivityLaw
 from meeframe.solvers import BarzilaiBorwein, Nesterov, SemismoothNewton, solve
-from meeframe.solvers.newton.residual import Equation
+from meeframe.solvers.newton.residual import ContactResidual
 from meeframe.testing.force_control import balanced_solution, check_same, released
 
 RANDOM = np.random.default_rng(11)
@@ -48,7 +48,7 @@ def across(sphere):
 
     def make(law, kappa: float, strength: float, pressed: float = 1.0, **options) -> ContactProblem:
         problem = sphere("orthotropic", law, (1.0, 1.0), cells=CELLS, potentials=(2e4, -15.0), **options)
-        own, scales = own_response(problem)[0], Equation.of(problem).scales
+        own, scales = potential_diagonal(problem)[0], ContactResidual.of(problem).scales
         laws = [
             Plates(kappa / o, 0.1 * scales.displacement[2], strength * s, pressed * kappa / o, scales.pressure)
             for o, s in zip(own, scales.displacement[3:], strict=True)
@@ -63,7 +63,7 @@ def across(sphere):
 def test_linearisation_is_the_derivative_of_the_residual(across, kappa, grazing) -> None:
     """Nodes apart, in contact and with half-closed conduction; along random loads, row by row."""
     problem = across(IsotropicCoulomb(0.3), kappa, 0.5)
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     n = len(problem.gap)
     # loads small enough for some nodes to stay apart
     load = 0.2 * equation.scales.load * RANDOM.normal(size=(n, 5))
@@ -95,7 +95,7 @@ def test_linearisation_is_the_derivative_of_the_residual(across, kappa, grazing)
 def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> None:
     """A law whose field is felt at a millionth of the characteristic potential: differences have to be that fine."""
     problem = across(Signorini(), 1.0, 1e-6)
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     law, n = problem.law_of("electric"), len(problem.gap)
     gap = law.distance * 10.0 ** RANDOM.uniform(-6.0, 1.0, n)
     drop, own = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.own[:, 0]

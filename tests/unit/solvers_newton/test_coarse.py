@@ -20,11 +20,11 @@ from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton import coarse_start as newton_coarse
 from meeframe.solvers.newton import method as newton
 from meeframe.solvers.newton.coarse_start import corrected, improved_start
-from meeframe.solvers.newton.contact_edge import relaxed_edge
+from meeframe.solvers.newton.contact_edge import smooth_contact_edge
 from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.neighbourhood import inset
-from meeframe.solvers.newton.residual import ROUNDED, Equation, Point
-from meeframe.solvers.newton.slip_boundary import relaxed_slip
+from meeframe.solvers.newton.residual import ROUNDED, ContactResidual, ResidualState
+from meeframe.solvers.newton.slip_boundary import smooth_slip_boundary
 from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, freedom
 from meeframe.testing.half_space import indentation_problem
 
@@ -40,15 +40,15 @@ CASES = {"rough": 0.5, "insulated": 0.3, "orthotropic": 0.7, "smooth": 0.6, "per
 class Start:
     """What improved_start is given on the finest grid."""
 
-    point: Point
+    point: ResidualState
     nodes: Indices
     coarse: Coarse
-    below: Equation
+    below: ContactResidual
     places: Indices
 
     @property
     def smooth(self) -> "Start":
-        return replace(self, point=relaxed_slip(relaxed_edge(self.point)))
+        return replace(self, point=smooth_slip_boundary(smooth_contact_edge(self.point)))
 
     @property
     def known(self) -> tuple[Mask, Indices]:
@@ -58,7 +58,7 @@ class Start:
         same = np.array([distance.min() < 1e-9 * WIDTH for distance in near])
         return same, np.array([distance.argmin() for distance in near])[same]
 
-    def ask(self, function: Callable[..., Point]) -> Point:
+    def ask(self, function: Callable[..., ResidualState]) -> ResidualState:
         return function(self.point, self.nodes, self.coarse, self.below, self.places)
 
 
@@ -67,7 +67,7 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], Start]:
     def make(problem: ContactProblem) -> Start:
         seen: list[Start] = []
 
-        def kept(*given) -> Point:
+        def kept(*given) -> ResidualState:
             seen.append(Start(*given))
             return improved_start(*given)
 
@@ -120,7 +120,7 @@ def on_less(problem: ContactProblem, given: Start) -> Start:
         load[part.nodes], contact_fraction[part.nodes], contact_fraction[part.nodes] % 1.0 > 0.0, given.point.motion
     )
     below = given.coarse.problem
-    return Start(point, part.nodes, given.coarse, Equation.of(below), np.arange(len(below.gap)))
+    return Start(point, part.nodes, given.coarse, ContactResidual.of(below), np.arange(len(below.gap)))
 
 
 @pytest.mark.full(except_for=4)
@@ -139,7 +139,9 @@ def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, m
     own[same], lifted[same] = fine.own[at], fine.lifted[at]
     alike = replace(given.below, scales=fine.scales, r=fine.r, own=own, lifted=lifted, units=fine.units)
     there = replace(given, below=alike).ask(newton_coarse._seen_from_below)
-    single = ROUNDED * alike.roughly_ahead(there.load, point.motion)[1]  # in which the coarse body was moved
+    single = (
+        ROUNDED * alike.approximate_relative_displacement(there.load, point.motion)[1]
+    )  # in which the coarse body was moved
     anew = there.equation.at(there.load, there.contact_fraction, there.grazing, there.motion)
     for found, bound in ((there, 1e-12), (anew, single)):
         np.testing.assert_allclose(found.residual[same], point.residual[at], rtol=0, atol=bound)
@@ -209,16 +211,16 @@ def test_steps_that_are_not_finite_change_nothing(made, start, monkeypatch: pyte
 def test_steps_that_raise_a_merit_change_nothing(grid: str, made, start, monkeypatch: pytest.MonkeyPatch) -> None:
     """That of the coarser grid, or of the finer one where the coarser one's falls."""
     given = start(made("rough"))
-    moved_by = newton_coarse.moved_by
+    take_step = newton_coarse.take_step
 
-    def worse(point: Point, *asked) -> tuple:
-        flips, moved = moved_by(point, *asked)
+    def worse(point: ResidualState, *asked) -> tuple:
+        flips, moved = take_step(point, *asked)
         load = point.load - (moved.load - point.load)
         back = point.moved(load, point.contact_fraction, point.grazing, point.motion)
         assert back.merit > point.merit
         return flips, back if grid == "coarser" else replace(moved, load=load)
 
-    monkeypatch.setattr(newton_coarse, "moved_by", worse)
+    monkeypatch.setattr(newton_coarse, "take_step", worse)
     assert given.ask(corrected) is given.point
 
 

@@ -19,7 +19,7 @@ from meeframe.laws.base import (
     fixed_point_map,
 )
 from meeframe.solvers import BarzilaiBorwein, Nesterov, SemismoothNewton, Uzawa, solve
-from meeframe.solvers.newton.residual import Equation
+from meeframe.solvers.newton.residual import ContactResidual
 from meeframe.testing.matrix_free import MatrixFree
 
 RANDOM = np.random.default_rng(4)
@@ -101,7 +101,7 @@ def laws(problem) -> dict[str, ContactLaw]:
 @pytest.fixture
 def problem(sphere, growing):
     plain = sphere("orthotropic", Signorini(), (0.0, 0.0), cells=16)
-    equation = Equation.of(plain)
+    equation = ContactResidual.of(plain)
     law = growing(1.0 / equation.own[0, 0], equation.scales.pressure, 0.5)
     return replace(plain.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
 
@@ -110,7 +110,7 @@ def problem(sphere, growing):
 @pytest.mark.parametrize("kind", ["soft", "weakening", "sticky"])
 def test_linearisation_is_the_derivative_of_the_residual(problem, kind) -> None:
     problem = replace(problem, contact_law=laws(problem)[kind])
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     n = len(problem.gap)
     open_nodes = np.zeros(n, bool)
     load = 0.5 * equation.scales.load * RANDOM.normal(size=(n, 5))
@@ -214,7 +214,7 @@ class BeyondPressure(ConductivityLaw):
 
 def test_charge_is_borne_where_only_the_highest_pressure_conducts(problem) -> None:
     """Under the characteristic pressure of the problem the law insulates."""
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     law = BeyondPressure(1.0 / equation.own[0, 0], 1.1 * equation.scales.pressure)
     problem = replace(problem.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
     given = solve(problem, SemismoothNewton())

@@ -16,8 +16,8 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.laws.base import ConductivityLaw
 from meeframe.solvers import residual
 from meeframe.solvers._kernels.edge_relaxation import number_edge, relax_edge
-from meeframe.solvers.newton.contact_edge import relaxed_edge, relaxed_where_switched
-from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.solvers.newton.contact_edge import relaxed_where_switched, smooth_contact_edge
+from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.capabilities import LatticeStencil
 from meeframe.testing.operation_counter import OperationCounter
 
@@ -71,9 +71,9 @@ def test_a_solution_stays_what_it_is(law: Any, monkeypatch: pytest.MonkeyPatch, 
     point = at_solution(problem)
     between = (point.contact_fraction > 0.0) & (point.contact_fraction < 1.0)
     assert between.any()
-    assert relaxed_edge(point) is point
+    assert smooth_contact_edge(point) is point
     monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
-    relaxed = relaxed_edge(point)
+    relaxed = smooth_contact_edge(point)
     assert relaxed is not point
     assert np.abs(relaxed.contact_fraction - point.contact_fraction).max() < 1e-4
     assert np.array_equal(relaxed.contact_fraction > 0.0, point.contact_fraction > 0.0)
@@ -97,7 +97,7 @@ def test_an_edge_that_was_changed_is_found_again(conducting, at_solution, at) ->
     load[rim & ~pressed, 2] = 0.2 * point.load[:, 2].min()
     contact_fraction[rim] = ~pressed[rim]
     changed = at(problem, load, contact_fraction)
-    relaxed = relaxed_edge(changed)
+    relaxed = smooth_contact_edge(changed)
     assert rim.sum() > 20
     assert relaxed.merit < changed.merit
     unlike = [((one.contact_fraction > 0.0) != (point.contact_fraction > 0.0)).sum() for one in (changed, relaxed)]
@@ -112,7 +112,7 @@ def test_nothing_is_done_where_conduction_does_not_jump(
     problem = conducting(40, 0.3, flux=flux)
     load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
     point = at(problem, load, (load[:, 2] < 0.0).astype(float))
-    assert relaxed_edge(point) is point
+    assert smooth_contact_edge(point) is point
 
 
 def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.MonkeyPatch, conducting, at) -> None:
@@ -126,10 +126,10 @@ def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.Mo
         (problem, ContactState(0 * load, load, 0 * contact_fraction)),
     ):
         point = at(given, state.load, state.contact_fraction)
-        assert relaxed_edge(point) is point
+        assert smooth_contact_edge(point) is point
 
 
-def switched(point: Point) -> Point:
+def switched(point: ResidualState) -> ResidualState:
     """The point with a closed node of little pressure opened, whose flux has not followed."""
     held = (point.load[:, 2] < 0.0) & (point.lift > 0.0) & ~point.grazing
     node = np.flatnonzero(held)[point.load[held, 2].argmax()]
@@ -154,14 +154,14 @@ def test_a_node_that_a_step_has_switched_is_found_again(conducting, at_solution)
 
 def test_laws_of_each_node_are_asked_at_all_of_them(conducting, at_solution, each_its_own) -> None:
     """The same as with one law."""
-    problem, found = conducting(80, 0.3, IsotropicCoulomb(MU)), list[Point]()
+    problem, found = conducting(80, 0.3, IsotropicCoulomb(MU)), list[ResidualState]()
     solved = at_solution(problem)
     for law in (problem.contact_law, each_its_own(MU, mus=np.full(6400, MU))):
-        equation = Equation.of(replace(problem, contact_law=law))
+        equation = ContactResidual.of(replace(problem, contact_law=law))
         point = equation.beside(solved.load, solved.ahead, solved.contact_fraction, solved.grazing, solved.motion)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(edge_module, "ROUGHER", np.inf)
-            found.append(relaxed_edge(switched(point)))
+            found.append(smooth_contact_edge(switched(point)))
     assert np.array_equal(found[0].contact_fraction, found[1].contact_fraction)
     np.testing.assert_allclose(found[0].load, found[1].load, atol=1e-12 * np.abs(found[0].load).max())
 
@@ -178,7 +178,7 @@ def test_what_sticks_is_known_along_turned_axes(monkeypatch: pytest.MonkeyPatch,
         original(*given)
 
     monkeypatch.setattr(edge_module, "relax_edge", watched)
-    relaxed_edge(point)
+    smooth_contact_edge(point)
     projected = law.project(point.trial)
     exactly = (projected != point.trial)[:, :2].any(axis=1)
     assert slips[0].mean() < 0.5

@@ -12,7 +12,7 @@ from meeframe.contact.residual import law_residual
 from meeframe.contact.scales import problem_scales
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
-from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.capabilities import diagonal
 from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, freedom
 
@@ -49,9 +49,9 @@ def made(conducting):
     return make
 
 
-def beside(problem: ContactProblem, state: ContactState, changed: str, size: float) -> Point:
+def beside(problem: ContactProblem, state: ContactState, changed: str, size: float) -> ResidualState:
     """The equation where one part of a solution is another; the tractions admissible."""
-    equation, random = Equation.of(problem), np.random.default_rng(5)
+    equation, random = ContactResidual.of(problem), np.random.default_rng(5)
     load, contact_fraction, motion = state.load.copy(), state.contact_fraction.copy(), state.motion.copy()
     grazing = (contact_fraction > 0.0) & (contact_fraction < 1.0)
     if changed == "load":
@@ -87,7 +87,7 @@ def test_the_equation_knows_what_the_judge_finds(law, name: str, changed: str, m
     for size in (1e-2, 1e-4, 1e-6):
         point = beside(problem, state, changed, size)
         caused = problem.system.offset + problem.system.apply(point.load)
-        judged = law_residual(
+        expected = law_residual(
             problem,
             replace(
                 state,
@@ -99,10 +99,10 @@ def test_the_equation_knows_what_the_judge_finds(law, name: str, changed: str, m
             scales,
         )
         if (changed == "fraction" and not grazing) or (changed == "motion" and name != "free"):
-            assert judged < 1e-10
+            assert expected < 1e-10
         elif changed != "flux" or name != "insulated":
-            assert judged > 1e-9
-        assert point.judged == pytest.approx(judged, rel=1e-3, abs=1e-12)
+            assert expected > 1e-9
+        assert point.law_residual == pytest.approx(expected, rel=1e-3, abs=1e-12)
 
 
 def test_a_drop_counts_as_on_a_body_as_compliant_as_the_contact_is_wide(made) -> None:
@@ -111,4 +111,4 @@ def test_a_drop_counts_as_on_a_body_as_compliant_as_the_contact_is_wide(made) ->
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
     assert ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
     point = beside(problem, state, "fraction", 1e-3)
-    assert point.judged > 2.0 * point.violation
+    assert point.law_residual > 2.0 * point.violation

@@ -10,7 +10,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton.globalization import newton_step
-from meeframe.solvers.newton.residual import UNNOTICED, Equation, Point
+from meeframe.solvers.newton.residual import UNNOTICED, ContactResidual, ResidualState
 
 MU = 0.3
 SINGLE = float(np.finfo(np.float32).eps)
@@ -26,9 +26,9 @@ def moving(problem, fields=(0, 2, 3, 4)):
     return replace(problem, prescribed_resultants=tuple(found))
 
 
-def far_off(problem) -> Point:
+def far_off(problem) -> ResidualState:
     """Loads as large as those of a contact, but any."""
-    equation, random = Equation.of(problem), np.random.default_rng(7)
+    equation, random = ContactResidual.of(problem), np.random.default_rng(7)
     n = len(problem.gap)
     load = equation.scales.load * random.normal(size=(n, 5))
     load[:, 2] = -np.abs(load[:, 2])
@@ -90,7 +90,7 @@ def test_with_a_matrix_all_digits_count(sphere) -> None:
     assert moved.rounded == 0.0
 
 
-def check_rounded(moved: Point, expected: Point) -> float:
+def check_rounded(moved: ResidualState, expected: ResidualState) -> float:
     """What is left out is no more than is said, and too little to matter; how much it is of what is said."""
     off = float(np.abs(moved.residual - expected.residual).max())
     assert off <= moved.rounded + 1e-13
@@ -133,7 +133,7 @@ def test_where_round_off_would_count_there_is_none(conducting, at_solution) -> N
         np.testing.assert_array_equal(moved.residual, solution.equation.at(solution.load, *nodes).residual)
 
 
-def beyond(point: Point, node: int, end: float, share: float) -> Point:
+def beyond(point: ResidualState, node: int, end: float, share: float) -> ResidualState:
     """A solution whose node is taken to graze, its fraction just beyond an end, and its pressure such that its trial is
     a share of sigma from zero, positive if it is open."""
     equation, mask = point.equation, np.arange(len(point.load)) == node
@@ -149,10 +149,10 @@ def beyond(point: Point, node: int, end: float, share: float) -> Point:
     return moved
 
 
-def solved_edge(problem, end: float) -> tuple[Point, int]:
+def solved_edge(problem, end: float) -> tuple[ResidualState, int]:
     """The solution, and of the nodes that are pressed, or open, the one nearest to the other, where that
     makes a difference."""
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-13)).state
     point = equation.at(state.load, state.contact_fraction, np.zeros(len(state.load), bool), AT_REST)
     assert point.violation < 1e-12
@@ -209,7 +209,7 @@ def test_other_fractions_are_those_of_the_equation_there(conducting) -> None:
     """Beside the same load and gaps, some without an indenter above, whatever grazed before."""
     problem = conducting(24, 0.3, IsotropicCoulomb(MU))
     problem = replace(problem, gap=np.where(np.arange(24 * 24) % 7 == 0, np.inf, problem.gap))
-    equation, random = Equation.of(problem), np.random.default_rng(8)
+    equation, random = ContactResidual.of(problem), np.random.default_rng(8)
     n = len(problem.gap)
     load = equation.scales.load * random.normal(size=(n, 5))
     load[:, 2] = np.where(random.random(n) < 0.5, -np.abs(load[:, 2]), 0.0)

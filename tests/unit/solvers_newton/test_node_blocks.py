@@ -87,7 +87,7 @@ def test_turned_axes_of_the_first_two_components() -> None:
     turn[:2, :2] = [[cosine, sine], [-sine, cosine]]
     turn[2, 2] = turn[3, 3] = 1.0
     expected = np.einsum("ijc,jkc,lkc->ilc", turn, matrices, turn[:3, :3])
-    np.testing.assert_allclose(whole(held(matrices).turned(cosine, sine), 3), expected, atol=1e-14)
+    np.testing.assert_allclose(whole(held(matrices).rotated(cosine, sine), 3), expected, atol=1e-14)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5])

@@ -10,8 +10,8 @@ from meeframe.contact.conduction import resistances
 from meeframe.contact.problem import AT_REST, PrescribedResultant
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.solvers.newton.globalization import Step, newton_step
-from meeframe.solvers.newton.moves import moved_by
-from meeframe.solvers.newton.residual import Equation
+from meeframe.solvers.newton.moves import take_step
+from meeframe.solvers.newton.residual import ContactResidual
 
 RANDOM = np.random.default_rng(3)
 
@@ -46,10 +46,10 @@ def test_tangent_in_principal_axes() -> None:
 @pytest.mark.parametrize("grazing", [False, True])
 def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, grazing) -> None:
     problem = sphere("orthotropic", OrthotropicCoulomb(0.1, 0.5, 0.3), (0.5, 2.0), cells=8)
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     pressure, own = equation.scales.pressure, equation.own[0]
     problem = problem.with_laws(electric=growing(1.0 / own[0], pressure, 0.5))
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     n = len(problem.gap)
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
     load[:, 2] = -np.abs(load[:, 2])
@@ -79,7 +79,7 @@ def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, grazin
 
 def test_a_grazing_node_is_brought_to_zero_traction_and_zero_gap(sphere) -> None:
     problem = sphere("orthotropic", Signorini(), (0.0, 1.0), cells=8)
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool), AT_REST)
     for _ in range(2):
         step = newton_step(equation, point.linearise()).local
@@ -99,7 +99,7 @@ def test_a_grazing_node_is_brought_to_zero_traction_and_zero_gap(sphere) -> None
 def test_the_fraction_of_a_grazing_node_fits_the_flux_that_a_step_finds(sphere) -> None:
     """Half the flux through a single conductor: the fraction that lets through as much, by the law."""
     problem = sphere("orthotropic", Signorini(), (0.0, math.inf), cells=8)
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool), AT_REST)
     for _ in range(3):
         step = newton_step(equation, point.linearise())
@@ -114,7 +114,7 @@ def test_the_fraction_of_a_grazing_node_fits_the_flux_that_a_step_finds(sphere) 
     )
     assert point.between[edge]
     none = Step(np.zeros((64, 6)), np.zeros(0))
-    _, moved = moved_by(point, np.zeros(64), none, 1.0)
+    _, moved = take_step(point, np.zeros(64), none, 1.0)
     assert 0.0 < moved.contact_fraction[edge] < 1.0
     np.testing.assert_array_equal(moved.load, point.load)
     needed = moved.ahead[edge, 4] / load[edge, 4]  # resistance; the indenter is at no potential
@@ -130,7 +130,7 @@ def test_the_fraction_of_a_grazing_node_fits_the_flux_that_a_step_finds(sphere) 
 def test_newton_steps_do_not_depend_on_how_they_are_solved(sphere, matrixless, kappa) -> None:
     problem = sphere("orthotropic", IsotropicCoulomb(0.6), kappa, cells=8)
     hidden = replace(problem, system=matrixless(problem.system))
-    dense, krylov = Equation.of(problem), Equation.of(hidden)
+    dense, krylov = ContactResidual.of(problem), ContactResidual.of(hidden)
     load = np.zeros((64, 5))
     for _ in range(3):
         point = dense.at(load, np.zeros(64), np.zeros(64, bool), AT_REST)
@@ -154,7 +154,7 @@ def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> N
     )
     if hidden:
         problem = replace(problem, system=matrixless(problem.system))
-    equation = Equation.of(replace(problem, prescribed_resultants=prescribed_resultants))
+    equation = ContactResidual.of(replace(problem, prescribed_resultants=prescribed_resultants))
     grazing = np.zeros(n, bool)
     load = np.zeros((n, 5))
     load[:, :3] = IsotropicCoulomb(0.5).project(1e7 * RANDOM.normal(size=(n, 3)))
@@ -181,7 +181,7 @@ def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> N
 def test_what_its_own_closing_does_to_the_trial_of_a_node(sphere) -> None:
     """Perfect conductors in both fields: a node that opens loses its flux, and the surface moves as the matrix says."""
     problem = sphere("orthotropic", Signorini(), (math.inf, math.inf), cells=8)
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     n, node = len(problem.gap), 27
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
     contact_fraction, open_ = (equation.at(load, np.full(n, c), np.ones(n, bool), AT_REST) for c in (1.0, 0.0))

@@ -26,7 +26,7 @@ from meeframe.solvers.edge_resolution import resolved
 from meeframe.solvers.newton import method as newton
 from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, inset
-from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.reduced import ReducedSystem
 from meeframe.system.two_body import combine_bodies
 from meeframe.testing.operation_counter import OperationCounter
@@ -140,7 +140,7 @@ def test_contact_beside_the_part_is_found(monkeypatch: pytest.MonkeyPatch) -> No
     looks: list[bool] = []
     has_contact_outside = ContactNeighbourhood.has_contact_outside
 
-    def seen(part: ContactNeighbourhood, point: Point) -> bool:
+    def seen(part: ContactNeighbourhood, point: ResidualState) -> bool:
         looks.append(has_contact_outside(part, point))
         return looks[-1]
 
@@ -157,7 +157,7 @@ def test_contact_beside_a_part_is_found_with_the_solution_there(monkeypatch: pyt
     problem = sphere(half_space(), (0.05, -0.1), contact_law=Signorini())
     has_contact_outside, solved = ContactNeighbourhood.has_contact_outside, list[bool]()
 
-    def elsewhere(part: ContactNeighbourhood, point: Point) -> bool:
+    def elsewhere(part: ContactNeighbourhood, point: ResidualState) -> bool:
         assert part.whole is not problem
         return has_contact_outside(part, point)
 
@@ -169,7 +169,7 @@ def test_contact_beside_a_part_is_found_with_the_solution_there(monkeypatch: pyt
         memory = newton._memory(iterate)
         assert memory.inset is not None
         while memory.inset is not None and len(solved) < 20:
-            solved.append(memory.point.judged <= memory.enough)
+            solved.append(memory.point.law_residual <= memory.enough)
             if solved[-1]:
                 assert has_contact_outside(memory.inset, memory.point)
             iterate = solver.step(problem, iterate)
@@ -197,7 +197,7 @@ def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
     problem = replace(smooth, gap=np.where(bump, 0.6 * smooth.gap.min(), smooth.gap))
     started = newton._memory(SemismoothNewton().init(problem, None))
     assert started.inset is not None
-    assert node not in started.inset.kept
+    assert node not in started.inset.nodes
     found, whole = solutions(problem, monkeypatch)
     check_alike(found, whole)
     assert found.state.load[node, 2] < 0.0
@@ -209,7 +209,7 @@ def test_a_part_without_a_step_gives_way_to_the_whole(monkeypatch: pytest.Monkey
     problem = sphere(half_space(), (0.05, -0.1))
     step, failed = newton.newton_step, list[int]()
 
-    def once_without(equation: Equation, *given: Any) -> Step:
+    def once_without(equation: ContactResidual, *given: Any) -> Step:
         found = step(equation, *given)
         if failed or len(equation.blocks) == equation.count:
             return found
@@ -295,7 +295,7 @@ def test_parts_measure_in_the_units_of_the_whole() -> None:
     tilted = replace(problem, prescribed_resultants=(PrescribedResultant(mode, system.weights[:, None] * mode, 0.0),))
     part = inset(tilted, problem.gap < 0.0)
     assert part is not None
-    np.testing.assert_array_equal(part.equation.units, Equation.of(tilted).units)
+    np.testing.assert_array_equal(part.equation.units, ContactResidual.of(tilted).units)
 
 
 def test_indenters_that_end_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -317,9 +317,9 @@ def test_an_indenter_known_to_be_small_is_all_there_is() -> None:
     small = replace(problem, gap=np.where(np.hypot(*system.points[:, :2].T) < 0.1 * WIDTH, problem.gap, np.inf))
     part = inset(small, problem.gap < 0.0)
     assert part is not None
-    assert np.isin(np.flatnonzero(np.isfinite(small.gap)), part.kept).all()
-    nothing = np.zeros(len(part.kept))
-    load = np.zeros((len(part.kept), 5))
+    assert np.isin(np.flatnonzero(np.isfinite(small.gap)), part.nodes).all()
+    nothing = np.zeros(len(part.nodes))
+    load = np.zeros((len(part.nodes), 5))
     point = part.equation.at(load, nothing, nothing > 0.0, np.zeros(0))
     assert not part.has_contact_outside(point)
     assert inset(small, np.zeros(len(small.gap), bool)) is None
@@ -332,8 +332,8 @@ def test_overlap_beside_the_part_spills() -> None:
     both = replace(one, gap=np.minimum(one.gap, two.gap))
     part = inset(both, one.gap < 0.0)
     assert part is not None
-    assert len(part.kept) < 0.3 * len(both.gap)
-    load, nothing = np.zeros((len(part.kept), 5)), np.zeros(len(part.kept))
+    assert len(part.nodes) < 0.3 * len(both.gap)
+    load, nothing = np.zeros((len(part.nodes), 5)), np.zeros(len(part.nodes))
     assert part.has_contact_outside(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
     alone = replace(part, whole=one)
     assert not alone.has_contact_outside(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))

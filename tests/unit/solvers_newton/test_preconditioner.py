@@ -10,10 +10,10 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import AT_REST, ContactProblem
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, StepConductivity
-from meeframe.solvers.newton.globalization import _coupled
-from meeframe.solvers.newton.jacobian import Rows
+from meeframe.solvers.newton.globalization import coupled_rows
+from meeframe.solvers.newton.jacobian import ReducedJacobian
 from meeframe.solvers.newton.preconditioner import preconditioner
-from meeframe.solvers.newton.residual import Equation
+from meeframe.solvers.newton.residual import ContactResidual
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 N, MU = 60, 0.3
@@ -52,9 +52,9 @@ def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
     dragged = MU * np.choose(kind, [0.0, 0.5, 10.0, 1.1]) * [np.cos(angle), np.sin(angle)]
     flux = StepConductivity(np.inf)
     problem = ContactProblem(system, IsotropicCoulomb(MU), flux_channels(flux, flux), gap, dragged.T, none[:, :2])
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     blocks = equation.at(none, np.zeros(N), np.zeros(N, bool), AT_REST).linearise()
-    rows = Rows.of(equation, blocks, _coupled(blocks), np.dtype(float))
+    rows = ReducedJacobian.of(equation, blocks, coupled_rows(blocks), np.dtype(float))
     assert len(rows.nodes) == (kind > 0).sum()
     unknowns = RANDOM.normal(size=rows.coupled.shape) * rows.coupled
     multiply, precondition = rows.multiplication(), preconditioner(rows)
@@ -71,9 +71,9 @@ def test_inverse_where_nodes_are_all_but_closed() -> None:
     gap, flux = np.where(grazing, 0.0, -1.0), StepConductivity(np.inf)
     potentials = np.tile([0.4, 0.2], (N, 1))
     problem = ContactProblem(system, IsotropicCoulomb(MU), flux_channels(flux, flux), gap, none[:, :2], potentials)
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     blocks = equation.at(none, np.full(N, 1.0 - 1e-10), grazing, AT_REST).linearise()
-    rows = Rows.of(equation, blocks, _coupled(blocks), np.dtype(float))
+    rows = ReducedJacobian.of(equation, blocks, coupled_rows(blocks), np.dtype(float))
     assert rows.coupled[-1].sum() == grazing.sum()
     unknowns = RANDOM.normal(size=rows.coupled.shape) * rows.coupled
     multiply, precondition = rows.multiplication(), preconditioner(rows)

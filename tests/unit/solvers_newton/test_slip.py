@@ -14,9 +14,9 @@ from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.laws.base import ContactLaw
 from meeframe.solvers._kernels.stencil_products import neighbours, stencil_products
-from meeframe.solvers.newton.boundary_band import Ring, slips
-from meeframe.solvers.newton.residual import Point
-from meeframe.solvers.newton.slip_boundary import relaxed_slip
+from meeframe.solvers.newton.boundary_band import BoundaryBand, slips
+from meeframe.solvers.newton.residual import ResidualState
+from meeframe.solvers.newton.slip_boundary import smooth_slip_boundary
 from meeframe.system.capabilities import Stencil
 from meeframe.testing.operation_counter import OperationCounter
 
@@ -58,13 +58,13 @@ def test_products_are_sums_over_pairs(shape: tuple[int, int], periodic: bool) ->
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
-def ring_of(point: Point) -> Ring:
-    ring = Ring.of(point, (point.load[:, 2] < 0.0) & ~slips(point), slip_module.WIDTH)
+def ring_of(point: ResidualState) -> BoundaryBand:
+    ring = BoundaryBand.of(point, (point.load[:, 2] < 0.0) & ~slips(point), slip_module.WIDTH)
     assert ring is not None
     return ring
 
 
-def off(point: Point, nodes: Array, gap: Array, tractions: Array) -> Array:
+def off(point: ResidualState, nodes: Array, gap: Array, tractions: Array) -> Array:
     """By how much friction (m, 2) of tractions (m, 3) is off that which the law makes of it with gaps (m, 2) under the
     pressures that there are."""
     law, trial = point.equation.problem.contact_law, point.load[:, :3].copy()
@@ -73,7 +73,7 @@ def off(point: Point, nodes: Array, gap: Array, tractions: Array) -> Array:
     return np.asarray(law.project(trial)[nodes, :2] - tractions[:, :2])
 
 
-def left(point: Point, relaxed: Point) -> tuple[float, float]:
+def left(point: ResidualState, relaxed: ResidualState) -> tuple[float, float]:
     """Root of the mean square of what tractions around the boundary are off by, before and after: gaps follow from the
     changes of those alone."""
     ring = ring_of(point)
@@ -100,7 +100,7 @@ def always(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_solution_stays_what_it_is(law: ContactLaw, conducting, at_solution) -> None:
     """What was found in double precision satisfies the laws around the boundary, too."""
     point = at_solution(conducting(80, 0.3, law, dragged=DRAGGED))
-    relaxed = relaxed_slip(point)
+    relaxed = smooth_slip_boundary(point)
     sticking = (point.load[:, 2] < 0.0) & ~slips(point)
     assert 100 < sticking.sum() < (point.load[:, 2] < 0.0).sum() - 100
     np.testing.assert_allclose(relaxed.load, point.load, rtol=0, atol=1e-9 * np.abs(point.load[:, 2]).max())
@@ -111,7 +111,7 @@ def test_a_solution_stays_what_it_is(law: ContactLaw, conducting, at_solution) -
 @pytest.mark.usefixtures("always")
 def test_what_is_not_friction_beside_the_boundary_is_untouched(law: ContactLaw, conducting, interpolated) -> None:
     point = interpolated(conducting(81, 0.3, law, dragged=DRAGGED))
-    relaxed, beside = relaxed_slip(point), np.zeros(len(point.load), bool)
+    relaxed, beside = smooth_slip_boundary(point), np.zeros(len(point.load), bool)
     beside[ring_of(point).nodes] = True
     changed = (relaxed.load != point.load).any(axis=1)
     assert 50 < changed.sum() <= beside.sum() < len(beside)
@@ -127,15 +127,15 @@ def test_what_is_not_friction_beside_the_boundary_is_untouched(law: ContactLaw, 
 def test_laws_hold_beside_the_boundary(law: ContactLaw, conducting, interpolated, monkeypatch) -> None:
     """With the gaps that the nodes around cause: roughly after a few steps, and as closely as one likes after many."""
     point = interpolated(conducting(81, 0.3, law, dragged=DRAGGED))
-    before, after = left(point, relaxed_slip(point))
+    before, after = left(point, smooth_slip_boundary(point))
     assert after < 0.1 * before
     monkeypatch.setattr(slip_module, "STEPS", 2000)
     monkeypatch.setattr(slip_module, "SETTLED", 1e-9)
-    before, after = left(point, relaxed_slip(point))
+    before, after = left(point, smooth_slip_boundary(point))
     assert after < 1e-6 * before
 
 
-def pressed(problem: ContactProblem, dragged: Mask | bool, at: Callable[..., Point]) -> Point:
+def pressed(problem: ContactProblem, dragged: Mask | bool, at: Callable[..., ResidualState]) -> ResidualState:
     """Uniform pressure where surfaces overlap, the indenter dragged far along the nodes (n,), or all, or none."""
     overlap, way = problem.gap < 0.0, np.zeros_like(problem.translation)
     load = np.zeros((len(overlap), 5))
@@ -164,7 +164,7 @@ def test_nothing_is_done_without_friction_or_lattice(law: ContactLaw, done: bool
     problem = conducting(40, 0.3, law, Insulating())
     problem = replace(problem, system=OperationCounter.of(problem.system, accelerated=helped))
     point = pressed(problem, half(problem), at)
-    assert (relaxed_slip(point) is not point) == (done and helped)
+    assert (smooth_slip_boundary(point) is not point) == (done and helped)
 
 
 @pytest.mark.usefixtures("always")
@@ -175,16 +175,16 @@ def test_nothing_is_done_where_all_sticks_or_all_slips(conducting, at) -> None:
     for given, dragged, share in ((problem, False, 0.0), (problem, True, 1.0), (glued, True, 0.0)):
         point = pressed(given, dragged, at)
         assert slips(point).mean() == share
-        assert relaxed_slip(point) is point
+        assert smooth_slip_boundary(point) is point
     point = pressed(problem, half(problem), at)
     assert slips(point).mean() == 0.5
-    assert relaxed_slip(point) is not point
+    assert smooth_slip_boundary(point) is not point
     apart = pressed(replace(problem, gap=-problem.gap), True, at)
-    assert relaxed_slip(apart) is apart
+    assert smooth_slip_boundary(apart) is apart
 
 
 def test_what_does_not_help_is_not_taken(conducting, interpolated, monkeypatch) -> None:
     point = interpolated(conducting(81, 0.3, ISOTROPIC, dragged=DRAGGED))
-    assert relaxed_slip(point) is not point
+    assert smooth_slip_boundary(point) is not point
     monkeypatch.setattr(slip_module, "ROUGHER", 1e-3)
-    assert relaxed_slip(point) is point
+    assert smooth_slip_boundary(point) is point

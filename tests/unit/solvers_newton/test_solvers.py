@@ -9,7 +9,7 @@ import meeframe.solvers.auto as auto_module
 import meeframe.solvers.newton.method as newton_module
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.conduction import own_response
+from meeframe.contact.conduction import potential_diagonal
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status, resultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.laws.base import contact_conductivity
@@ -263,7 +263,7 @@ def test_auto_leaves_a_state_that_is_nearly_a_solution() -> None:
     plain = SphereCase(
         library_material("orthotropic-mee"), law, Insulating(), Insulating(), 10, 5.0, 2.3841492026488798
     )
-    own = own_response(plain.problem())[0, 1]
+    own = potential_diagonal(plain.problem())[0, 1]
     magnetic = StepConductivity(float(0.0003501238946480535 / own))
     dragged = replace(plain, electric=StepConductivity(np.inf), magnetic=magnetic, potentials=potentials).problem()
     expected = solve(dragged, Nesterov())

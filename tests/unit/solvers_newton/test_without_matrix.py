@@ -28,9 +28,9 @@ from meeframe.solvers import (
     residual,
     solve,
 )
-from meeframe.solvers.newton.globalization import _coupled, _stated, newton_step
+from meeframe.solvers.newton.globalization import coupled_rows, decoupled_rows, newton_step
 from meeframe.solvers.newton.linear import krylov_step
-from meeframe.solvers.newton.residual import Equation
+from meeframe.solvers.newton.residual import ContactResidual
 from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, freedom
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.operation_counter import OperationCounter
@@ -79,7 +79,7 @@ def test_steps_leave_as_much_of_the_residual_as_they_may(tolerance: float) -> No
     """In single precision or not: judged by the equations themselves, which are in double precision."""
     problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
     near = solve(problem, SemismoothNewton(), StoppingCriteria(1e-2)).state
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     blocks = equation.at(near.load, near.contact_fraction, np.zeros(32**2, bool), near.motion).linearise()
     step = newton_step(equation, blocks, tolerance)
     moved = problem.system.apply(step.local[:, :5]) - equation.modes @ (step.motion / equation.units)
@@ -98,7 +98,7 @@ def test_inverse_serves_where_nodes_stick_as_before() -> None:
     """The next step is then as good; where they slip there is another one."""
     problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
     near = solve(problem, SemismoothNewton(), StoppingCriteria(1e-2)).state
-    equation, none = Equation.of(problem), np.zeros(32**2, bool)
+    equation, none = ContactResidual.of(problem), np.zeros(32**2, bool)
     first = newton_step(equation, equation.at(near.load, near.contact_fraction, none, near.motion).linearise(), 1e-9)
     moved = equation.at(near.load * (1.0 + 1e-6), near.contact_fraction, none, near.motion * (1.0 + 1e-6)).linearise()
     again, alone = newton_step(equation, moved, 1e-9, first.inverse), newton_step(equation, moved, 1e-9)
@@ -116,14 +116,14 @@ def test_motions_that_do_the_same_count_as_one(tolerance: float) -> None:
     """A fourth motion is a combination of the three: nothing resists the two together, but for round-off."""
     problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
     near = solve(problem, SemismoothNewton(), StoppingCriteria(1e-2)).state
-    three = Equation.of(problem)
+    three = ContactResidual.of(problem)
     point = three.at(near.load, near.contact_fraction, np.zeros(32**2, bool), near.motion)
     mixed = np.column_stack([np.eye(3), [0.3, 0.7, -0.2]])
     measures = np.einsum("km,kni->mni", mixed, three.measures)
     four = replace(three, modes=three.modes @ mixed, measures=measures)
     blocks = point.linearise()
-    coupled = _coupled(blocks)
-    given = _stated(blocks, coupled)
+    coupled = coupled_rows(blocks)
+    given = decoupled_rows(blocks, coupled)
     local, amounts, _ = krylov_step(three, blocks, coupled, given, tolerance)
     same, more, _ = krylov_step(four, replace(blocks, balance=mixed.T @ blocks.balance), coupled, given, tolerance)
     assert np.abs(more).max() <= 2.0 * np.abs(amounts).max()
@@ -329,7 +329,7 @@ def test_no_step_from_tangents_that_are_no_numbers(law: ContactLaw, free: bool) 
     """Rather than one of zero, which would pass for the solution."""
     problem = replace(dragged(16, Torn(law), Insulating()), gap=np.full(256, -1e-5))
     problem = problem if free else replace(problem, prescribed_resultants=())
-    equation = Equation.of(problem)
+    equation = ContactResidual.of(problem)
     motion, contact_fraction = np.zeros(len(problem.prescribed_resultants)), np.ones(256)
     blocks = equation.at(np.zeros((256, 5)), contact_fraction, np.zeros(256, bool), motion).linearise()
     assert not newton_step(equation, blocks).finite

@@ -318,8 +318,8 @@ def test_the_key_of_code_is_of_classes_not_of_what_they_hold(point):
     [
         (0, None, "workers = 0: allowed: 1 or more"),
         (2, "tcp://a:1", "allowed: one of them"),
-        (None, "", "scheduler = '': allowed: the address of a running one"),
-        (None, " ", "scheduler = ' ': allowed: the address of a running one"),
+        (None, "", "scheduler = '': allowed: the address of a running scheduler"),
+        (None, " ", "scheduler = ' ': allowed: the address of a running scheduler"),
     ],
 )
 def test_wrong_pools(workers, scheduler, text):

@@ -129,5 +129,5 @@ def test_the_last_three_meshes_count():
 
 @pytest.mark.parametrize("sizes", [(0.2, 0.1), (0.1, 0.2, 0.4), (0.2, 0.1, 0.1)])
 def test_sizes_that_are_none_are_refused(sizes):
-    with pytest.raises(CaseError, match="needs 3 or more, falling"):
+    with pytest.raises(CaseError, match="needs 3 or more, decreasing"):
         richardson(sizes, [1.0] * len(sizes))
