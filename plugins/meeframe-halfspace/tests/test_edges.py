@@ -248,7 +248,7 @@ def test_rim_of_cells_much_longer_than_wide():
     case = half_space_case(rigid.FlatPunch(radius), 1e-6, Placement(), (12 * length, 4.8e-3), (12, 192))
     kinematics = IndenterKinematics(case, reduce(case))
     exact = radius - np.hypot(*kinematics.system.points[:, :2].T)
-    rim = kinematics.rim(kinematics.increment({}, at_rest(case.potentials, len(exact))))
+    rim = kinematics.rim(kinematics.increment({}, at_rest(case.motions, case.potentials, len(exact))))
     near = np.abs(exact) < MAX_EDGE_DISTANCE * length
     assert rim.distance[near] == pytest.approx(exact[near], rel=2e-3, abs=1e-9)
 
