@@ -35,7 +35,7 @@ difference of two displacements, and round-off where everything sticks."""
 
 @dataclass(frozen=True)
 class State:
-    """What one increment, or one point of a study, gives.
+    """Values of one increment, or of one point of a study.
 
     status: of the iteration; iterations, residual: for information; values, scales: by the name of a quantity, the
     numbers to compare and the size that differences are measured by.
@@ -140,7 +140,7 @@ def _totals(zone: Any, step: Any) -> Iterator[tuple[str, Any, float]]:
 
 
 def _motions(zone: Any, step: Any) -> Iterator[tuple[str, Any, float]]:
-    """Where the indenter is."""
+    """Return the position of the indenter."""
     loading = step.loading
     width = np.ptp(zone.points, axis=0).max()
     way = max(_largest(loading.approach), _largest(loading.translation))

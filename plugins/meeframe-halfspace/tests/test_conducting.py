@@ -44,7 +44,7 @@ def test_many_grazing_nodes(n: int, potentials: tuple[float, float]):
     ],
 )
 def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material, graze):
-    """Where nodes graze, too."""
+    """The same holds at biactive nodes."""
     problem = sphere(48, kappa, potentials, material)
     limits = StoppingCriteria(tolerance=1e-9)
     ours, theirs = (solve(problem, solver, limits) for solver in (ProjectedCG(), SemismoothNewton()))
