@@ -144,7 +144,7 @@ MAGNETIC: Final = MEE.index(MAGNETIC_FIELD.name)
 
 @dataclass(frozen=True, eq=False)
 class FieldScaling:
-    """Factors s_J that make all entries of the extended stiffness of order one (docs/theory.md, Scaling).
+    """Factors s_J that make all entries of the extended stiffness of order one (docs/explanation/theory.md, Scaling).
 
     C'_iJKm = s_J s_K C_iJKm, u' = u / s, t' = s t, where primes mark scaled fields. In SI units the extended stiffness
     has a condition number near 1e19; scaled, near 10.

@@ -45,7 +45,7 @@ class Record(Generic[T_co]):
 class HookSpecs:
     """Hooks of meeframe.
 
-    An implementation returns a list of records; see docs/plugins.md.
+    An implementation returns a list of records; see docs/howto/plugins.md.
     """
 
     @hookspec

@@ -23,7 +23,7 @@ REASONS: Final = {
     "not idempotent": "an admissible traction has to stay as it is, or no state is ever a solution.",
     "other nodes": "solvers evaluate subsets of nodes, and the law is one of each point.",
     "expansive": "solvers converge because projections bring tractions no farther apart; tangential_scaling has to be"
-    " that of the metric in which project is one (docs/theory.md, Set and metric).",
+    " that of the metric in which project is one (docs/explanation/theory.md, Set and metric).",
     "comes to no rest": "under constant slip the traction has to settle, or no solver can.",
     "depends on the step": "the solution must not depend on the solver's step length r: use tangential_scaling as the"
     " metric of project.",

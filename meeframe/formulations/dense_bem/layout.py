@@ -22,7 +22,7 @@ NONE = -1
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """Units of the system: points / length; values u / s; fluxes t * s * length (docs/theory.md, Scaling).
+    """Units of the system: points / length; values u / s; fluxes t * s * length (docs/explanation/theory.md, Scaling).
 
     Attributes
     ----------

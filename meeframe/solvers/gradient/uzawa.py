@@ -51,9 +51,9 @@ class Uzawa(Solver):
     eliminated, in the metric of the contact law; it follows the contact as that grows and conducts, and is shortened if
     the tractions begin to diverge.
 
-    Gaps are those of u^(n+1), from p^(n) (docs/theory.md, Departures). A node that opens and closes repeatedly because
-    it conducts in contact only is treated as biactive (meeframe.contact.conduction). Raises CaseError for a step that
-    is not positive.
+    Gaps are those of u^(n+1), from p^(n) (docs/explanation/theory.md, Departures). A node that opens and closes
+    repeatedly because it conducts in contact only is treated as biactive (meeframe.contact.conduction). Raises
+    CaseError for a step that is not positive.
     """
 
     check_interval: ClassVar[int] = 10

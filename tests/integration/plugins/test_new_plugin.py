@@ -135,7 +135,7 @@ def test_without_out_a_folder_that_is_there_already_is_told_to_be_named_otherwis
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_module_needs_nothing_but_the_contract(packages, kind):
-    """Of meeframe's modules, as docs/plugins.md says."""
+    """Of meeframe's modules, as docs/howto/plugins.md says."""
     text = (packages / kind / f"meeframe_new_{kind.replace('-', '_')}.py").read_text(encoding="utf-8")
     assert set(re.findall(r"^(?:from|import) (meeframe[\w.]*)", text, re.MULTILINE)) == {"meeframe.plugin"}
 
