@@ -41,9 +41,9 @@ This page shows measured times, memory and errors of meeframe and, on the same p
 figures are:"""
 METHOD = """## How it is measured
 
-To regenerate this page, run `uv run --group benchmarks python validation/benchmarks/report.py [BENCHMARK ...]` on an idle
-machine. Each section is a module of [validation/benchmarks](../../validation/benchmarks), which can also be run alone;
-its figures are stored in the folder `records` beside it. Other codes are measured in the same run as meeframe,
+To regenerate this page, run `uv run --group benchmarks python validation/benchmarks/report.py [BENCHMARK ...]` on an
+idle machine. Each section is a module of [validation/benchmarks](../../validation/benchmarks), which can also be run
+alone; its figures are stored in the folder `records` beside it. Other codes are measured in the same run as meeframe,
 alternately. Times are medians with warm numba caches unless stated otherwise. The load average is that of the last
 minute before a benchmark, in which another one may have run. All benchmarks run on CPUs; none uses a GPU."""
 
