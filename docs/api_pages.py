@@ -6,12 +6,14 @@ Each public object is shown once, on the page of the package that defines it. Th
 
 from collections.abc import Iterable, Iterator
 from importlib import import_module
+from logging import getLogger
 from typing import Final
 
 import griffe
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+LOG: Final = getLogger("mkdocs.api_pages")
 PACKAGES: Final = {
     "meeframe": "Cases, steps, runs and results, by their short names.",
     "plugin": "Everything that a plugin may import.",
@@ -69,7 +71,10 @@ MODULES: Final = (
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages."""
     root = griffe.load("meeframe", search_paths=[str(config.docs_dir) + "/.."], resolve_aliases=True)
-    shown = dict.fromkeys(target.path for target in _public(root))
+    shown = {target.path: target for target in _public(root)}
+    for path, target in shown.items():
+        if target.docstring is None:
+            LOG.warning("%s has no docstring (%s)", path, target.filepath)
     pages: dict[str, list[str]] = {package: [] for package in PACKAGES}
     for path in shown:
         home = path.split(".")[1]

@@ -181,7 +181,7 @@ def _unknown(name: str) -> str:
 
 
 def check_quantities(record: Any) -> None:
-    """Check the quantities of a frozen dataclass made in Python, in its __post_init__, like entries of a case file.
+    """Check the quantities of a frozen dataclass made in Python, in its `__post_init__`, like entries of a case file.
 
     Quantities become SI numbers within their bounds, choices (Literal) are among the allowed. Raises CaseError.
     """

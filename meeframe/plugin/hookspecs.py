@@ -16,6 +16,7 @@ from meeframe.laws.base import ConductivityLaw, ContactLaw
 PROJECT = "meeframe"
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
+"""Decorator of the functions of a plugin that implement hooks of `HookSpecs`."""
 
 T_co = TypeVar("T_co", covariant=True)
 

@@ -18,6 +18,7 @@ from meeframe.mesh.topology import boundary_polygon
 from meeframe.system.reduced import NodalFields
 
 NONE = -1
+"""Index of a row or column that does not exist, because the field is known there."""
 
 
 @dataclass(frozen=True, eq=False)
