@@ -41,19 +41,27 @@ def conducting(problem: ContactProblem) -> bool:
 
 
 def resistances(
-    problem: ContactProblem, normal_traction: Array, contact_fraction: Array, own: Array, ahead: Array | None = None
+    problem: ContactProblem,
+    normal_traction: Array,
+    contact_fraction: Array,
+    own: Array,
+    relative_displacement: Array | None = None,
 ) -> Array:
     """Return the resistances 1/kappa of the channels, (n, channels): 0 conducts perfectly, inf insulates.
 
     normal_traction: (n,) of the contact; contact_fraction: (n,); own: (n, channels) > 0, response of each node's
     potentials to their own flux density. It defines the meaning of a fraction: the transmissivity kappa own / (1 +
-    kappa own) is interpolated, so that a fraction of a perfect conductor has a finite resistance. ahead: (n, fields)
-    position of the indenter relative to the body, as `unloaded` returns it, for laws that depend on the gap or the
-    drop. Nodes without an indenter above are insulated.
+    kappa own) is interpolated, so that a fraction of a perfect conductor has a finite resistance.
+    relative_displacement: (n, fields) position of the indenter relative to the body, as `unloaded` returns it, for
+    laws that depend on the gap or the drop. Nodes without an indenter above are insulated.
     """
     n_fields = problem.fields.size
-    ahead = np.zeros((n_fields, len(own))).T if ahead is None else np.where(np.isfinite(ahead), ahead, 0.0)
-    gap, drops = np.maximum(ahead[:, 2], 0.0), ahead[:, POTENTIALS].T
+    relative_displacement = (
+        np.zeros((n_fields, len(own))).T
+        if relative_displacement is None
+        else np.where(np.isfinite(relative_displacement), relative_displacement, 0.0)
+    )
+    gap, drops = np.maximum(relative_displacement[:, 2], 0.0), relative_displacement[:, POTENTIALS].T
     columns = [
         _resistance(channel.law, normal_traction, contact_fraction, own[:, k], gap, drop)
         for k, (channel, drop) in enumerate(zip(problem.channels, drops, strict=True))
@@ -62,7 +70,7 @@ def resistances(
     return found if problem.area_fraction is None else _at_edge(problem, problem.area_fraction, normal_traction, found)
 
 
-def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
+def unloaded(relative_displacement: Array, flux: Array, own: Array) -> Array:
     """Return the position of the indenter relative to the body, (n, fields), without the nodes' own fluxes.
 
     flux: (n, channels); own: (n, channels) response of each node's potentials to its own flux.
@@ -70,7 +78,7 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
     The conductivity at a drop is solved together with the drop, node by node, from there: with a law that conducts
     steeply above some drop, iterations on the drop itself would oscillate.
     """
-    moved = ahead.copy(order="K")
+    moved = relative_displacement.copy(order="K")
     moved[:, POTENTIALS] += own * flux
     return moved
 

@@ -39,9 +39,9 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
         return (
             f"no pressure and friction in the contact add up to the prescribed forces and moments ({missing:.1e} off)"
         )
-    for freedom in problem.prescribed_resultants:
-        channels = [problem.channels[k - N_MECHANICAL] for k in freedom.moved if k >= N_MECHANICAL]
-        if channels and freedom.total and not any(channel.conducts for channel in channels):
+    for resultant in problem.prescribed_resultants:
+        channels = [problem.channels[k - N_MECHANICAL] for k in resultant.mode_fields if k >= N_MECHANICAL]
+        if channels and resultant.total and not any(channel.conducts for channel in channels):
             names = " or ".join(channel.field.resultant.replace("_", " ") for channel in channels)
             return f"a {names} is prescribed, but the contact does not conduct it"
     return None
@@ -116,6 +116,6 @@ def _presses(problem: ContactProblem) -> bool:
     return not lifted and bool((problem.system.offset[:, 2] > problem.gap).any())
 
 
-def _lifts(problem: ContactProblem, freedom: int) -> bool:
+def _lifts(problem: ContactProblem, resultant: int) -> bool:
     """Return whether a free motion, given by its number, moves the indenter towards the body or away from it."""
-    return bool(problem.prescribed_resultants[freedom].mode[np.isfinite(problem.gap), 2].any())
+    return bool(problem.prescribed_resultants[resultant].mode[np.isfinite(problem.gap), 2].any())

@@ -48,13 +48,15 @@ class Balanced:
 def motions(problem: ContactProblem) -> Indices:
     """Return the numbers (k,) of the prescribed resultants that free rigid motions."""
     return np.array(
-        [i for i, freedom in enumerate(problem.prescribed_resultants) if not freedom.electromagnetic], np.int64
+        [i for i, resultant in enumerate(problem.prescribed_resultants) if not resultant.electromagnetic], np.int64
     )
 
 
 def potentials(problem: ContactProblem) -> Indices:
     """Return the numbers (j,) of the prescribed resultants that free potentials."""
-    return np.array([i for i, freedom in enumerate(problem.prescribed_resultants) if freedom.electromagnetic], np.int64)
+    return np.array(
+        [i for i, resultant in enumerate(problem.prescribed_resultants) if resultant.electromagnetic], np.int64
+    )
 
 
 def start_motion(problem: ContactProblem, start: ContactState | None) -> Array:
@@ -144,10 +146,10 @@ class _Balance:
     def of(cls, problem: ContactProblem, traction: Array, gap: Array, r: tuple[float, float]) -> "_Balance":
         prescribed_resultants = [problem.prescribed_resultants[i] for i in motions(problem)]
         modes, measures = np.zeros((2, len(prescribed_resultants), *gap.shape))
-        for k, freedom in enumerate(prescribed_resultants):
-            modes[k], measures[k] = freedom.mode[:, MECHANICAL], freedom.measure[:, MECHANICAL]
+        for k, resultant in enumerate(prescribed_resultants):
+            modes[k], measures[k] = resultant.mode[:, MECHANICAL], resultant.measure[:, MECHANICAL]
         modes[:, ~np.isfinite(gap[:, 2])] = 0.0
-        totals = np.array([freedom.total for freedom in prescribed_resultants])
+        totals = np.array([resultant.total for resultant in prescribed_resultants])
         whole = np.einsum("kni,kni->k", np.abs(measures), np.abs(modes)) * r[0]
         return cls(problem, traction, gap, r, modes, measures, totals, whole)
 

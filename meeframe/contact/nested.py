@@ -112,7 +112,7 @@ def with_signed_gap(load: Array, gap: Array, own: Array | float) -> Array:
 def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
     """Return whether the coarser division resolves the indenter and, unless it moves freely, its overlap."""
     seen = [np.isfinite(problem.gap)]
-    if all(freedom.electromagnetic for freedom in problem.prescribed_resultants):
+    if all(resultant.electromagnetic for resultant in problem.prescribed_resultants):
         seen.append(problem.gap < problem.system.offset[:, 2])
     return all(
         nodes[coarsening.nodes].sum() >= MIN_COARSE_NODES and same_area(problem.system, nodes, coarsening)

@@ -60,24 +60,29 @@ class PrescribedResultant:
     def __post_init__(self) -> None:
         shape = np.shape(self.mode)
         if len(shape) != 2 or shape[1] < N_MECHANICAL or np.shape(self.measure) != shape:
-            raise CaseError(f"a freedom of {shape} and {np.shape(self.measure)}: mode and measure are both (n, fields)")
+            raise CaseError(
+                f"a prescribed resultant has a mode of shape {shape} and a measure of shape {np.shape(self.measure)}; "
+                "allowed: (n, fields) for both"
+            )
         if not all(np.isfinite(part).all() for part in (self.mode, self.measure, self.total)):
-            raise CaseError("a freedom of the indenter is not finite; allowed: finite mode, measure and total")
-        if len({k >= N_MECHANICAL for k in self.moved}) != 1:
-            raise CaseError("a freedom of the indenter is either a motion or a potential, not both and not nothing")
+            raise CaseError("a prescribed resultant is not finite; allowed: finite mode, measure and total")
+        if len({k >= N_MECHANICAL for k in self.mode_fields}) != 1:
+            raise CaseError(
+                "the mode of a prescribed resultant is neither a motion nor a potential; allowed: one of the two"
+            )
 
     @property
     def electromagnetic(self) -> bool:
         """True if it frees a potential, False if it frees a motion."""
-        return max(self.moved) >= N_MECHANICAL
+        return max(self.mode_fields) >= N_MECHANICAL
 
     @cached_property
-    def moved(self) -> tuple[int, ...]:
+    def mode_fields(self) -> tuple[int, ...]:
         """Columns of the mode that are not zero."""
         return _columns(self.mode)
 
     @cached_property
-    def measured(self) -> tuple[int, ...]:
+    def measure_fields(self) -> tuple[int, ...]:
         """Columns of the measure that are not zero."""
         return _columns(self.measure)
 
@@ -139,10 +144,12 @@ class ContactProblem:
             raise CaseError(
                 f"area_fraction of the contact problem is {area_fraction!r}; allowed: ({n},) numbers from 0 to 1"
             )
-        for freedom in self.prescribed_resultants:
-            if freedom.mode.shape != (n, self.fields.size):
+        for prescribed in self.prescribed_resultants:
+            if prescribed.mode.shape != (n, self.fields.size):
                 needed = n, self.fields.size
-                raise CaseError(f"a freedom of the contact problem has shape {freedom.mode.shape}; {needed} is needed")
+                raise CaseError(
+                    f"a prescribed resultant has a mode of shape {prescribed.mode.shape}; {needed} is needed"
+                )
         for name, shape in (("gap", (n,)), ("translation", (n, 2)), ("potentials", (n, count))):
             array = getattr(self, name)
             if np.shape(array) != shape:
@@ -306,9 +313,9 @@ def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST)
         position = -problem.potentials[:, field - N_MECHANICAL]
     else:
         position = (*problem.translation.T, problem.gap)[field].copy()
-    for freedom, amount in zip(problem.prescribed_resultants, motion, strict=True):
-        if field in freedom.moved:
-            position += amount * freedom.mode[:, field]
+    for prescribed, amount in zip(problem.prescribed_resultants, motion, strict=True):
+        if field in prescribed.mode_fields:
+            position += amount * prescribed.mode[:, field]
     return position
 
 
@@ -324,7 +331,7 @@ def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT
 def unbalance(problem: ContactProblem, load: Array) -> Array:
     """Return the resultants of a load (n, fields) minus the prescribed ones, (m,)."""
     return np.array(
-        [sum(f.measure[:, k] @ load[:, k] for k in f.measured) - f.total for f in problem.prescribed_resultants]
+        [sum(f.measure[:, k] @ load[:, k] for k in f.measure_fields) - f.total for f in problem.prescribed_resultants]
     )
 
 

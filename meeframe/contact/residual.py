@@ -119,13 +119,13 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     if not conducting(problem):
         insulated = zip(state.load.T[POTENTIALS], compliance, potential, strict=True)
         return [largest(flux) * c / scale for flux, c, scale in insulated]
-    ahead = indenter_position(problem, state.motion)
-    ahead -= state.displacement
-    pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
+    relative_displacement = indenter_position(problem, state.motion)
+    relative_displacement -= state.displacement
+    pressing = contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2])
     own = potential_diagonal(problem)
-    alone = unloaded(ahead, state.load[:, POTENTIALS], own) if follows_gap(problem) else None
+    alone = unloaded(relative_displacement, state.load[:, POTENTIALS], own) if follows_gap(problem) else None
     resistance = resistances(problem, pressing, state.contact_fraction, own, alone)
-    difference = -ahead[:, POTENTIALS]
+    difference = -relative_displacement[:, POTENTIALS]
     share = compliance / (compliance + resistance)
     drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, POTENTIALS]
     return [

@@ -93,7 +93,8 @@ def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
     With these amounts their modes attain the characteristic displacements.
     """
     moved = [
-        max(largest(f.mode[:, k]) / scales.displacement[k] for k in f.moved) for f in problem.prescribed_resultants
+        max(largest(f.mode[:, k]) / scales.displacement[k] for k in f.mode_fields)
+        for f in problem.prescribed_resultants
     ]
     return 1.0 / np.array(moved)
 
@@ -152,10 +153,10 @@ def _loaded(overlap: Array) -> Mask:
 def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
     """Return mean flux densities (channels,) of prescribed totals over the nodes (n,) that are loaded."""
     flux = np.zeros(len(problem.channels))
-    for freedom in problem.prescribed_resultants:
-        if freedom.electromagnetic:
-            measure = np.abs(freedom.measure[loaded, POTENTIALS]).sum(axis=0)
-            flux += np.divide(abs(freedom.total), measure, out=np.zeros_like(flux), where=measure > 0.0)
+    for resultant in problem.prescribed_resultants:
+        if resultant.electromagnetic:
+            measure = np.abs(resultant.measure[loaded, POTENTIALS]).sum(axis=0)
+            flux += np.divide(abs(resultant.total), measure, out=np.zeros_like(flux), where=measure > 0.0)
     return flux
 
 
@@ -215,9 +216,9 @@ def _response_of_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
     return compliance
 
 
-def _borne(freedom: PrescribedResultant, loaded: Mask, load: Array) -> float:
+def _borne(resultant: PrescribedResultant, loaded: Mask, load: Array) -> float:
     """Return the sum of the magnitudes that a load (fields,) on nodes (n,) contributes to a resultant."""
-    return sum(float(np.abs(freedom.measure[loaded, k]).sum() * load[k]) for k in freedom.measured)
+    return sum(float(np.abs(resultant.measure[loaded, k]).sum() * load[k]) for k in resultant.measure_fields)
 
 
 def largest(values: Array) -> float:

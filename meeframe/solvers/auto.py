@@ -25,17 +25,17 @@ class _Stage:
     """Stage of `auto` with one solver.
 
     steps: number of the solver's steps in one step of `auto`; stall_window: number of steps of `auto` without progress
-    after which the next stage takes over; grazing: whether the stage continues with biactive nodes, which otherwise end
-    it.
+    after which the next stage takes over; accepts_biactive: whether the stage continues with biactive nodes, which
+    otherwise end it.
     """
 
     solver: Solver
     steps: int
     stall_window: float
-    grazing: bool = True
+    accepts_biactive: bool = True
 
 
-FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, grazing=False)
+FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, accepts_biactive=False)
 """First stage where it accepts the problem and there is no matrix to factorise.
 
 It determines pressures and the closed fractions of biactive nodes alternately, Newton's method together.
@@ -102,8 +102,10 @@ class Auto(Solver):
             memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
-        grazing = not stage.grazing and bool(((inner.contact_fraction > 0.0) & (inner.contact_fraction < 1.0)).any())
-        if grazing or memory.idle > stage.stall_window:
+        interrupted = not stage.accepts_biactive and bool(
+            ((inner.contact_fraction > 0.0) & (inner.contact_fraction < 1.0)).any()
+        )
+        if interrupted or memory.idle > stage.stall_window:
             best = evaluate(problem, memory.best)
             return _begin(problem, memory.stages[1:], best, memory.scales, memory.tolerance)
         return replace(inner, memory=memory)

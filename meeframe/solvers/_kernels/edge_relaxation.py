@@ -58,7 +58,18 @@ def _differs(pressed, i, j, k, m, periodic):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def relax_edge(
-    number, places, periodic, responses, conducting, insulating, slips, load, ahead, contact_fraction, sweeps, settled
+    number,
+    places,
+    periodic,
+    responses,
+    conducting,
+    insulating,
+    slips,
+    load,
+    relative_displacement,
+    contact_fraction,
+    sweeps,
+    settled,
 ):
     """Sweep back and forth over m nodes and give each the load that satisfies the laws with the other loads fixed.
 
@@ -83,7 +94,7 @@ def relax_edge(
             node = turn if sweep % 2 == 0 else len(places) - 1 - turn
             mine = load[node]
             for row in range(n_channels + 1):
-                rest[row] = ahead[node, NORMAL + row]
+                rest[row] = relative_displacement[node, NORMAL + row]
                 for column in range(NORMAL, n_fields):
                     rest[row] += own[NORMAL + row, column] * mine[column]
             alone(rest, own, conducting[node], insulating[node], contact_fraction[node] == 0.0, found, work_space)
@@ -109,7 +120,7 @@ def relax_edge(
                     if periodic:
                         k, m = k % nx, m % ny
                     if 0 <= k < nx and 0 <= m < ny and number[k, m] >= 0:
-                        other, response = ahead[number[k, m]], responses[reach + di, reach + dj]
+                        other, response = relative_displacement[number[k, m]], responses[reach + di, reach + dj]
                         for column in range(n_fields):
                             if change[column] != 0.0:
                                 for row in range(NORMAL, n_fields):  # the tangential ones are not used

@@ -32,10 +32,10 @@ ROUND_OFF: Final = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class NormalModes:
-    """Normal parts of the mechanical freedoms.
+    """Normal parts of the free motions of the indenter.
 
-    numbers: (k,) among the problem's freedoms; mode, measure: (k, f), zero where there is no indenter above; nodes:
-    (f,) to which they belong, all n of them at first.
+    numbers: (k,) among the problem's prescribed resultants; mode, measure: (k, f), zero where there is no indenter
+    above; nodes: (f,) to which they belong, all n of them at first.
     """
 
     problem: ContactProblem
@@ -55,14 +55,14 @@ class NormalModes:
         above = np.isfinite(problem.gap)
         mode, measure = np.zeros((2, len(numbers), len(problem.gap)))
         for k, number in enumerate(numbers):
-            freedom = problem.prescribed_resultants[number]
-            np.copyto(mode[k], freedom.mode[:, NORMAL], where=above)
-            np.copyto(measure[k], freedom.measure[:, NORMAL], where=above)
+            resultant = problem.prescribed_resultants[number]
+            np.copyto(mode[k], resultant.mode[:, NORMAL], where=above)
+            np.copyto(measure[k], resultant.measure[:, NORMAL], where=above)
             work = problem.system.weights * mode[k]
             factor = (measure[k] @ work) / ((work @ work) or 1.0)
             if np.abs(measure[k] - factor * work).max(initial=0.0) > PROPORTIONAL * np.abs(measure[k]).max(initial=0.0):
                 raise CaseError(
-                    f"solver 'projected-cg' cannot find freedom {number} of the indenter: its resultant is not the "
+                    f"solver 'projected-cg' cannot find free motion {number} of the indenter: its resultant is not the "
                     "force or moment along its motion; allowed: measures whose normal part is weights * mode up to a "
                     "factor. Use 'newton', 'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto'"
                 )
@@ -98,24 +98,24 @@ class NormalModes:
         rest = _moved(values, self.amounts(values, along), along)
         return rest if np.linalg.norm(rest) > ROUND_OFF * np.linalg.norm(values) else np.zeros_like(rest)
 
-    def rested(
-        self, pressure: Array, gap: Array, motion: Array, near: "NormalModes", held: Mask | None = None
+    def bring_to_rest(
+        self, pressure: Array, gap: Array, motion: Array, near: "NormalModes", excluded: Mask | None = None
     ) -> tuple[Array, Array, "NormalModes"]:
         """Return gap (n,), motion (m,) and the modes on the nodes with pressure or overlap, with the indenter at rest.
 
         pressure: (n,); gap: (n,) at a motion (m,); near: modes on an estimate of those nodes, with which the search
-        begins; held: (n,) nodes that are excluded although they overlap.
+        begins; excluded: (n,) nodes that are excluded although they overlap.
         """
         pressed = pressure > 0.0
         if self.numbers.size == 0:
-            return gap, motion, self.on(_touching(pressed, gap, held))
+            return gap, motion, self.on(_touching(pressed, gap, excluded))
         here = near if near.nodes.size else self.on(np.flatnonzero(pressed))
         if not here.nodes.size:
             here = self.on(np.flatnonzero(gap < 0.0))
         for _ in range(ROUNDS):
             amounts = here.amounts(gap[here.nodes])
             moved = _moved(gap, amounts, self.mode)
-            following = _touching(pressed, moved, held)
+            following = _touching(pressed, moved, excluded)
             if np.array_equal(following, here.nodes):
                 break
             here = self.on(following)
@@ -164,7 +164,7 @@ def _moved(values: Array, amounts: Array, along: Array) -> Array:
     return moved
 
 
-def _touching(pressed: Mask, gap: Array, held: Mask | None) -> Indices:
+def _touching(pressed: Mask, gap: Array, excluded: Mask | None) -> Indices:
     """Return the nodes (t,) that have pressure, (n,), or overlap at a gap (n,) and are not held (n,)."""
-    touching = gap < 0.0 if held is None else (gap < 0.0) & ~held
+    touching = gap < 0.0 if excluded is None else (gap < 0.0) & ~excluded
     return np.flatnonzero(touching | pressed)

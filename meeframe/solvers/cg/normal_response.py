@@ -22,9 +22,9 @@ CHANGED: Final = 3e-3
 
 The potentials found at a pressure correct it.
 """
-FOLLOWING: Final = 0.01
+UPDATE_REDUCTION: Final = 0.01
 """Reduction of the violation since the last update at which the conduction is updated, without biactive nodes."""
-FOLLOWING_GRAZING: Final = 0.3
+BIACTIVE_UPDATE_REDUCTION: Final = 0.3
 """Reduction of the violation since the last update at which the conduction is updated, with biactive nodes.
 
 Secants of their fractions are found early or not at all.
@@ -89,7 +89,7 @@ class NormalResponse(ABC):
 
     @property
     @abstractmethod
-    def held(self) -> Mask | None:
+    def biactive(self) -> Mask | None:
         """Biactive nodes (n,), which are to bear no pressure and may overlap meanwhile; None if there are none."""
 
     @abstractmethod
@@ -131,7 +131,7 @@ class Insulated(NormalResponse):
     @classmethod
     def of(cls, problem: ContactProblem, scales: Scales) -> "Insulated":
         """Return the response for a problem in which nothing conducts."""
-        modes = np.array([freedom.mode[:, NORMAL] for freedom in problem.prescribed_resultants]).reshape(
+        modes = np.array([resultant.mode[:, NORMAL] for resultant in problem.prescribed_resultants]).reshape(
             -1, len(problem.gap)
         )
         return cls(problem, scales, problem.gap - problem.system.offset[:, NORMAL], modes)
@@ -165,7 +165,7 @@ class Insulated(NormalResponse):
         return (pressure > 0.0).astype(float)
 
     @property
-    def held(self) -> Mask | None:
+    def biactive(self) -> Mask | None:
         """None, since no node is biactive."""
         return None
 
@@ -191,8 +191,8 @@ class Conducting(NormalResponse):
     """Response of a body whose fluxes follow the pressure.
 
     ground: see Ground; own: (n,) normal response of the nodes to their own pressure; following: (n, channels)
-    approximate flux under a pressure of one; conduction, conductors: those in force; grazing: the model of the biactive
-    nodes (see Grazing); held: (n,) the biactive nodes: their fraction, not a pressure, is to close their gap; opened:
+    approximate flux under a pressure of one; conduction, conductors: those in force; biactive_model: the model of the
+    biactive nodes; biactive: (n,) the biactive nodes: their fraction, not a pressure, is to close their gap; opened:
     (n,) those that conducted before the last update of the conduction.
     """
 
@@ -201,8 +201,8 @@ class Conducting(NormalResponse):
     following: Array
     conduction: Conduction
     conductors: Conductors
-    grazing: BiactiveNodes
-    held: Mask | None = None
+    biactive_model: BiactiveNodes
+    biactive: Mask | None = None
     opened: Mask | None = None
 
     @classmethod
@@ -213,8 +213,8 @@ class Conducting(NormalResponse):
         near = Iterate(start_load(problem, start), conduction.contact_fraction, motion=start_motion(problem, start))
         conduction, conductors = ground.conductors(near, conduction, None)
         own = diagonal(problem.system, (NORMAL,))[:, 0]
-        grazing = BiactiveNodes.unknown(n)
-        return cls(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
+        biactive_model = BiactiveNodes.unknown(n)
+        return cls(problem, scales, ground, own, _following(problem), conduction, conductors, biactive_model)
 
     def at(self, pressure: Array, near: Effect) -> Effect:
         """Return the effect with the potentials solved as exactly as the present violation of the gap requires.
@@ -250,7 +250,7 @@ class Conducting(NormalResponse):
     @property
     def lasting(self) -> float:
         """Fraction at which the conduction is to be updated."""
-        return FOLLOWING if self.held is None or not self.held.any() else FOLLOWING_GRAZING
+        return UPDATE_REDUCTION if self.biactive is None or not self.biactive.any() else BIACTIVE_UPDATE_REDUCTION
 
     def contact_fraction(self, pressure: Array) -> Array:
         """Return the contact fractions of the conduction; see NormalResponse."""
@@ -263,16 +263,23 @@ class Conducting(NormalResponse):
     def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
         """Return the response with the conduction updated to the pressure and its effect; see NormalResponse."""
         # nodes respond to their own pressure much less than the contact as a whole
-        grazing = self.grazing.next(self.conduction.contact_fraction, -pressure + effect.gap / self.own)
-        contact_fraction = grazing.fractions(pressure > 0.0)
-        held, opened = (
+        biactive_model = self.biactive_model.next(self.conduction.contact_fraction, -pressure + effect.gap / self.own)
+        contact_fraction = biactive_model.fractions(pressure > 0.0)
+        biactive, opened = (
             (contact_fraction > 0.0) & (contact_fraction < 1.0),
             (contact_fraction == 0.0) & (self.conduction.contact_fraction > 0.0),
         )
         iterate = Iterate(load_of(pressure, effect.flux), contact_fraction, motion=effect.motion)
         conduction = replace(self.conduction, contact_fraction=contact_fraction)
         conduction, conductors = self.ground.conductors(iterate, conduction, self.conductors)
-        return replace(self, conduction=conduction, conductors=conductors, grazing=grazing, held=held, opened=opened)
+        return replace(
+            self,
+            conduction=conduction,
+            conductors=conductors,
+            biactive_model=biactive_model,
+            biactive=biactive,
+            opened=opened,
+        )
 
     def same_conductors(self, other: NormalResponse) -> bool:
         """Return true if another response has the same conductors."""

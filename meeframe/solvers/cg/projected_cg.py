@@ -179,7 +179,7 @@ def _stepped(memory: _Memory) -> _Memory:
         there = memory.response.after(pressure, pressure - memory.pressure, memory.effect)
         memory = _placed(memory, pressure, there)
     violation = _violation(memory)
-    due = violation <= memory.response.lasting * memory.start or violation <= SETTLED * _grazing_violation(memory)
+    due = violation <= memory.response.lasting * memory.start or violation <= SETTLED * _biactive_violation(memory)
     return _refreshed(memory) if due or memory.age >= RENEWAL else memory
 
 
@@ -218,10 +218,10 @@ def _refreshed(memory: _Memory) -> _Memory:
         memory = replace(memory, pressure=_spread(memory.modes.on(free).balanced(pressure[free]), free, n))
     for _ in range(LOOKS):
         response = memory.response.updated(memory.pressure, memory.effect)
-        pressure = memory.pressure if response.held is None else np.where(response.held, 0.0, memory.pressure)
+        pressure = memory.pressure if response.biactive is None else np.where(response.biactive, 0.0, memory.pressure)
         memory = _renewed(replace(memory, response=response, age=0), pressure)
         again = response.touched_again(memory.effect.gap)
-        if not again and _grazing_violation(memory) <= _violation(memory):
+        if not again and _biactive_violation(memory) <= _violation(memory):
             break
     response = memory.response
     kept = response is before or (isinstance(response, Conducting) and response.same_conductors(before))
@@ -272,7 +272,9 @@ def _renewed(memory: _Memory, pressure: Array) -> _Memory:
 
 def _placed(memory: _Memory, pressure: Array, effect: Effect) -> _Memory:
     """Return the state at a pressure (n,) with its effect, after the indenter has come to rest."""
-    gap, motion, here = memory.modes.rested(pressure, effect.gap, effect.motion, memory.here, memory.response.held)
+    gap, motion, here = memory.modes.bring_to_rest(
+        pressure, effect.gap, effect.motion, memory.here, memory.response.biactive
+    )
     return replace(memory, pressure=pressure, effect=Effect(gap, effect.flux, motion), here=here)
 
 
@@ -281,9 +283,9 @@ def _violation(memory: _Memory) -> float:
     return _norm(memory, memory.here.nodes)
 
 
-def _grazing_violation(memory: _Memory) -> float:
+def _biactive_violation(memory: _Memory) -> float:
     """Return the norm of the gap that contact fractions are to close [m]."""
-    held = memory.response.held
+    held = memory.response.biactive
     return 0.0 if held is None else _norm(memory, np.flatnonzero(held))
 
 

@@ -44,12 +44,14 @@ class Floating:
             return cls(numbers, np.zeros(0), nothing, nothing, nothing)
         prescribed_resultants = [problem.prescribed_resultants[i] for i in numbers]
         flux = np.column_stack([solve(modes[i]) for i in numbers])
-        measure = np.stack([freedom.measure[:, POTENTIALS][conducts] for freedom in prescribed_resultants])
+        measure = np.stack([resultant.measure[:, POTENTIALS][conducts] for resultant in prescribed_resultants])
         capacitance = measure @ flux
         size = np.sqrt(np.abs(np.diag(capacitance)))
         size[size == 0.0] = 1.0
         elastance = np.linalg.pinv(capacitance / size[:, None] / size) / size[:, None] / size
-        return cls(numbers, np.array([freedom.total for freedom in prescribed_resultants]), flux, measure, elastance)
+        return cls(
+            numbers, np.array([resultant.total for resultant in prescribed_resultants]), flux, measure, elastance
+        )
 
     def balance(self, flux: Array, totals: Array | float) -> tuple[Array, Array]:
         """Return flux densities (a,) with the totals (j,), and the potentials (j,).

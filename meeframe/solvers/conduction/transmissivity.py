@@ -35,25 +35,25 @@ class Transmissivity:
     scales: Scales
     own: Array
 
-    def __call__(self, pressing: Array, ahead: Array, contact_fraction: float) -> Array:
+    def __call__(self, pressing: Array, relative_displacement: Array, contact_fraction: float) -> Array:
         """Return T, (n, channels), at contact tractions (n,) and relative positions (n, fields).
 
         All nodes have one closed fraction.
         """
         fraction = np.full_like(pressing, contact_fraction)
-        across = ahead if follows_gap(self.problem) else None
+        across = relative_displacement if follows_gap(self.problem) else None
         return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, across)))
 
-    def unloaded(self, ahead: Array, flux: Array) -> Array:
+    def unloaded(self, relative_displacement: Array, flux: Array) -> Array:
         """Return the indenter's position relative to the body (n, fields) without the nodes' own fluxes (n, channels).
 
         The fluxes are removed only if a law depends on the gap or the drop.
         """
-        return unloaded(ahead, flux, self.own) if follows_gap(self.problem) else ahead
+        return unloaded(relative_displacement, flux, self.own) if follows_gap(self.problem) else relative_displacement
 
-    def open(self, pressing: Array, ahead: Array) -> Array:
+    def open(self, pressing: Array, relative_displacement: Array) -> Array:
         """Return T, (n, channels), with all contacts open, which usually is the same in all states."""
-        return self(pressing, ahead, 0.0) if self._open is None else self._open
+        return self(pressing, relative_displacement, 0.0) if self._open is None else self._open
 
     @cached_property
     def _open(self) -> Array | None:
@@ -63,7 +63,7 @@ class Transmissivity:
         nothing = np.zeros((len(self.own), self.problem.fields.size))
         return self(nothing[:, 2], nothing, 0.0)
 
-    def slope(self, pressing: Array, answered: Array, ahead: Array) -> Array:
+    def slope(self, pressing: Array, answered: Array, relative_displacement: Array) -> Array:
         """Return dT/dp_nu of closed contacts, (n, channels) [1/Pa], by central differences of the conductivity.
 
         pressing: tractions (n,) of the contact; answered: (n,) those that the law returns for them. Power laws are
@@ -72,23 +72,23 @@ class Transmissivity:
         has several solutions they find the one with the largest contact.
         """
         least = -LOWEST * self.scales.pressure
-        slope = self._slope(np.minimum(pressing, least), ahead)
+        slope = self._slope(np.minimum(pressing, least), relative_displacement)
         if not slope.any() or self.problem.system.dense() is not None:
             return slope
-        there = self._slope(np.minimum(np.where(pressing < least, pressing, answered), least), ahead)
+        there = self._slope(np.minimum(np.where(pressing < least, pressing, answered), least), relative_displacement)
         return np.where(np.abs(there) < np.abs(slope), there, slope)
 
-    def _slope(self, here: Array, ahead: Array) -> Array:
+    def _slope(self, here: Array, relative_displacement: Array) -> Array:
         above, below = here * (1.0 + WIDTH), here * (1.0 - WIDTH)
         if not follows_gap(self.problem):  # most laws are steps, without a slope: this test is cheaper
             laws = [channel.law for channel in self.problem.channels]
             kappas = ((contact_conductivity(law, above), contact_conductivity(law, below)) for law in laws)
             if all(np.array_equal(more, less) for more, less in kappas):
                 return np.zeros_like(self.own)
-        more, less = (self(end, ahead, 1.0) for end in (above, below))
+        more, less = (self(end, relative_displacement, 1.0) for end in (above, below))
         return np.asarray((more - less) / (2.0 * WIDTH * here)[:, None])
 
-    def across(self, pressing: Array, ahead: Array, contact_fraction: Array) -> tuple[Array, Array]:
+    def across(self, pressing: Array, relative_displacement: Array, contact_fraction: Array) -> tuple[Array, Array]:
         """Return dT/dgap [1/m] and dT/ddrop [1/V], [1/A], (n, channels) each, by central differences.
 
         contact_fraction: (n,). For conductivities that depend on the gap or the drop. Widths are fractions of the gap
@@ -100,10 +100,10 @@ class Transmissivity:
             shut, apart = (self(pressing, moved, fraction) for fraction in (1.0, 0.0))
             return np.asarray(contact_fraction[:, None] * shut + (1.0 - contact_fraction[:, None]) * apart)
 
-        size = np.abs(np.where(np.isfinite(ahead), ahead, 0.0))
+        size = np.abs(np.where(np.isfinite(relative_displacement), relative_displacement, 0.0))
         widths = WIDTH * np.maximum(size, NEAREST * self.scales.displacement)
         for fields, slope in ((slice(2, 3), by_gap), (POTENTIALS, by_drop)):
-            more, less = ahead.copy(), ahead.copy()
+            more, less = relative_displacement.copy(), relative_displacement.copy()
             more[:, fields] += widths[:, fields]
             less[:, fields] -= widths[:, fields]
             slope += (mixed(more) - mixed(less)) / (2.0 * widths[:, fields])

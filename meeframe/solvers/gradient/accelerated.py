@@ -138,19 +138,19 @@ class Nesterov(Solver):
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Take one projected step from the extrapolated tractions."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
-        ahead = memory.base
-        memory, slope, plain, violation = _measured(memory, iterate, ahead)
+        extrapolated = memory.base
+        memory, slope, plain, violation = _measured(memory, iterate, extrapolated)
         rises = bool(memory.guard.seen) and violation > memory.guard.seen[-1]
         guard = memory.guard.next(violation)
         r = guard.shortening * plain / PLAIN_STEP
-        stepped, moved = _stepped(replace(memory, guard=guard), traction, ahead, slope, r)
+        stepped, moved = _stepped(replace(memory, guard=guard), traction, extrapolated, slope, r)
         momentum, weight = 1.0, 0.0
-        overshoots = float(((ahead - moved) * (moved - traction)).sum()) > 0.0
+        overshoots = float(((extrapolated - moved) * (moved - traction)).sum()) > 0.0
         if guard.plain == 0 and not overshoots and not rises:
             momentum = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * memory.momentum**2))
             weight = (memory.momentum - 1.0) / momentum
-        ahead = moved + weight * (moved - traction)
-        return replace(stepped, memory=replace(_memory(stepped), momentum=momentum, base=ahead))
+        extrapolated = moved + weight * (moved - traction)
+        return replace(stepped, memory=replace(_memory(stepped), momentum=momentum, base=extrapolated))
 
 
 def _init(problem: ContactProblem, start: ContactState | None, wary: bool) -> Iterate:

@@ -66,13 +66,13 @@ class Ground:
         self, iterate: Iterate, conduction: "Conduction", previous: Conductors | None
     ) -> tuple["Conduction", Conductors]:
         """Return the conduction at the gap and the drop of an iterate, and the conductors."""
-        problem, pressing, ahead = self.problem, iterate.load[:, 2], None
+        problem, pressing, relative_displacement = self.problem, iterate.load[:, 2], None
         if follows_gap(problem) or attracts(problem.contact_law):
             displacement = problem.system.offset + problem.system.apply(iterate.load)
-            ahead = indenter_position(problem, iterate.motion) - displacement
-            pressing = contact_traction(problem.contact_law, pressing, ahead[:, 2])
-            ahead = unloaded(ahead, iterate.load[:, POTENTIALS], self.own)
-        resistance = resistances(problem, pressing, conduction.contact_fraction, self.own, ahead)
+            relative_displacement = indenter_position(problem, iterate.motion) - displacement
+            pressing = contact_traction(problem.contact_law, pressing, relative_displacement[:, 2])
+            relative_displacement = unloaded(relative_displacement, iterate.load[:, POTENTIALS], self.own)
+        resistance = resistances(problem, pressing, conduction.contact_fraction, self.own, relative_displacement)
         if follows_gap(problem):
             conduction, transmissivity = conduction.followed(self.own / (self.own + resistance))
             with np.errstate(divide="ignore"):

@@ -61,7 +61,7 @@ def corrected(
     change = coarse.coarsening.prolong(change[:, fields])[nodes]
     load[:, fields] += np.where(load[:, fields] != 0.0, change, 0.0)  # nodes without load remain unloaded
     load[:, MECHANICAL] = point.equation.problem.contact_law.project(load[:, MECHANICAL])
-    found = point.moved(load, point.contact_fraction, point.grazing, moved.motion)
+    found = point.moved(load, point.contact_fraction, point.biactive, moved.motion)
     return found if found.merit < point.merit else point
 
 
@@ -77,12 +77,17 @@ def _seen_from_below(
     at = np.minimum(np.searchsorted(nodes, known), len(nodes) - 1)
     same = nodes[at] == known
     load = np.where(same[:, None], point.load[at], 0.0)
-    grazing, contact_fraction = same & point.grazing[at], np.where(same, point.contact_fraction[at], 0.0)
-    ahead, _ = below.approximate_relative_displacement(
+    biactive, contact_fraction = same & point.biactive[at], np.where(same, point.contact_fraction[at], 0.0)
+    relative_displacement, _ = below.approximate_relative_displacement(
         load, point.motion
     )  # error far below the difference of the two grids
-    moved = np.zeros_like(ahead)
-    np.subtract(point.ahead[at], ahead, out=moved, where=same[:, None] & np.isfinite(ahead))
+    moved = np.zeros_like(relative_displacement)
+    np.subtract(
+        point.relative_displacement[at],
+        relative_displacement,
+        out=moved,
+        where=same[:, None] & np.isfinite(relative_displacement),
+    )
     missing = unbalance(problem, load) - point.balance * point.equation.scales.totals
     prescribed_resultants = (
         replace(free, total=free.total + by) for free, by in zip(problem.prescribed_resultants, missing, strict=True)
@@ -94,4 +99,6 @@ def _seen_from_below(
         potentials=problem.potentials - moved[:, POTENTIALS],
         prescribed_resultants=tuple(prescribed_resultants),
     )
-    return replace(below, problem=elsewhere).beside(load, ahead + moved, contact_fraction, grazing, point.motion)
+    return replace(below, problem=elsewhere).beside(
+        load, relative_displacement + moved, contact_fraction, biactive, point.motion
+    )

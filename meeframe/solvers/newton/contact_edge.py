@@ -63,7 +63,7 @@ def relaxed_where_switched(before: ResidualState, moved: ResidualState) -> Resid
     """
     few = moved.merit**2 * moved.equation.count < MAX_DOMINANT_NODES * moved.law_residual**2
     behind = np.maximum(np.abs(moved.residual[:, 2]), moved.node_residual) > BEHIND * moved.law_residual
-    switched = behind & (moved.switched(before) | (few & moved.grazing))
+    switched = behind & (moved.switched(before) | (few & moved.biactive))
     relaxed = _relaxed(moved, switched, SWITCHED_WIDTH, SWITCHED_SWEEPS) if switched.any() else moved
     return relaxed if relaxed.merit < moved.merit else moved
 
@@ -82,24 +82,24 @@ def _relaxed(point: ResidualState, kind: Mask, width: int, sweeps: int) -> Resid
     if ring is None:
         return point
     nodes, stencil = ring.nodes, ring.stencil
-    load, ahead, contact_fraction = (
-        np.ascontiguousarray(part[nodes]) for part in (point.load, point.ahead, point.contact_fraction)
+    load, relative_displacement, contact_fraction = (
+        np.ascontiguousarray(part[nodes]) for part in (point.load, point.relative_displacement, point.contact_fraction)
     )
     contact_fraction = np.clip(contact_fraction, 0.0, 1.0)
     shut = point.transmissivity[nodes] + (1.0 - contact_fraction)[:, None] * point.jump[nodes]
     apart = shut - point.jump[nodes]
     laws = shut, apart, slips(point)[nodes]  # evaluated at all nodes: each may have its own law
     neighbours = ring.number, ring.places, stencil.periodic, stencil.responses
-    relax_edge(*neighbours, *laws, load, ahead, contact_fraction, sweeps, SETTLED)
-    whole, fraction, grazing = point.load.copy(order="K"), point.contact_fraction.copy(), point.grazing.copy()
+    relax_edge(*neighbours, *laws, load, relative_displacement, contact_fraction, sweeps, SETTLED)
+    whole, fraction, biactive = point.load.copy(order="K"), point.contact_fraction.copy(), point.biactive.copy()
     whole[nodes], fraction[nodes] = load, contact_fraction
     fresh = nodes[
         point.load[nodes, 2] > MAX_PRESSURE_RATIO * load[:, 2]
     ]  # newly pressed nodes slip in the direction of their trial
     whole[fresh, :2] = point.trial[fresh, :2]
     whole[nodes, MECHANICAL] = problem.contact_law.project(whole[:, MECHANICAL])[nodes]
-    grazing[nodes] |= (contact_fraction > 0.0) & (contact_fraction < 1.0)
-    return point.moved(whole, fraction, grazing, point.motion)
+    biactive[nodes] |= (contact_fraction > 0.0) & (contact_fraction < 1.0)
+    return point.moved(whole, fraction, biactive, point.motion)
 
 
 def _jumps_at_edge(point: ResidualState) -> bool:
@@ -109,5 +109,7 @@ def _jumps_at_edge(point: ResidualState) -> bool:
     """
     equation, largest = point.equation, np.abs(point.jump).max()
     touching = np.full(len(point.load), -LOWEST * equation.scales.pressure)
-    jump = equation.transmissivity(touching, point.ahead, 1.0) - equation.transmissivity.open(touching, point.ahead)
+    jump = equation.transmissivity(touching, point.relative_displacement, 1.0) - equation.transmissivity.open(
+        touching, point.relative_displacement
+    )
     return bool(np.abs(jump).max() > AT_ONCE * largest)

@@ -19,7 +19,7 @@ ACCURATE: Final = 1e-10
 class Step:
     """Newton step of the loads, the contact fractions and the free motions.
 
-    local: (n, fields + 1) of load and contact fraction; motion: (m,) of the freedoms; inverse: approximate inverse of
+    local: (n, fields + 1) of load and contact fraction; motion: (m,) free motions; inverse: approximate inverse of
     the equations, where there is no matrix.
     """
 

@@ -19,7 +19,7 @@ from meeframe.solvers.gradient.steps import start_load
 from meeframe.solvers.newton.coarse_start import improved_start
 from meeframe.solvers.newton.globalization import newton_step
 from meeframe.solvers.newton.linear import Inverse
-from meeframe.solvers.newton.moves import FLIPS, held_where_it_grazes, take_step
+from meeframe.solvers.newton.moves import FLIPS, hold_biactive, take_step
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, has_parts, inset, neighbourhood_nodes
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.solvers.stopping import StoppingCriteria
@@ -130,7 +130,7 @@ class SemismoothNewton(Solver):
             for fraction in FRACTIONS:
                 flips, moved = take_step(point, flips, direction, fraction)
                 if not moved.merit < allowed:
-                    moved = held_where_it_grazes(point, moved)
+                    moved = hold_biactive(point, moved)
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
                     fall, inverse = moved.merit / point.merit, direction.inverse
@@ -174,7 +174,7 @@ def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> I
     # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
     held = prolonged is not None or (start is not None and attracts(problem.contact_law))
     if not held and (np.abs(point.balance) > BALANCED).any():
-        point = point.equation.at(point.load, contact_fraction, point.grazing, _moved_indenter(problem, point), aim)
+        point = point.equation.at(point.load, contact_fraction, point.biactive, _moved_indenter(problem, point), aim)
     flips, rise = np.zeros(len(point.load)), 1.0
     if coarse is not None and below is not None:
         known = _memory(below)
@@ -200,7 +200,7 @@ def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
     if part is None:
         return memory if has_parts(problem) else replace(memory, insets=0)
     kept = part.nodes
-    nodes = (point.load[kept], point.ahead[kept], point.contact_fraction[kept], point.grazing[kept])
+    nodes = (point.load[kept], point.relative_displacement[kept], point.contact_fraction[kept], point.biactive[kept])
     within = replace(part.equation.beside(*nodes, point.motion), rounded=point.rounded)
     flips = memory.flips[kept]
     return replace(memory, point=within, flips=flips, inverse=None, inset=part, unseen=True, insets=memory.insets - 1)
@@ -209,7 +209,7 @@ def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
 def _on_whole(problem: ContactProblem, memory: _Memory, part: ContactNeighbourhood) -> _Memory:
     """Return the state on the whole zone, from one on a neighbourhood."""
     point, spread = memory.point, part.spread
-    nodes = spread(point.load), spread(point.contact_fraction), spread(point.grazing)
+    nodes = spread(point.load), spread(point.contact_fraction), spread(point.biactive)
     whole = ContactResidual.of(problem).at(*nodes, point.motion)
     return replace(_anew(memory, whole, spread(memory.flips)), inset=None)
 
@@ -256,7 +256,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     if conducting(problem):
         return iterate
     point, part = _memory(iterate).point, _memory(iterate).inset
-    gap = point.ahead[:, 2]
+    gap = point.relative_displacement[:, 2]
     if part is not None:
         around, gap = gap, np.full(len(problem.gap), np.inf)
         gap[part.nodes] = around
@@ -309,7 +309,7 @@ def _between(contact_fraction: Array) -> Mask:
     return (contact_fraction > 0.0) & (contact_fraction < 1.0)
 
 
-def _gradient_steps(problem: ContactProblem, point: ResidualState, grazing: Mask, count: int) -> ResidualState:
+def _gradient_steps(problem: ContactProblem, point: ResidualState, biactive: Mask, count: int) -> ResidualState:
     """Return the point after projected Barzilai-Borwein steps; biactive nodes (n,) remain biactive."""
     solver = BarzilaiBorwein()
     contact_fraction = np.clip(point.contact_fraction, 0.0, 1.0)
@@ -317,5 +317,5 @@ def _gradient_steps(problem: ContactProblem, point: ResidualState, grazing: Mask
     for _ in range(count):
         iterate = solver.step(problem, iterate)
     return point.equation.at(
-        iterate.load, iterate.contact_fraction, grazing | _between(iterate.contact_fraction), iterate.motion
+        iterate.load, iterate.contact_fraction, biactive | _between(iterate.contact_fraction), iterate.motion
     )

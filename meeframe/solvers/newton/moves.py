@@ -39,32 +39,32 @@ def take_step(point: ResidualState, flips: Array, step: Step, fraction: float) -
     load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(point.load[:, POTENTIALS])] = 0.0
     contact_fraction = point.contact_fraction + fraction * step.local[:, FRACTION]
     contact_fraction[np.abs(contact_fraction) < ROUND_OFF] = 0.0
-    moved = point.moved(load, contact_fraction, point.grazing, motion)
+    moved = point.moved(load, contact_fraction, point.biactive, motion)
     flips = flips + moved.switched(point)
-    fresh = (flips > FLIPS) & ~moved.grazing
+    fresh = (flips > FLIPS) & ~moved.biactive
     if fresh.any():
         contact_fraction, lift = moved.contact_fraction.copy(), moved.lift
         within = np.flatnonzero(fresh & (np.abs(moved.trial[:, 2]) < lift))
         contact_fraction[within] = np.clip(
             point.contact_fraction[within] - moved.trial[within, 2] / lift[within], 0.0, 1.0
         )
-        moved = moved.regrazed(contact_fraction, moved.grazing | fresh)
+        moved = moved.with_contact_fraction(contact_fraction, moved.biactive | fresh)
     else:
         moved = _with_fitting_fractions(moved)
     return flips, relaxed_where_switched(point, moved)
 
 
-def held_where_it_grazes(point: ResidualState, moved: ResidualState) -> ResidualState:
+def hold_biactive(point: ResidualState, moved: ResidualState) -> ResidualState:
     """Return a moved point with the nodes that it opened or closed as biactive, if that violates the laws less.
 
     Their conduction remains unchanged for the time being: it would jump, and the fluxes with it. Only nodes whose trial
     is as near to zero as their own switching moves it can be biactive. Otherwise the given point is returned.
     """
-    near = moved.switched(point) & ~moved.grazing & (np.abs(moved.trial[:, 2]) < moved.sigma)
+    near = moved.switched(point) & ~moved.biactive & (np.abs(moved.trial[:, 2]) < moved.sigma)
     if not near.any():
         return moved
     contact_fraction = np.where(near, point.contact_fraction, moved.contact_fraction)
-    held = moved.regrazed(contact_fraction, moved.grazing | near)
+    held = moved.with_contact_fraction(contact_fraction, moved.biactive | near)
     return held if held.merit < moved.merit else moved
 
 
@@ -83,7 +83,7 @@ def _with_fitting_fractions(moved: ResidualState) -> ResidualState:
     contact_fraction, square = moved.contact_fraction.copy(), (slope**2).sum(axis=1)
     change = np.divide((slope * left).sum(axis=1), square, out=np.zeros_like(square), where=square > 0.0)
     contact_fraction[some] = np.clip(np.clip(contact_fraction[some], 0.0, 1.0) - change, 0.0, 1.0)
-    fitting = moved.regrazed(contact_fraction, moved.grazing)
+    fitting = moved.with_contact_fraction(contact_fraction, moved.biactive)
     return fitting if fitting.merit < moved.merit else moved
 
 

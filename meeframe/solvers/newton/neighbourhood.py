@@ -90,6 +90,6 @@ def inset(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None
     if part is None:
         return None
     kept = part.nodes
-    if not all(freedom.mode[kept].any() for freedom in problem.prescribed_resultants):
+    if not all(resultant.mode[kept].any() for resultant in problem.prescribed_resultants):
         return None
     return ContactNeighbourhood(problem, kept, ContactResidual.of(on_nodes(problem, part.system, kept), problem))

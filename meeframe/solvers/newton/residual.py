@@ -103,11 +103,11 @@ class ContactResidual:
         lifted = blocks[:, 2, POTENTIALS] / own
         units = motion_scales(whole, scales)
         modes, measures = (np.zeros((len(units), n_fields, len(problem.gap))) for _ in range(2))
-        for k, freedom in enumerate(problem.prescribed_resultants):
-            for field in freedom.moved:
-                modes[k, field] = units[k] * freedom.mode[:, field]
-            for field in freedom.measured:
-                measures[k, field] = freedom.measure[:, field] / scales.totals[k]
+        for k, resultant in enumerate(problem.prescribed_resultants):
+            for field in resultant.mode_fields:
+                modes[k, field] = units[k] * resultant.mode[:, field]
+            for field in resultant.measure_fields:
+                measures[k, field] = resultant.measure[:, field] / scales.totals[k]
         modes, measures = modes.transpose(2, 1, 0), measures.transpose(0, 2, 1)
         rubs = bool(problem.contact_law.tangential_scaling().any())
         flows = [channel.conducts for channel in problem.channels]
@@ -140,40 +140,43 @@ class ContactResidual:
         return Transmissivity(self.problem, self.scales, self.own)
 
     def at(
-        self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array, aim: float = 0.0
+        self, load: Array, contact_fraction: Array, biactive: Mask, motion: Array, aim: float = 0.0
     ) -> "ResidualState":
-        """Return the equation at a load (n, fields) and motion (m,) of the freedoms.
+        """Return the equation at a load (n, fields) and free motions (m,).
 
         contact_fraction: (n,) of the biactive nodes (n,), that of the others follows; aim: the smallest violation that
         will matter there: without a matrix, single precision is used if it resolves that.
         """
         load = np.asfortranarray(load)
         if aim and self.problem.system.dense() is None:
-            ahead, farthest = self.approximate_relative_displacement(load, motion)
+            relative_displacement, farthest = self.approximate_relative_displacement(load, motion)
             if ROUNDED * farthest < UNNOTICED * aim:
-                return replace(self.beside(load, ahead, contact_fraction, grazing, motion), rounded=ROUNDED * farthest)
-        return self.beside(load, self.ahead(load, motion), contact_fraction, grazing, motion)
+                return replace(
+                    self.beside(load, relative_displacement, contact_fraction, biactive, motion),
+                    rounded=ROUNDED * farthest,
+                )
+        return self.beside(load, self.relative_displacement(load, motion), contact_fraction, biactive, motion)
 
-    def ahead(self, load: Array, motion: Array) -> Array:
+    def relative_displacement(self, load: Array, motion: Array) -> Array:
         """Return the displacement (n, fields) of the indenter relative to the body at a load and a motion.
 
         load: (n, fields); motion: (m,).
         """
-        return self._ahead_of(self.problem.system.apply(load), motion)
+        return self._relative_displacement_of(self.problem.system.apply(load), motion)
 
     def approximate_relative_displacement(self, load: Array, motion: Array) -> tuple[Array, float]:
         """Return the relative displacement in single precision, and the largest response to the load; see farthest."""
         system, loaded = self.problem.system, np.flatnonzero(load.any(axis=0)).tolist()
         single: AnyArray = load.T[loaded].astype(np.float32)
         response = apply_fields(system, single.T, loaded, range(system.n_fields))
-        return self._ahead_of(response, motion), self.farthest(response)
+        return self._relative_displacement_of(response, motion), self.farthest(response)
 
-    def _ahead_of(self, response: Array, motion: Array) -> Array:
+    def _relative_displacement_of(self, response: Array, motion: Array) -> Array:
         """Return the relative displacement for a response (n, fields) of the body to the load."""
-        ahead = indenter_position(self.problem, motion)
-        ahead -= self.problem.system.offset
-        ahead -= response
-        return ahead
+        relative_displacement = indenter_position(self.problem, motion)
+        relative_displacement -= self.problem.system.offset
+        relative_displacement -= response
+        return relative_displacement
 
     def farthest(self, response: Array) -> float:
         """Return the largest of displacements (n, fields), in units of those that count as one."""
@@ -181,23 +184,23 @@ class ContactResidual:
         return float((largest / self.weighed).max())
 
     def beside(
-        self, load: Array, ahead: Array, contact_fraction: Array, grazing: Mask, motion: Array
+        self, load: Array, relative_displacement: Array, contact_fraction: Array, biactive: Mask, motion: Array
     ) -> "ResidualState":
         """Return the equation as `at` does, with known displacement of the indenter relative to the body.
 
-        ahead: (n, fields) that displacement.
+        relative_displacement: (n, fields) that displacement.
         """
         law = self.problem.contact_law
-        gap = ahead[:, MECHANICAL]
+        gap = relative_displacement[:, MECHANICAL]
         trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
-        contact_fraction = np.where(grazing, contact_fraction, trial[:, 2] < 0.0)
+        contact_fraction = np.where(biactive, contact_fraction, trial[:, 2] < 0.0)
         pressing = contact_traction(law, load[:, 2], gap[:, 2])
-        alone = self.transmissivity.unloaded(ahead, load[:, POTENTIALS])
+        alone = self.transmissivity.unloaded(relative_displacement, load[:, POTENTIALS])
         conducting = self.transmissivity(pressing, alone, 1.0)
         jump = conducting - self.transmissivity.open(pressing, alone)
         transmissivity = conducting - (1.0 - np.clip(contact_fraction, 0.0, 1.0))[:, None] * jump
         flux = self.own * load[:, POTENTIALS]
-        drive = -(ahead[:, POTENTIALS] + flux)
+        drive = -(relative_displacement[:, POTENTIALS] + flux)
         # change of the trial when the node alone opens or closes: only a trial this near to zero can be biactive
         switched = np.abs(self.lifted * jump * drive).sum(axis=1)
         sigma = self.r * switched + NARROWEST * self.scales.pressure
@@ -207,12 +210,12 @@ class ContactResidual:
         np.divide(contact, self.scales.pressure, out=residual[:, MECHANICAL])
         flux += transmissivity * drive
         np.divide(flux, self.scales.displacement[POTENTIALS], out=residual[:, FLUX_ROWS])
-        at = np.flatnonzero(grazing)
+        at = np.flatnonzero(biactive)
         off = contact_fraction[at] - np.clip(switch[at], 0.0, 1.0)
         residual[at, FRACTION] = off * sigma[at] / self.scales.pressure
         balance = unbalance(self.problem, load) / self.scales.totals
-        nodes = (ahead, trial, transmissivity, jump, drive, sigma, switch, residual)
-        return ResidualState(self, load, contact_fraction, grazing, motion, *nodes, balance)
+        nodes = (relative_displacement, trial, transmissivity, jump, drive, sigma, switch, residual)
+        return ResidualState(self, load, contact_fraction, biactive, motion, *nodes, balance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,20 +238,20 @@ class Linearization:
 class ResidualState:
     """Equation at a state.
 
-    load: (n, fields); contact_fraction: (n,), of biactive nodes not confined to [0, 1]; grazing: (n,) the biactive
-    nodes; motion: (m,) of the freedoms; ahead: (n, fields) of the indenter relative to the body; trial: (n, 3) [Pa];
-    transmissivity: (n, channels); jump: (n, channels) its difference between closed and open; drive: (n, channels)
-    potential difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of the contact fraction;
-    residual: (n, fields + 1) and balance: (m,), dimensionless; rounded: approximate bound on the error of the residual
-    due to single precision.
+    load: (n, fields); contact_fraction: (n,), of biactive nodes not confined to [0, 1]; biactive: (n,) the biactive
+    nodes; motion: (m,) free motions; relative_displacement: (n, fields) of the indenter relative to the body; trial:
+    (n, 3) [Pa]; transmissivity: (n, channels); jump: (n, channels) its difference between closed and open; drive: (n,
+    channels) potential difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of the contact
+    fraction; residual: (n, fields + 1) and balance: (m,), dimensionless; rounded: approximate bound on the error of
+    the residual due to single precision.
     """
 
     equation: ContactResidual
     load: Array
     contact_fraction: Array
-    grazing: Mask
+    biactive: Mask
     motion: Array
-    ahead: Array
+    relative_displacement: Array
     trial: Array
     transmissivity: Array
     jump: Array
@@ -259,14 +262,14 @@ class ResidualState:
     balance: Array
     rounded: float = 0.0
 
-    def moved(self, load: Array, contact_fraction: Array, grazing: Mask, motion: Array) -> "ResidualState":
+    def moved(self, load: Array, contact_fraction: Array, biactive: Mask, motion: Array) -> "ResidualState":
         """Return the equation at another load (n, fields) and motion (m,), as Equation.at.
 
         Without a matrix only the change is applied, in single precision as long as its error is negligible.
         """
         equation, problem = self.equation, self.equation.problem
         if problem.system.dense() is not None:
-            return equation.at(load, contact_fraction, grazing, motion)
+            return equation.at(load, contact_fraction, biactive, motion)
         load = np.asfortranarray(load)
         change: Array = np.subtract(load, self.load).T  # before it is rounded
         loaded = np.flatnonzero(change.any(axis=1)).tolist()
@@ -278,19 +281,19 @@ class ResidualState:
             response = approximate.approximate_apply(single.T, loaded, fields)
         error = ROUNDED if approximate is None else APPROXIMATE_TOLERANCE
         rounded = self.rounded + error * equation.farthest(response)
-        ahead = self.ahead - response
-        for freedom, amount in zip(problem.prescribed_resultants, motion - self.motion, strict=True):
-            for field in freedom.moved:
-                ahead[:, field] += amount * freedom.mode[:, field]
-        found = equation.beside(load, ahead, contact_fraction, grazing, motion)
+        relative_displacement = self.relative_displacement - response
+        for resultant, amount in zip(problem.prescribed_resultants, motion - self.motion, strict=True):
+            for field in resultant.mode_fields:
+                relative_displacement[:, field] += amount * resultant.mode[:, field]
+        found = equation.beside(load, relative_displacement, contact_fraction, biactive, motion)
         if rounded < UNNOTICED * found.violation:
             return replace(found, rounded=rounded)
-        return equation.at(load, contact_fraction, grazing, motion)
+        return equation.at(load, contact_fraction, biactive, motion)
 
-    def regrazed(self, contact_fraction: Array, grazing: Mask) -> "ResidualState":
+    def with_contact_fraction(self, contact_fraction: Array, biactive: Mask) -> "ResidualState":
         """Return the equation at the same load with other contact fractions (n,) and biactive nodes (n,)."""
-        contact_fraction = np.where(grazing, contact_fraction, self.trial[:, 2] < 0.0)
-        some = np.flatnonzero((contact_fraction != self.contact_fraction) | (grazing != self.grazing))
+        contact_fraction = np.where(biactive, contact_fraction, self.trial[:, 2] < 0.0)
+        some = np.flatnonzero((contact_fraction != self.contact_fraction) | (biactive != self.biactive))
         scales, sigma, fraction = self.equation.scales, self.sigma[some], contact_fraction[some]
         change = (np.clip(fraction, 0.0, 1.0) - np.clip(self.contact_fraction[some], 0.0, 1.0))[:, None] * self.jump[
             some
@@ -301,9 +304,9 @@ class ResidualState:
         transmissivity[some] += change
         switch[some] = fraction - self.trial[some, 2] / sigma
         residual[some, FLUX_ROWS] += change * self.drive[some] / scales.displacement[POTENTIALS]
-        off = np.where(grazing[some], fraction - np.clip(switch[some], 0.0, 1.0), 0.0)
+        off = np.where(biactive[some], fraction - np.clip(switch[some], 0.0, 1.0), 0.0)
         residual[some, FRACTION] = off * sigma / scales.pressure
-        state = replace(self, contact_fraction=contact_fraction, grazing=grazing)
+        state = replace(self, contact_fraction=contact_fraction, biactive=biactive)
         return replace(state, transmissivity=transmissivity, switch=switch, residual=residual)
 
     @property
@@ -314,7 +317,7 @@ class ResidualState:
     @property
     def between(self) -> Mask:
         """Biactive nodes (n,) that are neither open nor closed."""
-        return np.asarray(self.grazing & (self.switch > 0.0) & (self.switch < 1.0))
+        return np.asarray(self.biactive & (self.switch > 0.0) & (self.switch < 1.0))
 
     def switched(self, before: "ResidualState") -> Mask:
         """Return the nodes (n,) that have opened or closed since a point before, where that changes the conduction."""
@@ -344,7 +347,7 @@ class ResidualState:
         The part of a potential drop that the fluxes leave counts as if the body had the compliance of the whole
         contact, not that of a node, and fractions count by themselves.
         """
-        scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.grazing)
+        scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.biactive)
         compliance = np.diag(scales.compliance)[POTENTIALS]
         conducted = compliance / (compliance * share + self.equation.own * (1.0 - share))
         left: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
@@ -362,8 +365,8 @@ class ResidualState:
         """
         if attracts(self.equation.problem.contact_law):
             return self.trial
-        pressed = self.grazing & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
-        opened = self.grazing & (self.switch <= 0.0) & (self.trial[:, 2] < 0.0)
+        pressed = self.biactive & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
+        opened = self.biactive & (self.switch <= 0.0) & (self.trial[:, 2] < 0.0)
         if not (pressed | opened).any():
             return self.trial
         trial, least = self.trial.copy(order="K"), NARROWEST * self.equation.scales.pressure
@@ -380,13 +383,13 @@ class ResidualState:
         between = self.between
         # a fraction that stays at its end changes no flux, and its row then involves the node alone
         stays = (self.residual[:, FRACTION] == 0.0) & ~between
-        moves = between | (self.grazing & ~stays & (self.contact_fraction >= 0.0) & (self.contact_fraction <= 1.0))
+        moves = between | (self.biactive & ~stays & (self.contact_fraction >= 0.0) & (self.contact_fraction <= 1.0))
         residual = self.residual.copy(order="K")
-        pressing = contact_traction(law, self.load[:, 2], self.ahead[:, 2])
+        pressing = contact_traction(law, self.load[:, 2], self.relative_displacement[:, 2])
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
         residual[between, 2] = pressing[between] / scales.pressure
-        residual[between, FRACTION] = equation.r * self.ahead[between, 2] / scales.pressure
-        trial, gap, r = self._trial_by_fraction(), self.ahead[:, MECHANICAL], (equation.r, equation.r)
+        residual[between, FRACTION] = equation.r * self.relative_displacement[between, 2] / scales.pressure
+        trial, gap, r = self._trial_by_fraction(), self.relative_displacement[:, MECHANICAL], (equation.r, equation.r)
         by_trial, by_gap = traction_tangents(law, trial, gap, r, between)
         other = np.flatnonzero(trial[:, 2] != self.trial[:, 2])
         if other.size:  # value of that linearisation at the actual trial
@@ -403,16 +406,16 @@ class ResidualState:
         a[fraction, fraction] = np.where(between, 0.0, self.sigma / scales.pressure)
         b[fraction, 2] = np.where(between, -equation.r / scales.pressure, 0.0)
         contact_fraction = np.clip(self.contact_fraction, 0.0, 1.0)
-        alone = equation.transmissivity.unloaded(self.ahead, self.load[:, POTENTIALS])
+        alone = equation.transmissivity.unloaded(self.relative_displacement, self.load[:, POTENTIALS])
         answered = self.load[:, 2] - scales.pressure * self.residual[:, 2]
-        ends = pressing, contact_traction(law, answered, self.ahead[:, 2])
+        ends = pressing, contact_traction(law, answered, self.relative_displacement[:, 2])
         slope = contact_fraction[:, None] * equation.transmissivity.slope(*ends, alone)
         share, across = self.transmissivity, None
         if follows_gap(equation.problem):
             across, dropping = equation.transmissivity.across(pressing, alone, contact_fraction)
             share = share - self.drive * dropping
         if attracts(law):
-            pulled = slope * attraction_slope(law, self.ahead[:, 2])[:, None]
+            pulled = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
             across = -pulled if across is None else across - pulled
         for k, field in enumerate(range(N_MECHANICAL, fraction)):
             unit = scales.displacement[field]

@@ -45,7 +45,7 @@ def smooth_slip_boundary(point: ResidualState) -> ResidualState:
     responses = np.ascontiguousarray(ring.stencil.responses[:, :, :2, :2]).reshape(-1, 2, 2)
     scaling = law.tangential_scaling()  # the law projects in its metric
     metric = np.linalg.pinv(scaling)
-    traction, gap = point.load[nodes, MECHANICAL], np.ascontiguousarray(point.ahead[nodes, :2])
+    traction, gap = point.load[nodes, MECHANICAL], np.ascontiguousarray(point.relative_displacement[nodes, :2])
     length = FIRST / float(responses[len(responses) // 2].diagonal().max())
     moved, least, change = np.empty_like(gap), np.inf, np.zeros((len(nodes) + 1, 2))
     for step in range(STEPS):
@@ -68,5 +68,5 @@ def smooth_slip_boundary(point: ResidualState) -> ResidualState:
         return point
     load = point.load.copy(order="K")
     load[nodes, :2] = traction[:, :2]
-    relaxed = point.moved(load, point.contact_fraction, point.grazing, point.motion)
+    relaxed = point.moved(load, point.contact_fraction, point.biactive, point.motion)
     return relaxed if relaxed.merit < ROUGHER * point.merit else point

@@ -14,7 +14,7 @@ from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.cg import normal_response
-from meeframe.testing.force_control import PRESS, freedom
+from meeframe.testing.force_control import PRESS, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
 
 WIDTH, RADIUS = 1e-2, 0.1
@@ -43,7 +43,7 @@ def seeded(seed: int) -> ContactProblem:
         return problem
     insulated = solve(indentation_problem(system, height, approach), ProjectedCG(), StoppingCriteria(tolerance=1e-6))
     force = -float(system.weights @ insulated.state.load[:, 2])
-    return replace(problem, gap=height, prescribed_resultants=(freedom(system, PRESS, force),))
+    return replace(problem, gap=height, prescribed_resultants=(prescribe_resultant(system, PRESS, force),))
 
 
 @pytest.mark.full(except_for=1)
@@ -61,7 +61,7 @@ def test_it_is_the_contact_of_newtons_method(seed: int, monkeypatch: pytest.Monk
 
 
 def test_where_conjugate_gradients_do_not_close_in_auto_goes_on() -> None:
-    """Most of the contact of seed 192 grazes."""
+    """Most of the contact of seed 192 is biactive."""
     problem, limits = seeded(192), StoppingCriteria(tolerance=1e-10, max_iterations=100)
     newton = solve(problem, SemismoothNewton(), limits).state
     assert ((newton.contact_fraction > 0.0) & (newton.contact_fraction < 1.0)).sum() > (
@@ -76,7 +76,7 @@ def test_conduction_that_draws_nodes_into_contact_lets_them_lie_on_either_side()
     """A dozen nodes or more of seed 54, on the way that a method goes, are pressed where they conduct and apart where
     they do not: each method finds solutions.
 
-    With potentials of the other sign nodes graze instead, and there is one solution.
+    With potentials of the other sign nodes are biactive instead, and there is one solution.
     """
     problem, limits = seeded(54), StoppingCriteria(tolerance=1e-10, max_iterations=200)
     methods = (SemismoothNewton(), ProjectedCG())
@@ -108,12 +108,14 @@ def test_no_node_stays_closed_against_its_own_trial(following: float, monkeypatc
 
 def assert_strictly_lawful(problem: ContactProblem, state: ContactState) -> None:
     """Pressed and at the potentials of the indenter, or apart and without load: no node is near to both."""
-    ahead = indenter_position(problem, state.motion) - problem.system.offset - problem.system.apply(state.load)
+    relative_displacement = (
+        indenter_position(problem, state.motion) - problem.system.offset - problem.system.apply(state.load)
+    )
     largest, touching = np.abs(state.load).max(axis=0), state.contact_fraction == 1.0
-    pressed, apart = state.load[touching, 2], ahead[~touching, 2]
+    pressed, apart = state.load[touching, 2], relative_displacement[~touching, 2]
     assert (pressed < -1e-3 * largest[2]).all()
     assert (apart > 1e-3 * np.abs(state.displacement[:, 2]).max()).all()
-    off = np.abs(ahead[touching, 2:]) / np.abs(state.displacement[:, 2:]).max(axis=0)
+    off = np.abs(relative_displacement[touching, 2:]) / np.abs(state.displacement[:, 2:]).max(axis=0)
     assert off.max() < 1e-8
     assert not state.load[~touching].any()
 

@@ -53,7 +53,9 @@ def test_a_resultant_that_a_solver_does_not_find_is_told_beforehand(case):
     steps = (meeframe.Step(approach=1e-5), meeframe.Step(force_ratio=(0.01, 0.0)))
     hill = replace(case, mesh=replace(case.mesh, points=points), steps=steps)
     assert hill.solver == Auto()
-    with pytest.raises(CaseError, match="solver 'projected-cg' cannot find freedom 0 of the indenter: its resultant"):
+    with pytest.raises(
+        CaseError, match="solver 'projected-cg' cannot find free motion 0 of the indenter: its resultant"
+    ):
         replace(hill, solver=ProjectedCG())
     assert replace(hill, solver=ProjectedCG(), steps=steps[:1]).steps == steps[:1]
 

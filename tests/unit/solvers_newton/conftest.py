@@ -116,7 +116,7 @@ def conducting() -> Callable[..., ContactProblem]:
 
 @pytest.fixture(scope="session")
 def at() -> Callable[[ContactProblem, Array, Array], ResidualState]:
-    """The equation at a load and closed fractions, nodes in between grazing."""
+    """The equation at a load and closed fractions, nodes in between biactive."""
 
     def make(problem: ContactProblem, load: Array, contact_fraction: Array) -> ResidualState:
         return ContactResidual.of(problem).at(
@@ -128,7 +128,7 @@ def at() -> Callable[[ContactProblem, Array, Array], ResidualState]:
 
 @pytest.fixture(scope="session")
 def at_solution(at: Callable[..., ResidualState]) -> Callable[[ContactProblem], ResidualState]:
-    """The equation at the solution, nodes in between grazing."""
+    """The equation at the solution, nodes in between biactive."""
 
     def make(problem: ContactProblem) -> ResidualState:
         solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-11))

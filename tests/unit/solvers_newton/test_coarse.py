@@ -25,7 +25,7 @@ from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.neighbourhood import inset
 from meeframe.solvers.newton.residual import ROUNDED, ContactResidual, ResidualState
 from meeframe.solvers.newton.slip_boundary import smooth_slip_boundary
-from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
 
 COULOMB = IsotropicCoulomb(0.3)
@@ -103,7 +103,9 @@ def made(conducting) -> Callable[..., ContactProblem]:
         load = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-6)).state.load
         total = (problem.system.weights[:, None] * load).sum(axis=0)
         modes = [(PRESS, -total[2]), (SLIDE, total[0]), (SLIDE_2, total[1]), (VOLTAGE, total[3])]
-        prescribed_resultants = tuple(freedom(problem.system, mode, 1.001 * amount) for mode, amount in modes)
+        prescribed_resultants = tuple(
+            prescribe_resultant(problem.system, mode, 1.001 * amount) for mode, amount in modes
+        )
         gap, still = problem.gap - problem.gap.min(), np.zeros_like(problem.translation)
         return replace(problem, prescribed_resultants=prescribed_resultants, gap=gap, translation=still)
 
@@ -142,7 +144,7 @@ def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, m
     single = (
         ROUNDED * alike.approximate_relative_displacement(there.load, point.motion)[1]
     )  # in which the coarse body was moved
-    anew = there.equation.at(there.load, there.contact_fraction, there.grazing, there.motion)
+    anew = there.equation.at(there.load, there.contact_fraction, there.biactive, there.motion)
     for found, bound in ((there, 1e-12), (anew, single)):
         np.testing.assert_allclose(found.residual[same], point.residual[at], rtol=0, atol=bound)
         totals, coarse_totals = (each.equation.scales.totals for each in (point, found))
@@ -162,8 +164,8 @@ def test_solutions_of_the_finer_grid_stay(name: str, made, start) -> None:
     state, given = solution.state, start(problem).smooth
     kept, contact_fraction = given.nodes, state.contact_fraction[given.nodes]
     assert not np.delete(state.load, kept, axis=0).any()
-    grazing = (contact_fraction > 0.0) & (contact_fraction < 1.0)
-    point = given.point.equation.at(state.load[kept], contact_fraction, grazing, state.motion)
+    biactive = (contact_fraction > 0.0) & (contact_fraction < 1.0)
+    point = given.point.equation.at(state.load[kept], contact_fraction, biactive, state.motion)
     assert point.violation < 1e-10
     found = replace(given, point=point).ask(corrected)
     scales, before = point.equation.scales, given.ask(corrected)
@@ -183,7 +185,7 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
     given = (on_less(problem, given) if less and name != "periodic" else given).smooth  # which has no parts
     point, found = given.point, given.ask(corrected)
     assert found.merit < CASES[name] * point.merit
-    expected = found.equation.at(found.load, found.contact_fraction, found.grazing, found.motion)
+    expected = found.equation.at(found.load, found.contact_fraction, found.biactive, found.motion)
     assert found.merit == pytest.approx(expected.merit, rel=1e-4)
     scales, law = found.equation.scales, problem.contact_law
     admissible = law.project(found.load[:, :3])
@@ -216,7 +218,7 @@ def test_steps_that_raise_a_merit_change_nothing(grid: str, made, start, monkeyp
     def worse(point: ResidualState, *asked) -> tuple:
         flips, moved = take_step(point, *asked)
         load = point.load - (moved.load - point.load)
-        back = point.moved(load, point.contact_fraction, point.grazing, point.motion)
+        back = point.moved(load, point.contact_fraction, point.biactive, point.motion)
         assert back.merit > point.merit
         return flips, back if grid == "coarser" else replace(moved, load=load)
 

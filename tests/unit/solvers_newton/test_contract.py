@@ -118,15 +118,15 @@ def test_linearisation_is_the_derivative_of_the_residual(problem, kind) -> None:
     step = np.column_stack([equation.scales.load * RANDOM.normal(size=(n, 5)), np.zeros(n)])
     width = 1e-6
     here = equation.at(load, np.zeros(n), open_nodes, AT_REST)
-    ahead, behind = (
+    forward, backward = (
         equation.at(load + sign * width * step[:, :5], np.zeros(n), open_nodes, AT_REST) for sign in (1.0, -1.0)
     )
-    smooth = np.sign(ahead.trial[:, 2]) == np.sign(behind.trial[:, 2])
-    smooth &= np.sign(ahead.ahead[:, 2]) == np.sign(behind.ahead[:, 2])
+    smooth = np.sign(forward.trial[:, 2]) == np.sign(backward.trial[:, 2])
+    smooth &= np.sign(forward.relative_displacement[:, 2]) == np.sign(backward.relative_displacement[:, 2])
     blocks = here.linearise()
     moved = problem.system.apply(step[:, :5])
     got = np.einsum("nij,nj->ni", blocks.a.dense(6), step) + np.einsum("nij,nj->ni", blocks.b.dense(5), moved)
-    expected = (ahead.residual - behind.residual) / (2.0 * width)
+    expected = (forward.residual - backward.residual) / (2.0 * width)
     error = np.abs(got - expected)[smooth, :5] / np.abs(expected).max()
     assert smooth.sum() > n // 2
     # a node or two may cross a kink of friction within the width
@@ -222,8 +222,8 @@ def test_charge_is_borne_where_only_the_highest_pressure_conducts(problem) -> No
     assert given.status == "converged"
     assert abs(charge) > 0.0
     mode = np.tile([0.0, 0.0, 0.0, -1.0, 0.0], (256, 1))
-    freedom = PrescribedResultant(mode, -problem.system.weights[:, None] * mode, charge)
-    free = replace(problem, potentials=np.zeros((256, 2)), prescribed_resultants=(freedom,))
+    resultant = PrescribedResultant(mode, -problem.system.weights[:, None] * mode, charge)
+    free = replace(problem, potentials=np.zeros((256, 2)), prescribed_resultants=(resultant,))
     for solver in (SemismoothNewton(), BarzilaiBorwein()):
         found = solve(free, solver)
         assert found.status == "converged", found.message

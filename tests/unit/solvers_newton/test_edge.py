@@ -52,11 +52,26 @@ def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str, co
     number[inside] = np.arange(inside.sum())
     places, nodes = np.argwhere(inside), stencil.lattice[inside]
     point = at(problem, np.zeros_like(system.offset), np.zeros(len(problem.gap)))
-    load, ahead, contact_fraction = point.load[nodes], np.ascontiguousarray(point.ahead[nodes]), np.zeros(len(nodes))
+    load, relative_displacement, contact_fraction = (
+        point.load[nodes],
+        np.ascontiguousarray(point.relative_displacement[nodes]),
+        np.zeros(len(nodes)),
+    )
     load, shut = np.ascontiguousarray(load), np.ones((len(nodes), 2))
     slips = np.zeros(len(nodes), bool)
     relax_edge(
-        number, places, False, stencil.responses, shut, 0.0 * shut, slips, load, ahead, contact_fraction, 300, 0.0
+        number,
+        places,
+        False,
+        stencil.responses,
+        shut,
+        0.0 * shut,
+        slips,
+        load,
+        relative_displacement,
+        contact_fraction,
+        300,
+        0.0,
     )
     whole, fraction = point.load.copy(), np.zeros(len(problem.gap))
     whole[nodes], fraction[nodes] = load, contact_fraction
@@ -131,22 +146,22 @@ def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.Mo
 
 def switched(point: ResidualState) -> ResidualState:
     """The point with a closed node of little pressure opened, whose flux has not followed."""
-    held = (point.load[:, 2] < 0.0) & (point.lift > 0.0) & ~point.grazing
+    held = (point.load[:, 2] < 0.0) & (point.lift > 0.0) & ~point.biactive
     node = np.flatnonzero(held)[point.load[held, 2].argmax()]
-    load, contact_fraction, grazing = point.load.copy(), point.contact_fraction.copy(), point.grazing.copy()
-    load[node, :3], contact_fraction[node], grazing[node] = 0.0, 0.0, True
-    return point.equation.at(load, contact_fraction, grazing, point.motion)
+    load, contact_fraction, biactive = point.load.copy(), point.contact_fraction.copy(), point.biactive.copy()
+    load[node, :3], contact_fraction[node], biactive[node] = 0.0, 0.0, True
+    return point.equation.at(load, contact_fraction, biactive, point.motion)
 
 
 def test_a_node_that_a_step_has_switched_is_found_again(conducting, at_solution) -> None:
-    """And one that grazes and is left behind; one that does neither, or whose flux has followed, is let alone."""
+    """And one that is biactive and left behind; one that does neither, or whose flux has followed, is let alone."""
     point = at_solution(conducting(80, 0.3))
     moved = switched(point)
     for before in (point, moved):
         found = relaxed_where_switched(before, moved)
         assert found.merit < 0.2 * moved.merit
         assert np.array_equal(found.contact_fraction > 0.0, point.contact_fraction > 0.0)
-    neither = replace(moved, grazing=np.zeros_like(moved.grazing))
+    neither = replace(moved, biactive=np.zeros_like(moved.biactive))
     assert relaxed_where_switched(neither, neither) is neither
     followed = replace(moved, residual=moved.residual * [1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     assert relaxed_where_switched(point, followed) is followed
@@ -158,7 +173,9 @@ def test_laws_of_each_node_are_asked_at_all_of_them(conducting, at_solution, eac
     solved = at_solution(problem)
     for law in (problem.contact_law, each_its_own(MU, mus=np.full(6400, MU))):
         equation = ContactResidual.of(replace(problem, contact_law=law))
-        point = equation.beside(solved.load, solved.ahead, solved.contact_fraction, solved.grazing, solved.motion)
+        point = equation.beside(
+            solved.load, solved.relative_displacement, solved.contact_fraction, solved.biactive, solved.motion
+        )
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(edge_module, "ROUGHER", np.inf)
             found.append(smooth_contact_edge(switched(point)))
