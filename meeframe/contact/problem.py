@@ -64,11 +64,11 @@ class PrescribedResultant:
                 f"a prescribed resultant has a mode of shape {shape} and a measure of shape {np.shape(self.measure)}; "
                 "allowed: (n, fields) for both"
             )
-        if not all(np.isfinite(part).all() for part in (self.mode, self.measure, self.total)):
+        if not all(np.isfinite(values).all() for values in (self.mode, self.measure, self.total)):
             raise CaseError("a prescribed resultant is not finite; allowed: finite mode, measure and total")
         if len({k >= N_MECHANICAL for k in self.mode_fields}) != 1:
             raise CaseError(
-                "the mode of a prescribed resultant is neither a motion nor a potential; allowed: one of the two"
+                "the mode of a prescribed resultant is either a motion or a potential; this one is both or zero"
             )
 
     @property

@@ -5,24 +5,24 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.conduction import conducting, follows_gap, potential_diagonal, resistances, switch, unloaded
-from meeframe.contact.nested import same_everywhere
+from meeframe.contact.conduction import conducting, depends_on_gap, potential_diagonal, resistances, switch, unloaded
+from meeframe.contact.nested import is_uniform
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS
 from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map
 from meeframe.system.capabilities import apply_load
 
-BLOCK: Final = 2**14
+BLOCK_SIZE: Final = 2**14
 """Number of nodes at which laws are evaluated at once."""
 
 
 def essential_fields(problem: ContactProblem) -> tuple[int, ...]:
     """Return the fields of the displacement on which the laws depend, by column."""
     law = problem.contact_law
-    slides = not law.tangential_scaling().any() and type(law).resolve is ContactLaw.resolve
-    asked = (not slides, not slides, True, *(channel.conducts for channel in problem.channels))
-    return tuple(np.flatnonzero(asked).tolist())
+    is_frictionless = not law.tangential_scaling().any() and type(law).resolve is ContactLaw.resolve
+    needed = (not is_frictionless, not is_frictionless, True, *(channel.conducts for channel in problem.channels))
+    return tuple(np.flatnonzero(needed).tolist())
 
 
 def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] | None = None) -> ContactState:
@@ -41,11 +41,11 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
         )
     system = problem.system
     displacement = np.zeros((system.n_fields, len(iterate.load))).T
-    whole = fields is None or len(fields) == system.n_fields
+    all_fields = fields is None or len(fields) == system.n_fields
     columns = tuple(range(system.n_fields)) if fields is None else fields
-    caused = system.apply(iterate.load) if whole else apply_load(system, iterate.load, columns)
-    for field, part in zip(columns, caused.T, strict=True):  # field by field
-        np.add(system.offset[:, field], part, out=displacement[:, field])
+    response = system.apply(iterate.load) if all_fields else apply_load(system, iterate.load, columns)
+    for field, values in zip(columns, response.T, strict=True):  # field by field
+        np.add(system.offset[:, field], values, out=displacement[:, field])
     return ContactState(iterate.load, displacement, iterate.contact_fraction, iterate.motion)
 
 
@@ -77,7 +77,7 @@ def law_residual(
     fields: columns of the displacement that are known, at least those of `essential_fields`; all by default.
     """
     known = [state.displacement] if fields is None else [state.displacement[:, field] for field in fields]
-    if not all(np.isfinite(part).all() for part in (state.load, *known, state.contact_fraction, state.motion)):
+    if not all(np.isfinite(values).all() for values in (state.load, *known, state.contact_fraction, state.motion)):
         return np.inf
     balance = largest(unbalance(problem, state.load) / scales.totals)
     worst = float(np.max([law_violation(problem, state, scales), balance]))
@@ -95,14 +95,14 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
     It is computed by blocks of nodes, which fit into the cache, if the law is the same at all nodes.
     """
     law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
-    asked = [axis for axis in essential_fields(problem) if axis < N_MECHANICAL]
-    position = {axis: indenter_field(problem, axis, state.motion) for axis in asked}
-    size, worst = BLOCK if same_everywhere(law, n) else max(n, 1), [0.0]
+    axes = [axis for axis in essential_fields(problem) if axis < N_MECHANICAL]
+    position = {axis: indenter_field(problem, axis, state.motion) for axis in axes}
+    size, worst = BLOCK_SIZE if is_uniform(law, n) else max(n, 1), [0.0]
     for first in range(0, n, size):
         nodes = slice(first, first + size)
         traction, contact_fraction = state.load[nodes, MECHANICAL], state.contact_fraction[nodes]
         gap = np.zeros((3, len(contact_fraction))).T
-        for axis in asked:
+        for axis in axes:
             np.subtract(position[axis][nodes], state.displacement[nodes, axis], out=gap[:, axis])
         trial = augmented_traction(law, traction, gap, (r, r))
         worst.append(largest(traction - fixed_point_map(law, trial, gap, (r, r))) / scales.pressure)
@@ -121,13 +121,16 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
         return [largest(flux) * c / scale for flux, c, scale in insulated]
     relative_displacement = indenter_position(problem, state.motion)
     relative_displacement -= state.displacement
-    pressing = contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2])
-    own = potential_diagonal(problem)
-    alone = unloaded(relative_displacement, state.load[:, POTENTIALS], own) if follows_gap(problem) else None
-    resistance = resistances(problem, pressing, state.contact_fraction, own, alone)
+    contact_normal = contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2])
+    self_compliance = potential_diagonal(problem)
+    unloaded_position = (
+        unloaded(relative_displacement, state.load[:, POTENTIALS], self_compliance) if depends_on_gap(problem) else None
+    )
+    resistance = resistances(problem, contact_normal, state.contact_fraction, self_compliance, unloaded_position)
     difference = -relative_displacement[:, POTENTIALS]
-    share = compliance / (compliance + resistance)
-    drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, POTENTIALS]
+    weight = compliance / (compliance + resistance)
+    drop = np.where(weight > 0.0, difference, 0.0) * weight + (1.0 - weight) * compliance * state.load[:, POTENTIALS]
     return [
-        largest(np.where(np.isnan(part), scale, part)) / scale for part, scale in zip(drop.T, potential, strict=True)
+        largest(np.where(np.isnan(values), scale, values)) / scale
+        for values, scale in zip(drop.T, potential, strict=True)
     ]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from meeframe.contact.conduction import TOUCHING
+from meeframe.contact.conduction import MIN_TRACTION
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
 from meeframe.laws.base import contact_conductivity
 from meeframe.solvers.driver import solve
@@ -70,7 +70,7 @@ def resolved(
 
 def _charged_edge(problem: ContactProblem) -> bool:
     """Return whether a law conducts in the limit of vanishing pressure."""
-    least = np.array([TOUCHING])
+    least = np.array([MIN_TRACTION])
     return any(
         channel.conducts and not channel.law.across_gap and bool((contact_conductivity(channel.law, least) > 0.0).any())
         for channel in problem.channels

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.nested import holds_nodes
+from meeframe.contact.nested import has_nodal_data
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array
 from meeframe.laws.base import ContactLaw, is_pure_projection
@@ -53,7 +53,7 @@ def _check(law: ContactLaw, n: int) -> None:
 
 def _is_plain(law: ContactLaw, n: int) -> bool:
     """Return true if a law projects as frictionless unilateral contact does, at all n nodes if it has nodal data."""
-    if n > _ENOUGH and not holds_nodes(law, n):
+    if n > _ENOUGH and not has_nodal_data(law, n):
         try:
             return _projects_plainly(law, _ENOUGH)
         except Exception:  # a law may store nodal data under any name

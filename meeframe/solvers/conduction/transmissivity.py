@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.conduction import follows_gap, resistances, unloaded
+from meeframe.contact.conduction import depends_on_gap, resistances, unloaded
 from meeframe.contact.problem import ContactProblem
 from meeframe.contact.scales import Scales
 from meeframe.fields import POTENTIALS, Array
@@ -41,7 +41,7 @@ class Transmissivity:
         All nodes have one closed fraction.
         """
         fraction = np.full_like(pressing, contact_fraction)
-        across = relative_displacement if follows_gap(self.problem) else None
+        across = relative_displacement if depends_on_gap(self.problem) else None
         return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, across)))
 
     def unloaded(self, relative_displacement: Array, flux: Array) -> Array:
@@ -49,7 +49,9 @@ class Transmissivity:
 
         The fluxes are removed only if a law depends on the gap or the drop.
         """
-        return unloaded(relative_displacement, flux, self.own) if follows_gap(self.problem) else relative_displacement
+        return (
+            unloaded(relative_displacement, flux, self.own) if depends_on_gap(self.problem) else relative_displacement
+        )
 
     def open(self, pressing: Array, relative_displacement: Array) -> Array:
         """Return T, (n, channels), with all contacts open, which usually is the same in all states."""
@@ -58,7 +60,7 @@ class Transmissivity:
     @cached_property
     def _open(self) -> Array | None:
         """Transmissivity of open contacts, (n, channels); None if it depends on the state."""
-        if follows_gap(self.problem) or self.problem.area_fraction is not None:
+        if depends_on_gap(self.problem) or self.problem.area_fraction is not None:
             return None
         nothing = np.zeros((len(self.own), self.problem.fields.size))
         return self(nothing[:, 2], nothing, 0.0)
@@ -80,7 +82,7 @@ class Transmissivity:
 
     def _slope(self, here: Array, relative_displacement: Array) -> Array:
         above, below = here * (1.0 + WIDTH), here * (1.0 - WIDTH)
-        if not follows_gap(self.problem):  # most laws are steps, without a slope: this test is cheaper
+        if not depends_on_gap(self.problem):  # most laws are steps, without a slope: this test is cheaper
             laws = [channel.law for channel in self.problem.channels]
             kappas = ((contact_conductivity(law, above), contact_conductivity(law, below)) for law in laws)
             if all(np.array_equal(more, less) for more, less in kappas):

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.conduction import Mask, Switches, follows_gap, potential_diagonal, resistances, unloaded
+from meeframe.contact.conduction import Mask, Switches, depends_on_gap, potential_diagonal, resistances, unloaded
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
 from meeframe.contact.scales import Scales, problem_scales
@@ -67,13 +67,13 @@ class Ground:
     ) -> tuple["Conduction", Conductors]:
         """Return the conduction at the gap and the drop of an iterate, and the conductors."""
         problem, pressing, relative_displacement = self.problem, iterate.load[:, 2], None
-        if follows_gap(problem) or attracts(problem.contact_law):
+        if depends_on_gap(problem) or attracts(problem.contact_law):
             displacement = problem.system.offset + problem.system.apply(iterate.load)
             relative_displacement = indenter_position(problem, iterate.motion) - displacement
             pressing = contact_traction(problem.contact_law, pressing, relative_displacement[:, 2])
             relative_displacement = unloaded(relative_displacement, iterate.load[:, POTENTIALS], self.own)
         resistance = resistances(problem, pressing, conduction.contact_fraction, self.own, relative_displacement)
-        if follows_gap(problem):
+        if depends_on_gap(problem):
             conduction, transmissivity = conduction.followed(self.own / (self.own + resistance))
             with np.errstate(divide="ignore"):
                 resistance = np.where(np.isfinite(resistance), self.own * (1.0 / transmissivity - 1.0), np.inf)

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.conduction import Mask, follows_gap
+from meeframe.contact.conduction import Mask, depends_on_gap
 from meeframe.fields import MECHANICAL
 from meeframe.laws.base import is_pure_projection
 from meeframe.solvers._kernels.edge_relaxation import relax_edge
@@ -73,7 +73,7 @@ def _relaxed(point: ResidualState, kind: Mask, width: int, sweeps: int) -> Resid
     problem = point.equation.problem
     if (
         not is_pure_projection(problem.contact_law)
-        or follows_gap(problem)
+        or depends_on_gap(problem)
         or not point.jump.any()
         or not _jumps_at_edge(point)
     ):

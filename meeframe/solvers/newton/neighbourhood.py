@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.conduction import Mask, follows_gap
-from meeframe.contact.nested import on_nodes, same_everywhere
+from meeframe.contact.conduction import Mask, depends_on_gap
+from meeframe.contact.nested import is_uniform, restrict_problem
 from meeframe.contact.problem import ContactProblem, indenter_field
 from meeframe.fields import Array, Indices
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
@@ -64,7 +64,7 @@ def has_parts(problem: ContactProblem) -> bool:
     restriction = problem.system.capability(Restriction)
     return (
         restriction is not None
-        and same_everywhere(problem.contact_law, len(problem.gap))
+        and is_uniform(problem.contact_law, len(problem.gap))
         and restriction.restrict(np.arange(1)) is not None
     )
 
@@ -75,9 +75,9 @@ def inset(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None
     It includes a margin and all nodes that may be loaded while they are open. The result is None if the system cannot
     be restricted in this way, or if the law is not the same at all nodes.
     """
-    if not contact.any() or not same_everywhere(problem.contact_law, len(problem.gap)):
+    if not contact.any() or not is_uniform(problem.contact_law, len(problem.gap)):
         return None
-    if follows_gap(problem):
+    if depends_on_gap(problem):
         contact = np.isfinite(problem.gap)
     elif problem.area_fraction is not None:
         contact = contact | (problem.area_fraction > 0.0)
@@ -92,4 +92,6 @@ def inset(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None
     kept = part.nodes
     if not all(resultant.mode[kept].any() for resultant in problem.prescribed_resultants):
         return None
-    return ContactNeighbourhood(problem, kept, ContactResidual.of(on_nodes(problem, part.system, kept), problem))
+    return ContactNeighbourhood(
+        problem, kept, ContactResidual.of(restrict_problem(problem, part.system, kept), problem)
+    )

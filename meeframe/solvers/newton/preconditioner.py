@@ -161,10 +161,10 @@ def _beside(rows: ReducedJacobian, asking: Mask) -> dict[int, tuple[Indices, Pro
     if not set(TANGENTIAL).isdisjoint(rows.components):
         return found
     for place, some in enumerate(asking):
-        alike = [other for other in found if np.array_equal(asking[other], some)]
+        known = [other for other in found if np.array_equal(asking[other], some)]
         there = np.flatnonzero(some)
-        if alike:
-            found[place] = found[alike[0]]
+        if known:
+            found[place] = found[known[0]]
         elif there.size:
             inverse = rows.equation.problem.system.capability(ApproximateInverse)
             extension = None if inverse is None else inverse.prolongation(rows.nodes[there])

@@ -29,7 +29,7 @@ from typing import Any, Final
 import numpy as np
 import scipy  # submodules are loaded on first use
 
-from meeframe.contact.conduction import Mask, follows_gap, switch
+from meeframe.contact.conduction import Mask, depends_on_gap, switch
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
 from meeframe.contact.scales import Scales, motion_scales, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
@@ -411,7 +411,7 @@ class ResidualState:
         ends = pressing, contact_traction(law, answered, self.relative_displacement[:, 2])
         slope = contact_fraction[:, None] * equation.transmissivity.slope(*ends, alone)
         share, across = self.transmissivity, None
-        if follows_gap(equation.problem):
+        if depends_on_gap(equation.problem):
             across, dropping = equation.transmissivity.across(pressing, alone, contact_fraction)
             share = share - self.drive * dropping
         if attracts(law):

@@ -50,7 +50,7 @@ def test_nodes_that_flip_become_biactive(kappa, system, monkeypatch):
     np.testing.assert_allclose(state.load[biactive, 2], 0, atol=1e-9 * np.abs(state.load[:, 2]).max())
     np.testing.assert_allclose(contact_gap(problem, state.displacement)[biactive, 2], 0, atol=1e-9 * 5e-5)
 
-    monkeypatch.setattr("meeframe.contact.conduction.FLIPS", 10**9)
+    monkeypatch.setattr("meeframe.contact.conduction.MAX_FLIPS", 10**9)
     flipping = solve(problem, Uzawa(), StoppingCriteria(max_iterations=5000))
     assert flipping.status is not Status.CONVERGED, "without the filled-in graph there is no solution"
 

@@ -30,7 +30,7 @@ def problem(factor: float, cells: int = 16) -> ContactProblem:
 
 
 def test_without_resolution_it_flips_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(conduction, "FLIPS", np.inf)
+    monkeypatch.setattr(conduction, "MAX_FLIPS", np.inf)
     solution = solve(problem(1.0), Uzawa(), StoppingCriteria(max_iterations=6000))
     assert solution.status in (Status.CYCLING, Status.STALLED)
     assert solution.residual > 1e-4
@@ -101,7 +101,7 @@ def test_graph_as_a_fixed_point() -> None:
 
 
 def test_law_without_conductivity_across_the_gap_insulates_open_nodes() -> None:
-    assert contact_conductivity(StepConductivity(np.inf), np.array([conduction.TOUCHING, 0.0])).tolist() == [
+    assert contact_conductivity(StepConductivity(np.inf), np.array([conduction.MIN_TRACTION, 0.0])).tolist() == [
         np.inf,
         0.0,
     ]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.nested import holds_nodes
+from meeframe.contact.nested import has_nodal_data
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import N_FIELDS, Array
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
@@ -134,5 +134,5 @@ def test_laws_are_tried_at_their_own_nodes_wherever_they_hold_them(law: Callable
 
 @pytest.mark.parametrize("law", [lambda most: CappedByName({"pressure": most}), CappedInSlots])
 def test_laws_of_their_own_nodes_are_known_as_such(law: Callable[[Array], Signorini]) -> None:
-    assert holds_nodes(law(np.full(30, np.inf)), 30)
-    assert not holds_nodes(law(np.full(30, np.inf)), 31)
+    assert has_nodal_data(law(np.full(30, np.inf)), 30)
+    assert not has_nodal_data(law(np.full(30, np.inf)), 31)
