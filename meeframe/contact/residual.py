@@ -121,12 +121,12 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
         return [largest(flux) * c / scale for flux, c, scale in insulated]
     relative_displacement = indenter_position(problem, state.motion)
     relative_displacement -= state.displacement
-    contact_normal = contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2])
+    normal_traction = contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2])
     self_compliance = potential_diagonal(problem)
     unloaded_position = (
         unloaded(relative_displacement, state.load[:, POTENTIALS], self_compliance) if depends_on_gap(problem) else None
     )
-    resistance = resistances(problem, contact_normal, state.contact_fraction, self_compliance, unloaded_position)
+    resistance = resistances(problem, normal_traction, state.contact_fraction, self_compliance, unloaded_position)
     difference = -relative_displacement[:, POTENTIALS]
     weight = compliance / (compliance + resistance)
     drop = np.where(weight > 0.0, difference, 0.0) * weight + (1.0 - weight) * compliance * state.load[:, POTENTIALS]

@@ -40,18 +40,16 @@ class Floating:
         modes = {i: problem.prescribed_resultants[i].mode[:, POTENTIALS][conducts] for i in potentials(problem)}
         numbers = np.array([i for i, mode in modes.items() if mode.any()], int)
         if numbers.size == 0:
-            nothing = np.zeros((0, 0))
-            return cls(numbers, np.zeros(0), nothing, nothing, nothing)
-        prescribed_resultants = [problem.prescribed_resultants[i] for i in numbers]
+            empty = np.zeros((0, 0))
+            return cls(numbers, np.zeros(0), empty, empty, empty)
+        resultants = [problem.prescribed_resultants[i] for i in numbers]
         flux = np.column_stack([solve(modes[i]) for i in numbers])
-        measure = np.stack([resultant.measure[:, POTENTIALS][conducts] for resultant in prescribed_resultants])
+        measure = np.stack([resultant.measure[:, POTENTIALS][conducts] for resultant in resultants])
         capacitance = measure @ flux
         size = np.sqrt(np.abs(np.diag(capacitance)))
         size[size == 0.0] = 1.0
         elastance = np.linalg.pinv(capacitance / size[:, None] / size) / size[:, None] / size
-        return cls(
-            numbers, np.array([resultant.total for resultant in prescribed_resultants]), flux, measure, elastance
-        )
+        return cls(numbers, np.array([resultant.total for resultant in resultants]), flux, measure, elastance)
 
     def balance(self, flux: Array, totals: Array | float) -> tuple[Array, Array]:
         """Return flux densities (a,) with the totals (j,), and the potentials (j,).

@@ -12,8 +12,8 @@ from meeframe.solvers.conduction.elimination import Conductors, Elimination
 
 TOLERANCE: Final = 5e-3
 MAX_ITERATIONS: Final = 60
-GROWTH: Final = 0.1
-SHRINKAGE: Final = 0.9
+MAX_GROWTH: Final = 0.1
+MIN_REMAINING: Final = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +29,13 @@ class Spectrum:
     exposure: Array
     vector: Array
 
-    def holds(self, exposure: Array) -> bool:
+    def is_valid(self, exposure: Array) -> bool:
         """Return whether the eigenvalue applies to another exposure.
 
         It grows with the exposure, and a slight overestimate costs little.
         """
-        grown = (exposure > self.exposure + GROWTH).any()
-        shrunk = (exposure.sum(axis=0) < SHRINKAGE * self.exposure.sum(axis=0)).any()
+        grown = (exposure > self.exposure + MAX_GROWTH).any()
+        shrunk = (exposure.sum(axis=0) < MIN_REMAINING * self.exposure.sum(axis=0)).any()
         return not (grown or shrunk)
 
 
@@ -64,7 +64,7 @@ def largest_eigenvalue(
     for _ in range(MAX_ITERATIONS):
         vector = vector / norm
         response = elimination.respond(vector @ root, conductors, guess, TOLERANCE)
-        guess = conductors.fixed(response.flux, response.potential)
+        guess = conductors.without_floating(response.flux, response.potential)
         vector = weight * (response.displacement @ root)
         previous, norm = largest, float(np.linalg.norm(vector))
         largest = norm

@@ -15,7 +15,7 @@ from meeframe.contact.conduction import Mask, depends_on_gap
 from meeframe.fields import MECHANICAL
 from meeframe.laws.base import is_pure_projection
 from meeframe.solvers._kernels.edge_relaxation import relax_edge
-from meeframe.solvers.conduction.transmissivity import LOWEST
+from meeframe.solvers.conduction.transmissivity import MIN_PRESSURE_RATIO
 from meeframe.solvers.newton.boundary_band import ROUGHER, BoundaryBand, slips
 from meeframe.solvers.newton.residual import ResidualState
 
@@ -108,7 +108,7 @@ def _jumps_at_edge(point: ResidualState) -> bool:
     Where the conductivity grows from zero with the pressure, it does not matter which of two neighbours is pressed.
     """
     equation, largest = point.equation, np.abs(point.jump).max()
-    touching = np.full(len(point.load), -LOWEST * equation.scales.pressure)
+    touching = np.full(len(point.load), -MIN_PRESSURE_RATIO * equation.scales.pressure)
     jump = equation.transmissivity(touching, point.relative_displacement, 1.0) - equation.transmissivity.open(
         touching, point.relative_displacement
     )

@@ -412,7 +412,7 @@ class ResidualState:
         slope = contact_fraction[:, None] * equation.transmissivity.slope(*ends, alone)
         share, across = self.transmissivity, None
         if depends_on_gap(equation.problem):
-            across, dropping = equation.transmissivity.across(pressing, alone, contact_fraction)
+            across, dropping = equation.transmissivity.gap_slopes(pressing, alone, contact_fraction)
             share = share - self.drive * dropping
         if attracts(law):
             pulled = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]

@@ -126,7 +126,7 @@ def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
         conductors = elimination.prepare(resistance, None)
         response = elimination.respond(load[:, :3], conductors, np.zeros((n, 2)))
         # a good guess is not spoilt by a coarse solution from there
-        near = conductors.fixed(response.flux, response.potential)
+        near = conductors.without_floating(response.flux, response.potential)
         again = elimination.respond(load[:, :3], conductors, near, 1e-3)
         assert np.abs(again.flux - response.flux).max() <= 1e-9 * np.abs(response.flux).max()
         found = elimination.state(load[:, :3], conductors, np.zeros((n, 2)), np.zeros(2))

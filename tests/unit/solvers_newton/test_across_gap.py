@@ -106,7 +106,7 @@ def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> N
     relative_displacement = np.zeros((n, 5))
     # without its own flux a node has the drop (1 + own kappa) v, of which v is left
     relative_displacement[:, 2], relative_displacement[:, 3] = gap, (1.0 + own * kappa) * drop
-    by_gap, by_drop = equation.transmissivity.across(np.zeros(n), relative_displacement, np.zeros(n))
+    by_gap, by_drop = equation.transmissivity.gap_slopes(np.zeros(n), relative_displacement, np.zeros(n))
     left = 1.0 / (1.0 + own * steeper)
     change = -own * left / (1.0 + own * kappa)
     np.testing.assert_allclose(by_gap[:, 0], change * kappa / (law.distance + gap), rtol=1e-6)

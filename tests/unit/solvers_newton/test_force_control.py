@@ -283,7 +283,7 @@ def test_auto_hands_the_motion_on(sphere, monkeypatch) -> None:
     expected = solved(problem).state
     stages = [replace(stage, stall_window=0) for stage in auto_module.STAGES[:2]]
     monkeypatch.setattr(auto_module, "STAGES", (*stages, auto_module.STAGES[2]))
-    monkeypatch.setattr(auto_module, "FALL", 0.0)
+    monkeypatch.setattr(auto_module, "PROGRESS_FACTOR", 0.0)
     solution = solved(problem, Auto(), StoppingCriteria())
     assert solution.iterations > 3
     np.testing.assert_allclose(solution.state.motion, expected.motion, rtol=1e-7)

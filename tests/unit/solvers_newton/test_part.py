@@ -22,7 +22,7 @@ from meeframe.material import Material, library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
-from meeframe.solvers.edge_resolution import resolved
+from meeframe.solvers.edge_resolution import resolve_edges
 from meeframe.solvers.newton import method as newton
 from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, inset
@@ -251,9 +251,9 @@ def test_contact_that_shrinks_gets_a_part(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_edges_between_nodes_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nodes that are covered in part conduct without pressure, so that they belong to it."""
-    problem = sphere(half_space(edges="resolved"), (0.05, -0.1))
+    problem = sphere(half_space(edges="resolve_edges"), (0.05, -0.1))
     start = solve(problem, SemismoothNewton(), LIMITS).state
-    finer = resolved(problem, start)
+    finer = resolve_edges(problem, start)
     assert finer is not None
     sizes = sizes_of_parts(monkeypatch)
     found, whole = solutions(finer, monkeypatch, start)
