@@ -1,12 +1,12 @@
-"""Flux law at contact size: resistances, the switch between open and closed, and the graph between them.
+"""Fluxes across the contact: resistances, transitions between open and closed contact, and partial conduction.
 
 A law that jumps at zero traction (eqs. 17, 18) makes the problem quasi-variational: a node that conducts may lift off,
 no longer conduct, touch again, and so on without end. The problem with the jump then has no solution; the one with the
 jump's filled-in graph has. Such a node is treated as biactive: with zero traction and zero gap it carries any fraction
-`contact_fraction` in [0, 1] of the conductivity of a closed contact. The equation
-    closed = clip(closed - (p_nu + r g_nu) / p_o, 0, 1)
-expresses all of this, for any r > 0 and any pressure p_o > 0: closed is one where p_nu < 0, zero where g_nu > 0, and
-between these only where both vanish.
+`contact_fraction` c in [0, 1] of the conductivity of a closed contact. The equation
+    c = clip(c - (p_nu + r g_nu) / p_o, 0, 1)
+expresses all of this, for any r > 0 and any pressure p_o > 0: c is one where p_nu < 0, zero where g_nu > 0, and between
+these only where both vanish.
 """
 
 from dataclasses import dataclass
@@ -47,13 +47,28 @@ def resistances(
     self_compliance: Array,
     relative_displacement: Array | None = None,
 ) -> Array:
-    """Return the resistances 1/kappa of the channels, (n, channels): 0 conducts perfectly, inf insulates.
+    """Return the resistances 1/kappa of the channels at each node.
 
-    normal_traction: (n,) of the contact; contact_fraction: (n,); self_compliance: (n, channels) > 0, response of each
-    node's potentials to their own flux density. It defines the meaning of a fraction: the transmissivity kappa own /
-    (1 + kappa own) is interpolated, so that a fraction of a perfect conductor has a finite resistance.
-    relative_displacement: (n, fields) position of the indenter relative to the body, as `unloaded` returns it, for
-    laws that depend on the gap or the drop. Nodes without an indenter above are insulated.
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    normal_traction : Array
+        (n,), normal traction of the contact [Pa], negative in compression.
+    contact_fraction : Array
+        (n,) in [0, 1], fraction of a closed contact's conductivity.
+    self_compliance : Array
+        (n, channels) > 0, response of each node's potentials to their own flux density. It defines the meaning of a
+        fraction: the transmissivity kappa C / (1 + kappa C), C the self-compliance, is interpolated, so that a fraction
+        of a perfect conductor has a finite resistance.
+    relative_displacement : Array, optional
+        (n, fields), displacement of the indenter relative to the body, as returned by `unloaded`, for laws that depend
+        on the gap or the drop; zero by default.
+
+    Returns
+    -------
+    Array
+        (n, channels), 0 for a perfect conductor, inf where the contact insulates or no indenter is above.
     """
     n_fields = problem.fields.size
     relative_displacement = (
@@ -75,12 +90,24 @@ def resistances(
 
 
 def unloaded(relative_displacement: Array, flux: Array, self_compliance: Array) -> Array:
-    """Return the position of the indenter relative to the body, (n, fields), without the nodes' own fluxes.
-
-    flux: (n, channels); self_compliance: (n, channels) response of each node's potentials to its own flux.
+    """Return the displacement of the indenter relative to the body without the effect of each node's own fluxes.
 
     The conductivity at a drop is solved together with the drop, node by node, from there: with a law that conducts
     steeply above some drop, iterations on the drop itself would oscillate.
+
+    Parameters
+    ----------
+    relative_displacement : Array
+        (n, fields), displacement of the indenter relative to the body, with all fluxes.
+    flux : Array
+        (n, channels), flux densities.
+    self_compliance : Array
+        (n, channels), response of each node's potentials to their own flux density.
+
+    Returns
+    -------
+    Array
+        (n, fields).
     """
     position = relative_displacement.copy(order="K")
     position[:, POTENTIALS] += self_compliance * flux
@@ -89,7 +116,7 @@ def unloaded(relative_displacement: Array, flux: Array, self_compliance: Array) 
 
 @memoize_by_identity
 def potential_diagonal(problem: ContactProblem) -> Array:
-    """Return the response of each node's potentials to their own flux density, (n, channels)."""
+    """Return the response of each node's potentials to their own flux density, (n, channels); read-only."""
     self_compliance = diagonal(problem.system, range(problem.fields.size)[POTENTIALS])
     self_compliance.setflags(write=False)  # the independent residual uses it as well
     return self_compliance
@@ -97,14 +124,21 @@ def potential_diagonal(problem: ContactProblem) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Switches:
-    """Rules by which an iteration opens and closes the conduction of each node; arrays (n,).
+    """Rules by which an iteration opens and closes the conduction of each node.
 
     A node conducts when it has traction (eqs. 17, 18), until it has changed more than MAX_FLIPS times. From then on it
     is treated as biactive and steps along the filled-in graph instead. The trial traction p_nu + r g_nu that drives it
     indicates both the current state and the direction of change, which damps the interaction with the slower tractions;
     the step grows while the trial keeps its sign and shrinks when the sign reverses.
 
-    flips: number of changes so far; gain: factor on the step of a biactive node; side: sign of the last trial traction.
+    Attributes
+    ----------
+    flips : Array
+        (n,), number of changes so far.
+    gain : Array
+        (n,), factor on the step of a biactive node.
+    side : Array
+        (n,), sign of the last trial traction.
     """
 
     flips: Array
@@ -117,20 +151,26 @@ class Switches:
         return cls(np.zeros(n), np.ones(n), np.zeros(n))
 
     def next(self, was_touching: Mask, touching: Mask, trial: Array) -> "Switches":
-        """Return the switches after one step of the tractions."""
+        """Return the switches after one step of the tractions.
+
+        was_touching, touching: (n,) contact before and after it; trial: (n,) trial tractions [Pa].
+        """
         side = np.sign(trial)
         gain = np.clip(self.gain * np.where(side == self.side, GAIN_GROWTH, GAIN_SHRINKAGE), *GAIN_LIMITS)
         return Switches(self.flips + (touching != was_touching), np.where(self.flips > MAX_FLIPS, gain, 1.0), side)
 
     def contact_fraction(self, before: Array, touching: Mask, trial: Array, pressure: float) -> Array:
-        """Return the closed fractions (n,) after a step from `before`; pressure: characteristic pressure [Pa]."""
+        """Return the contact fractions (n,) after a step from `before` (n,).
+
+        pressure: characteristic pressure [Pa].
+        """
         return np.where(self.flips > MAX_FLIPS, switch(before, self.gain * trial, pressure), touching)
 
 
 def switch(contact_fraction: Array, trial: Array, pressure: float) -> Array:
-    """Return clip(closed - trial / pressure, 0, 1), (n,), with trial = p_nu + r g_nu (n,).
+    """Return clip(c - trial / pressure, 0, 1), (n,), for contact fractions c (n,).
 
-    Its fixed points are the filled-in graph.
+    trial: (n,), p_nu + r g_nu [Pa]. The fixed points are the filled-in graph.
     """
     return np.clip(contact_fraction - trial / pressure, 0.0, 1.0)
 
@@ -176,9 +216,9 @@ def _conductivity_at_root(
 ) -> Array:
     """Return kappa (n,) at the part of the drop without flux that remains at each node.
 
-    The remaining fraction x satisfies x (1 + own kappa(x drop)) = 1. It is found by regula falsi (Illinois), which
-    creeps where a flat piece meets a steep one: every third iteration halves the bracket. Where kappa jumps there, the
-    value returned is the one in between for which x is the root.
+    The remaining fraction x satisfies x (1 + C kappa(x drop)) = 1, C the self-compliance. It is found by regula falsi
+    (Illinois), which converges slowly where a flat piece meets a steep one: every third iteration halves the bracket.
+    Where kappa jumps there, the value returned is the one in between for which x is the root.
     """
     kappa = law.conductivity(normal_traction, gap, drop)
     if not law.across_gap:
@@ -212,10 +252,10 @@ def _conductivity_at_root(
 def _with_area_fraction(
     problem: ContactProblem, area_fraction: Array, normal_traction: Array, unscaled: Array
 ) -> Array:
-    """Return the resistances (n, channels) corrected at partly covered nodes (n,).
+    """Return the resistances (n, channels) corrected at nodes whose area is partly in contact.
 
-    At these nodes, conduction without pressure counts on the covered part alone, whether the node itself has pressure
-    or not.
+    At these nodes, conduction without pressure counts on the area fraction (n,) alone, whether the node itself has
+    pressure or not.
     """
     resistance = unscaled.copy()
     nodes = np.flatnonzero((area_fraction > 0.0) & (area_fraction < 1.0))
@@ -233,5 +273,5 @@ def _with_area_fraction(
 
 
 def _transmissivity(kappa: Array, self_compliance: Array) -> Array:
-    """Return kappa own / (1 + kappa own), (n,) in [0, 1], also for kappa = 0 and inf."""
+    """Return kappa C / (1 + kappa C), C the self-compliance: (n,) in [0, 1], also for kappa = 0 and inf."""
     return np.asarray(1.0 / (1.0 + 1.0 / (kappa * self_compliance)))

@@ -24,15 +24,27 @@ from meeframe.laws.base import attracts
 TOLERANCE: Final = 1e-6
 MAX_GENERATORS: Final = 200
 MIN_UNREACHABLE_FRACTION: Final = 0.5
-"""Least fraction of the missed resultants that must be out of reach under the pressures found."""
+"""Least fraction of the missed resultants that must be unreachable under the present pressures."""
 MAX_VIOLATION_RATIO: Final = 0.1
 """Largest violation of the laws, as a fraction of that part, below which the pressures count as converged."""
 
 
 def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
-    """Return why no state has the prescribed resultants, in words; None if one may have them.
+    """Return the reason why no state has the prescribed resultants; None if one may have them.
 
     Applies to contact laws that admit a cone of tractions, with the scaling of the law of maximal dissipation, or less.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem.
+    scales : Scales
+        Characteristic magnitudes of the problem.
+
+    Returns
+    -------
+    str or None
+        Reason in words, for the message of a solution.
     """
     missing = 0.0 if attracts(problem.contact_law) else _missing_force(problem, scales)
     if missing > TOLERANCE:
@@ -48,11 +60,25 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
 
 
 def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales) -> str | None:
-    """Return why friction cannot bear the prescribed tangential resultants, in words; None if it may.
+    """Return the reason why friction cannot bear the prescribed tangential resultants; None if it may.
 
     Friction cannot bear them at the pressures of a state if the state satisfies everything else, to the accuracy by
     which they are missed, and no friction under its pressures reduces the difference: no further motion then changes
     anything.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem.
+    state : ContactState
+        Present state of the iteration.
+    scales : Scales
+        Characteristic magnitudes of the problem.
+
+    Returns
+    -------
+    str or None
+        Reason in words, for the message of a solution.
     """
     tangential = [k for k in motions(problem) if not _lifts(problem, k)]
     imbalance = unbalance(problem, state.load)

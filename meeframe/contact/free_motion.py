@@ -35,9 +35,16 @@ MAX_TRACTION_RATIO: Final = 1e6
 
 @dataclass(frozen=True, eq=False)
 class BalancedProjection:
-    """Projected tractions (n, 3) with the motions that balance their resultants.
+    """Projected tractions and the motions that balance their resultants.
 
-    The trial (n, 3) is what was projected; the motions (k,) are those of the mechanical prescribed resultants.
+    Attributes
+    ----------
+    traction : Array
+        (n, 3), projected tractions [Pa].
+    trial : Array
+        (n, 3), augmented tractions that were projected [Pa].
+    motion : Array
+        (k,), amounts of the free motions of the mechanical prescribed resultants.
     """
 
     traction: Array
@@ -46,14 +53,14 @@ class BalancedProjection:
 
 
 def motions(problem: ContactProblem) -> Indices:
-    """Return the numbers (k,) of the prescribed resultants that free rigid motions."""
+    """Return the numbers (k,), among the prescribed resultants, of those with a free rigid motion."""
     return np.array(
         [i for i, resultant in enumerate(problem.prescribed_resultants) if not resultant.electromagnetic], np.int64
     )
 
 
 def potentials(problem: ContactProblem) -> Indices:
-    """Return the numbers (j,) of the prescribed resultants that free potentials."""
+    """Return the numbers (j,), among the prescribed resultants, of those with a free potential."""
     return np.array(
         [i for i, resultant in enumerate(problem.prescribed_resultants) if resultant.electromagnetic], np.int64
     )
@@ -94,10 +101,23 @@ def reserve(law: ContactLaw, traction: Array, gap: Array, direction: Array) -> f
 def balanced_projection(
     problem: ContactProblem, traction: Array, gap: Array, r: tuple[float, float]
 ) -> BalancedProjection:
-    """Project the augmented tractions, moved freely so that the resultants balance.
+    """Project augmented tractions after the free motions that balance the prescribed resultants.
 
-    traction: (n, 3); gap: (n, 3), including the motion from which the returned one counts; r: normal and tangential
-    step [Pa/m]. The unbalance of resultants that cannot be reached is left as small as could be found.
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    traction : Array
+        (n, 3), tractions before the step [Pa].
+    gap : Array
+        (n, 3), gap at the motion from which the returned motions count [m].
+    r : (float, float)
+        Normal and tangential step length [Pa/m].
+
+    Returns
+    -------
+    BalancedProjection
+        Tractions and motions. The unbalance of resultants that cannot be reached is as small as could be found.
     """
     balance = _Balance.of(problem, traction, gap, r)
     point = balance.at(np.zeros(len(balance.totals)))

@@ -47,9 +47,18 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
 
 
 def restrict_problem(problem: ContactProblem, system: ReducedSystem, nodes: Indices) -> ContactProblem:
-    """Return a problem on a reduced system that consists of m of its n nodes, nodes: (m,).
+    """Return a problem on a reduced system of m of its n nodes.
 
     The measure of a prescribed resultant is scaled with the weights, which leaves its density unchanged.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Problem on n nodes.
+    system : ReducedSystem
+        Reduced system of the m nodes.
+    nodes : Indices
+        (m,), their numbers among the n nodes.
     """
     weights = problem.system.weights[nodes]
     ratio = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)
@@ -82,8 +91,18 @@ def nested_start(
 ) -> ContactState | None:
     """Return a start with the interpolated load of the coarse problem; None if there is no such problem.
 
-    solution: returns the solution of a problem, as accurate as is worthwhile, or None; with the signed gap as tension
-    (`with_signed_gap`) or without. The displacement is that of the unloaded body: solvers evaluate their own.
+    Parameters
+    ----------
+    problem : ContactProblem
+        Problem on the finer system.
+    solution : callable
+        Returns the solution of a coarse problem, as accurate as is worthwhile, or None; with the signed gap as tension
+        (`with_signed_gap`) or without.
+
+    Returns
+    -------
+    ContactState or None
+        Start; its displacement is that of the unloaded body, since solvers evaluate the displacement themselves.
     """
     coarse = coarse_problem(problem)
     coarse_state = None if coarse is None else solution(coarse.problem)
@@ -101,10 +120,10 @@ def nested_start(
 
 
 def with_signed_gap(load: Array, gap: Array, self_compliance: Array | float) -> Array:
-    """Return a load (n, 5) with a tension proportional to the gap (n,) where the contact is open.
+    """Return a load (n, fields) with a tension proportional to the gap (n,) [m] where the contact is open.
 
-    Between nodes the sum of both locates the contact edge. self_compliance: (n,) response of each node to its own
-    pressure.
+    The contact edge between nodes is where the normal traction, with this tension, changes its sign. self_compliance:
+    (n,) or scalar response of each node to its own pressure [m/Pa].
     """
     open_ = (load[:, 2] == 0.0) & (gap > 0.0) & np.isfinite(gap)
     load = load.copy()

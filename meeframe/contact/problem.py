@@ -296,10 +296,21 @@ class Solver(ABC):
 
 
 def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:
-    """Return the indenter's position, (n, fields) = (translation, gap, -phi_o, -psi_o, ...).
+    """Return the position of the indenter, (translation, gap, -phi_o, -psi_o, ...), at each node.
 
-    motion: (m,) of the prescribed resultants, which is added. The difference between this position and the body's
-    displacement is the contact gap and the drop of the potentials.
+    The difference between this position and the body's displacement is the contact gap and the drop of the potentials.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    motion : Array, optional
+        (m,), free motions of the prescribed resultants, which are added; none by default.
+
+    Returns
+    -------
+    Array
+        (n, fields) [m, m, m, V, A, ...].
     """
     position = np.empty((problem.fields.size, len(problem.gap))).T  # field by field
     for k in range(problem.fields.size):
@@ -320,23 +331,50 @@ def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST)
 
 
 def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT_REST) -> Array:
-    """Return the gap (n, 3) = (translation - u_tau, gap - u_nu) at a displacement (n, fields) or (n, 3) [m].
+    """Return the gap (translation - u_tau, gap - u_nu) at a displacement of the body.
 
-    motion: (m,) of the prescribed resultants, which is added to that of the indenter.
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    displacement : Array
+        (n, fields) or (n, 3), displacement of the body [m].
+    motion : Array, optional
+        (m,), free motions of the prescribed resultants, which are added; none by default.
+
+    Returns
+    -------
+    Array
+        (n, 3) [m]; the normal gap is positive where the contact is open.
     """
     gap: Array = indenter_position(problem, motion)[:, MECHANICAL] - displacement[:, MECHANICAL]
     return gap
 
 
 def unbalance(problem: ContactProblem, load: Array) -> Array:
-    """Return the resultants of a load (n, fields) minus the prescribed ones, (m,)."""
+    """Return the resultants (m,) of a load (n, fields) minus the prescribed ones, in their units."""
     return np.array(
         [sum(f.measure[:, k] @ load[:, k] for k in f.measure_fields) - f.total for f in problem.prescribed_resultants]
     )
 
 
 def resultant(system: ReducedSystem, load: Array) -> tuple[Array, Array]:
-    """Return the force on the body (3,) [N] in global axes and the total fluxes (channels,) of a load (n, fields)."""
+    """Return the resultants of a load.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        Reduced system of n nodes.
+    load : Array
+        (n, fields), tractions and flux densities in local frames.
+
+    Returns
+    -------
+    force : Array
+        (3,), force on the body in global axes [N].
+    fluxes : Array
+        (channels,), total fluxes, positive outward [C, Wb, ...].
+    """
     tractions = np.einsum("na,nai->ni", load[:, MECHANICAL], system.frames)
     force: Array = system.weights @ tractions
     fluxes: Array = system.weights @ load[:, POTENTIALS]

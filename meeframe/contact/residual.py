@@ -28,10 +28,25 @@ def essential_fields(problem: ContactProblem) -> tuple[int, ...]:
 def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] | None = None) -> ContactState:
     """Return the state of an iterate, with its displacement by one application of the compliance.
 
-    fields: columns of the displacement to compute, all by default; the others are zero. All columns together come from
-    `apply`, a selection from `apply_load`.
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    iterate : Iterate
+        Iterate of a solver.
+    fields : tuple of int, optional
+        Columns of the displacement to compute; the others are zero. By default all columns, which come from `apply`; a
+        selection comes from `apply_load`.
 
-    Raises CaseError if the solver does not determine the free motions of the problem.
+    Returns
+    -------
+    ContactState
+        State with the load, contact fractions and motions of the iterate.
+
+    Raises
+    ------
+    CaseError
+        If the solver does not determine the free motions of the problem.
     """
     if np.shape(iterate.motion) != (len(problem.prescribed_resultants),):
         raise CaseError(
@@ -52,14 +67,14 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
 def residual(problem: ContactProblem, state: ContactState, scales: Scales | None = None) -> float:
     """Return the dimensionless violation of the problem by a state; inf if it is not finite.
 
-    It is computed by the laws from the load, the displacement and the closed fraction, without the solver, in units of
+    It is computed by the laws from the load, the displacement and the contact fraction, without the solver, in units of
     magnitudes characteristic of the problem's data (`scales`, computed if not given). It is the largest of five parts:
 
     - consistency, displacement = offset + compliance(load);
     - the contact law as a fixed point of its projection (eqs. 27, 28 with r the inverse of a characteristic
     compliance);
-    - the flux laws with the conductivity of the state's traction and closed fraction;
-    - the closed fraction itself (see meeframe.contact.conduction);
+    - the flux laws with the conductivity of the state's traction and contact fraction;
+    - the contact fraction itself (see meeframe.contact.conduction);
     - the balance of the prescribed resultants, by summation of the load.
     """
     scales = scales or problem_scales(problem)
@@ -74,7 +89,21 @@ def law_residual(
 ) -> float:
     """Return the residual without the consistency of load and displacement.
 
-    fields: columns of the displacement that are known, at least those of `essential_fields`; all by default.
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    state : ContactState
+        State to test.
+    scales : Scales
+        Characteristic magnitudes of the problem, the units of the residual.
+    fields : tuple of int, optional
+        Columns of the displacement that are known, at least those of `essential_fields`; all by default.
+
+    Returns
+    -------
+    float
+        Dimensionless violation of the laws and of the prescribed resultants; inf if the state is not finite.
     """
     known = [state.displacement] if fields is None else [state.displacement[:, field] for field in fields]
     if not all(np.isfinite(values).all() for values in (state.load, *known, state.contact_fraction, state.motion)):
@@ -90,7 +119,7 @@ def law_violation(problem: ContactProblem, state: ContactState, scales: Scales) 
 
 
 def _contact_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
-    """Return the larger violation of the contact law and of the closed fraction.
+    """Return the larger violation of the contact law and of the contact fraction.
 
     It is computed by blocks of nodes, which fit into the cache, if the law is the same at all nodes.
     """

@@ -29,9 +29,17 @@ MAX_FOUNDATION_STEPS: Final = 3
 class Scales:
     """Characteristic magnitudes, computed from the problem's data, homogeneous in units, moduli and lengths.
 
-    compliance: (fields, fields) largest displacement of field J under a uniform unit load of field K over the nodes
-    that the indenter overlaps; displacement, load: (fields,) and totals: (m,), of the prescribed resultants, expected
-    magnitudes, positive.
+    Attributes
+    ----------
+    compliance : Array
+        (fields, fields), largest displacement of field J under a uniform unit load of field K over the nodes that the
+        indenter overlaps.
+    displacement : Array
+        (fields,), expected magnitudes of the displacement and the potentials, positive.
+    load : Array
+        (fields,), expected magnitudes of the tractions and flux densities, positive.
+    totals : Array
+        (m,), expected magnitudes of the prescribed resultants, positive.
     """
 
     compliance: Array

@@ -38,7 +38,7 @@ class _Stage:
 FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, accepts_biactive=False)
 """First stage where it accepts the problem and there is no matrix to factorise.
 
-It determines pressures and the closed fractions of biactive nodes alternately, Newton's method together.
+It determines pressures and the contact fractions of biactive nodes alternately, Newton's method together.
 """
 CONDUCTING: Final = (_Stage(SemismoothNewton(), 1, 10), _Stage(ProjectedCG(), 1, 15))
 """First stages if anything conducts, unless contact edges are resolved.

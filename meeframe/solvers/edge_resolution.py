@@ -1,4 +1,4 @@
-"""Resolution of contact edges between nodes: one solution with the edge along nodes, then one with its position."""
+"""Resolution of contact edges between nodes: a first solution with edges along nodes, then one with their position."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,9 +25,29 @@ def solve_to_edges(
 ) -> tuple[ContactSolution, ContactProblem]:
     """Solve a problem, then once more with the contact edge between nodes if the system resolves edges.
 
-    Returns the solution and the problem that it solves. The second solution is computed where a load is singular at the
-    edge. The other arguments are those of `solve`; indenter_edge: returns the edge of the indenter. A first solution
-    that did not converge is returned as it is.
+    The second solution is computed where a load is singular at the edge.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Problem to solve.
+    solver : Solver
+        Solver that iterates.
+    criteria : StoppingCriteria, optional
+        Criteria that end each of the iterations.
+    start : ContactState, optional
+        Converged state of the previous load step.
+    progress : callable, optional
+        As in `solve`.
+    indenter_edge : callable, optional
+        Returns the edge of the indenter, or None if it has none; called only if the system resolves edges.
+
+    Returns
+    -------
+    ContactSolution
+        Last solution; a first solution that did not converge is returned as it is.
+    ContactProblem
+        Problem that it solves.
     """
     solution = solve(problem, solver, criteria, start, progress)
     if solution.status is not Status.CONVERGED:
@@ -41,11 +61,12 @@ def solve_to_edges(
 def resolve_edges(
     problem: ContactProblem, state: ContactState, indenter_edge: Callable[[], IndenterEdge | None] = lambda: None
 ) -> ContactProblem | None:
-    """Return the problem with the contact edge of a state; None if its system does not resolve edges.
+    """Return the problem with the contact edge of a state between nodes, or None.
 
-    None is also returned where no load is singular at the edge: for smooth indenters with laws that conduct nothing
-    without pressure; and where the contact ends with the indenter, but the edge of the indenter is unknown.
-    indenter_edge: returns the edge of the indenter; called only if the system resolves edges.
+    The result is None if the system does not resolve edges; where no load is singular at the edge, as for smooth
+    indenters with laws that conduct nothing without pressure; and where the contact ends with the indenter, but the
+    edge of the indenter is unknown. indenter_edge: returns the edge of the indenter; called only if the system
+    resolves edges.
     """
     pressure = np.maximum(-state.load[:, 2], 0.0)
     resolution = problem.system.capability(EdgeResolution)

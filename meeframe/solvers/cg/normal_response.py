@@ -32,7 +32,7 @@ Secants of their fractions are found early or not at all.
 POTENTIAL_TOLERANCE: Final = 1e-2
 """Largest residual of the potentials solved for anew, relative to the violation.
 
-Both are in square roots of the nodes' own responses.
+Both are in square roots of the nodes' self-compliances.
 """
 SINGLE_REDUCTION: Final = 1e-4
 """Reduction of the violation at which gaps changed in single precision are computed anew.

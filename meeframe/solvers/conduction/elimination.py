@@ -77,7 +77,7 @@ class Elimination(ABC):
         guess: (n, channels), a flux near the solution, as of Conductors.without_floating; reduction: part of the
         guess's error that may be left: iterations whose guesses improve need no more; allowed_error: allowed error of
         the potential, relative to the displacement with the guess where something conducts, both in roots of the
-        nodes' own responses. Tractions are admissible: tangential ones only if the law has some, none where there is
+        nodes' self-compliances. Tractions are admissible: tangential ones only if the law has some, none where there is
         no indenter above. With tractions in single precision the response may be in single precision.
         Displacements that no contact condition needs may be left zero.
         """
@@ -96,7 +96,7 @@ class Elimination(ABC):
 
         The arguments are those of `respond`, except flux: (n, channels), potential: (j,) of the floating conductors,
         near those to be found; allowed_error: allowed norm of the error of the potential, divided by roots of the
-        nodes' own responses.
+        nodes' self-compliances.
         """
 
 

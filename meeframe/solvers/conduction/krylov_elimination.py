@@ -80,7 +80,7 @@ class _Equations:
         self_compliance: Array,
         inverse: Callable[[Array], Array] | None,
     ) -> "_Equations":
-        """Return the equations of resistances and own responses (n, channels)."""
+        """Return the equations of resistances and self-compliances (n, channels)."""
         conducting = np.isfinite(resistance)
         pair_nodes, potentials = np.nonzero(conducting)
         pair_fields, n = np.searchsorted(fields, potentials + N_MECHANICAL), len(self_compliance)
@@ -133,7 +133,7 @@ class _Equations:
     def _precondition(self, scaled: Array) -> Array:
         """Apply the approximate inverse to well-conducting pairs, and the diagonal to the others.
 
-        A pair conducts well where its own response exceeds its resistance.
+        A pair conducts well where its self-compliance exceeds its resistance.
         """
         is_good = self.self_compliance > self.resistance
         if self.inverse is None or not is_good.any():

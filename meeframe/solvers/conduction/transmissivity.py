@@ -1,6 +1,6 @@
 """Transmissivity of a contact's conduction at contact size, and its derivatives by pressure, gap and drop.
 
-T = own / (own + R), with the resistance R of a node and the response `self_compliance` of its potentials to their own
+T = d / (d + R), with the resistance R of a node and its self-compliance d, the response of its potentials to their own
 flux: from 0, insulated, to 1, a perfect conductor.
 """
 
@@ -38,7 +38,7 @@ class Transmissivity:
     def __call__(self, normal_traction: Array, relative_displacement: Array, contact_fraction: float) -> Array:
         """Return T, (n, channels), at contact tractions (n,) and relative positions (n, fields).
 
-        All nodes have one closed fraction.
+        All nodes have one contact fraction.
         """
         fraction = np.full_like(normal_traction, contact_fraction)
         displacement = relative_displacement if depends_on_gap(self.problem) else None

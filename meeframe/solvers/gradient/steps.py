@@ -50,7 +50,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class GradientStepper:
-    """Constant data of an iteration: elimination, responses of nodes to their own fluxes (n, channels), and scales."""
+    """Constant data of an iteration: elimination, self-compliances of the potentials (n, channels), and scales."""
 
     problem: ContactProblem
     elimination: Elimination

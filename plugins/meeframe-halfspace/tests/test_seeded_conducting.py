@@ -54,7 +54,7 @@ def test_it_is_the_contact_of_newtons_method(seed: int, monkeypatch: pytest.Monk
     newton = solve(problem, SemismoothNewton(), limits)
     assert newton.status is Status.CONVERGED
     for following in (1e-3, 3e-3, 1e-2, 3e-2):
-        monkeypatch.setattr(normal_response, "FOLLOWING", following)
+        monkeypatch.setattr(normal_response, "UPDATE_REDUCTION", following)
         found = solve(problem, ProjectedCG(), limits)
         assert found.status is Status.CONVERGED, (following, found.message)
         assert_same_load(found.state, newton.state)
@@ -99,7 +99,7 @@ def test_conduction_that_draws_nodes_into_contact_lets_them_lie_on_either_side()
 @pytest.mark.parametrize("following", [1e-3, 3e-3, 1e-2, 3e-2])
 def test_no_node_stays_closed_against_its_own_trial(following: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two nodes of seed 24 lie on either side, too: the trial of a closed one vanishes beyond the wrong end."""
-    monkeypatch.setattr(normal_response, "FOLLOWING", following)
+    monkeypatch.setattr(normal_response, "UPDATE_REDUCTION", following)
     problem = seeded(24)
     found = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10, max_iterations=200))
     assert found.status is Status.CONVERGED, found.message

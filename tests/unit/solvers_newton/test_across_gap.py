@@ -100,7 +100,7 @@ def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> N
     equation = ContactResidual.of(problem)
     law, n = problem.law_of("electric"), len(problem.gap)
     gap = law.distance * 10.0 ** RANDOM.uniform(-6.0, 1.0, n)
-    drop, own = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.own[:, 0]
+    drop, own = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.self_compliance[:, 0]
     kappa = law.conductivity(np.zeros(n), gap, drop)
     steeper = kappa + law.kappa / (1.0 + gap / law.distance) * 2.0 * (drop / law.strength) ** 2
     relative_displacement = np.zeros((n, 5))

@@ -22,8 +22,8 @@ from meeframe.solvers.newton import method as newton
 from meeframe.solvers.newton.coarse_start import corrected, improved_start
 from meeframe.solvers.newton.contact_edge import smooth_contact_edge
 from meeframe.solvers.newton.globalization import Step
-from meeframe.solvers.newton.neighbourhood import inset
-from meeframe.solvers.newton.residual import ROUNDED, ContactResidual, ResidualState
+from meeframe.solvers.newton.neighbourhood import contact_neighbourhood
+from meeframe.solvers.newton.residual import SINGLE_ERROR, ContactResidual, ResidualState
 from meeframe.solvers.newton.slip_boundary import smooth_slip_boundary
 from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
@@ -44,7 +44,7 @@ class Start:
     nodes: Indices
     coarse: Coarse
     below: ContactResidual
-    places: Indices
+    coarse_nodes: Indices
 
     @property
     def smooth(self) -> "Start":
@@ -59,7 +59,7 @@ class Start:
         return same, np.array([distance.argmin() for distance in near])[same]
 
     def ask(self, function: Callable[..., ResidualState]) -> ResidualState:
-        return function(self.point, self.nodes, self.coarse, self.below, self.places)
+        return function(self.point, self.nodes, self.coarse, self.below, self.coarse_nodes)
 
 
 @pytest.fixture
@@ -116,7 +116,7 @@ def on_less(problem: ContactProblem, given: Start) -> Start:
     """The finer point on a part that is just around the contact, below it the whole coarser grid."""
     load, contact_fraction = np.zeros((len(problem.gap), 5)), np.zeros(len(problem.gap))
     load[given.nodes], contact_fraction[given.nodes] = given.point.load, given.point.contact_fraction
-    part = inset(problem, load[:, 2] < 0.0)
+    part = contact_neighbourhood(problem, load[:, 2] < 0.0)
     assert part is not None
     point = part.equation.at(
         load[part.nodes], contact_fraction[part.nodes], contact_fraction[part.nodes] % 1.0 > 0.0, given.point.motion
@@ -137,12 +137,14 @@ def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, m
     assert same.sum() > 100
     assert not less or name == "periodic" or not same.all()
     fine, point = given.point.equation, given.point
-    own, lifted = given.below.own.copy(), given.below.lifted.copy()
-    own[same], lifted[same] = fine.own[at], fine.lifted[at]
-    alike = replace(given.below, scales=fine.scales, r=fine.r, own=own, lifted=lifted, units=fine.units)
-    there = replace(given, below=alike).ask(newton_coarse._seen_from_below)
+    own, lifted = given.below.self_compliance.copy(), given.below.normal_coupling.copy()
+    own[same], lifted[same] = fine.self_compliance[at], fine.normal_coupling[at]
+    alike = replace(
+        given.below, scales=fine.scales, r=fine.r, self_compliance=own, normal_coupling=lifted, units=fine.units
+    )
+    there = replace(given, below=alike).ask(newton_coarse._coarse_state)
     single = (
-        ROUNDED * alike.approximate_relative_displacement(there.load, point.motion)[1]
+        SINGLE_ERROR * alike.approximate_relative_displacement(there.load, point.motion)[1]
     )  # in which the coarse body was moved
     anew = there.equation.at(there.load, there.contact_fraction, there.biactive, there.motion)
     for found, bound in ((there, 1e-12), (anew, single)):
@@ -218,7 +220,7 @@ def test_steps_that_raise_a_merit_change_nothing(grid: str, made, start, monkeyp
     def worse(point: ResidualState, *asked) -> tuple:
         flips, moved = take_step(point, *asked)
         load = point.load - (moved.load - point.load)
-        back = point.moved(load, point.contact_fraction, point.biactive, point.motion)
+        back = point.at_load(load, point.contact_fraction, point.biactive, point.motion)
         assert back.merit > point.merit
         return flips, back if grid == "coarser" else replace(moved, load=load)
 
@@ -233,7 +235,7 @@ def test_nodes_without_an_indenter_are_nowhere_ahead(made, start) -> None:
     problem = replace(whole, gap=np.where(ends, whole.gap, np.inf))
     given = start(problem).smooth
     assert not np.isfinite(given.point.equation.problem.gap).all()
-    there, found = given.ask(newton_coarse._seen_from_below), given.ask(corrected)
+    there, found = given.ask(newton_coarse._coarse_state), given.ask(corrected)
     same, at = given.known
     np.testing.assert_array_equal(there.equation.problem.gap == np.inf, given.below.problem.gap == np.inf)
     assert np.isfinite(there.merit)

@@ -102,7 +102,7 @@ def laws(problem) -> dict[str, ContactLaw]:
 def problem(sphere, growing):
     plain = sphere("orthotropic", Signorini(), (0.0, 0.0), cells=16)
     equation = ContactResidual.of(plain)
-    law = growing(1.0 / equation.own[0, 0], equation.scales.pressure, 0.5)
+    law = growing(1.0 / equation.self_compliance[0, 0], equation.scales.pressure, 0.5)
     return replace(plain.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
 
 
@@ -215,7 +215,7 @@ class BeyondPressure(ConductivityLaw):
 def test_charge_is_borne_where_only_the_highest_pressure_conducts(problem) -> None:
     """Under the characteristic pressure of the problem the law insulates."""
     equation = ContactResidual.of(problem)
-    law = BeyondPressure(1.0 / equation.own[0, 0], 1.1 * equation.scales.pressure)
+    law = BeyondPressure(1.0 / equation.self_compliance[0, 0], 1.1 * equation.scales.pressure)
     problem = replace(problem.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
     given = solve(problem, SemismoothNewton())
     charge = problem.system.weights @ given.state.load[:, 3]

@@ -10,7 +10,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton.globalization import newton_step
-from meeframe.solvers.newton.residual import UNNOTICED, ContactResidual, ResidualState
+from meeframe.solvers.newton.residual import NEGLIGIBLE_FRACTION, ContactResidual, ResidualState
 
 MU = 0.3
 SINGLE = float(np.finfo(np.float32).eps)
@@ -46,7 +46,7 @@ def test_what_moves_is_known_to_single_precision_of_the_change(size: float, cond
     change = size * point.equation.scales.load * random.normal(size=(n, 5))
     motion = point.motion + size * units * random.normal(size=len(units))
     moved, expected = (
-        ask(point.load + change, contact_fraction, biactive, motion) for ask in (point.moved, point.equation.at)
+        ask(point.load + change, contact_fraction, biactive, motion) for ask in (point.at_load, point.equation.at)
     )
     caused = problem.system.apply(moved.load - point.load)
     # fields of other units add to one: by as much as each causes there alone
@@ -63,7 +63,7 @@ def test_what_moves_is_known_to_single_precision_of_the_change(size: float, cond
         assert (off > 1e-2 * SINGLE * np.abs(caused).max(axis=0)).any()  # not by a product in double precision
     for name in ("load", "contact_fraction", "biactive", "motion", "balance"):
         np.testing.assert_array_equal(getattr(moved, name), getattr(expected, name))
-    assert 0.0 < moved.rounded < UNNOTICED * moved.violation
+    assert 0.0 < moved.round_off < NEGLIGIBLE_FRACTION * moved.violation
     allowed = 1e4 * SINGLE * size + 1e-10
     np.testing.assert_allclose(
         moved.residual, expected.residual, rtol=0, atol=allowed * np.abs(expected.residual).max()
@@ -77,7 +77,8 @@ def test_motions_alone_are_exact(conducting) -> None:
         motion = point.motion.copy()
         motion[k] += 0.3 * unit
         moved, expected = (
-            ask(point.load, point.contact_fraction, point.biactive, motion) for ask in (point.moved, point.equation.at)
+            ask(point.load, point.contact_fraction, point.biactive, motion)
+            for ask in (point.at_load, point.equation.at)
         )
         scale = np.abs(expected.relative_displacement).max(axis=0) + np.abs(problem.system.apply(point.load)).max(
             axis=0
@@ -91,20 +92,20 @@ def test_with_a_matrix_all_digits_count(sphere) -> None:
     load = point.load * (1.0 + 1e-3 * np.random.default_rng(2).normal(size=point.load.shape))
     moved, expected = (
         ask(load, point.contact_fraction, point.biactive, 1.1 * point.motion)
-        for ask in (point.moved, point.equation.at)
+        for ask in (point.at_load, point.equation.at)
     )
     np.testing.assert_array_equal(moved.relative_displacement, expected.relative_displacement)
     np.testing.assert_array_equal(moved.residual, expected.residual)
-    assert moved.rounded == 0.0
+    assert moved.round_off == 0.0
 
 
 def check_rounded(moved: ResidualState, expected: ResidualState) -> float:
     """What is left out is no more than is said, and too little to matter; how much it is of what is said."""
     off = float(np.abs(moved.residual - expected.residual).max())
-    assert off <= moved.rounded + 1e-13
-    assert off <= UNNOTICED * expected.violation
+    assert off <= moved.round_off + 1e-13
+    assert off <= NEGLIGIBLE_FRACTION * expected.violation
     np.testing.assert_array_equal(moved.balance, expected.balance)
-    return off / moved.rounded if moved.rounded else 0.0
+    return off / moved.round_off if moved.round_off else 0.0
 
 
 @pytest.mark.full(except_for=4)
@@ -118,12 +119,12 @@ def test_round_off_is_known_over_many_moves(law: ContactLaw, flux: ConductivityL
     for size in (1e-1, 1e-6, 1e-2, 1.0, 1e-4, 1e-3, 1e-2, 1e-5):
         load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
         load[:, :3] = law.project(load[:, :3])
-        before = point.rounded
-        point = point.moved(load, solution.contact_fraction, solution.biactive, solution.motion)
+        before = point.round_off
+        point = point.at_load(load, solution.contact_fraction, solution.biactive, solution.motion)
         shares.append(
             check_rounded(point, point.equation.at(load, point.contact_fraction, point.biactive, point.motion))
         )
-        assert point.rounded == 0.0 or point.rounded > before
+        assert point.round_off == 0.0 or point.round_off > before
     assert max(shares) > 1e-3
 
 
@@ -134,10 +135,10 @@ def test_where_round_off_would_count_there_is_none(conducting, at_solution) -> N
     nodes = solution.contact_fraction, solution.biactive, solution.motion
     for size in (1.0, 1e-2, 1e-4):
         load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
-        beside = solution.moved(load, *nodes)
-        assert beside.rounded > 0.0
-        moved = beside.moved(solution.load, *nodes)
-        assert moved.rounded == 0.0
+        beside = solution.at_load(load, *nodes)
+        assert beside.round_off > 0.0
+        moved = beside.at_load(solution.load, *nodes)
+        assert moved.round_off == 0.0
         np.testing.assert_array_equal(moved.residual, solution.equation.at(solution.load, *nodes).residual)
 
 
@@ -226,7 +227,7 @@ def test_other_fractions_are_those_of_the_equation_there(conducting) -> None:
     point = equation.at(load, fractions[0], masks[0], AT_REST)
     found, expected = (
         point.with_contact_fraction(fractions[1], masks[1]),
-        equation.beside(point.load, point.relative_displacement, fractions[1], masks[1], AT_REST),
+        equation.at_relative_displacement(point.load, point.relative_displacement, fractions[1], masks[1], AT_REST),
     )
     for name in ("contact_fraction", "biactive", "transmissivity", "switch", "sigma", "drive", "residual"):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-12, atol=1e-13, err_msg=name)

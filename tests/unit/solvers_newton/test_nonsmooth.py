@@ -47,7 +47,7 @@ def test_tangent_in_principal_axes() -> None:
 def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, biactive) -> None:
     problem = sphere("orthotropic", OrthotropicCoulomb(0.1, 0.5, 0.3), (0.5, 2.0), cells=8)
     equation = ContactResidual.of(problem)
-    pressure, own = equation.scales.pressure, equation.own[0]
+    pressure, own = equation.scales.pressure, equation.self_compliance[0]
     problem = problem.with_laws(electric=growing(1.0 / own[0], pressure, 0.5))
     equation = ContactResidual.of(problem)
     n = len(problem.gap)
@@ -119,7 +119,7 @@ def test_the_fraction_of_a_biactive_node_fits_the_flux_that_a_step_finds(sphere)
     np.testing.assert_array_equal(moved.load, point.load)
     needed = moved.relative_displacement[edge, 4] / load[edge, 4]  # resistance; the indenter is at no potential
     resisting, before = (
-        resistances(problem, np.zeros(64), np.clip(each.contact_fraction, 0.0, 1.0), equation.own)[edge, 1]
+        resistances(problem, np.zeros(64), np.clip(each.contact_fraction, 0.0, 1.0), equation.self_compliance)[edge, 1]
         for each in (moved, point)
     )
     assert resisting == pytest.approx(needed, rel=1e-10)
@@ -191,5 +191,5 @@ def test_what_its_own_closing_does_to_the_trial_of_a_node(sphere) -> None:
     moved = load.copy()
     moved[node, 3:] += flux
     raised = equation.at(moved, np.ones(n), np.ones(n, bool), AT_REST).trial - contact_fraction.trial
-    assert contact_fraction.lift[node] == pytest.approx(raised[node, 2], rel=1e-9)
-    assert np.ptp(np.sign(contact_fraction.lift)) == 2.0
+    assert contact_fraction.closing_increment[node] == pytest.approx(raised[node, 2], rel=1e-9)
+    assert np.ptp(np.sign(contact_fraction.closing_increment)) == 2.0
