@@ -73,7 +73,7 @@ def sizes_of_parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     class Seen(ContactNeighbourhood):
         def __init__(self, problem: ContactProblem, nodes: Indices, equation: Any) -> None:
             super().__init__(problem, nodes, equation)
-            sizes.append(len(kept))
+            sizes.append(len(nodes))
 
     monkeypatch.setattr("meeframe.solvers.newton.neighbourhood.ContactNeighbourhood", Seen)
     return sizes
