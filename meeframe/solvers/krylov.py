@@ -23,15 +23,35 @@ MIN_REMAINDER: Final = 0.1
 def gmres(
     multiply: Linear, precondition: Linear, right: Array, tolerance: float, max_products: int = 400
 ) -> tuple[Array, float]:
-    """Return an approximate solution x (k,) of multiply(x) = right, and the norm of its residual.
+    """Return an approximate solution of linear equations by flexible restarted GMRES.
 
-    The solution satisfies |right - multiply(x)| <= tolerance |right|, or comes as near to it as `max_products`
-    products allow; the norm is that of the iteration, exact up to round-off. The solution is zero where the right-hand
-    side is not finite.
+    The preconditioner acts from the right: the norm is that of the residual itself, and the preconditioner need only be
+    approximately linear, so that it may use single precision.
 
-    Flexible restarted GMRES, preconditioned from the right: the norm is that of the residual itself, and the
-    preconditioner need only be approximately linear, so that it may use single precision.
-    Source: Saad, SIAM J. Sci. Comput. 14 (1993) 461.
+    Parameters
+    ----------
+    multiply : callable
+        Product of the matrix with a vector (k,).
+    precondition : callable
+        Approximate inverse of the matrix times a vector (k,).
+    right : Array
+        (k,), right-hand side.
+    tolerance : float
+        Allowed norm of the residual, relative to that of the right-hand side.
+    max_products : int, optional
+        Largest number of products.
+
+    Returns
+    -------
+    solution : Array
+        (k,); zero where the right-hand side is not finite.
+    norm : float
+        Norm of its residual in the iteration, exact up to round-off. It exceeds the allowed one if `max_products` are
+        not enough or round-off prevents further reduction.
+
+    References
+    ----------
+    Saad, SIAM J. Sci. Comput. 14 (1993) 461.
     """
     scale = float(np.abs(right).max(initial=0.0))
     if not 0.0 < scale < np.inf:

@@ -33,11 +33,18 @@ class BiactiveNodes:
     secant gives the slope, node by node, while all nodes around do the same; Broyden's updates add the coupling between
     biactive nodes.
 
-    Source: Broyden, Math. Comput. 19 (1965) 577.
+    Attributes
+    ----------
+    contact_fraction, trial : Array
+        (n,), contact fractions and trial tractions [Pa] at the last evaluation, NaN at first.
+    slope : Array
+        (n,), derivative of the trial by the fraction, where it was found to grow; NaN elsewhere.
+    updates : tuple of (Array, Array)
+        Updates of these derivatives, pairs of (n,) by (n,) vectors, one for each evaluation.
 
-    contact_fraction, trial: (n,) at the last evaluation, NaN at first; slope: (n,) of the trial over the fraction,
-    where it was found to grow; updates: updates of these derivatives, pairs of (n,) by (n,) vectors, one for each
-    evaluation.
+    References
+    ----------
+    Broyden, Math. Comput. 19 (1965) 577.
     """
 
     contact_fraction: Array

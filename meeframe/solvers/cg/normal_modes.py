@@ -34,8 +34,16 @@ RESULTANT_ROUND_OFF: Final = 1e-10
 class NormalModes:
     """Normal parts of the free motions of the indenter.
 
-    numbers: (k,) among the problem's prescribed resultants; mode, measure: (k, f), zero where there is no indenter
-    above; nodes: (f,) to which they belong, all n of them at first.
+    Attributes
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    numbers : Indices
+        (k,), numbers among the problem's prescribed resultants.
+    mode, measure : Array
+        (k, f), normal parts, zero where there is no indenter above.
+    nodes : Indices
+        (f,), nodes to which they belong, all n of them at first.
     """
 
     problem: ContactProblem

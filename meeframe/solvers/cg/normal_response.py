@@ -43,9 +43,16 @@ Three digits of the violation are then right.
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """Normal gap (n,) [m], flux (n, channels), and motion (m,) of a pressure, or their changes.
+    """Effect of a pressure, or of a change of the pressure.
 
-    The flux is (0, channels) where nothing conducts.
+    Attributes
+    ----------
+    gap : Array
+        (n,), normal gap [m].
+    flux : Array
+        (n, channels), or (0, channels) where nothing conducts.
+    motion : Array
+        (m,), free motions of the prescribed resultants.
     """
 
     gap: Array
@@ -81,7 +88,7 @@ class NormalResponse(ABC):
     @property
     @abstractmethod
     def update_reduction(self) -> float:
-        """Fraction to which violations may fall before the whole effect must be computed anew."""
+        """Reduction of the violation after which the whole effect must be computed anew."""
 
     @abstractmethod
     def contact_fraction(self, pressure: Array) -> Array:
@@ -94,7 +101,7 @@ class NormalResponse(ABC):
 
     @abstractmethod
     def has_new_overlap(self, gap: Array) -> bool:
-        """Return true if nodes overlap, by their gap (n,), that ceased to conduct at the last update."""
+        """Return true if nodes overlap, by their gap (n,), that the last update of the conduction opened."""
 
     @abstractmethod
     def update_conduction(self, pressure: Array, effect: Effect) -> "NormalResponse":
@@ -121,8 +128,12 @@ def load_of(pressure: Array, flux: Array) -> Array:
 class Insulated(NormalResponse):
     """Response of a body when nothing conducts.
 
-    unloaded_gap: (n,) normal gap of the unloaded body [m], the indenter's free motions at zero; modes: (m, n) their
-    normal parts.
+    Attributes
+    ----------
+    unloaded_gap : Array
+        (n,), normal gap of the unloaded body with the indenter's free motions at zero [m].
+    modes : Array
+        (m, n), normal parts of the free motions.
     """
 
     unloaded_gap: Array
@@ -190,10 +201,22 @@ class Insulated(NormalResponse):
 class Conducting(NormalResponse):
     """Response of a body whose fluxes follow the pressure.
 
-    stepper: see GradientStepper; self_compliance: (n,) normal response of the nodes to their own pressure;
-    flux_per_pressure: (n, channels) approximate flux under a pressure of one; conduction, conductors: those in force;
-    biactive_model: the model of the biactive nodes; biactive: (n,) the biactive nodes: their fraction, not a pressure,
-    is to close their gap; newly_open: (n,) those that conducted before the last update of the conduction.
+    Attributes
+    ----------
+    stepper : GradientStepper
+        Operators of the gradient iterations.
+    self_compliance : Array
+        (n,), normal response of the nodes to their own pressure [m/Pa].
+    flux_per_pressure : Array
+        (n, channels), approximate flux under a pressure of one.
+    conduction, conductors : Conduction, Conductors
+        Conduction in force.
+    biactive_model : BiactiveNodes
+        Model of the biactive nodes.
+    biactive : Mask, optional
+        (n,), biactive nodes: their fraction, not a pressure, is to close their gap.
+    newly_open : Mask, optional
+        (n,), nodes that conducted before the last update of the conduction, but not after it.
     """
 
     stepper: GradientStepper

@@ -21,9 +21,20 @@ NO_NODES: Final = np.zeros(0, np.int64)
 class Preconditioner:
     """Approximate pressures on the free nodes alone that cause given gap openings there.
 
-    inverse: approximate inverse of the normal compliance, (n, 1) from (n, 1); free: (f,) the nodes; prolongation:
-    prolongation of openings from there to the zone, if there is one; mode_pressures: (k, n) preconditioned modes,
-    along which resultants are removed; mode_nodes: (n,) the nodes to which these belong.
+    Attributes
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    inverse : callable
+        Approximate inverse of the normal compliance, (n, 1) from (n, 1).
+    free : Indices
+        (f,), free nodes.
+    prolongation : Prolongation or None
+        Prolongation of openings from there to the zone, if there is one.
+    mode_pressures : Array
+        (k, n), preconditioned modes, along which resultants are removed.
+    mode_nodes : Mask
+        (n,), nodes to which these belong.
     """
 
     problem: ContactProblem

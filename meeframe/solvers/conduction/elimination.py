@@ -27,7 +27,17 @@ DEFAULT_TOLERANCE: Final = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Flux (n, channels), displacement (n, 3), and the floating potentials (j,) or their change."""
+    """Response of a body to tractions, or its change.
+
+    Attributes
+    ----------
+    flux : Array
+        (n, channels), flux densities.
+    displacement : Array
+        (n, 3), displacement [m].
+    potential : Array
+        (j,), potentials of the floating conductors [V], [A].
+    """
 
     flux: Array
     displacement: Array
@@ -38,8 +48,14 @@ class Response:
 class Conductors:
     """Contact with given resistances, prepared for repeated responses.
 
-    resistance: (n, channels) 1/kappa, inf where insulated; floating: see there; data: further data that the
-    elimination stores for later use.
+    Attributes
+    ----------
+    resistance : Array
+        (n, channels), 1/kappa, inf where insulated.
+    floating : Floating
+        Floating conductors.
+    data : object
+        Further data that the elimination stores for later use.
     """
 
     resistance: Array
@@ -72,14 +88,27 @@ class Elimination(ABC):
         reduction: float = 0.0,
         allowed_error: float = DEFAULT_TOLERANCE,
     ) -> Response:
-        """Return the response to tractions (n, 3) alone.
+        """Return the response to tractions alone.
 
-        guess: (n, channels), a flux near the solution, as of Conductors.without_floating; reduction: part of the
-        guess's error that may be left: iterations whose guesses improve need no more; allowed_error: allowed error of
-        the potential, relative to the displacement with the guess where something conducts, both in roots of the
-        nodes' self-compliances. Tractions are admissible: tangential ones only if the law has some, none where there is
-        no indenter above. With tractions in single precision the response may be in single precision.
-        Displacements that no contact condition needs may be left zero.
+        Parameters
+        ----------
+        traction : Array
+            (n, 3) [Pa], admissible: tangential only if the law has some, none where there is no indenter above. With
+            tractions in single precision the response may be in single precision.
+        conductors : Conductors
+            Conductors in force.
+        guess : Array
+            (n, channels), approximate flux, as from Conductors.without_floating.
+        reduction : float, optional
+            Part of the guess's error that may remain: iterations whose guesses improve need no more.
+        allowed_error : float, optional
+            Allowed error of the potential, relative to the displacement with the guess where something conducts, both
+            in square roots of the nodes' self-compliances.
+
+        Returns
+        -------
+        Response
+            Displacements that no contact condition needs may be left zero.
         """
 
     @abstractmethod
@@ -94,9 +123,21 @@ class Elimination(ABC):
     ) -> Response:
         """Return the total response, including offset, potentials of the indenter and prescribed totals.
 
-        The arguments are those of `respond`, except flux: (n, channels), potential: (j,) of the floating conductors,
-        near those to be found; allowed_error: allowed norm of the error of the potential, divided by roots of the
-        nodes' self-compliances.
+        Parameters
+        ----------
+        traction, conductors, reduction
+            As in `respond`.
+        flux : Array
+            (n, channels), approximate flux.
+        potential : Array
+            (j,), approximate potentials of the floating conductors.
+        allowed_error : float, optional
+            Allowed norm of the error of the potential, divided by square roots of the nodes' self-compliances.
+
+        Returns
+        -------
+        Response
+            As in `respond`.
         """
 
 

@@ -21,8 +21,18 @@ from meeframe.fields import POTENTIALS, Array, Indices
 class Floating:
     """Potentials of the indenter that prescribed total fluxes determine.
 
-    numbers: (j,) among the problem's prescribed resultants; totals: (j,) SI units; flux: (a, j) densities on the
-    conducting pairs due to unit potentials; measure: (j, a); elastance: (j, j) potentials due to unit totals.
+    Attributes
+    ----------
+    numbers : Indices
+        (j,), numbers among the problem's prescribed resultants.
+    totals : Array
+        (j,), prescribed totals, SI units.
+    flux : Array
+        (a, j), flux densities on the conducting pairs due to unit potentials.
+    measure : Array
+        (j, a), weights of the totals.
+    elastance : Array
+        (j, j), potentials due to unit totals.
     """
 
     numbers: Indices

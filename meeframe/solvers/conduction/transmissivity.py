@@ -28,7 +28,14 @@ MIN_WIDTH_RATIO: Final = 1e-4
 class Transmissivity:
     """Conduction transmissivity at each contact node.
 
-    scales: of the problem's data; self_compliance: (n, channels), response of each node's potentials to their own flux.
+    Attributes
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    scales : Scales
+        Characteristic magnitudes of its data.
+    self_compliance : Array
+        (n, channels), response of each node's potentials to their own flux.
     """
 
     problem: ContactProblem
@@ -36,9 +43,9 @@ class Transmissivity:
     self_compliance: Array
 
     def __call__(self, normal_traction: Array, relative_displacement: Array, contact_fraction: float) -> Array:
-        """Return T, (n, channels), at contact tractions (n,) and relative positions (n, fields).
+        """Return T, (n, channels), with one contact fraction at all nodes.
 
-        All nodes have one contact fraction.
+        normal_traction: (n,) of the contact [Pa]; relative_displacement: (n, fields), as from `unloaded`.
         """
         fraction = np.full_like(normal_traction, contact_fraction)
         displacement = relative_displacement if depends_on_gap(self.problem) else None
@@ -51,7 +58,7 @@ class Transmissivity:
         )
 
     def unloaded(self, relative_displacement: Array, flux: Array) -> Array:
-        """Return the indenter's position relative to the body (n, fields) without the nodes' own fluxes (n, channels).
+        """Return the relative displacement (n, fields) without the effect of each node's own fluxes (n, channels).
 
         The fluxes are removed only if a law depends on the gap or the drop.
         """

@@ -18,11 +18,17 @@ MIN_REMAINING: Final = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Largest eigenvalue [m/Pa] of the compliance on the exposed nodes.
+    """Largest eigenvalue of the compliance on the exposed nodes.
 
-    largest: eigenvalue in the law's metric with the potentials eliminated; exposure: (n, 1 + channels) in [0, 1],
-    mechanical (in contact or about to be) and of each channel (share of the flux that a perfect conductor would draw)
-    at which it was computed; vector: (n, 3) its eigenvector, where the next computation starts.
+    Attributes
+    ----------
+    largest : float
+        Eigenvalue in the law's metric with the potentials eliminated [m/Pa].
+    exposure : Array
+        (n, 1 + channels) in [0, 1] at which it was computed: mechanical (in contact or about to be) and of each channel
+        (share of the flux that a perfect conductor would draw).
+    vector : Array
+        (n, 3), its eigenvector, where the next computation starts.
     """
 
     largest: float

@@ -26,8 +26,14 @@ FLUX_REDUCTION: Final = 1e-3
 class Slope:
     """Gap at given tractions.
 
-    gap: (n, 3) as of contact_gap; flux: (n, channels); motion: (m,) of the prescribed resultants: potentials as the
-    flux equations determine them, motions as given.
+    Attributes
+    ----------
+    gap : Array
+        (n, 3), as from `contact_gap` [m].
+    flux : Array
+        (n, channels), flux densities.
+    motion : Array
+        (m,), motions as given, and potentials as the flux equations determine them.
     """
 
     gap: Array
@@ -39,8 +45,14 @@ class Slope:
 class Step:
     """Projected step.
 
-    Tractions (n, 3) and the trial (n, 3) that was projected; slope: at the tractions before the step, with the motions
-    by which the resultants after it balance.
+    Attributes
+    ----------
+    traction : Array
+        (n, 3), tractions after the step [Pa].
+    trial : Array
+        (n, 3), trial tractions that were projected [Pa].
+    slope : Slope
+        Slope at the tractions before the step, with the motions by which the resultants after it balance.
     """
 
     traction: Array
@@ -50,7 +62,19 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class GradientStepper:
-    """Constant data of an iteration: elimination, self-compliances of the potentials (n, channels), and scales."""
+    """Operators of a gradient iteration, constant during it.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    elimination : Elimination
+        Elimination of the potentials.
+    self_compliance : Array
+        (n, channels), response of each node's potentials to their own flux.
+    scales : Scales
+        Characteristic magnitudes of the problem.
+    """
 
     problem: ContactProblem
     elimination: Elimination
@@ -140,10 +164,22 @@ class GradientStepper:
 class Conduction:
     """Conduction of the nodes during an iteration.
 
-    closed: fractions (n,), and the switches that change them; transmissivity: (n, channels), in [0, 1], of laws that
-    depend on the gap or the drop; None at first. It is relaxed: it advances by only a part, `relaxation` (n,
-    channels), of the way to the value of these laws, a smaller part where the direction reverses at the next step,
-    which would otherwise oscillate; direction: (n, channels) sign of the last change.
+    The transmissivity of laws that depend on the gap or the drop is relaxed: it advances by only a part of the way to
+    the value of these laws, a smaller part where the direction reverses at the next step, which would otherwise
+    oscillate.
+
+    Attributes
+    ----------
+    contact_fraction : Array
+        (n,), contact fractions.
+    switches : Switches
+        Rules that change them.
+    transmissivity : Array, optional
+        (n, channels) in [0, 1], of laws that depend on the gap or the drop; None at first.
+    relaxation : Array or float
+        (n, channels), part of the way that the transmissivity advances.
+    direction : Array or float
+        (n, channels), sign of its last change.
     """
 
     contact_fraction: Array

@@ -45,15 +45,22 @@ class _Memory:
 class Uzawa(Solver):
     """Uzawa's method with the paper's fixed step or an automatic one.
 
-    step_normal, step_tangential: r_nu and r_tau of eqs. (31), (32) [Pa/m], or 'auto'. The paper's r_nu = 5e3 is in
-    GPa/m: 5e12 Pa/m. In eq. (32) r_tau is multiplied by M^2, here by M^2 / max(mu)^2, so that step_tangential is r_tau
-    max(mu)^2. 'auto' is 1.6 over the largest eigenvalue of the compliance on the nodes in contact, potentials
-    eliminated, in the metric of the contact law; it follows the contact as that grows and conducts, and is shortened if
-    the tractions begin to diverge.
-
     Gaps are those of u^(n+1), from p^(n) (docs/theory.md, Departures). A node that opens and closes repeatedly because
-    it conducts in contact only is treated as biactive (meeframe.contact.conduction). Raises CaseError for a step that
-    is not positive.
+    it conducts in contact only is treated as biactive (meeframe.contact.conduction).
+
+    Parameters
+    ----------
+    step_normal, step_tangential : float or 'auto', optional
+        Steps r_nu and r_tau of eqs. (31), (32) [Pa/m]. The paper's r_nu = 5e3 is in GPa/m: 5e12 Pa/m. In eq. (32) r_tau
+        is multiplied by M^2, here by M^2 / max(mu)^2, so that step_tangential is r_tau max(mu)^2. 'auto' is 1.6 over
+        the largest eigenvalue of the compliance on the nodes in contact, potentials eliminated, in the metric of the
+        contact law; it follows the contact as that grows and conducts, and is shortened if the tractions begin to
+        diverge.
+
+    Raises
+    ------
+    CaseError
+        If a step is not positive.
     """
 
     check_interval: ClassVar[int] = 10

@@ -23,10 +23,18 @@ PROJECTION_ROUND_OFF: Final = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class BoundaryBand:
-    """Band of m nodes on either side of such a boundary.
+    """Band of m lattice nodes on either side of a boundary between two kinds of nodes.
 
-    stencil: responses of nodes to each other; number: (nx, ny) of the nodes on the lattice, -1 elsewhere; positions:
-    (m, 2) on it; nodes: (m,) their numbers in the zone.
+    Attributes
+    ----------
+    stencil : Stencil
+        Responses of nodes to each other.
+    number : Indices
+        (nx, ny), numbers of the nodes on the lattice, -1 elsewhere.
+    positions : Indices
+        (m, 2), positions on the lattice.
+    nodes : Indices
+        (m,), numbers in the zone.
     """
 
     stencil: Stencil

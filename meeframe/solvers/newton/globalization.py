@@ -19,8 +19,14 @@ DEFAULT_TOLERANCE: Final = 1e-10
 class Step:
     """Newton step of the loads, the contact fractions and the free motions.
 
-    local: (n, fields + 1) of load and contact fraction; motion: (m,) free motions; inverse: approximate inverse of
-    the equations, where there is no matrix.
+    Attributes
+    ----------
+    local : Array
+        (n, fields + 1), step of the load and the contact fraction.
+    motion : Array
+        (m,), step of the free motions.
+    inverse : Inverse, optional
+        Approximate inverse of the equations, where there is no matrix.
     """
 
     local: Array
@@ -41,10 +47,25 @@ def newton_step(
 ) -> Step:
     """Return the step that solves the linearised equations; it is not finite if they are singular.
 
-    Rows that determine one unknown of their own node alone (open nodes, insulated potentials, contact fractions of
-    nodes that are not biactive) are eliminated beforehand: the remaining system has the size of the contact. A motion
-    without resistance is left unchanged. Where there is no matrix, tolerance: fraction of the residual that may be
-    left; before: approximate inverse of the last step.
+    Rows that determine one unknown of a single node (open nodes, insulated potentials, contact fractions of nodes that
+    are not biactive) are eliminated beforehand: the remaining system has the size of the contact. A motion without
+    resistance is left unchanged.
+
+    Parameters
+    ----------
+    equation : ContactResidual
+        Equation of n nodes.
+    blocks : Linearization
+        Its linearisation.
+    tolerance : float, optional
+        Fraction of the residual that may be left where there is no matrix.
+    before : Inverse, optional
+        Approximate inverse of the last step, where there is no matrix.
+
+    Returns
+    -------
+    Step
+        Step of all unknowns.
     """
     coupled = coupled_rows(blocks)
     prescribed = decoupled_rows(blocks, coupled)

@@ -22,10 +22,24 @@ TANGENTIAL: Final = (0, 1)
 class ReducedJacobian:
     """Linearised equations on c nodes in r of their components, with unknowns in characteristic units.
 
-    nodes: (c,) that have coupled rows; components: the r that are coupled anywhere; fields: the l of them that are
-    loads; displacement_fields: the f fields of the displacement that take part; coupled: (r, c) where they are; a:
-    blocks (r, r) of the unknowns and b: (r, f) of the displacement, zero in rows that are not coupled; precision: of
-    vectors, which are (r c,) with zeros where nothing is coupled.
+    Vectors are (r c,), with zeros where nothing is coupled.
+
+    Attributes
+    ----------
+    equation : ContactResidual
+        Equation of n nodes.
+    nodes : Indices
+        (c,), nodes that have coupled rows.
+    components : list of int
+        The r components that are coupled anywhere; those that are loads are `fields`.
+    displacement_fields : list of int
+        The f fields of the displacement that take part.
+    coupled : Mask
+        (r, c), coupled rows.
+    a, b : NodeBlocks
+        Blocks (r, r) of the unknowns and (r, f) of the displacement, zero in rows that are not coupled.
+    precision : dtype
+        Precision of vectors.
     """
 
     equation: ContactResidual

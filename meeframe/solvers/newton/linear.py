@@ -70,10 +70,36 @@ def krylov_step(
     tolerance: float,
     before: Inverse | None = None,
 ) -> tuple[Array, Array, Inverse]:
-    """Return the step (n, fields + 1), the amounts (m,) of the motions and the approximate inverse for the next step.
+    """Return the Newton step by Krylov iteration.
 
-    prescribed: (n, fields + 1) step in the decoupled rows; tolerance: fraction of the residual that may be left;
-    before: the approximate inverse of the last step. Raises LinAlgError if the equations are not finite.
+    Parameters
+    ----------
+    equation : ContactResidual
+        Equation of n nodes.
+    blocks : Linearization
+        Its linearisation.
+    coupled : Mask
+        (n, fields + 1), coupled rows.
+    prescribed : Array
+        (n, fields + 1), step in the decoupled rows.
+    tolerance : float
+        Fraction of the residual that may be left.
+    before : Inverse, optional
+        Approximate inverse of the last step.
+
+    Returns
+    -------
+    step : Array
+        (n, fields + 1).
+    amounts : Array
+        (m,), amounts of the free motions, in characteristic units.
+    inverse : Inverse
+        Approximate inverse for the next step.
+
+    Raises
+    ------
+    LinAlgError
+        If the equations are not finite.
     """
     rows = ReducedJacobian.of(
         equation, blocks, coupled, np.dtype(np.float32 if tolerance >= MIN_SINGLE_TOLERANCE else np.float64)
@@ -147,8 +173,16 @@ def _solution(multiply: Linear, image: Linear | None, precondition: Linear, righ
 class BorderedSystem:
     """Bordered part of the system: q combinations of motions with resistance, and of resultants that they change.
 
-    motions: (m, q) amounts in them; combinations: (m, q) resultants in them, of loads by totals: see
-    ReducedJacobian.to_unknowns; stiffness: (q,) approximate stiffness of the contact against them.
+    Attributes
+    ----------
+    motions : Array
+        (m, q), amounts of the motions in the combinations.
+    combinations : Array
+        (m, q), resultants in the combinations.
+    totals : list
+        Measures of the unknowns, as from ReducedJacobian.to_unknowns.
+    stiffness : Array
+        (q,), approximate stiffness of the contact against the combinations.
     """
 
     motions: Array
