@@ -27,19 +27,19 @@ TOLERANCE: Final = 0.03
 """Largest fraction of the residual that the linear solution on the coarse grid may leave."""
 
 
-def improved_start(
+def improve_start(
     point: ResidualState, nodes: Indices, coarse: Coarse, coarse_residual: ContactResidual, coarse_nodes: Indices
 ) -> ResidualState:
     """Return a start from a coarser grid after relaxation, correction by that grid and another relaxation.
 
-    See `corrected`.
+    See `correct_start`.
     """
     smooth = smooth_slip_boundary(smooth_contact_edge(point))
-    corrected_state = corrected(smooth, nodes, coarse, coarse_residual, coarse_nodes)
+    corrected_state = correct_start(smooth, nodes, coarse, coarse_residual, coarse_nodes)
     return smooth if corrected_state is smooth else smooth_slip_boundary(smooth_contact_edge(corrected_state))
 
 
-def corrected(
+def correct_start(
     point: ResidualState, nodes: Indices, coarse: Coarse, coarse_residual: ContactResidual, coarse_nodes: Indices
 ) -> ResidualState:
     """Return a point whose load is changed by a step of the coarser problem; the given point if that does not help.

@@ -16,7 +16,7 @@ from meeframe.fields import MECHANICAL, Array
 from meeframe.laws.base import attracts
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.solvers.gradient.steps import start_load
-from meeframe.solvers.newton.coarse_start import improved_start
+from meeframe.solvers.newton.coarse_start import improve_start
 from meeframe.solvers.newton.globalization import newton_step
 from meeframe.solvers.newton.linear import Inverse
 from meeframe.solvers.newton.moves import MAX_FLIPS, take_step, with_biactive
@@ -52,12 +52,12 @@ MAX_START_GROWTH: Final = 100.0
 
 A smooth state violates the laws by little, and its short-wave errors are found at once.
 """
-MAX_LEAPS: Final = 4
+MAX_FULL_STEPS: Final = 4
 """Largest number of full steps made in place of a burst where there is no matrix.
 
 Such a step costs less than a burst, and often does as well.
 """
-MAX_LEAP_MERIT: Final = 0.1
+MAX_FULL_STEP_MERIT: Final = 0.1
 """Largest merit after such a step; a state without load has a merit of one."""
 FIRST_BURST: Final = 25
 """Number of gradient steps in the first burst, made when no fraction of a Newton step helps; it doubles each time."""
@@ -78,8 +78,8 @@ class _Memory:
 
     point: the equation at the iterate; merits: of the last states, that of a start being the largest merit allowed;
     flips: (n,) how often each node has opened or closed; fall: ratio of the merit to the one before; burst: number of
-    gradient steps of the next burst; leaps: full steps that may still take the place of a burst; inverse: of the last
-    step; neighbourhood: the neighbourhood whose equation it is, None if it is that of the whole zone;
+    gradient steps of the next burst; full_steps: full steps that may still take the place of a burst; inverse: of the
+    last step; neighbourhood: the neighbourhood whose equation it is, None if it is that of the whole zone;
     is_outside_unchecked: true if the rest of the zone has not been tested for contact; restrictions: restrictions that
     are still allowed; sufficient_residual: violation of the laws that is sufficient.
     """
@@ -89,7 +89,7 @@ class _Memory:
     flips: Array
     fall: float = np.inf
     burst: int = FIRST_BURST
-    leaps: int = 0
+    full_steps: int = 0
     inverse: Inverse | None = None
     neighbourhood: ContactNeighbourhood | None = None
     is_outside_unchecked: bool = True
@@ -141,10 +141,10 @@ class SemismoothNewton(Solver):
                     fall, inverse = stepped.merit / point.merit, direction.inverse
                     next_memory = replace(memory, point=stepped, merits=merits, flips=flips, fall=fall, inverse=inverse)
                     return _iterate(_check_outside(problem, next_memory))
-            if memory.leaps:
+            if memory.full_steps:
                 _, stepped = take_step(point, np.zeros_like(flips), direction, 1.0)
-                if stepped.merit < MAX_LEAP_MERIT:
-                    next_memory = replace(_restart(memory, stepped, flips), leaps=memory.leaps - 1)
+                if stepped.merit < MAX_FULL_STEP_MERIT:
+                    next_memory = replace(_restart(memory, stepped, flips), full_steps=memory.full_steps - 1)
                     return _iterate(_check_outside(problem, next_memory))
         memory = replace(memory, flips=flips)
         if memory.neighbourhood is not None:
@@ -159,9 +159,12 @@ def estimated_residual(iterate: Iterate) -> float | None:
     return iterate.memory.point.law_residual if isinstance(iterate.memory, _Memory) else None
 
 
-def _begin(problem: ContactProblem, start: ContactState | None, aim: float) -> Iterate:
-    """Return the start of an iteration to the merit `aim`; see SemismoothNewton.init."""
-    n, restrictions, leaps = len(problem.gap), *((MAX_RESTRICTIONS, MAX_LEAPS) if _is_matrix_free(problem) else (0, 0))
+def _begin(problem: ContactProblem, start: ContactState | None, min_violation: float) -> Iterate:
+    """Return the start of an iteration that is to reach the merit `min_violation`; see SemismoothNewton.init."""
+    n, restrictions, full_steps = (
+        len(problem.gap),
+        *((MAX_RESTRICTIONS, MAX_FULL_STEPS) if _is_matrix_free(problem) else (0, 0)),
+    )
     coarse = coarse_problem(problem) if start is None and restrictions else None
     coarse_iterate = None if coarse is None else _coarse_solution(coarse.problem)
     prolonged = None if coarse_iterate is None else nested_start(problem, lambda _: coarse_iterate)
@@ -175,25 +178,34 @@ def _begin(problem: ContactProblem, start: ContactState | None, aim: float) -> I
             contact_fraction[neighbourhood.nodes],
             _is_partial(contact_fraction[neighbourhood.nodes]),
             motion,
-            aim,
+            min_violation,
         )
         restrictions -= 1
     else:
-        point = ContactResidual.of(problem).at(load, contact_fraction, _is_partial(contact_fraction), motion, aim)
+        point = ContactResidual.of(problem).at(
+            load, contact_fraction, _is_partial(contact_fraction), motion, min_violation
+        )
     # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
     keeps_motion = prolonged is not None or (start is not None and attracts(problem.contact_law))
     if not keeps_motion and (np.abs(point.balance) > BALANCE_TOLERANCE).any():
-        point = point.equation.at(point.load, contact_fraction, point.biactive, _balanced_motion(problem, point), aim)
+        point = point.equation.at(
+            point.load, contact_fraction, point.biactive, _balanced_motion(problem, point), min_violation
+        )
     flips, rise = np.zeros(len(point.load)), 1.0
     if coarse is not None and coarse_iterate is not None:
         coarse_memory = _memory(coarse_iterate)
         on_coarse = coarse_memory.point.equation, neighbourhood_nodes(coarse.problem, coarse_memory.neighbourhood)
         point, rise = (
-            improved_start(point, neighbourhood_nodes(problem, neighbourhood), coarse, *on_coarse),
+            improve_start(point, neighbourhood_nodes(problem, neighbourhood), coarse, *on_coarse),
             MAX_START_GROWTH,
         )
     memory = _Memory(
-        point, (rise * point.merit,), flips, leaps=leaps, neighbourhood=neighbourhood, restrictions=restrictions
+        point,
+        (rise * point.merit,),
+        flips,
+        full_steps=full_steps,
+        neighbourhood=neighbourhood,
+        restrictions=restrictions,
     )
     return _iterate(replace(memory, is_outside_unchecked=prolonged is None))
 

@@ -50,7 +50,7 @@ def take_step(point: ResidualState, flips: Array, step: Step, fraction: float) -
         )
         stepped = stepped.with_contact_fraction(contact_fraction, stepped.biactive | becomes_biactive)
     else:
-        stepped = _with_fitting_fractions(stepped)
+        stepped = _fit_fractions(stepped)
     return flips, relax_switched(point, stepped)
 
 
@@ -68,7 +68,7 @@ def with_biactive(point: ResidualState, stepped: ResidualState) -> ResidualState
     return biactive_state if biactive_state.merit < stepped.merit else stepped
 
 
-def _with_fitting_fractions(stepped: ResidualState) -> ResidualState:
+def _fit_fractions(stepped: ResidualState) -> ResidualState:
     """Return a moved point with the intermediate contact fractions that fit its fluxes and drives best.
 
     A step changes both at once, and the conducted flux is their product, which the linearised equations do not contain.

@@ -176,17 +176,17 @@ class ContactResidual:
         return Transmissivity(self.problem, self.scales, self.self_compliance)
 
     def at(
-        self, load: Array, contact_fraction: Array, biactive: Mask, motion: Array, aim: float = 0.0
+        self, load: Array, contact_fraction: Array, biactive: Mask, motion: Array, min_violation: float = 0.0
     ) -> "ResidualState":
         """Return the state of the equation at a load (n, fields) and free motions (m,).
 
-        contact_fraction: (n,) of the biactive nodes (n,), that of the others follows; aim: the smallest violation that
-        will matter there: without a matrix, single precision is used if it resolves that.
+        contact_fraction: (n,) of the biactive nodes (n,), that of the others follows; min_violation: the smallest
+        violation that will matter there: without a matrix, single precision is used if it resolves that.
         """
         load = np.asfortranarray(load)
-        if aim and self.problem.system.dense() is None:
+        if min_violation and self.problem.system.dense() is None:
             relative_displacement, largest_displacement = self.approximate_relative_displacement(load, motion)
-            if SINGLE_ERROR * largest_displacement < NEGLIGIBLE_FRACTION * aim:
+            if SINGLE_ERROR * largest_displacement < NEGLIGIBLE_FRACTION * min_violation:
                 return replace(
                     self.at_relative_displacement(load, relative_displacement, contact_fraction, biactive, motion),
                     round_off=SINGLE_ERROR * largest_displacement,

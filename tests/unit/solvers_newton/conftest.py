@@ -152,7 +152,7 @@ def interpolated(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], 
 
         with monkeypatch.context() as without:
             without.setattr(newton_coarse, "smooth_slip_boundary", kept)
-            without.setattr(newton_coarse, "corrected", lambda point, *_: point)
+            without.setattr(newton_coarse, "correct_start", lambda point, *_: point)
             SemismoothNewton().init(problem, None)
         return seen[-1]
 

@@ -19,7 +19,7 @@ from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton import coarse_start as newton_coarse
 from meeframe.solvers.newton import method as newton
-from meeframe.solvers.newton.coarse_start import corrected, improved_start
+from meeframe.solvers.newton.coarse_start import correct_start, improve_start
 from meeframe.solvers.newton.contact_edge import smooth_contact_edge
 from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.neighbourhood import contact_neighbourhood
@@ -38,7 +38,7 @@ CASES = {"rough": 0.5, "insulated": 0.3, "orthotropic": 0.7, "smooth": 0.6, "per
 
 @dataclass(frozen=True)
 class Start:
-    """What improved_start is given on the finest grid."""
+    """What improve_start is given on the finest grid."""
 
     point: ResidualState
     nodes: Indices
@@ -69,10 +69,10 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], Start]:
 
         def kept(*given) -> ResidualState:
             seen.append(Start(*given))
-            return improved_start(*given)
+            return improve_start(*given)
 
         with monkeypatch.context() as within:
-            within.setattr(newton, "improved_start", kept)
+            within.setattr(newton, "improve_start", kept)
             SemismoothNewton().init(problem, None)
         return seen[-1]
 
@@ -169,8 +169,8 @@ def test_solutions_of_the_finer_grid_stay(name: str, made, start) -> None:
     biactive = (contact_fraction > 0.0) & (contact_fraction < 1.0)
     point = given.point.equation.at(state.load[kept], contact_fraction, biactive, state.motion)
     assert point.violation < 1e-10
-    found = replace(given, point=point).ask(corrected)
-    scales, before = point.equation.scales, given.ask(corrected)
+    found = replace(given, point=point).ask(correct_start)
+    scales, before = point.equation.scales, given.ask(correct_start)
     changed = np.abs(found.load - point.load).max(axis=0) / scales.load
     otherwise = np.abs(before.load - given.point.load).max(axis=0) / scales.load
     assert changed.max() < 1e-8
@@ -185,7 +185,7 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
     problem = made(name)
     given = start(problem)
     given = (on_less(problem, given) if less and name != "periodic" else given).smooth  # which has no parts
-    point, found = given.point, given.ask(corrected)
+    point, found = given.point, given.ask(correct_start)
     assert found.merit < CASES[name] * point.merit
     expected = found.equation.at(found.load, found.contact_fraction, found.biactive, found.motion)
     assert found.merit == pytest.approx(expected.merit, rel=1e-4)
@@ -199,16 +199,16 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
 def test_steps_that_are_not_finite_change_nothing(made, start, monkeypatch: pytest.MonkeyPatch) -> None:
     given = start(made("rough"))
     step = newton_coarse.newton_step
-    assert given.ask(corrected) is not given.point
+    assert given.ask(correct_start) is not given.point
 
     def singular(*asked) -> Step:
         found = step(*asked)
         return replace(found, local=np.full_like(found.local, np.nan))
 
     monkeypatch.setattr(newton_coarse, "newton_step", singular)
-    assert given.ask(corrected) is given.point
+    assert given.ask(correct_start) is given.point
     smooth = given.smooth.point
-    np.testing.assert_array_equal(given.ask(improved_start).load, smooth.load)
+    np.testing.assert_array_equal(given.ask(improve_start).load, smooth.load)
 
 
 @pytest.mark.parametrize("grid", ["coarser", "finer"])
@@ -225,7 +225,7 @@ def test_steps_that_raise_a_merit_change_nothing(grid: str, made, start, monkeyp
         return flips, back if grid == "coarser" else replace(moved, load=load)
 
     monkeypatch.setattr(newton_coarse, "take_step", worse)
-    assert given.ask(corrected) is given.point
+    assert given.ask(correct_start) is given.point
 
 
 def test_nodes_without_an_indenter_are_nowhere_ahead(made, start) -> None:
@@ -235,7 +235,7 @@ def test_nodes_without_an_indenter_are_nowhere_ahead(made, start) -> None:
     problem = replace(whole, gap=np.where(ends, whole.gap, np.inf))
     given = start(problem).smooth
     assert not np.isfinite(given.point.equation.problem.gap).all()
-    there, found = given.ask(newton_coarse._coarse_state), given.ask(corrected)
+    there, found = given.ask(newton_coarse._coarse_state), given.ask(correct_start)
     same, at = given.known
     np.testing.assert_array_equal(there.equation.problem.gap == np.inf, given.below.problem.gap == np.inf)
     assert np.isfinite(there.merit)
