@@ -13,6 +13,7 @@ import griffe
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+Api = griffe.Object | griffe.Alias
 LOG: Final = getLogger("mkdocs.api_pages")
 PACKAGES: Final = {
     "meeframe": "Cases, steps, runs and results, by their short names.",
@@ -105,12 +106,16 @@ def _exported(package: str) -> list[str]:
     return [name for name in getattr(module, "__all__", ()) if not name.startswith("__")]
 
 
-def _target(root: griffe.Object, path: str) -> griffe.Object:
-    found = root[path]
-    return found.final_target if found.is_alias else found
+def _target(root: Api, path: str) -> Api:
+    found: Api = root[path]
+    return found.final_target if isinstance(found, griffe.Alias) else found
 
 
-def _public(root: griffe.Object) -> Iterator[griffe.Object]:
+def _docstring(target: Api) -> str:
+    return target.docstring.value if target.docstring else ""
+
+
+def _public(root: Api) -> Iterator[Api]:
     """Yield all public objects."""
     for package in EXPORTING:
         prefix = "" if package == "meeframe" else f"{package}."
@@ -124,17 +129,16 @@ def _public(root: griffe.Object) -> Iterator[griffe.Object]:
                 yield found
 
 
-def _page(root: griffe.Object, package: str, paths: Iterable[str]) -> Iterator[str]:
+def _page(root: Api, package: str, paths: Iterable[str]) -> Iterator[str]:
     """Yield the lines of the page of a package."""
     module = root if package == "meeframe" else root[package]
     yield f"# `{_name(package)}`\n"
-    yield f"{module.docstring.value}\n"
+    yield f"{_docstring(module)}\n"
     if package in ("meeframe", "plugin", "testing"):
         yield f"## Names in `{_name(package)}`\n\n| name | content |\n| --- | --- |"
         for name in sorted(_exported(package), key=str.lower):
             target = _target(root, name if package == "meeframe" else f"{package}.{name}")
-            summary = target.docstring.value.split("\n\n")[0].replace("\n", " ") if target.docstring else ""
-            summary = summary.replace("|", "\\|")
+            summary = _docstring(target).split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
             yield f"| [`{name}`][{target.path}] | {summary} |"
         yield ""
     previous = None
@@ -146,5 +150,5 @@ def _page(root: griffe.Object, package: str, paths: Iterable[str]) -> Iterator[s
         yield f"::: {path}\n    options:\n      heading_level: 3\n"
 
 
-def _module_of(root: griffe.Object, path: str) -> str:
-    return root[path.removeprefix("meeframe.")].module.path
+def _module_of(root: Api, path: str) -> str:
+    return str(root[path.removeprefix("meeframe.")].module.path)
