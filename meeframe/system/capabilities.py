@@ -12,7 +12,7 @@ Capabilities make solvers faster. None of them changes what a solver finds, beca
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 AnyArray = NDArray[Any]
 FieldProduct = Callable[[Array, Sequence[int], Sequence[int]], Array]
 """A function as `FieldwiseApply.apply_fields`: displacement (n, k) of (load (n, l), loaded fields, wanted fields)."""
-APPROXIMATE_TOLERANCE: Final = 1e-4
-"""Largest error of `ApproximateApply`, relative to the largest displacement in a field. Where weak couplings cancel,
-errors may be somewhat larger."""
 
 
 class FieldwiseApply(ABC):
@@ -58,17 +55,6 @@ class FieldwiseApply(ABC):
         """Return the diagonals of `diagonal_blocks` in k fields, (n, k)."""
 
 
-class ApproximateApply(ABC):
-    """Cheaper products, in single precision, that are accurate to `APPROXIMATE_TOLERANCE`.
-
-    Krylov iterations use them for search directions.
-    """
-
-    @abstractmethod
-    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return an approximation of `FieldwiseApply.apply_fields` that is linear in the load."""
-
-
 class ApproximateInverse(ABC):
     """An approximate inverse of the compliance, with which solvers precondition."""
 
@@ -78,15 +64,6 @@ class ApproximateInverse(ABC):
 
         None if there is no useful inverse for these fields.
         """
-
-    def prolongation(self, nodes: Indices) -> "Prolongation | None":
-        """Return a prolongation of displacements from some nodes (f,), each once, to all nodes; None by default.
-
-        It should approximate the displacement with the least energy, that of a load on these nodes alone. Between
-        prolongation and restriction the approximate inverse then approximates the inverse of the compliance restricted
-        to these nodes. From no nodes at all, zeros are prolonged.
-        """
-        return None
 
 
 class Multigrid(ABC):
@@ -134,22 +111,6 @@ class EdgeResolution(ABC):
         indenter_edge : IndenterEdge, optional
             The edge of the indenter, if it has one in the zone.
         """
-
-
-@dataclass(frozen=True, eq=False)
-class Prolongation:
-    """A linear map from values at some nodes to values at all nodes, and its adjoint; in single precision.
-
-    Attributes
-    ----------
-    prolong
-        Values (n,) from values (f,); the given values are kept at their nodes.
-    restrict
-        Values (f,) from values (n,): the adjoint in inner products weighted by the areas of the nodes.
-    """
-
-    prolong: Callable[[Array], Array]
-    restrict: Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,6 @@ import numpy as np
 
 from meeframe.fields import Array, Indices
 from meeframe.system.capabilities import (
-    APPROXIMATE_TOLERANCE,
-    AnyArray,
-    ApproximateApply,
     ApproximateInverse,
     Coarsening,
     EdgeResolution,
@@ -55,9 +52,7 @@ def check_capabilities(system: ReducedSystem) -> None:
         With the property that fails.
     """
     check_fieldwise_apply(system)
-    check_approximate_apply(system)
     check_approximate_inverse(system)
-    check_prolongation(system)
     check_restriction(system)
     check_edge_correction(system)
     multigrid = system.capability(Multigrid)
@@ -92,27 +87,6 @@ def check_fieldwise_apply(system: ReducedSystem) -> None:
         require(fits, f"diagonal in fields {fields} is not that of diagonal_blocks", found.shape)
 
 
-def check_approximate_apply(system: ReducedSystem) -> None:
-    """Check that `approximate_apply` is linear and `apply` to APPROXIMATE_TOLERANCE."""
-    approximate = system.capability(ApproximateApply)
-    if approximate is None:
-        return
-    load = np.random.default_rng(3).normal(size=system.offset.shape) * typical_load(system)
-    for loaded, fields in product(LOADED, CHOICES):
-        alone: Array = np.zeros_like(load)
-        single: AnyArray = load[:, list(loaded)].astype(np.float32)
-        alone[:, list(loaded)] = single
-        expected = system.apply(alone)[:, list(fields)]
-        found = approximate.approximate_apply(single, loaded, fields)
-        what = f"approximate_apply of loads in fields {loaded}"
-        require(found.shape == expected.shape, f"{what} in fields {fields} is not (n, k)", found.shape)
-        error = worst(found, expected)
-        inexact = f"{what} is off in fields {fields}: search directions would be wrong"
-        require(error < APPROXIMATE_TOLERANCE, inexact, error)
-        error = worst(approximate.approximate_apply(-2.0 * single, loaded, fields), -2.0 * found)
-        require(error < SINGLE_PRECISION, f"{what} is not linear: Krylov iterations would go astray", error)
-
-
 def check_approximate_inverse(system: ReducedSystem) -> None:
     """Check that `approximate_inverse` is linear and roughly recovers loads inside the zone from displacements."""
     approximate = system.capability(ApproximateInverse)
@@ -140,48 +114,6 @@ def check_approximate_inverse(system: ReducedSystem) -> None:
         pairs = zip(found[:, inside] / unit, alone[:, inside][:, :, chosen] / unit, strict=True)
         cosine = min(float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum())) for one, other in pairs)
         require(cosine > MIN_COSINE, f"{what} gives other loads than those that caused it", cosine)
-
-
-def check_prolongation(system: ReducedSystem) -> None:
-    """Check that `prolong` is linear, keeps given values and their precision, and that `restrict` is its adjoint."""
-    approximate = system.capability(ApproximateInverse)
-    if approximate is None:
-        return
-    rng, count = np.random.default_rng(6), len(system.points)
-    weights = system.weights / system.weights.max()
-    some = rng.permutation(count)[: count // 3 + 1]
-    for nodes in (np.arange(0, count, 3), np.arange(count), some, np.array([count // 2]), np.arange(0)):
-        prolongation = approximate.prolongation(nodes)
-        if prolongation is None:
-            continue
-        values, other = rng.normal(size=(2, len(nodes))).astype(np.float32)
-        whole: Array = rng.normal(size=count).astype(np.float32)
-        copies = values.copy(), whole.copy()
-        prolonged, restricted = prolongation.prolong(values), prolongation.restrict(whole)
-        require(np.array_equal(values, copies[0]), "a prolongation changes the values that it is given", len(nodes))
-        require(np.array_equal(whole, copies[1]), "a prolongation changes the values that it restricts", len(nodes))
-        fits = prolonged.shape == (count,) and restricted.shape == (len(nodes),)
-        require(fits, "a prolongation gives other numbers of values than there are nodes", prolonged.shape)
-        single = prolonged.dtype == restricted.dtype == np.float32
-        require(single, "a prolongation changes the precision, so that solvers slow down", prolonged.dtype)
-        if not len(nodes):
-            require(
-                not prolonged.any(),
-                "a prolongation gives values that come from no node",
-                float(np.abs(prolonged).max()),
-            )
-            continue
-        require(
-            worst(prolonged[nodes], values) < SINGLE_PRECISION,
-            "a prolongation changes the values of its nodes",
-            len(nodes),
-        )
-        both = prolongation.prolong(2.0 * values - 3.0 * other)
-        error = worst(both, 2.0 * prolonged - 3.0 * prolongation.prolong(other))
-        require(error < SINGLE_PRECISION, "a prolongation is not linear: Krylov iterations would go astray", error)
-        work = float((weights * prolonged) @ whole), float((weights[nodes] * values) @ restricted)
-        error = abs(work[0] - work[1]) / float((weights * np.abs(prolonged)) @ np.abs(whole))
-        require(error < SINGLE_PRECISION, "restrict of a prolongation is not the adjoint of prolong", error)
 
 
 def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:
