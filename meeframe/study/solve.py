@@ -15,8 +15,9 @@ from meeframe.results.records import StepResult, Zone, resultants
 from meeframe.study.declare import Changes, PanelTable, StudyTable, changed, load_study
 from meeframe.study.quantities import TOTALS, largest, nodal
 from meeframe.study.reports.study import Panel, Study
-from meeframe.study.sweep.engine import InProcess, Pool, solve_points
+from meeframe.study.sweep.engine import solve_points
 from meeframe.study.sweep.points import Outcome, Point, PointStatus
+from meeframe.study.sweep.pool import InProcess, Pool
 from meeframe.system.reduced import Progress, silent
 
 

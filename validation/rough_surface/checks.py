@@ -106,7 +106,7 @@ def run(quick: bool) -> Iterator[Item]:
     try:
         import tamaas
     except ImportError:
-        yield Skip("Tamaas", "not installed; pip install tamaas (group judges of meeframe's pyproject.toml)")
+        yield Skip("Tamaas", "not installed; pip install tamaas (group references of meeframe's pyproject.toml)")
         return
     yield from _same_densities(tamaas, 64 if quick else 128)
     yield from _case_file(tamaas)

@@ -101,7 +101,7 @@ class BoundarySystem:
         preconditioner = LinearOperator(size, precondition, dtype=float)
         solution, unjudged = gcrotmk(
             matrix, rhs, rtol=RESIDUAL, maxiter=MOST_CYCLES, M=preconditioner, m=CYCLE, k=1
-        )  # SciPy judges where a cycle begins
+        )  # SciPy decides where a cycle begins
         if unjudged and not np.linalg.norm(rhs - matrix @ solution) <= RESIDUAL * np.linalg.norm(rhs):  # NaN, too
             raise CaseError(
                 f"the boundary element system is not solved after {iterations} iterations: it is nearly singular, or "
