@@ -115,7 +115,7 @@ def section(record: Record, _pictures: Path) -> str:
             prose(
                 f"Writing increments on {record['nodes']} x {record['nodes']} nodes, processor time: medians of "
                 f"increments {EARLY[0]} to {EARLY[1]} and of the last {LATE[1] - LATE[0] + 1} of "
-                f"{len(record['friction']['seconds'])}. When the run ends, all are moved into one file. For each increment:"
+                f"{len(record['friction']['seconds'])}. At the end they are moved into one file. For each increment:"
             ),
             table(heads, rows),
         ]
