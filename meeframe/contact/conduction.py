@@ -37,7 +37,7 @@ TOUCHING: Final = -float(np.finfo(float).tiny)
 
 def conducting(problem: ContactProblem) -> bool:
     """Return whether any channel conducts."""
-    return any(channel.conducts for channel in problem.channels)
+    return any(channel.is_conducting for channel in problem.channels)
 
 
 def resistances(

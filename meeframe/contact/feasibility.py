@@ -19,7 +19,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, 
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
 from meeframe.fields import MECHANICAL, N_MECHANICAL
-from meeframe.laws.base import attracts
+from meeframe.laws.base import is_adhesive
 
 NEGLIGIBLE: Final = 1e-6
 MAX_GENERATORS: Final = 200
@@ -34,14 +34,14 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
 
     Applies to contact laws that admit a cone of tractions, with the scaling of the law of maximal dissipation, or less.
     """
-    missing = 0.0 if attracts(problem.contact_law) else _missing_force(problem, scales)
+    missing = 0.0 if is_adhesive(problem.contact_law) else _missing_force(problem, scales)
     if missing > NEGLIGIBLE:
         return (
             f"no pressure and friction in the contact add up to the prescribed forces and moments ({missing:.1e} off)"
         )
     for freedom in problem.prescribed_resultants:
         channels = [problem.channels[k - N_MECHANICAL] for k in freedom.moved if k >= N_MECHANICAL]
-        if channels and freedom.total and not any(channel.conducts for channel in channels):
+        if channels and freedom.total and not any(channel.is_conducting for channel in channels):
             names = " or ".join(channel.field.resultant.replace("_", " ") for channel in channels)
             return f"a {names} is prescribed, but the contact does not conduct it"
     return None

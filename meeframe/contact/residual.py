@@ -21,7 +21,7 @@ def essential_fields(problem: ContactProblem) -> tuple[int, ...]:
     """Return the fields of the displacement on which the laws depend, by column."""
     law = problem.contact_law
     slides = not law.tangential_scaling().any() and type(law).resolve is ContactLaw.resolve
-    asked = (not slides, not slides, True, *(channel.conducts for channel in problem.channels))
+    asked = (not slides, not slides, True, *(channel.is_conducting for channel in problem.channels))
     return tuple(np.flatnonzero(asked).tolist())
 
 

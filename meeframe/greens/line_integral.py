@@ -52,6 +52,11 @@ class LineIntegral(FundamentalSolution):
         stiffness : Array
             Scaled extended stiffness, (3, 5, 5, 3).
 
+        Returns
+        -------
+        Kernel
+            The kernel.
+
         Raises
         ------
         MaterialError

@@ -34,7 +34,7 @@ class _Watch:
     """Conductivity of a law that records invalid values under finite tractions, gaps and drops.
 
     Of several such values the one under the least traction is recorded. Calls that test whether a law conducts at all
-    (meeframe.laws.base.conducts) do not count.
+    (meeframe.laws.base.is_conducting) do not count.
     """
 
     law: ConductivityLaw
@@ -62,7 +62,7 @@ def watched(law: ConductivityLaw) -> ConductivityLaw:
 
 
 def _tried(traction: Array, gap: Array) -> bool:
-    """Return whether these tractions and gaps (n,) are those with which `conducts` tests a law."""
+    """Return whether these tractions and gaps (n,) are those with which `is_conducting` tests a law."""
     across = not traction.any() and bool(np.isin(gap, GAPS).all())
     return across or np.array_equal(traction, PRESSURES) or bool((traction == PRESSURES[-1]).all())
 

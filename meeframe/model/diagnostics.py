@@ -12,7 +12,7 @@ from meeframe.contact.problem import Status
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
 from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, motion_modes
-from meeframe.laws.base import ContactLaw, attracts, augmented_traction, fixed_point_map
+from meeframe.laws.base import ContactLaw, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.mesh.measures import corners
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
@@ -99,7 +99,7 @@ class Diagnostics:
             said += snap_in(kinematics.system, case.contact_law, result)
         if warns:
             said += [*self.warnings(), *foreseen, *unused_potentials(kinematics)]
-        return replace(with_message(result, said), reaches_edge=sides > 0)
+        return replace(with_message(result, said), contact_at_zone_boundary=sides > 0)
 
 
 def with_message(result: StepResult, said: Iterable[str]) -> StepResult:
@@ -124,7 +124,7 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
     if not step.touching.any() and not distant:
         yield "the indenter does not touch the body"
     if sides:
-        yield f"the contact reaches the edge of its zone at {sides} element side{'s' * (sides > 1)}"
+        yield f"the contact reaches the boundary of its zone at {sides} element side{'s' * (sides > 1)}"
     yield from _large(zone, step)
     if _slides(zone, step, law):
         yield "everything slips under the prescribed force or torque: how far beyond where that began is undetermined"
@@ -249,7 +249,7 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
     exceeds one; the response grows with the size of elements.
     """
     if (
-        not attracts(law)
+        not is_adhesive(law)
         or law.adhesion(np.maximum(step.gap, 0.0)).max() <= _NOTICED_ATTRACTION * np.abs(step.traction).max()
     ):
         return

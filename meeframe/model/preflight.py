@@ -10,7 +10,7 @@ from meeframe.contact.free_motion import motions
 from meeframe.contact.problem import Solver
 from meeframe.fields import Array
 from meeframe.indenters.base import RIGID_MOTIONS
-from meeframe.laws.base import attracts
+from meeframe.laws.base import is_adhesive
 from meeframe.mesh import find_contact_zone
 from meeframe.model.data import CaseData
 from meeframe.model.frames import frames_along
@@ -88,8 +88,8 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
                 "large"
             )
             return
-    across = any(channel.law.across_gap and channel.conducts for channel in case.channels)
-    if across or attracts(case.contact_law) or len(held) < len(case.steps):
+    across = any(channel.law.across_gap and channel.is_conducting for channel in case.channels)
+    if across or is_adhesive(case.contact_law) or len(held) < len(case.steps):
         return
     nearer = min(held, key=lambda increment: float(increment.problem.gap.min()))
     nearest, deepest = float(nearer.problem.gap.min()), _approach(nearer)
@@ -107,7 +107,7 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
 def unused_potentials(kinematics: IndenterKinematics) -> Iterator[str]:
     """Yield a warning for each potential of the indenter that has no effect because the contact insulates."""
     for column, channel in enumerate(kinematics.case.channels):
-        if channel.conducts:
+        if channel.is_conducting:
             continue
         field = channel.field
         largest = max(float(np.abs(increment.problem.potentials[:, column]).max()) for increment in planned(kinematics))

@@ -45,10 +45,27 @@ from meeframe.system.two_body import combine_bodies, second_displacement
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
-    """Return the result of a case, in memory.
+    """Solve a case in memory and return its result.
 
-    Raises the errors of `reduce` and `solve_steps`. A step that does not converge raises nothing: its status reports
-    it.
+    An increment that does not converge raises nothing: its status reports it.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    progress : callable, optional
+        Function that is called with the name of a stage and the fraction of it that is done.
+
+    Returns
+    -------
+    Result
+        Results of all increments.
+
+    Raises
+    ------
+    MeeframeError
+        As `reduce` and `solve_steps`: if a formulation, a solver or a law does not accept the case, or if matrices
+        do not fit into memory.
     """
     clock = Clock(progress)
     system = reduce(case, clock)

@@ -18,7 +18,7 @@ from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
 from meeframe.results.records import Result, RunStatus, StepResult, Zone, resultants
 
-AT_EDGE: Final = "the contact reaches the edge of its zone, where it is cut off: forces and areas are not its own"
+AT_BOUNDARY: Final = "the contact reaches the boundary of its zone and is cut off there: forces and areas are too small"
 _Row = tuple[str, str, list[Any]]
 
 _ENERGY: Final = "dissipated_energy"
@@ -39,7 +39,7 @@ def summary(result: Result) -> dict[str, Any]:
         "peak_memory_mb": result.peak_memory_mb,
         "versions": dict(made.versions),
         "threads": made.threads,
-        "reaches_edge": any(step.reaches_edge for step in result.steps),
+        "contact_at_zone_boundary": any(step.contact_at_zone_boundary for step in result.steps),
         "planned_increments": result.planned_steps,
         "load_steps": _load_steps(result),
         "steps": [_step(result.zone, step) for step in result.steps],
@@ -63,7 +63,7 @@ def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
         "prescribed": dict(loading.prescribed),
         "duration": loading.duration,
         **totals,
-        "reaches_edge": step.reaches_edge,
+        "contact_at_zone_boundary": step.contact_at_zone_boundary,
         "unbalance": None if balance is None else _unbalance(balance, step.fields),
         "iterations": step.iterations,
         "residual": step.residual,

@@ -72,6 +72,8 @@ def _charged_edge(problem: ContactProblem) -> bool:
     """Return whether a law conducts in the limit of vanishing pressure."""
     least = np.array([TOUCHING])
     return any(
-        channel.conducts and not channel.law.across_gap and bool((contact_conductivity(channel.law, least) > 0.0).any())
+        channel.is_conducting
+        and not channel.law.across_gap
+        and bool((contact_conductivity(channel.law, least) > 0.0).any())
         for channel in problem.channels
     )

@@ -39,13 +39,29 @@ def check_formulation(
     tolerance: float = 1e-3,
     asymmetry: float = 0.05,
 ) -> None:
-    """Form, linearity, exact linear fields, reciprocity, energy and recovery; and closed-form indentation.
+    """Check a formulation: form, linear fields, reciprocity, energy, recovery, capabilities and an indentation.
 
-    body: with a contact zone; field: its exact solution under the tractions that the field has on the zone. Without
-    them a block of rotated orthotropic material under a linear field is taken, and an indentation compared with that of
-    a half space (check_indentation). tolerance: of values of the exact field, relative to the largest; asymmetry: of
-    the work of one smooth load on the displacement of another, relative to their own works.
-    Raises AssertionError.
+    Without a body and a field, a block of rotated orthotropic material under a linear field is used, and an indentation
+    is compared with the closed form of a half space (`check_indentation`).
+
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body, optional
+        Body with a contact zone.
+    field : ExactField, optional
+        Exact solution of the body under the tractions that the field has on the zone.
+    tolerance : float
+        Largest error of the values, relative to the largest value.
+    asymmetry : float
+        Largest asymmetry of the work of one smooth load on the displacement of another, relative to their own
+        works.
+
+    Raises
+    ------
+    AssertionError
+        If a property is violated.
     """
     check_frozen(formulation)
     if body is None or field is None:

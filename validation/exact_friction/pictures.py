@@ -77,7 +77,7 @@ def loop_picture(loop: Loop, coarser: list[Loop]) -> Figure:
     turning = loop.displacement[0]
     fine = np.linspace(-turning, turning, 201)
     back = np.array(
-        [exact.turned_force(x * exact.limit_displacement, turning * exact.limit_displacement) for x in fine]
+        [exact.force_after_reversal(x * exact.limit_displacement, turning * exact.limit_displacement) for x in fine]
     )
     first = [exact.force(x * exact.limit_displacement) for x in fine[fine >= 0]]
     axes[0].plot(fine[fine >= 0], np.array(first) / exact.limit_force, ":", color="0.4", lw=1, label="first loading")

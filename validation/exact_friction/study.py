@@ -192,7 +192,7 @@ def hysteresis(poisson: float, goodman: bool, cells: int, share: float, incremen
     places = turning * np.cos(np.pi * np.arange(2 * increments + 1) / increments)
     _, *steps = follow(system, _law(), [uniform(system, gap, place) for place in (0.0, *places)])
     force = np.array([step.force[0] for step in steps])
-    back = np.array([exact.turned_force(place, turning) for place in places[: increments + 1]])
+    back = np.array([exact.force_after_reversal(place, turning) for place in places[: increments + 1]])
     true = exact.loop_dissipation(share * exact.limit_force)
     # trapezoidal rule in the phase: of high order on a closed loop, where a polygon would cut the corners
     phase = np.pi * np.arange(1, 2 * increments + 1) / increments

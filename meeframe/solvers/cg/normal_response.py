@@ -285,7 +285,7 @@ def _following(problem: ContactProblem) -> Array:
     If a body responds alike along all directions of its surface, that holds for all pressures together.
     """
     blocks = problem.system.diagonal_blocks()
-    fields = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.conducts]
+    fields = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.is_conducting]
     flux = np.zeros((len(blocks), len(problem.channels)))
     raised = blocks[:, fields, NORMAL, None]
     flux[:, [field - N_MECHANICAL for field in fields]] = np.linalg.solve(blocks[:, fields][:, :, fields], raised)[

@@ -13,7 +13,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solv
 from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, Array
-from meeframe.laws.base import attracts
+from meeframe.laws.base import is_adhesive
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.solvers.gradient.steps import start_load
 from meeframe.solvers.newton.coarse_start import improved_start
@@ -172,7 +172,7 @@ def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> I
     else:
         point = ContactResidual.of(problem).at(load, contact_fraction, _between(contact_fraction), motion, aim)
     # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
-    held = prolonged is not None or (start is not None and attracts(problem.contact_law))
+    held = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
     if not held and (np.abs(point.balance) > BALANCED).any():
         point = point.equation.at(point.load, contact_fraction, point.grazing, _moved_indenter(problem, point), aim)
     flips, rise = np.zeros(len(point.load)), 1.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from meeframe.contact.problem import ContactProblem, contact_gap
 from meeframe.fields import MECHANICAL, POTENTIALS, Array
-from meeframe.laws.base import attraction, attracts
+from meeframe.laws.base import attraction, is_adhesive
 from meeframe.solvers.newton.contact_edge import relaxed_where_switched
 from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.residual import FLUX_ROWS, FRACTION, ResidualState
@@ -91,7 +91,7 @@ def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
     """Return the tractions (n, 3) of a load (n, fields) at a motion (m,), their contact part projected by the law."""
     law, traction = problem.contact_law, load[:, MECHANICAL].copy()
     pull = np.zeros(len(load))
-    if attracts(law):
+    if is_adhesive(law):
         displacement = problem.system.offset + problem.system.apply(load)
         pull = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
     traction[:, 2] -= pull

@@ -35,10 +35,10 @@ from meeframe.contact.scales import Scales, motion_scales, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import (
     attraction_slope,
-    attracts,
     augmented_traction,
     contact_traction,
     fixed_point_map,
+    is_adhesive,
     traction_tangents,
 )
 from meeframe.solvers.conduction.transmissivity import Transmissivity
@@ -110,7 +110,7 @@ class ContactResidual:
                 measures[k, field] = freedom.measure[:, field] / scales.totals[k]
         modes, measures = modes.transpose(2, 1, 0), measures.transpose(0, 2, 1)
         rubs = bool(problem.contact_law.tangential_scaling().any())
-        flows = [channel.conducts for channel in problem.channels]
+        flows = [channel.is_conducting for channel in problem.channels]
         loaded = np.flatnonzero([rubs, rubs, True, *flows]).tolist()
         system = problem.system
         approximate = system.capability(ApproximateInverse) if system.dense() is None else None
@@ -360,7 +360,7 @@ class ResidualState:
         A biactive node whose fraction is at an end is pressed or open according to that, not to a trial that is almost
         zero.
         """
-        if attracts(self.equation.problem.contact_law):
+        if is_adhesive(self.equation.problem.contact_law):
             return self.trial
         pressed = self.grazing & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
         opened = self.grazing & (self.switch <= 0.0) & (self.trial[:, 2] < 0.0)
@@ -411,7 +411,7 @@ class ResidualState:
         if follows_gap(equation.problem):
             across, dropping = equation.transmissivity.across(pressing, alone, contact_fraction)
             share = share - self.drive * dropping
-        if attracts(law):
+        if is_adhesive(law):
             pulled = slope * attraction_slope(law, self.ahead[:, 2])[:, None]
             across = -pulled if across is None else across - pulled
         for k, field in enumerate(range(N_MECHANICAL, fraction)):

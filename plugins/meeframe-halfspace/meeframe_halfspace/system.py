@@ -144,7 +144,7 @@ class HalfSpaceSystem(
     @cached_property
     def _block(self) -> Array:
         """Response (5, 5) of a node to the density around it."""
-        block: Array = entries_to_matrix(self.grid_response.own) * self.convolution.scale
+        block: Array = entries_to_matrix(self.grid_response.diagonal) * self.convolution.scale
         return block
 
     def dense(self) -> Array | None:

@@ -132,7 +132,7 @@ def test_contact_that_its_zone_cuts_off_is_warned_of(case_file, tmp_path):
     case_file.write_text(case_file.read_text().replace('"40 um"', '"1 mm"'))
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "beyond")
     assert status == 0
-    assert "warning: the contact reaches the edge of its zone, where it is cut off" in err
+    assert "warning: the contact reaches the boundary of its zone and is cut off there" in err
 
 
 def test_status_1_if_a_step_does_not_converge(case_file, tmp_path):

@@ -121,7 +121,7 @@ def test_sides_at_the_edge_are_counted_in_the_right_number(synthetic):
     region[[0, 1]] = Region.STICK
     step = replace(step, region=region)
     (told,) = diagnostics(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
-    assert re.fullmatch(r"the contact reaches the edge of its zone at 1 element side", told)
+    assert re.fullmatch(r"the contact reaches the boundary of its zone at 1 element side", told)
 
 
 ONE_INCREMENT = "of the contact came about in one increment"

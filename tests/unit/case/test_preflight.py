@@ -212,7 +212,7 @@ def test_full_contact_that_is_meant_is_not_warned_of(case):
 
 def test_contact_at_the_edge_of_a_period_is_none(case):
     (step,) = meeframe.solve_case(replace(case, steps=(meeframe.Step(approach=1e-4),))).steps
-    assert "the contact reaches the edge of its zone at 16 element sides" in step.message
+    assert "the contact reaches the boundary of its zone at 16 element sides" in step.message
     assert "overlaps" not in step.message, "of which the edge is enough"
     is_periodic = replace(case, steps=(meeframe.Step(approach=1e-4),), formulation=Endless(case.formulation))
     (step,) = meeframe.solve_case(is_periodic).steps
