@@ -228,11 +228,11 @@ def _unknown(name: str) -> str:
     """
     registry = unit_registry()
     stem = name.rstrip("0123456789")
-    found = [f"{stem}^{name[len(stem) :]}"] if stem in registry else []
+    result = [f"{stem}^{name[len(stem) :]}"] if stem in registry else []
     for prefix, unit, _ in registry.parse_unit_name(name, case_sensitive=False):
         unit = registry.Unit(prefix + unit)
-        found += [same for same in (f"{unit:~}", f"{unit}") if same.lower() == name.lower()]
-    return f"unknown unit {name!r}" + (f"; did you mean {found[0]!r}?" if found else "")
+        result += [same for same in (f"{unit:~}", f"{unit}") if same.lower() == name.lower()]
+    return f"unknown unit {name!r}" + (f"; did you mean {result[0]!r}?" if result else "")
 
 
 def check_quantities(record: Any) -> None:

@@ -46,8 +46,8 @@ class _Watch:
         wrong = ~(kappa >= 0.0)
         if wrong.any() and not _tried(normal_traction, gap):
             finite = np.isfinite(normal_traction) & np.isfinite(gap) & np.isfinite(drop)
-            found = _answers(kappa, normal_traction, gap, drop, wrong & finite)
-            self.answers[:] = sorted([*self.answers, *found], key=lambda answer: -answer.traction)[:1]
+            result = _answers(kappa, normal_traction, gap, drop, wrong & finite)
+            self.answers[:] = sorted([*self.answers, *result], key=lambda answer: -answer.traction)[:1]
         return kappa
 
 
@@ -88,22 +88,22 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
     for column, channel in enumerate(problem.channels, N_MECHANICAL):
         law, field = channel.law, channel.field
         if finite:
-            found = list(_wrong_in_state(problem, solution, law, column))
+            result = list(_wrong_in_state(problem, solution, law, column))
         else:
             watch = vars(law).get("conductivity")
-            found = watch.answers if isinstance(watch, _Watch) else []
-        for answer in found:
+            result = watch.answers if isinstance(watch, _Watch) else []
+        for answer in result:
             drop = f" and a drop of {answer.drop:g} {field.value_unit}"
             across = f", a gap of {answer.gap:g} m{drop}" if law.across_gap else ""
-            told = (
+            message = (
                 f"conductivity.{field.name}: conductivity of the conductivity law {type(law).__name__} is "
                 f"{answer.kappa:g} under a normal traction of {answer.traction:g} Pa{across}; "
                 "allowed: numbers >= 0 and inf"
             )
             spoilt = not finite or np.isnan(answer.kappa)
             if solution.status is Status.CONVERGED or (spoilt and -answer.traction <= most):
-                raise CaseError(told)
-            solution = replace(solution, message=f"{solution.message}; {told}")
+                raise CaseError(message)
+            solution = replace(solution, message=f"{solution.message}; {message}")
     return solution
 
 

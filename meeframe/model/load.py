@@ -144,7 +144,7 @@ def _conditions(boundary: tuple[BoundaryTable, ...]) -> tuple[BoundaryCondition,
 
 
 def _no_memory(error: MemoryError, *location: str) -> Problem:
-    return Problem(location, f"needs more memory than there is: {str(error) or 'none left'}")
+    return Problem(location, f"needs more memory than is available: {str(error) or 'none left'}")
 
 
 def _assemble(

@@ -111,8 +111,8 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
             return checked(formulation, formulation.reduce(body, progress), body.fields.size)
     except MemoryError as error:
         raise TooLargeError(
-            f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
-            f"({str(error) or 'none left'}); allowed: a coarser mesh"
+            f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than is "
+            f"available ({str(error) or 'none left'}); allowed: a coarser mesh"
         ) from None
 
 

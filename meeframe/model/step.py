@@ -142,7 +142,7 @@ def check_pull(step: Step, law: ContactLaw) -> None:
     """Raise TableError if a load step pulls on surfaces that do not attract each other."""
     force = step.given.get("normal_force", np.zeros(1)).item()
     if force < 0 and not is_adhesive(law):
-        allowed = "allowed: numbers >= 0 [N], pressing on the body, unless the contact law attracts"
+        allowed = "allowed: numbers >= 0 [N], pressing on the body, unless the contact law is adhesive"
         raise TableError(Problem(("normal_force",), allowed, force))
 
 

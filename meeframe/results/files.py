@@ -159,11 +159,13 @@ def read_result(folder: str | Path) -> Result:
         if folder.is_file():
             raise ResultError(f"no result in {folder}: it is a file; name the folder of a run")
         with h5py.File(path, "r") as file:
-            found = file.attrs.get("format")
-            if found != FORMAT:
+            version = file.attrs.get("format")
+            if version != FORMAT:
                 again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""
-                renamed = f"; {_RENAMED[found]}" if found in _RENAMED else ""
-                raise ResultError(f"{path}: format {found!r} is unknown; this version reads {FORMAT!r}{again}{renamed}")
+                renamed = f"; {_RENAMED[version]}" if version in _RENAMED else ""
+                raise ResultError(
+                    f"{path}: format {version!r} is unknown; this version reads {FORMAT!r}{again}{renamed}"
+                )
             return _read(file)
     except PermissionError:
         raise ResultError(f"no result in {folder}: {path} cannot be read: Permission denied") from None

@@ -360,10 +360,10 @@ def totals(zone: Zone, step: StepResult) -> dict[str, Any]:
 
 def numbers(rows: Iterable[Total], values: Mapping[str, Any]) -> dict[str, float]:
     """Return the components of rows as single numbers by their names."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for row in rows:
-        found.update(zip(row.names, np.atleast_1d(values[row.name]).tolist(), strict=True))
-    return found
+        result.update(zip(row.names, np.atleast_1d(values[row.name]).tolist(), strict=True))
+    return result
 
 
 def total_named(name: str) -> Total | None:

@@ -24,7 +24,7 @@ REASONS: Final = {
     "other nodes": "the law is local: solvers evaluate it on subsets of the nodes.",
     "expansive": "solvers converge because the projection is nonexpansive in the metric defined by tangential_scaling"
     " (docs/theory.md, Set and metric).",
-    "comes to no rest": "under constant slip the traction must converge; otherwise no solver can.",
+    "does not become stationary": "under constant slip the traction must converge; otherwise no solver can.",
     "depends on the step": "the solution must not depend on the solver's step length r: use tangential_scaling as the"
     " metric of project.",
     "extra compliance": "without a positive compliance the contact problem may have no solution.",

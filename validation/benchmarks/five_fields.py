@@ -60,7 +60,7 @@ def conducting(n: int, material: str, potentials: tuple[float, float]) -> Record
         problem = indentation_problem(system, height, contact**2 / radius, Signorini(), (kappa, kappa), given)
         return solve(problem, solver, limits)
 
-    found = {
+    result = {
         "one product": lambda: apply_load(system, normal, (2,)),
         "five products": lambda: system.apply(load),
         "one whole": lambda: whole(0.0, ProjectedCG()),
@@ -71,11 +71,11 @@ def conducting(n: int, material: str, potentials: tuple[float, float]) -> Record
     turns = [
         {
             name: median_time(action, 9 if "product" in name else 1, warm=False)["processor"]
-            for name, action in found.items()
+            for name, action in result.items()
         }
         for _ in range(TURNS)
     ]
-    record: Record = {name: statistics.median(turn[name] for turn in turns) for name in found}
+    record: Record = {name: statistics.median(turn[name] for turn in turns) for name in result}
     ends = whole(0.0, ProjectedCG()), whole(np.inf, ProjectedCG()), whole(np.inf, Auto())
     return record | {"size": n, "iterations": [end.iterations for end in ends], "residuals": [e.residual for e in ends]}
 

@@ -133,15 +133,15 @@ def compared(job: Job, repeats: int) -> Record:
         with threads(2):
             answers.setdefault(TWO_THREADS, []).append(ours(job))
     record: Record = {}
-    for code, found in answers.items():
-        times = {name: median(getattr(one, name) for one in found) for name in ("built", "solved", "clock")}
-        record[code] = times | {"iterations": found[-1].iterations} | assess(job, found[-1])
-        record[code]["turns"] = len(found)
+    for code, result in answers.items():
+        times = {name: median(getattr(one, name) for one in result) for name in ("built", "solved", "clock")}
+        record[code] = times | {"iterations": result[-1].iterations} | assess(job, result[-1])
+        record[code]["turns"] = len(result)
     for code in answers:
         record[code]["apart"] = abs(record[code]["mean_gap"] - record["meeframe"]["mean_gap"]) / job.depth
     if not job.periodic and job.depth == CONTACT**2 / RADIUS:
-        for code, found in answers.items():
-            record[code] |= _against_hertz(found[-1], record[code]["approach"])
+        for code, result in answers.items():
+            record[code] |= _against_hertz(result[-1], record[code]["approach"])
     return record
 
 
@@ -193,7 +193,7 @@ def highlights(record: Record) -> list[tuple[str, str]]:
 def section(record: Record, pictures: Path) -> str:
     """Return the section of the page and draw its figures."""
     gains = {size: [speedup(record[name][size]) for name in JOBS] for size in record["sphere"]}
-    ranges = "; ".join(f"{size}: {min(found):.1f} to {max(found):.1f}" for size, found in gains.items())
+    ranges = "; ".join(f"{size}: {min(result):.1f} to {max(result):.1f}" for size, result in gains.items())
     parts = [
         prose(
             "A rigid body is pressed on an elastic half space with a given force, and the codes compute the pressure."

@@ -255,8 +255,8 @@ def _free_row(n: str, row: Record) -> list[str]:
 
 
 def _code_row(n: str, code: str, one: Record) -> list[str]:
-    found = [f"{one[name]:.0e}" for name in ("residual", "force")]
-    return [f"{n} x {n}", code, f"{one['processor']:.2f}", *found, f"{100 * one['difference']:.2f} %"]
+    result = [f"{one[name]:.0e}" for name in ("residual", "force")]
+    return [f"{n} x {n}", code, f"{one['processor']:.2f}", *result, f"{100 * one['difference']:.2f} %"]
 
 
 if __name__ == "__main__":

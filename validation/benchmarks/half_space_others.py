@@ -103,7 +103,7 @@ def contact_mechanics_answer(job: Job) -> Answer:
     built = process_time() - start
     clock, start = perf_counter(), process_time()
     overlap = TOLERANCE * job.depth
-    found = system.minimize_proxy(external_force=job.force, pentol=overlap, thermotol=TOLERANCE)
+    result = system.minimize_proxy(external_force=job.force, pentol=overlap, thermotol=TOLERANCE)
     times = built, process_time() - start, perf_counter() - clock
-    pressure = np.asarray(found.jac)[:n, :n] / (WIDTH / n) ** 2
-    return Answer(pressure, np.asarray(found.x)[:n, :n], *times, int(found.nit))
+    pressure = np.asarray(result.jac)[:n, :n] / (WIDTH / n) ** 2
+    return Answer(pressure, np.asarray(result.x)[:n, :n], *times, int(result.nit))

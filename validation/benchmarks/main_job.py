@@ -55,8 +55,8 @@ def highlights(record: Record) -> list[tuple[str, str]]:
 
 def section(record: Record, _pictures: Path) -> str:
     """Return the section of the page."""
-    found, stages = record["found"], dict(record["stages"])
-    stages["start-up and end"] = found["whole run [s]"] - stages.pop("total")
+    result, stages = record["found"], dict(record["stages"])
+    stages["start-up and end"] = result["whole run [s]"] - stages.pop("total")
     return "\n\n".join(
         [
             prose(
@@ -65,7 +65,7 @@ def section(record: Record, _pictures: Path) -> str:
                 f" is a new process with {record['threads']} threads; times are medians of {record['repeats']} warm"
                 " runs. The cold run comes first: Python and numba compile everything, once for all later runs."
             ),
-            table(("quantity", "measured"), [[name, f"{value:.4g}"] for name, value in found.items()]),
+            table(("quantity", "measured"), [[name, f"{value:.4g}"] for name, value in result.items()]),
             table(("stage", "time [s]"), [[name, f"{seconds:.2f}"] for name, seconds in stages.items()]),
         ]
     )

@@ -117,8 +117,8 @@ def alternatives(problem: ContactProblem, chosen: dict[str, Solver], states: lis
     leave = set()
     for label, solver in chosen.items():
         for state in distinct:
-            found = solve(problem, solver, LIMITS, replace(state, load=NEARBY * state.load))
-            if found.status is not Status.CONVERGED or difference(problem, found.state, state) > AGREEMENT:
+            result = solve(problem, solver, LIMITS, replace(state, load=NEARBY * state.load))
+            if result.status is not Status.CONVERGED or difference(problem, result.state, state) > AGREEMENT:
                 leave.add(label)
     laws = [channel.law for channel in problem.channels]
     jumps = any(isinstance(law, StepConductivity) and law.kappa > 0.0 for law in laws)
@@ -140,13 +140,13 @@ def profile(rows: list[dict]) -> dict[str, dict]:
     """Return for each solver the times relative to the best one in the cases that it solved, the numbers of solved and
     of all cases, and the median steps."""
     best = [min(run["seconds"] for run in row["runs"].values() if solved(run)) for row in rows]
-    found = {}
+    result = {}
     for name in rows[0]["runs"]:
         runs = [(row["runs"][name], least) for row, least in zip(rows, best, strict=True) if name in row["runs"]]
         ratios = sorted(run["seconds"] / least for run, least in runs if solved(run))
         steps = float(np.median([run["iterations"] for run, _ in runs]))
-        found[name] = {"ratios": ratios, "solved": len(ratios), "cases": len(runs), "median steps": steps}
-    return found
+        result[name] = {"ratios": ratios, "solved": len(ratios), "cases": len(runs), "median steps": steps}
+    return result
 
 
 def within(one: dict, factor: float) -> float:

@@ -88,9 +88,9 @@ def _lines(file: Path) -> int:
 
 def _run(study: Path, out: Path, workers: int) -> None:
     with pool_of(workers, plugins=[COUNTED]) as pool:
-        found = sweep(study, out, pool, registry=load(COUNTED))
-    if not (found.status == "converged").all():
-        raise SystemExit(f"{out}: {', '.join(found.message.ravel())}")
+        result = sweep(study, out, pool, registry=load(COUNTED))
+    if not (result.status == "converged").all():
+        raise SystemExit(f"{out}: {', '.join(result.message.ravel())}")
 
 
 def _timed(action: Callable[[], object]) -> float:

@@ -183,12 +183,12 @@ class HalfSpaceSystem(
         shares = None if self.convolution.periodic else self.shares.astype(np.float32)
 
         def prolong(values: Array) -> Array:
-            whole = extension.prolong(values).ravel()
-            return whole if places is None else whole[places]
+            full = extension.prolong(values).ravel()
+            return full if places is None else full[places]
 
-        def restrict(whole: Array) -> Array:
-            whole = whole if shares is None else whole * shares
-            values = extension.restrict(whole.reshape(size) if places is None else whole[self.grid.nodes])
+        def restrict(full: Array) -> Array:
+            full = full if shares is None else full * shares
+            values = extension.restrict(full.reshape(size) if places is None else full[self.grid.nodes])
             return values if shares is None else values / shares[nodes]
 
         return Prolongation(prolong, restrict)
@@ -242,9 +242,9 @@ class HalfSpaceSystem(
         response = self._response_on(size) if places.size <= MAX_PART * len(self.points) else None
         if response is None:
             return None
-        kept, grid = places.ravel(), numbered(self.grid, size)
-        parts = self.points[kept], self.frames[kept], self.weights[kept], coarse_cells(grid), self.offset[kept]
-        return Subsystem(HalfSpaceSystem(*parts, grid, *response, self.shares[kept]), kept)
+        inner, grid = places.ravel(), numbered(self.grid, size)
+        arrays = self.points[inner], self.frames[inner], self.weights[inner], coarse_cells(grid), self.offset[inner]
+        return Subsystem(HalfSpaceSystem(*arrays, grid, *response, self.shares[inner]), inner)
 
     def _response_on(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
         """Return the response on parts of that size, at any place; None if they have none. The latest are stored."""

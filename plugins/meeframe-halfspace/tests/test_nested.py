@@ -468,8 +468,8 @@ def _kinked(prolonged: Array, nodes: Indices) -> Array:
     + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal", "stencil")]
     + [("single precision", "apply_fields of loads float32")]
     + [("values", "prolongation changes the values"), ("adjoint", "is not the adjoint of prolong")]
-    + [("kinked", "prolongation is not linear"), ("double precision", "the precision"), ("no node", "from no node")]
-    + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")],
+    + [("kinked", "prolongation is not linear"), ("double precision", "the precision"), ("no node", "from no nodes")]
+    + [("part", "lacks some of the requested nodes"), ("nodes of a part", "points of a subsystem are not")],
 )
 def test_wrong_capabilities_are_caught(wrong: str, message: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)

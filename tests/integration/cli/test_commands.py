@@ -288,7 +288,7 @@ def test_a_mesh_too_large_for_the_memory(case_file, tmp_path, monkeypatch, comma
     arguments = ["--out", tmp_path / "out"] if command == "run" else []
     status, _, err = meeframe_command(command, case_file, *arguments)
     assert status == 2
-    assert f"error: {case_file}: mesh: needs more memory than there is: " in err
+    assert f"error: {case_file}: mesh: needs more memory than is available: " in err
     assert not (tmp_path / "out").exists()
 
 

@@ -269,7 +269,7 @@ def test_systems_wrongly_made_from_arrays_are_caught(layer, fault):
     formulation, body, field = layer
     right = Altered(formulation, lambda s, _: stored(s), lambda s, k: stored(replace(s, offset=k["offset"])))
     kits.check_formulation(right, body, field, tolerance=1e-9)
-    with pytest.raises(AssertionError, match=f"{fault} changes when made from arrays"):
+    with pytest.raises(AssertionError, match=f"{fault} changes when restored from arrays"):
         kits.check_formulation(replace(right, restore=FROM_ARRAYS[fault]), body, field, tolerance=1e-9)
 
 
@@ -294,7 +294,7 @@ def test_a_formulation_has_to_refuse_what_it_cannot_do(layer):
 
 def test_a_layer_is_no_half_space(layer):
     formulation, body, _ = layer
-    with pytest.raises(AssertionError, match=r"a sphere pressed 3e-05 m deep meets .* in closed form"):
+    with pytest.raises(AssertionError, match=r"a sphere pressed 3e-05 m deep needs .* in closed form"):
         kits.check_indentation(formulation, body)
 
 

@@ -260,7 +260,7 @@ def test_modules_of_one_case_are_not_those_of_another(tmp_path, monkeypatch):
     cases = make_case(tmp_path / "cases", "a", value="1.001")
     make_case(cases, "b", value="1.002")
     found = validate(cases, tmp_path / "out")
-    assert [case.rows[0].found.computed for case in found.cases] == [1.001, 1.002]
+    assert [case.rows[0].item.computed for case in found.cases] == [1.001, 1.002]
     assert sys.modules["beside"] == "of somebody else"
     assert "shared" not in sys.modules
     assert sys.path == path
