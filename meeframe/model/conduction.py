@@ -112,11 +112,11 @@ def _wrong_in_state(
 ) -> Iterator[Answer]:
     """Yield the first invalid conductivity of a law in a finite state, if there is one."""
     state = solution.state
-    ahead = indenter_position(problem, state.motion) - state.displacement
-    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2]), 0.0)
-    gap = np.where(traction < 0.0, 0.0, np.maximum(ahead[:, 2], 0.0))
+    relative_displacement = indenter_position(problem, state.motion) - state.displacement
+    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2]), 0.0)
+    gap = np.where(traction < 0.0, 0.0, np.maximum(relative_displacement[:, 2], 0.0))
     asked = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
-    given = traction[asked], gap[asked], ahead[asked, column]
+    given = traction[asked], gap[asked], relative_displacement[asked, column]
     with np.errstate(all="ignore"):
         kappa = law.conductivity(*given)
     yield from _answers(kappa, *given, ~(kappa >= 0.0))

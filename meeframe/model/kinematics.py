@@ -143,7 +143,7 @@ class IndenterKinematics:
         for key in controls.keys() & self.case.motions.motions.keys():
             base[self.case.motions.columns[key]] = controls[key]
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
-        prescribed_resultants = self._freedoms(prescribed)
+        prescribed_resultants = self._prescribed_resultants(prescribed)
         gap = self.touching_gap + np.einsum("k,kn->n", base[:N_RIGID], self.modes[:N_RIGID, :, 2])
         tangential = np.einsum("k,knt->nt", base[:N_RIGID], self.modes[:N_RIGID, :, :2])
         potentials = np.tile(base[N_RIGID:], (len(gap), 1))
@@ -155,7 +155,7 @@ class IndenterKinematics:
         )
         return Increment(problem, base, np.array(list(prescribed_resultants), int), prescribed, duration)
 
-    def _freedoms(self, prescribed: Controls) -> dict[int, PrescribedResultant]:
+    def _prescribed_resultants(self, prescribed: Controls) -> dict[int, PrescribedResultant]:
         """Return the prescribed resultants of free motions that something may resist, by number."""
         prescribed_resultants, columns = {}, self.case.motions.columns
         for key, totals in prescribed.items():

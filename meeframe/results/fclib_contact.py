@@ -178,9 +178,11 @@ def _motion(problem: ContactProblem, state: ContactState | None) -> Array:
 def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
     """Return the resistances (n, 2) of the contact in a state."""
     if state is not None:
-        ahead = indenter_position(problem, state.motion) - state.displacement
-        pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
-        return resistances(problem, pressing, state.contact_fraction, potential_diagonal(problem), ahead)
+        relative_displacement = indenter_position(problem, state.motion) - state.displacement
+        pressing = contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2])
+        return resistances(
+            problem, pressing, state.contact_fraction, potential_diagonal(problem), relative_displacement
+        )
     for name, law in ((channel.field.name, channel.law) for channel in problem.channels):
         if law.across_gap or contact_conductivity(law, _PRESSURES).any():
             raise CaseError(
@@ -190,12 +192,15 @@ def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
     return np.full((len(problem.gap), len(problem.channels)), np.inf)
 
 
-def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices) -> tuple[Array, Array]:
+def _condensed(
+    compliance: Array, relative_displacement: Array, resistance: Array, dofs: Indices
+) -> tuple[Array, Array]:
     """Return W per density (k, k) and q (k,) at mechanical dofs (k,) with the conducting potentials eliminated.
 
-    compliance: (5n, 5n); ahead: (5n,) position of the indenter relative to the unloaded body; resistance: (n, 2).
+    compliance: (5n, 5n); relative_displacement: (5n,) position of the indenter relative to the unloaded body;
+    resistance: (n, 2).
     """
-    matrix, q = compliance[np.ix_(dofs, dofs)], ahead[dofs]
+    matrix, q = compliance[np.ix_(dofs, dofs)], relative_displacement[dofs]
     of_fields = np.full((len(resistance), PER_CONTACT + resistance.shape[1]), np.inf)
     of_fields[:, PER_CONTACT:] = resistance
     pairs = np.flatnonzero(np.isfinite(of_fields))
@@ -204,7 +209,7 @@ def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices
     equations = compliance[np.ix_(pairs, pairs)] + np.diag(of_fields.flat[pairs])
     scale = np.diag(equations) ** -0.5  # makes the equations independent of units
     factor = lu_factor(scale[:, None] * equations * scale)
-    given = np.column_stack([compliance[np.ix_(pairs, dofs)], ahead[pairs]])
+    given = np.column_stack([compliance[np.ix_(pairs, dofs)], relative_displacement[pairs]])
     caused = compliance[np.ix_(dofs, pairs)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * given))
     return matrix - caused[:, :-1], q - caused[:, -1]
 

@@ -9,14 +9,14 @@ from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.residual import evaluate, law_residual
 from meeframe.contact.scales import Scales, problem_scales
-from meeframe.solvers.cg.frictionless import takes
+from meeframe.solvers.cg.frictionless import accepts
 from meeframe.solvers.cg.projected_cg import ProjectedCG
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.gradient.uzawa import Uzawa
 from meeframe.solvers.newton.method import SemismoothNewton, estimated_residual
 from meeframe.system.capabilities import EdgeResolution
 
-FALL: Final = 0.9
+PROGRESS_FACTOR: Final = 0.9
 """Factor relative to the smallest residual so far below which a residual counts as progress."""
 
 
@@ -25,20 +25,20 @@ class _Stage:
     """Stage of `auto` with one solver.
 
     steps: number of the solver's steps in one step of `auto`; stall_window: number of steps of `auto` without progress
-    after which the next stage takes over; grazing: whether the stage continues with biactive nodes, which otherwise end
-    it.
+    after which the next stage takes over; accepts_biactive: whether the stage continues with biactive nodes, which
+    otherwise end it.
     """
 
     solver: Solver
     steps: int
     stall_window: float
-    grazing: bool = True
+    accepts_biactive: bool = True
 
 
-FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, grazing=False)
+FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, accepts_biactive=False)
 """First stage where it accepts the problem and there is no matrix to factorise.
 
-It determines pressures and the closed fractions of biactive nodes alternately, Newton's method together.
+It determines pressures and the contact fractions of biactive nodes alternately, Newton's method together.
 """
 CONDUCTING: Final = (_Stage(SemismoothNewton(), 1, 10), _Stage(ProjectedCG(), 1, 15))
 """First stages if anything conducts, unless contact edges are resolved.
@@ -98,12 +98,14 @@ class Auto(Solver):
         for _ in range(stage.steps):
             inner = stage.solver.step(problem, inner)
         residual = _residual(problem, inner, memory.scales)
-        if residual < FALL * memory.residual or not np.isfinite(memory.residual):
+        if residual < PROGRESS_FACTOR * memory.residual or not np.isfinite(memory.residual):
             memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
-        grazing = not stage.grazing and bool(((inner.contact_fraction > 0.0) & (inner.contact_fraction < 1.0)).any())
-        if grazing or memory.idle > stage.stall_window:
+        interrupted = not stage.accepts_biactive and bool(
+            ((inner.contact_fraction > 0.0) & (inner.contact_fraction < 1.0)).any()
+        )
+        if interrupted or memory.idle > stage.stall_window:
             best = evaluate(problem, memory.best)
             return _begin(problem, memory.stages[1:], best, memory.scales, memory.tolerance)
         return replace(inner, memory=memory)
@@ -117,7 +119,7 @@ def _memory(iterate: Iterate) -> _Memory:
 
 def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
     """Return all stages that may be tried, in this order."""
-    if problem.system.dense() is not None or not takes(problem):
+    if problem.system.dense() is not None or not accepts(problem):
         return STAGES
     if conducting(problem) and not _resolves_edges(problem):
         return (*CONDUCTING, *STAGES)
@@ -140,7 +142,7 @@ def _begin(
 
 def _residual(problem: ContactProblem, iterate: Iterate, scales: Scales) -> float:
     """Return the residual of the laws, from the solver itself if it estimates it."""
-    known = iterate.estimate if iterate.estimate is not None else estimated_residual(iterate)
-    if known is not None:
-        return known
+    estimate = iterate.estimate if iterate.estimate is not None else estimated_residual(iterate)
+    if estimate is not None:
+        return estimate
     return law_residual(problem, evaluate(problem, iterate), scales)

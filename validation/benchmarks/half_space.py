@@ -95,11 +95,11 @@ def pressed(job: Job, system: ReducedSystem, place: Array) -> ContactProblem:
     """Return the job as a contact problem; place (n * n,): nodes of the system in the order of the heights."""
     press = np.zeros((len(place), 5))
     press[:, 2] = -1.0
-    freedom = PrescribedResultant(press, system.weights[:, None] * press, job.force)
+    resultant = PrescribedResultant(press, system.weights[:, None] * press, job.force)
     gap = np.empty(len(place))
     gap[place] = job.heights.ravel()
     none = np.zeros((len(place), 2))
-    return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (freedom,))
+    return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (resultant,))
 
 
 SOLVERS: dict[str, Callable[[Job], Answer]] = dict(

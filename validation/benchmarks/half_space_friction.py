@@ -23,7 +23,7 @@ from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
-from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, prescribe_resultant
 from meeframe.testing.operation_counter import OperationCounter
 
 TITLE = "Half space by fast Fourier transforms, with friction"
@@ -51,9 +51,12 @@ def dragged(
 ) -> ContactProblem:
     """Return a sphere under prescribed forces; drag: ratio of tangential and normal force, unused without friction."""
     x, y, _ = system.points.T
-    prescribed_resultants = [freedom(system, PRESS, force)]
+    prescribed_resultants = [prescribe_resultant(system, PRESS, force)]
     if law.tangential_scaling().any():
-        prescribed_resultants += [freedom(system, SLIDE, drag * force), freedom(system, SLIDE_2, 0.0)]
+        prescribed_resultants += [
+            prescribe_resultant(system, SLIDE, drag * force),
+            prescribe_resultant(system, SLIDE_2, 0.0),
+        ]
     none = np.zeros((len(x), 2))
     flux: ConductivityLaw = StepConductivity(np.inf) if conducting else Insulating()
     return ContactProblem(

@@ -72,13 +72,13 @@ def ours(system: ReducedSystem, heights: Array, mean_pressure: float) -> Contact
     press = np.zeros((len(system.points), 5))
     press[:, 2] = -1.0
     area = float(system.weights.sum())
-    freedom = PrescribedResultant(press, system.weights[:, None] * press, mean_pressure * area)
+    resultant = PrescribedResultant(press, system.weights[:, None] * press, mean_pressure * area)
     place = np.lexsort((system.points[:, 1], system.points[:, 0]))  # nodes in the order of the heights
     gap = np.empty(len(place))
     gap[place] = heights.ravel()
     none = np.zeros((len(gap), 2))
     problem = ContactProblem(
-        system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (freedom,)
+        system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (resultant,)
     )
     state = converged(solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10))).state
     opening = contact_gap(problem, state.displacement, state.motion)[:, 2]

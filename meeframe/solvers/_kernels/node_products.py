@@ -7,7 +7,7 @@ parts, all entries of a part in turn, so that the vectors of the part stay in ca
 import numpy as np
 from numba import njit
 
-PART = 2048
+BLOCK_SIZE = 2048
 
 
 @njit(cache=True, nogil=True)
@@ -19,8 +19,8 @@ def _multiply(entry, vector, to):
 @njit(cache=True, nogil=True)
 def add_products(rows, columns, entries, vectors, to):
     """Add to `to` the products of the entries (k, c) with vectors (., c)."""
-    for start in range(0, entries.shape[1], PART):
-        end = start + PART
+    for start in range(0, entries.shape[1], BLOCK_SIZE):
+        end = start + BLOCK_SIZE
         for k in range(len(rows)):
             _multiply(entries[k, start:end], vectors[columns[k], start:end], to[rows[k], start:end])
 
@@ -28,36 +28,36 @@ def add_products(rows, columns, entries, vectors, to):
 @njit(cache=True, nogil=True)
 def add_products_at(rows, columns, entries, vectors, nodes, to):
     """Add to `to` the products of the entries (k, c) with vectors (., n) taken at c of the n nodes, numbered (c,)."""
-    there = np.empty((vectors.shape[0], PART), vectors.dtype)
-    for start in range(0, len(nodes), PART):
-        end = start + PART
-        some = nodes[start:end]
-        for j in range(len(there)):
-            vector, part = vectors[j], there[j]
-            for i in range(len(some)):
-                part[i] = vector[some[i]]
+    gathered = np.empty((vectors.shape[0], BLOCK_SIZE), vectors.dtype)
+    for start in range(0, len(nodes), BLOCK_SIZE):
+        end = start + BLOCK_SIZE
+        block = nodes[start:end]
+        for j in range(len(gathered)):
+            vector, values = vectors[j], gathered[j]
+            for i in range(len(block)):
+                values[i] = vector[block[i]]
         for k in range(len(rows)):
-            _multiply(entries[k, start:end], there[columns[k]], to[rows[k], start:end])
+            _multiply(entries[k, start:end], gathered[columns[k]], to[rows[k], start:end])
 
 
 @njit(cache=True, nogil=True)
-def spread_products(rows, columns, entries, vectors, nodes, to):
+def scatter_products(rows, columns, entries, vectors, nodes, to):
     """Set `to` (., n) at c of the n nodes, numbered (c,), to the products of the entries (k, c) with vectors (., c)."""
-    here = np.empty((to.shape[0], PART), to.dtype)
-    for start in range(0, len(nodes), PART):
-        end = start + PART
-        some = nodes[start:end]
-        here[:] = 0.0
+    products = np.empty((to.shape[0], BLOCK_SIZE), to.dtype)
+    for start in range(0, len(nodes), BLOCK_SIZE):
+        end = start + BLOCK_SIZE
+        block = nodes[start:end]
+        products[:] = 0.0
         for k in range(len(rows)):
-            _multiply(entries[k, start:end], vectors[columns[k], start:end], here[rows[k]])
-        for j in range(len(here)):
-            out, part = to[j], here[j]
-            for i in range(len(some)):
-                out[some[i]] = part[i]
+            _multiply(entries[k, start:end], vectors[columns[k], start:end], products[rows[k]])
+        for j in range(len(products)):
+            out, values = to[j], products[j]
+            for i in range(len(block)):
+                out[block[i]] = values[i]
 
 
 @njit(cache=True, nogil=True)
-def spread(values, units, nodes, to):
+def scatter(values, units, nodes, to):
     """Set `to` (., n) at c of the n nodes, numbered (c,), to the units (l,) times the values (., c)."""
     for j in range(len(units)):
         value, out = values[j], to[j]
@@ -66,7 +66,7 @@ def spread(values, units, nodes, to):
 
 
 @njit(cache=True, nogil=True)
-def turn(first, second, cosine, sine):
+def rotate(first, second, cosine, sine):
     """Return two components (c,) along axes rotated by the angles of these cosines and sines (c,)."""
     along, across = np.empty_like(first), np.empty_like(first)
     for i in range(len(first)):

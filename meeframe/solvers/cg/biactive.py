@@ -14,13 +14,13 @@ MIN_SLOPE_CHANGE: Final = 0.5
 With a smaller change those of other nodes dominate, and a slope due to them would be so steep that the node never moved
 again.
 """
-LEAST_MOVE: Final = 1e-12
+MIN_INCREMENT: Final = 1e-12
 """Smallest norm of the changes of all biactive fractions for a derivative update: smaller ones show round-off only."""
-REMEMBERED: Final = 50
+MAX_UPDATES: Final = 50
 """Largest number of derivative updates that are stored."""
-WORSE: Final = 3.0
+MAX_TRIAL_GROWTH: Final = 3.0
 """Growth factor of the norm of the trials beyond which earlier derivatives are discarded."""
-ROUNDS: Final = 3
+MAX_ROUNDS: Final = 3
 """Largest number of rounds in the search for the biactive nodes; each solves again without the nodes that have left."""
 
 
@@ -33,17 +33,24 @@ class BiactiveNodes:
     secant gives the slope, node by node, while all nodes around do the same; Broyden's updates add the coupling between
     biactive nodes.
 
-    Source: Broyden, Math. Comput. 19 (1965) 577.
+    Attributes
+    ----------
+    contact_fraction, trial : Array
+        (n,), contact fractions and trial tractions [Pa] at the last evaluation, NaN at first.
+    slope : Array
+        (n,), derivative of the trial by the fraction, where it was found to grow; NaN elsewhere.
+    updates : tuple of (Array, Array)
+        Updates of these derivatives, pairs of (n,) by (n,) vectors, one for each evaluation.
 
-    contact_fraction, trial: (n,) at the last evaluation, NaN at first; slope: (n,) of the trial over the fraction,
-    where it was found to grow; changes: updates of these derivatives, pairs of (n,) by (n,) vectors, one for each
-    evaluation.
+    References
+    ----------
+    Broyden, Math. Comput. 19 (1965) 577.
     """
 
     contact_fraction: Array
     trial: Array
     slope: Array
-    changes: tuple[tuple[Array, Array], ...] = ()
+    updates: tuple[tuple[Array, Array], ...] = ()
 
     @classmethod
     def unknown(cls, n: int) -> "BiactiveNodes":
@@ -58,55 +65,59 @@ class BiactiveNodes:
         """
         if not np.isfinite(trial).all():
             return BiactiveNodes.unknown(len(contact_fraction))
-        moved, rise = contact_fraction - self.contact_fraction, trial - self.trial
+        increment, rise = contact_fraction - self.contact_fraction, trial - self.trial
         known = self.slope > 0.0
-        nodes = np.flatnonzero(known & (_between(contact_fraction) | _between(self.contact_fraction)))
-        astray = float(np.linalg.norm(trial[nodes])) > WORSE * float(np.linalg.norm(self.trial[nodes]))
+        nodes = np.flatnonzero(known & (_is_partial(contact_fraction) | _is_partial(self.contact_fraction)))
+        has_diverged = float(np.linalg.norm(trial[nodes])) > MAX_TRIAL_GROWTH * float(np.linalg.norm(self.trial[nodes]))
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = rise / moved
-        grows = (np.abs(moved) > MIN_SLOPE_CHANGE) & (found > 0.0)
+            secant = rise / increment
+        grows = (np.abs(increment) > MIN_SLOPE_CHANGE) & (secant > 0.0)
         # a slope that moves a node from one end to the other is due to other nodes, and no update would correct it
-        thrown = np.abs(moved) == 1.0
-        slope = np.where(grows & (astray | ~known | thrown), found, self.slope)
-        size = float(moved[nodes] @ moved[nodes])
-        if astray or size <= LEAST_MOVE**2:
+        jumped = np.abs(increment) == 1.0
+        slope = np.where(grows & (has_diverged | ~known | jumped), secant, self.slope)
+        square = float(increment[nodes] @ increment[nodes])
+        if has_diverged or square <= MIN_INCREMENT**2:
             return BiactiveNodes(contact_fraction, trial, slope)
-        by, along = np.zeros((2, len(contact_fraction)))
-        by[nodes], along[nodes] = rise[nodes] - self._rise(moved, nodes), moved[nodes] / size
-        return BiactiveNodes(contact_fraction, trial, slope, (*self.changes, (by, along))[-REMEMBERED:])
+        update, direction = np.zeros((2, len(contact_fraction)))
+        update[nodes], direction[nodes] = rise[nodes] - self._rise(increment, nodes), increment[nodes] / square
+        return BiactiveNodes(contact_fraction, trial, slope, (*self.updates, (update, direction))[-MAX_UPDATES:])
 
     def fractions(self, touching: Mask) -> Array:
         """Return the next contact fractions (n,), given which nodes touch (n,)."""
         known = self.slope > 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             fraction = np.where(known, np.clip(self.contact_fraction - self.trial / self.slope, 0.0, 1.0), touching)
-        for _ in range(ROUNDS):
-            nodes = np.flatnonzero(known & _between(fraction))
-            if not len(nodes) or not self.changes:
+        for _ in range(MAX_ROUNDS):
+            nodes = np.flatnonzero(known & _is_partial(fraction))
+            if not len(nodes) or not self.updates:
                 break
-            moved = fraction - self.contact_fraction
-            moved[nodes] = 0.0
+            increment = fraction - self.contact_fraction
+            increment[nodes] = 0.0
             # the slopes plus a matrix of low rank (Sherman, Morrison and Woodbury)
-            by, along = (np.array([part[nodes] for part in parts]) for parts in zip(*self.changes, strict=True))
-            step = (self.trial[nodes] + self._rise(moved, nodes)) / self.slope[nodes]
-            by = by / self.slope[nodes]
-            step -= np.linalg.lstsq(np.eye(len(by)) + along @ by.T, along @ step, rcond=None)[0] @ by
-            found = np.clip(self.contact_fraction[nodes] - step, 0.0, 1.0)
+            update, direction = (
+                np.array([vector[nodes] for vector in vectors]) for vectors in zip(*self.updates, strict=True)
+            )
+            step = (self.trial[nodes] + self._rise(increment, nodes)) / self.slope[nodes]
+            update = update / self.slope[nodes]
+            step -= (
+                np.linalg.lstsq(np.eye(len(update)) + direction @ update.T, direction @ step, rcond=None)[0] @ update
+            )
+            solution = np.clip(self.contact_fraction[nodes] - step, 0.0, 1.0)
             # no node ends against its own trial: where conduction pulls nodes into contact, trials fall with fractions
             # and vanish beyond the wrong end
-            stays = ((found - self.contact_fraction[nodes]) * self.trial[nodes] >= 0.0) & ~_between(found)
-            fraction[nodes] = np.where(stays, fraction[nodes], found)
-            if _between(found).all() or stays.any():
+            is_blocked = ((solution - self.contact_fraction[nodes]) * self.trial[nodes] >= 0.0) & ~_is_partial(solution)
+            fraction[nodes] = np.where(is_blocked, fraction[nodes], solution)
+            if _is_partial(solution).all() or is_blocked.any():
                 break
         return np.asarray(fraction)
 
-    def _rise(self, moved: Array, nodes: Indices) -> Array:
+    def _rise(self, increment: Array, nodes: Indices) -> Array:
         """Return the increments of the trials of nodes (k,) with known slopes when the fractions change by (n,)."""
-        rise = self.slope[nodes] * moved[nodes]
-        for by, along in self.changes:
-            rise += by[nodes] * float(along @ moved)
+        rise = self.slope[nodes] * increment[nodes]
+        for update, direction in self.updates:
+            rise += update[nodes] * float(direction @ increment)
         return rise
 
 
-def _between(contact_fraction: Array) -> Mask:
+def _is_partial(contact_fraction: Array) -> Mask:
     return np.asarray((contact_fraction > 0.0) & (contact_fraction < 1.0))

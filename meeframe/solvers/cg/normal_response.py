@@ -14,27 +14,27 @@ from meeframe.fields import N_MECHANICAL, POTENTIALS, Array
 from meeframe.solvers.cg.biactive import BiactiveNodes
 from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.conduction.elimination import Conductors
-from meeframe.solvers.gradient.steps import Conduction, Ground, start_load
+from meeframe.solvers.gradient.steps import Conduction, GradientStepper, start_load
 from meeframe.system.capabilities import apply_fields, diagonal
 
-CHANGED: Final = 3e-3
+CHANGE_TOLERANCE: Final = 3e-3
 """Largest residual of the potentials for a change of pressure, relative to its displacement.
 
 The potentials found at a pressure correct it.
 """
-FOLLOWING: Final = 0.01
+UPDATE_REDUCTION: Final = 0.01
 """Reduction of the violation since the last update at which the conduction is updated, without biactive nodes."""
-FOLLOWING_GRAZING: Final = 0.3
+BIACTIVE_UPDATE_REDUCTION: Final = 0.3
 """Reduction of the violation since the last update at which the conduction is updated, with biactive nodes.
 
 Secants of their fractions are found early or not at all.
 """
-LEFT: Final = 1e-2
+POTENTIAL_TOLERANCE: Final = 1e-2
 """Largest residual of the potentials solved for anew, relative to the violation.
 
-Both are in square roots of the nodes' own responses.
+Both are in square roots of the nodes' self-compliances.
 """
-SINGLE: Final = 1e-4
+SINGLE_REDUCTION: Final = 1e-4
 """Reduction of the violation at which gaps changed in single precision are computed anew.
 
 Three digits of the violation are then right.
@@ -43,9 +43,16 @@ Three digits of the violation are then right.
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """Normal gap (n,) [m], flux (n, channels), and motion (m,) of a pressure, or their changes.
+    """Effect of a pressure, or of a change of the pressure.
 
-    The flux is (0, channels) where nothing conducts.
+    Attributes
+    ----------
+    gap : Array
+        (n,), normal gap [m].
+    flux : Array
+        (n, channels), or (0, channels) where nothing conducts.
+    motion : Array
+        (m,), free motions of the prescribed resultants.
     """
 
     gap: Array
@@ -61,27 +68,27 @@ class NormalResponse(ABC):
     scales: Scales
 
     @abstractmethod
-    def at(self, pressure: Array, near: Effect) -> Effect:
+    def at(self, pressure: Array, guess: Effect) -> Effect:
         """Return the effect of a pressure (n,), given a nearby effect, whose indenter motion is used."""
 
     @abstractmethod
     def change(self, pressure: Array) -> Effect:
         """Return the approximate effect of a pressure (n,) alone, with the indenter fixed but for its potentials.
 
-        See `lasting` for the accuracy.
+        See `update_reduction` for the accuracy.
         """
 
     @abstractmethod
-    def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
+    def after_change(self, pressure: Array, change: Array, effect: Effect) -> Effect:
         """Return the approximate effect at a pressure (n,) that differs by a change (n,) from that of a known effect.
 
-        See `lasting` for the accuracy.
+        See `update_reduction` for the accuracy.
         """
 
     @property
     @abstractmethod
-    def lasting(self) -> float:
-        """Fraction to which violations may fall before the whole effect must be computed anew."""
+    def update_reduction(self) -> float:
+        """Reduction of the violation after which the whole effect must be computed anew."""
 
     @abstractmethod
     def contact_fraction(self, pressure: Array) -> Array:
@@ -89,15 +96,15 @@ class NormalResponse(ABC):
 
     @property
     @abstractmethod
-    def held(self) -> Mask | None:
+    def biactive(self) -> Mask | None:
         """Biactive nodes (n,), which are to bear no pressure and may overlap meanwhile; None if there are none."""
 
     @abstractmethod
-    def touched_again(self, gap: Array) -> bool:
-        """Return true if nodes overlap, by their gap (n,), that ceased to conduct at the last update."""
+    def has_new_overlap(self, gap: Array) -> bool:
+        """Return true if nodes overlap, by their gap (n,), that the last update of the conduction opened."""
 
     @abstractmethod
-    def updated(self, pressure: Array, effect: Effect) -> "NormalResponse":
+    def update_conduction(self, pressure: Array, effect: Effect) -> "NormalResponse":
         """Return the response with the conduction that belongs to a pressure (n,) and its effect.
 
         Responses without conduction return themselves.
@@ -121,67 +128,71 @@ def load_of(pressure: Array, flux: Array) -> Array:
 class Insulated(NormalResponse):
     """Response of a body when nothing conducts.
 
-    apart: (n,) normal gap of the unloaded body [m], the indenter's free motions at zero; modes: (m, n) their normal
-    parts.
+    Attributes
+    ----------
+    unloaded_gap : Array
+        (n,), normal gap of the unloaded body with the indenter's free motions at zero [m].
+    modes : Array
+        (m, n), normal parts of the free motions.
     """
 
-    apart: Array
+    unloaded_gap: Array
     modes: Array
 
     @classmethod
     def of(cls, problem: ContactProblem, scales: Scales) -> "Insulated":
         """Return the response for a problem in which nothing conducts."""
-        modes = np.array([freedom.mode[:, NORMAL] for freedom in problem.prescribed_resultants]).reshape(
+        modes = np.array([resultant.mode[:, NORMAL] for resultant in problem.prescribed_resultants]).reshape(
             -1, len(problem.gap)
         )
         return cls(problem, scales, problem.gap - problem.system.offset[:, NORMAL], modes)
 
-    def at(self, pressure: Array, near: Effect) -> Effect:
+    def at(self, pressure: Array, guess: Effect) -> Effect:
         """Return the effect by one application of the normal compliance; see NormalResponse."""
-        gap = self.apart + self._opened(pressure)
-        for mode, amount in zip(self.modes, near.motion, strict=True):
+        gap = self.unloaded_gap + self._gap_opening(pressure)
+        for mode, amount in zip(self.modes, guess.motion, strict=True):
             gap += amount * mode
-        return Effect(gap, self._no_flux, near.motion)
+        return Effect(gap, self._empty_flux, guess.motion)
 
     def change(self, pressure: Array) -> Effect:
         """Return the effect of a change by one normal response in single precision; see NormalResponse."""
         return Effect(
-            self._opened(pressure.astype(np.float32, copy=False)),
-            self._no_flux,
+            self._gap_opening(pressure.astype(np.float32, copy=False)),
+            self._empty_flux,
             np.zeros(len(self.problem.prescribed_resultants)),
         )
 
-    def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
+    def after_change(self, pressure: Array, change: Array, effect: Effect) -> Effect:
         """Return the effect with that of the change added; see NormalResponse."""
-        return Effect(effect.gap + self.change(change).gap, self._no_flux, effect.motion)
+        return Effect(effect.gap + self.change(change).gap, self._empty_flux, effect.motion)
 
     @property
-    def lasting(self) -> float:
+    def update_reduction(self) -> float:
         """Fraction set by single precision: the gap retains an error of that precision relative to its changes."""
-        return SINGLE
+        return SINGLE_REDUCTION
 
     def contact_fraction(self, pressure: Array) -> Array:
         """Return one where there is pressure and zero elsewhere; see NormalResponse."""
         return (pressure > 0.0).astype(float)
 
     @property
-    def held(self) -> Mask | None:
+    def biactive(self) -> Mask | None:
         """None, since no node is biactive."""
         return None
 
-    def touched_again(self, gap: Array) -> bool:
+    def has_new_overlap(self, gap: Array) -> bool:
         """Return false, since no node conducts."""
         return False
 
-    def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
+    def update_conduction(self, pressure: Array, effect: Effect) -> NormalResponse:
         """Return self, since there is no conduction to update."""
         return self
 
     @property
-    def _no_flux(self) -> Array:
+    def _empty_flux(self) -> Array:
         return np.zeros((0, len(self.problem.channels)))
 
-    def _opened(self, pressure: Array) -> Array:
+    def _gap_opening(self, pressure: Array) -> Array:
         return apply_fields(self.problem.system, pressure[:, None], (NORMAL,), (NORMAL,))[:, 0]
 
 
@@ -190,96 +201,133 @@ class Insulated(NormalResponse):
 class Conducting(NormalResponse):
     """Response of a body whose fluxes follow the pressure.
 
-    ground: see Ground; own: (n,) normal response of the nodes to their own pressure; following: (n, channels)
-    approximate flux under a pressure of one; conduction, conductors: those in force; grazing: the model of the biactive
-    nodes (see Grazing); held: (n,) the biactive nodes: their fraction, not a pressure, is to close their gap; opened:
-    (n,) those that conducted before the last update of the conduction.
+    Attributes
+    ----------
+    stepper : GradientStepper
+        Operators of the gradient iterations.
+    self_compliance : Array
+        (n,), normal response of the nodes to their own pressure [m/Pa].
+    flux_per_pressure : Array
+        (n, channels), approximate flux under a pressure of one.
+    conduction, conductors : Conduction, Conductors
+        Conduction in force.
+    biactive_model : BiactiveNodes
+        Model of the biactive nodes.
+    biactive : Mask, optional
+        (n,), biactive nodes: their fraction, not a pressure, is to close their gap.
+    newly_open : Mask, optional
+        (n,), nodes that conducted before the last update of the conduction, but not after it.
     """
 
-    ground: Ground
-    own: Array
-    following: Array
+    stepper: GradientStepper
+    self_compliance: Array
+    flux_per_pressure: Array
     conduction: Conduction
     conductors: Conductors
-    grazing: BiactiveNodes
-    held: Mask | None = None
-    opened: Mask | None = None
+    biactive_model: BiactiveNodes
+    biactive: Mask | None = None
+    newly_open: Mask | None = None
 
     @classmethod
     def of(cls, problem: ContactProblem, scales: Scales, start: ContactState | None) -> "Conducting":
         """Return the response for a problem, with the conduction of a start, or none."""
         n = len(problem.gap)
-        ground, conduction = Ground.of(problem), Conduction.of(start, n)
-        near = Iterate(start_load(problem, start), conduction.contact_fraction, motion=start_motion(problem, start))
-        conduction, conductors = ground.conductors(near, conduction, None)
-        own = diagonal(problem.system, (NORMAL,))[:, 0]
-        grazing = BiactiveNodes.unknown(n)
-        return cls(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
+        stepper, conduction = GradientStepper.of(problem), Conduction.of(start, n)
+        guess = Iterate(start_load(problem, start), conduction.contact_fraction, motion=start_motion(problem, start))
+        conduction, conductors = stepper.conductors(guess, conduction, None)
+        self_compliance = diagonal(problem.system, (NORMAL,))[:, 0]
+        biactive_model = BiactiveNodes.unknown(n)
+        return cls(
+            problem,
+            scales,
+            stepper,
+            self_compliance,
+            _flux_per_pressure(problem),
+            conduction,
+            conductors,
+            biactive_model,
+        )
 
-    def at(self, pressure: Array, near: Effect) -> Effect:
+    def at(self, pressure: Array, guess: Effect) -> Effect:
         """Return the effect with the potentials solved as exactly as the present violation of the gap requires.
 
         The gap counts where there is pressure or overlap. Relative to their characteristic magnitudes, the potentials
         are not less exact than the gap. Single precision is used while its error does not matter. See NormalResponse.
         """
-        wrong = np.where((pressure > 0.0) | (near.gap < 0.0), near.gap, 0.0)
-        far = float(np.abs(wrong).max()) / (self.scales.normal_compliance * self.scales.pressure)
+        violating_gap = np.where((pressure > 0.0) | (guess.gap < 0.0), guess.gap, 0.0)
+        violation = float(np.abs(violating_gap).max()) / (self.scales.normal_compliance * self.scales.pressure)
         conducting = [bool(np.isfinite(one).any()) for one in self.conductors.resistance.T]
-        potential = [
-            displacement / np.sqrt(own.max())
-            for displacement, own in zip(self.scales.displacement[POTENTIALS], self.ground.own.T, strict=True)
+        potential_scales = [
+            displacement / np.sqrt(self_compliance.max())
+            for displacement, self_compliance in zip(
+                self.scales.displacement[POTENTIALS], self.stepper.self_compliance.T, strict=True
+            )
         ]
-        left = min([LEFT * float(np.linalg.norm(wrong / np.sqrt(self.own))), *(far * np.array(potential)[conducting])])
-        traction = _traction(pressure.astype(np.float32) if far > SINGLE else pressure)
-        slope = self.ground.slope(traction, self.conductors, near.flux, near.motion, left)
+        allowed_error = min(
+            [
+                POTENTIAL_TOLERANCE * float(np.linalg.norm(violating_gap / np.sqrt(self.self_compliance))),
+                *(violation * np.array(potential_scales)[conducting]),
+            ]
+        )
+        traction = _traction(pressure.astype(np.float32) if violation > SINGLE_REDUCTION else pressure)
+        slope = self.stepper.slope(traction, self.conductors, guess.flux, guess.motion, allowed_error)
         return Effect(slope.gap[:, NORMAL], slope.flux, slope.motion)
 
     def change(self, pressure: Array) -> Effect:
         """Return the effect of a change in single precision; see NormalResponse."""
-        traction, guess = _traction(pressure.astype(np.float32, copy=False)), self.following * pressure[:, None]
-        response = self.ground.elimination.respond(traction, self.conductors, guess, enough=CHANGED)
+        traction, guess = _traction(pressure.astype(np.float32, copy=False)), self.flux_per_pressure * pressure[:, None]
+        response = self.stepper.elimination.respond(traction, self.conductors, guess, allowed_error=CHANGE_TOLERANCE)
         motion = np.zeros(len(self.problem.prescribed_resultants))
         motion[self.conductors.floating.numbers] = response.potential
         return Effect(-response.displacement[:, NORMAL], response.flux, motion)
 
-    def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
+    def after_change(self, pressure: Array, change: Array, effect: Effect) -> Effect:
         """Return the effect with that of the change added; see NormalResponse."""
-        moved = self.change(change)
-        return Effect(effect.gap + moved.gap, effect.flux + moved.flux, effect.motion + moved.motion)
+        response = self.change(change)
+        return Effect(effect.gap + response.gap, effect.flux + response.flux, effect.motion + response.motion)
 
     @property
-    def lasting(self) -> float:
+    def update_reduction(self) -> float:
         """Fraction at which the conduction is to be updated."""
-        return FOLLOWING if self.held is None or not self.held.any() else FOLLOWING_GRAZING
+        return UPDATE_REDUCTION if self.biactive is None or not self.biactive.any() else BIACTIVE_UPDATE_REDUCTION
 
     def contact_fraction(self, pressure: Array) -> Array:
         """Return the contact fractions of the conduction; see NormalResponse."""
         return self.conduction.contact_fraction
 
-    def touched_again(self, gap: Array) -> bool:
+    def has_new_overlap(self, gap: Array) -> bool:
         """Return true if nodes that the last update of the conduction opened overlap; see NormalResponse."""
-        return self.opened is not None and bool((self.opened & (gap < 0.0)).any())
+        return self.newly_open is not None and bool((self.newly_open & (gap < 0.0)).any())
 
-    def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
+    def update_conduction(self, pressure: Array, effect: Effect) -> NormalResponse:
         """Return the response with the conduction updated to the pressure and its effect; see NormalResponse."""
         # nodes respond to their own pressure much less than the contact as a whole
-        grazing = self.grazing.next(self.conduction.contact_fraction, -pressure + effect.gap / self.own)
-        contact_fraction = grazing.fractions(pressure > 0.0)
-        held, opened = (
+        biactive_model = self.biactive_model.next(
+            self.conduction.contact_fraction, -pressure + effect.gap / self.self_compliance
+        )
+        contact_fraction = biactive_model.fractions(pressure > 0.0)
+        biactive, newly_open = (
             (contact_fraction > 0.0) & (contact_fraction < 1.0),
             (contact_fraction == 0.0) & (self.conduction.contact_fraction > 0.0),
         )
         iterate = Iterate(load_of(pressure, effect.flux), contact_fraction, motion=effect.motion)
         conduction = replace(self.conduction, contact_fraction=contact_fraction)
-        conduction, conductors = self.ground.conductors(iterate, conduction, self.conductors)
-        return replace(self, conduction=conduction, conductors=conductors, grazing=grazing, held=held, opened=opened)
+        conduction, conductors = self.stepper.conductors(iterate, conduction, self.conductors)
+        return replace(
+            self,
+            conduction=conduction,
+            conductors=conductors,
+            biactive_model=biactive_model,
+            biactive=biactive,
+            newly_open=newly_open,
+        )
 
-    def same_conductors(self, other: NormalResponse) -> bool:
+    def has_same_conductors(self, other: NormalResponse) -> bool:
         """Return true if another response has the same conductors."""
         return isinstance(other, Conducting) and other.conductors is self.conductors
 
 
-def _following(problem: ContactProblem) -> Array:
+def _flux_per_pressure(problem: ContactProblem) -> Array:
     """Return the flux (n, channels) with which a node's own potentials do not change under a pressure of one.
 
     If a body responds alike along all directions of its surface, that holds for all pressures together.
@@ -287,10 +335,10 @@ def _following(problem: ContactProblem) -> Array:
     blocks = problem.system.diagonal_blocks()
     fields = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.is_conducting]
     flux = np.zeros((len(blocks), len(problem.channels)))
-    raised = blocks[:, fields, NORMAL, None]
-    flux[:, [field - N_MECHANICAL for field in fields]] = np.linalg.solve(blocks[:, fields][:, :, fields], raised)[
-        ..., 0
-    ]
+    normal_column = blocks[:, fields, NORMAL, None]
+    flux[:, [field - N_MECHANICAL for field in fields]] = np.linalg.solve(
+        blocks[:, fields][:, :, fields], normal_column
+    )[..., 0]
     return flux
 
 

@@ -13,25 +13,33 @@ from meeframe.solvers.newton.residual import ResidualState
 from meeframe.system.capabilities import LatticeStencil, Stencil
 from meeframe.system.reduced import ReducedSystem
 
-REACH: Final = 4
+STENCIL_REACH: Final = 4
 """Largest distance, in spacings, at which the load of a node counts: as good as 16 of them."""
-ROUGHER: Final = 4.0
+MAX_MERIT_GROWTH: Final = 4.0
 """Largest factor by which relaxation may raise the merit at first, as the nodes around have not followed yet."""
-ROUND_OFF: Final = 1e-12
+PROJECTION_ROUND_OFF: Final = 1e-12
 """Largest relative change of a sticking traction under projection that counts as round-off."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoundaryBand:
-    """Band of m nodes on either side of such a boundary.
+    """Band of m lattice nodes on either side of a boundary between two kinds of nodes.
 
-    stencil: responses of nodes to each other; number: (nx, ny) of the nodes on the lattice, -1 elsewhere; places: (m,
-    2) on it; nodes: (m,) their numbers in the zone.
+    Attributes
+    ----------
+    stencil : Stencil
+        Responses of nodes to each other.
+    number : Indices
+        (nx, ny), numbers of the nodes on the lattice, -1 elsewhere.
+    positions : Indices
+        (m, 2), positions on the lattice.
+    nodes : Indices
+        (m,), numbers in the zone.
     """
 
     stencil: Stencil
     number: Indices
-    places: Indices
+    positions: Indices
     nodes: Indices
 
     @classmethod
@@ -52,11 +60,11 @@ class BoundaryBand:
 @memoize_by_identity
 def _stencil(system: ReducedSystem, fields: tuple[int, ...]) -> Stencil | None:
     lattice = system.capability(LatticeStencil)
-    return None if lattice is None else lattice.stencil(REACH, fields)
+    return None if lattice is None else lattice.stencil(STENCIL_REACH, fields)
 
 
 def slips(point: ResidualState) -> Mask:
     """Return the nodes (n,) whose friction is less than what would prevent sliding, open nodes included."""
     trial = point.trial[:, :2]
-    off = np.abs(point.equation.problem.contact_law.project(point.trial)[:, :2] - trial).max(axis=1)
-    return np.asarray(off > ROUND_OFF * np.abs(trial).max(axis=1))
+    deviation = np.abs(point.equation.problem.contact_law.project(point.trial)[:, :2] - trial).max(axis=1)
+    return np.asarray(deviation > PROJECTION_ROUND_OFF * np.abs(trial).max(axis=1))

@@ -8,10 +8,10 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
-from meeframe.solvers.newton.linear import UNRESISTED, Inverse, krylov_step
+from meeframe.solvers.newton.linear import MIN_STIFFNESS_RATIO, Inverse, krylov_step
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, Linearization
 
-ACCURATE: Final = 1e-10
+DEFAULT_TOLERANCE: Final = 1e-10
 """Fraction of the residual that linear iterations leave by default."""
 
 
@@ -19,8 +19,14 @@ ACCURATE: Final = 1e-10
 class Step:
     """Newton step of the loads, the contact fractions and the free motions.
 
-    local: (n, fields + 1) of load and contact fraction; motion: (m,) of the freedoms; inverse: approximate inverse of
-    the equations, where there is no matrix.
+    Attributes
+    ----------
+    local : Array
+        (n, fields + 1), step of the load and the contact fraction.
+    motion : Array
+        (m,), step of the free motions.
+    inverse : Inverse, optional
+        Approximate inverse of the equations, where there is no matrix.
     """
 
     local: Array
@@ -34,44 +40,62 @@ class Step:
 
 
 def newton_step(
-    equation: ContactResidual, blocks: Linearization, tolerance: float = ACCURATE, before: Inverse | None = None
+    equation: ContactResidual,
+    blocks: Linearization,
+    tolerance: float = DEFAULT_TOLERANCE,
+    before: Inverse | None = None,
 ) -> Step:
     """Return the step that solves the linearised equations; it is not finite if they are singular.
 
-    Rows that determine one unknown of their own node alone (open nodes, insulated potentials, contact fractions of
-    nodes that are not biactive) are eliminated beforehand: the remaining system has the size of the contact. A motion
-    without resistance is left unchanged. Where there is no matrix, tolerance: fraction of the residual that may be
-    left; before: approximate inverse of the last step.
+    Rows that determine one unknown of a single node (open nodes, insulated potentials, contact fractions of nodes that
+    are not biactive) are eliminated beforehand: the remaining system has the size of the contact. A motion without
+    resistance is left unchanged.
+
+    Parameters
+    ----------
+    equation : ContactResidual
+        Equation of n nodes.
+    blocks : Linearization
+        Its linearisation.
+    tolerance : float, optional
+        Fraction of the residual that may be left where there is no matrix.
+    before : Inverse, optional
+        Approximate inverse of the last step, where there is no matrix.
+
+    Returns
+    -------
+    Step
+        Step of all unknowns.
     """
     coupled = coupled_rows(blocks)
-    given = decoupled_rows(blocks, coupled)
+    prescribed = decoupled_rows(blocks, coupled)
     matrix, inverse = equation.problem.system.dense(), None
     if matrix is None:
         try:
-            local, amounts, inverse = krylov_step(equation, blocks, coupled, given, tolerance, before)
+            local, amounts, inverse = krylov_step(equation, blocks, coupled, prescribed, tolerance, before)
         except LinAlgError:  # tangents that are not finite
-            local, amounts = np.full_like(given, np.nan), np.full(blocks.balance.shape, np.nan)
+            local, amounts = np.full_like(prescribed, np.nan), np.full(blocks.balance.shape, np.nan)
     else:
         size = equation.problem.system.offset.size
-        local, amounts = _direct_step(equation, blocks, coupled, given, matrix.reshape(size, size))
+        local, amounts = _direct_step(equation, blocks, coupled, prescribed, matrix.reshape(size, size))
     return Step(local, equation.units * amounts, inverse)
 
 
 def _direct_step(
-    equation: ContactResidual, blocks: Linearization, coupled: Mask, given: Array, matrix: Array
+    equation: ContactResidual, blocks: Linearization, coupled: Mask, prescribed: Array, matrix: Array
 ) -> tuple[Array, Array]:
     """Return the step (n, fields + 1) and the amounts (m,) of the motions by factorisation.
 
     The step with the indenter at rest comes first, then the responses to each motion. Free motions are eliminated,
-    which leaves the stiffness of the contact against them. given: (n, fields + 1), determined by the decoupled rows;
-    matrix: (n fields, n fields) compliance.
+    which leaves the stiffness of the contact against them. prescribed: (n, fields + 1), determined by the decoupled
+    rows; matrix: (n fields, n fields) compliance.
     """
-    right = -blocks.residual - (_product(equation, blocks, given) if given.any() else 0.0)
+    right = -blocks.residual - (_product(equation, blocks, prescribed) if prescribed.any() else 0.0)
     rights = np.concatenate([right[:, :, None], blocks.b.dense(equation.problem.fields.size) @ equation.modes], axis=2)[
         coupled
     ]
     responses = np.zeros((*coupled.shape, rights.shape[1]))
-    responses[:, :, 0] = given
+    responses[:, :, 0] = prescribed
     if rights.size:
         responses[coupled] = _direct(equation, blocks, coupled, rights, matrix)
     amounts = _amounts(equation, blocks, responses)
@@ -80,9 +104,9 @@ def _direct_step(
 
 def _product(equation: ContactResidual, blocks: Linearization, step: Array) -> Array:
     """Return (A + B C) step, (n, fields + 1)."""
-    moved = equation.problem.system.apply(step[:, :FRACTION])
+    displacement = equation.problem.system.apply(step[:, :FRACTION])
     product = blocks.a.products(step.dtype).times(step.T)
-    blocks.b.products(step.dtype).add(moved.T, product)
+    blocks.b.products(step.dtype).add(displacement.T, product)
     return product.T
 
 
@@ -95,8 +119,8 @@ def _amounts(equation: ContactResidual, blocks: Linearization, responses: Array)
         return np.full(blocks.balance.shape, np.nan)
     resultants = np.einsum("kni,nil->kl", equation.measures, responses[:, :FRACTION])
     right = -blocks.balance - resultants[:, 0]
-    amounts = np.linalg.lstsq(resultants[:, 1:], right, rcond=UNRESISTED)[0]
-    return np.asarray(amounts * blocks.farthest / np.abs(amounts).max(initial=blocks.farthest))
+    amounts = np.linalg.lstsq(resultants[:, 1:], right, rcond=MIN_STIFFNESS_RATIO)[0]
+    return np.asarray(amounts * blocks.max_motion / np.abs(amounts).max(initial=blocks.max_motion))
 
 
 def coupled_rows(blocks: Linearization) -> Mask:
@@ -105,8 +129,8 @@ def coupled_rows(blocks: Linearization) -> Mask:
     The row of the pressure is included where that of the contact fraction is, as the two belong together.
     """
     coupled = np.zeros(blocks.a.shape, bool)
-    beside = [(row, entry) for (row, column), entry in blocks.a.entries.items() if row != column]
-    for row, entry in [*beside, *((row, entry) for (row, _), entry in blocks.b.entries.items())]:
+    off_diagonal = [(row, entry) for (row, column), entry in blocks.a.entries.items() if row != column]
+    for row, entry in [*off_diagonal, *((row, entry) for (row, _), entry in blocks.b.entries.items())]:
         coupled[row] |= entry != 0.0
     coupled[2] |= coupled[FRACTION]
     return coupled.T
@@ -116,8 +140,8 @@ def decoupled_rows(blocks: Linearization, coupled: Mask) -> Array:
     """Return the step (n, fields + 1) that the decoupled rows determine, zero on the coupled ones (n, fields + 1)."""
     step = np.zeros(coupled.shape[::-1]).T
     for row in range(coupled.shape[1]):
-        own = np.where(coupled[:, row], 1.0, blocks.a.entry(row, row))
-        step[:, row] = np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / own)
+        diagonal = np.where(coupled[:, row], 1.0, blocks.a.entry(row, row))
+        step[:, row] = np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / diagonal)
     return step
 
 

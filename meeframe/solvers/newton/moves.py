@@ -7,11 +7,11 @@ import numpy as np
 from meeframe.contact.problem import ContactProblem, contact_gap
 from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, is_adhesive
-from meeframe.solvers.newton.contact_edge import relaxed_where_switched
+from meeframe.solvers.newton.contact_edge import relax_switched
 from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.residual import FLUX_ROWS, FRACTION, ResidualState
 
-FLIPS: Final = 1
+MAX_FLIPS: Final = 1
 """Largest number of openings and closings before a node is treated as biactive.
 
 That does no harm to a node that need not be biactive.
@@ -39,62 +39,62 @@ def take_step(point: ResidualState, flips: Array, step: Step, fraction: float) -
     load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(point.load[:, POTENTIALS])] = 0.0
     contact_fraction = point.contact_fraction + fraction * step.local[:, FRACTION]
     contact_fraction[np.abs(contact_fraction) < ROUND_OFF] = 0.0
-    moved = point.moved(load, contact_fraction, point.grazing, motion)
-    flips = flips + moved.switched(point)
-    fresh = (flips > FLIPS) & ~moved.grazing
-    if fresh.any():
-        contact_fraction, lift = moved.contact_fraction.copy(), moved.lift
-        within = np.flatnonzero(fresh & (np.abs(moved.trial[:, 2]) < lift))
-        contact_fraction[within] = np.clip(
-            point.contact_fraction[within] - moved.trial[within, 2] / lift[within], 0.0, 1.0
+    stepped = point.at_load(load, contact_fraction, point.biactive, motion)
+    flips = flips + stepped.find_switched(point)
+    becomes_biactive = (flips > MAX_FLIPS) & ~stepped.biactive
+    if becomes_biactive.any():
+        contact_fraction, increment = stepped.contact_fraction.copy(), stepped.closing_increment
+        near = np.flatnonzero(becomes_biactive & (np.abs(stepped.trial[:, 2]) < increment))
+        contact_fraction[near] = np.clip(
+            point.contact_fraction[near] - stepped.trial[near, 2] / increment[near], 0.0, 1.0
         )
-        moved = moved.regrazed(contact_fraction, moved.grazing | fresh)
+        stepped = stepped.with_contact_fraction(contact_fraction, stepped.biactive | becomes_biactive)
     else:
-        moved = _with_fitting_fractions(moved)
-    return flips, relaxed_where_switched(point, moved)
+        stepped = _fit_fractions(stepped)
+    return flips, relax_switched(point, stepped)
 
 
-def held_where_it_grazes(point: ResidualState, moved: ResidualState) -> ResidualState:
+def with_biactive(point: ResidualState, stepped: ResidualState) -> ResidualState:
     """Return a moved point with the nodes that it opened or closed as biactive, if that violates the laws less.
 
     Their conduction remains unchanged for the time being: it would jump, and the fluxes with it. Only nodes whose trial
     is as near to zero as their own switching moves it can be biactive. Otherwise the given point is returned.
     """
-    near = moved.switched(point) & ~moved.grazing & (np.abs(moved.trial[:, 2]) < moved.sigma)
+    near = stepped.find_switched(point) & ~stepped.biactive & (np.abs(stepped.trial[:, 2]) < stepped.sigma)
     if not near.any():
-        return moved
-    contact_fraction = np.where(near, point.contact_fraction, moved.contact_fraction)
-    held = moved.regrazed(contact_fraction, moved.grazing | near)
-    return held if held.merit < moved.merit else moved
+        return stepped
+    contact_fraction = np.where(near, point.contact_fraction, stepped.contact_fraction)
+    biactive_state = stepped.with_contact_fraction(contact_fraction, stepped.biactive | near)
+    return biactive_state if biactive_state.merit < stepped.merit else stepped
 
 
-def _with_fitting_fractions(moved: ResidualState) -> ResidualState:
+def _fit_fractions(stepped: ResidualState) -> ResidualState:
     """Return a moved point with the intermediate contact fractions that fit its fluxes and drives best.
 
     A step changes both at once, and the conducted flux is their product, which the linearised equations do not contain.
     The result is the given point if that does not help.
     """
-    some = moved.between & moved.jump.any(axis=1)
-    if not some.any():
-        return moved
-    unit = moved.equation.scales.displacement[POTENTIALS]
-    left = moved.residual[some][:, FLUX_ROWS]
-    slope = moved.jump[some] * moved.drive[some] / unit
-    contact_fraction, square = moved.contact_fraction.copy(), (slope**2).sum(axis=1)
-    change = np.divide((slope * left).sum(axis=1), square, out=np.zeros_like(square), where=square > 0.0)
-    contact_fraction[some] = np.clip(np.clip(contact_fraction[some], 0.0, 1.0) - change, 0.0, 1.0)
-    fitting = moved.regrazed(contact_fraction, moved.grazing)
-    return fitting if fitting.merit < moved.merit else moved
+    partial = stepped.between & stepped.jump.any(axis=1)
+    if not partial.any():
+        return stepped
+    unit = stepped.equation.scales.displacement[POTENTIALS]
+    flux_residual = stepped.residual[partial][:, FLUX_ROWS]
+    slope = stepped.jump[partial] * stepped.drive[partial] / unit
+    contact_fraction, square = stepped.contact_fraction.copy(), (slope**2).sum(axis=1)
+    change = np.divide((slope * flux_residual).sum(axis=1), square, out=np.zeros_like(square), where=square > 0.0)
+    contact_fraction[partial] = np.clip(np.clip(contact_fraction[partial], 0.0, 1.0) - change, 0.0, 1.0)
+    fitted = stepped.with_contact_fraction(contact_fraction, stepped.biactive)
+    return fitted if fitted.merit < stepped.merit else stepped
 
 
 def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
     """Return the tractions (n, 3) of a load (n, fields) at a motion (m,), their contact part projected by the law."""
     law, traction = problem.contact_law, load[:, MECHANICAL].copy()
-    pull = np.zeros(len(load))
+    attractive = np.zeros(len(load))
     if is_adhesive(law):
         displacement = problem.system.offset + problem.system.apply(load)
-        pull = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
-    traction[:, 2] -= pull
+        attractive = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
+    traction[:, 2] -= attractive
     traction = law.project(traction)
-    traction[:, 2] += pull
+    traction[:, 2] += attractive
     return traction

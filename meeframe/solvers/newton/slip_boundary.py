@@ -12,17 +12,17 @@ import numpy as np
 
 from meeframe.fields import MECHANICAL
 from meeframe.solvers._kernels.stencil_products import neighbours, stencil_products
-from meeframe.solvers.newton.boundary_band import ROUGHER, BoundaryBand, slips
+from meeframe.solvers.newton.boundary_band import MAX_MERIT_GROWTH, BoundaryBand, slips
 from meeframe.solvers.newton.residual import ResidualState
 
 WIDTH: Final = 4
 """Half width of the relaxed band, in spacings from the boundary."""
-STEPS: Final = 20
+MAX_STEPS: Final = 20
 """Largest number of gradient steps; a step costs a hundredth of a product on a fine grid."""
-SETTLED: Final = 1e-2
+STEP_TOLERANCE: Final = 1e-2
 """Change of tractions, relative to the first one, below which the iteration ends."""
-FIRST: Final = 0.3
-"""Length of the first gradient step, relative to the inverse of a node's own response."""
+FIRST_LENGTH: Final = 0.3
+"""Length of the first gradient step, relative to the inverse of a node's self-compliance."""
 
 
 def smooth_slip_boundary(point: ResidualState) -> ResidualState:
@@ -37,36 +37,36 @@ def smooth_slip_boundary(point: ResidualState) -> ResidualState:
     law = problem.contact_law
     if not {0, 1}.issubset(point.equation.loaded):
         return point
-    ring = BoundaryBand.of(point, (point.load[:, 2] < 0.0) & ~slips(point), WIDTH)
-    if ring is None:
+    band = BoundaryBand.of(point, (point.load[:, 2] < 0.0) & ~slips(point), WIDTH)
+    if band is None:
         return point
-    nodes, reach = ring.nodes, len(ring.stencil.responses) // 2
-    around = neighbours(ring.number, ring.places, ring.stencil.periodic, reach)
-    responses = np.ascontiguousarray(ring.stencil.responses[:, :, :2, :2]).reshape(-1, 2, 2)
+    nodes, radius = band.nodes, len(band.stencil.responses) // 2
+    neighbour_numbers = neighbours(band.number, band.positions, band.stencil.periodic, radius)
+    responses = np.ascontiguousarray(band.stencil.responses[:, :, :2, :2]).reshape(-1, 2, 2)
     scaling = law.tangential_scaling()  # the law projects in its metric
     metric = np.linalg.pinv(scaling)
-    traction, gap = point.load[nodes, MECHANICAL], np.ascontiguousarray(point.ahead[nodes, :2])
-    length = FIRST / float(responses[len(responses) // 2].diagonal().max())
-    moved, least, change = np.empty_like(gap), np.inf, np.zeros((len(nodes) + 1, 2))
-    for step in range(STEPS):
+    traction, gap = point.load[nodes, MECHANICAL], np.ascontiguousarray(point.relative_displacement[nodes, :2])
+    length = FIRST_LENGTH / float(responses[len(responses) // 2].diagonal().max())
+    increment, min_size, change = np.empty_like(gap), np.inf, np.zeros((len(nodes) + 1, 2))
+    for step in range(MAX_STEPS):
         trial = traction.copy()
         trial[:, :2] += length * gap @ scaling
         np.subtract(law.project(trial)[:, :2], traction[:, :2], out=change[:-1])
         size = float((change**2).sum())
         if step == 0:
-            least = SETTLED**2 * size
-        if size <= least:
+            min_size = STEP_TOLERANCE**2 * size
+        if size <= min_size:
             break
-        stencil_products(around, responses, change, moved)
+        stencil_products(neighbour_numbers, responses, change, increment)
         traction[:, :2] += change[:-1]
-        gap -= moved
-        work = float((change[:-1] * moved).sum())
+        gap -= increment
+        work = float((change[:-1] * increment).sum())
         if not work > 0.0:  # local responses alone need not be positive definite
             break
         length = float(((change @ metric) * change).sum()) / work
-    if least == 0.0:
+    if min_size == 0.0:
         return point
     load = point.load.copy(order="K")
     load[nodes, :2] = traction[:, :2]
-    relaxed = point.moved(load, point.contact_fraction, point.grazing, point.motion)
-    return relaxed if relaxed.merit < ROUGHER * point.merit else point
+    relaxed = point.at_load(load, point.contact_fraction, point.biactive, point.motion)
+    return relaxed if relaxed.merit < MAX_MERIT_GROWTH * point.merit else point

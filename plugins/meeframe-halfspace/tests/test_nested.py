@@ -42,7 +42,7 @@ from meeframe.system.reduced import NodalFields, ReducedSystem
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies
 from meeframe.testing.capabilities import check_capabilities, check_restriction
-from meeframe.testing.force_control import PRESS, freedom
+from meeframe.testing.force_control import PRESS, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
 from meeframe.testing.operation_counter import OperationCounter
@@ -70,7 +70,7 @@ def grid(n: int) -> ReducedSystem:
 
 def pressed_by(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
     """An indenter that moves freely down."""
-    return replace(held(system, gap), prescribed_resultants=(freedom(system, PRESS, force),))
+    return replace(held(system, gap), prescribed_resultants=(prescribe_resultant(system, PRESS, force),))
 
 
 def held(system: ReducedSystem, gap: Array) -> ContactProblem:

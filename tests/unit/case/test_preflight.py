@@ -14,7 +14,7 @@ from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.model.load import load_case
 from meeframe.model.preflight import planned, undeformed
 from meeframe.solvers import Auto, ProjectedCG, Uzawa
-from meeframe.solvers.cg.frictionless import takes
+from meeframe.solvers.cg.frictionless import accepts
 from meeframe.system.reduced import silent
 
 PCG = '\n[solver]\nname = "projected-cg"\n'
@@ -53,7 +53,9 @@ def test_a_resultant_that_a_solver_does_not_find_is_told_beforehand(case):
     steps = (meeframe.Step(approach=1e-5), meeframe.Step(force_ratio=(0.01, 0.0)))
     hill = replace(case, mesh=replace(case.mesh, points=points), steps=steps)
     assert hill.solver == Auto()
-    with pytest.raises(CaseError, match="solver 'projected-cg' cannot find freedom 0 of the indenter: its resultant"):
+    with pytest.raises(
+        CaseError, match="solver 'projected-cg' cannot find free motion 0 of the indenter: its resultant"
+    ):
         replace(hill, solver=ProjectedCG())
     assert replace(hill, solver=ProjectedCG(), steps=steps[:1]).steps == steps[:1]
 
@@ -124,7 +126,7 @@ class Capped(IsotropicCoulomb):
 @pytest.mark.parametrize(("law", "taken"), [(Capped(0.0), True), (Capped(0.0, 1e7), False), (Capped(0.1), False)])
 def test_laws_are_tried_at_pressures_of_all_sizes(case, law, taken):
     problem = planned(undeformed(replace(case, contact_law=law)))
-    assert takes(next(problem).problem) is taken
+    assert accepts(next(problem).problem) is taken
 
 
 AWAY = "the indenter does not touch the undeformed body: at an approach of {} m it stays {} m or more from the nodes"

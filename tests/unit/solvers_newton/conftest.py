@@ -116,7 +116,7 @@ def conducting() -> Callable[..., ContactProblem]:
 
 @pytest.fixture(scope="session")
 def at() -> Callable[[ContactProblem, Array, Array], ResidualState]:
-    """The equation at a load and closed fractions, nodes in between grazing."""
+    """The equation at a load and closed fractions, nodes in between biactive."""
 
     def make(problem: ContactProblem, load: Array, contact_fraction: Array) -> ResidualState:
         return ContactResidual.of(problem).at(
@@ -128,7 +128,7 @@ def at() -> Callable[[ContactProblem, Array, Array], ResidualState]:
 
 @pytest.fixture(scope="session")
 def at_solution(at: Callable[..., ResidualState]) -> Callable[[ContactProblem], ResidualState]:
-    """The equation at the solution, nodes in between grazing."""
+    """The equation at the solution, nodes in between biactive."""
 
     def make(problem: ContactProblem) -> ResidualState:
         solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-11))
@@ -152,7 +152,7 @@ def interpolated(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], 
 
         with monkeypatch.context() as without:
             without.setattr(newton_coarse, "smooth_slip_boundary", kept)
-            without.setattr(newton_coarse, "corrected", lambda point, *_: point)
+            without.setattr(newton_coarse, "correct_start", lambda point, *_: point)
             SemismoothNewton().init(problem, None)
         return seen[-1]
 

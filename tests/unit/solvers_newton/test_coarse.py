@@ -19,13 +19,13 @@ from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton import coarse_start as newton_coarse
 from meeframe.solvers.newton import method as newton
-from meeframe.solvers.newton.coarse_start import corrected, improved_start
+from meeframe.solvers.newton.coarse_start import correct_start, improve_start
 from meeframe.solvers.newton.contact_edge import smooth_contact_edge
 from meeframe.solvers.newton.globalization import Step
-from meeframe.solvers.newton.neighbourhood import inset
-from meeframe.solvers.newton.residual import ROUNDED, ContactResidual, ResidualState
+from meeframe.solvers.newton.neighbourhood import contact_neighbourhood
+from meeframe.solvers.newton.residual import SINGLE_ERROR, ContactResidual, ResidualState
 from meeframe.solvers.newton.slip_boundary import smooth_slip_boundary
-from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
 
 COULOMB = IsotropicCoulomb(0.3)
@@ -38,13 +38,13 @@ CASES = {"rough": 0.5, "insulated": 0.3, "orthotropic": 0.7, "smooth": 0.6, "per
 
 @dataclass(frozen=True)
 class Start:
-    """What improved_start is given on the finest grid."""
+    """What improve_start is given on the finest grid."""
 
     point: ResidualState
     nodes: Indices
     coarse: Coarse
     below: ContactResidual
-    places: Indices
+    coarse_nodes: Indices
 
     @property
     def smooth(self) -> "Start":
@@ -59,7 +59,7 @@ class Start:
         return same, np.array([distance.argmin() for distance in near])[same]
 
     def ask(self, function: Callable[..., ResidualState]) -> ResidualState:
-        return function(self.point, self.nodes, self.coarse, self.below, self.places)
+        return function(self.point, self.nodes, self.coarse, self.below, self.coarse_nodes)
 
 
 @pytest.fixture
@@ -69,10 +69,10 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], Start]:
 
         def kept(*given) -> ResidualState:
             seen.append(Start(*given))
-            return improved_start(*given)
+            return improve_start(*given)
 
         with monkeypatch.context() as within:
-            within.setattr(newton, "improved_start", kept)
+            within.setattr(newton, "improve_start", kept)
             SemismoothNewton().init(problem, None)
         return seen[-1]
 
@@ -103,7 +103,9 @@ def made(conducting) -> Callable[..., ContactProblem]:
         load = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-6)).state.load
         total = (problem.system.weights[:, None] * load).sum(axis=0)
         modes = [(PRESS, -total[2]), (SLIDE, total[0]), (SLIDE_2, total[1]), (VOLTAGE, total[3])]
-        prescribed_resultants = tuple(freedom(problem.system, mode, 1.001 * amount) for mode, amount in modes)
+        prescribed_resultants = tuple(
+            prescribe_resultant(problem.system, mode, 1.001 * amount) for mode, amount in modes
+        )
         gap, still = problem.gap - problem.gap.min(), np.zeros_like(problem.translation)
         return replace(problem, prescribed_resultants=prescribed_resultants, gap=gap, translation=still)
 
@@ -114,7 +116,7 @@ def on_less(problem: ContactProblem, given: Start) -> Start:
     """The finer point on a part that is just around the contact, below it the whole coarser grid."""
     load, contact_fraction = np.zeros((len(problem.gap), 5)), np.zeros(len(problem.gap))
     load[given.nodes], contact_fraction[given.nodes] = given.point.load, given.point.contact_fraction
-    part = inset(problem, load[:, 2] < 0.0)
+    part = contact_neighbourhood(problem, load[:, 2] < 0.0)
     assert part is not None
     point = part.equation.at(
         load[part.nodes], contact_fraction[part.nodes], contact_fraction[part.nodes] % 1.0 > 0.0, given.point.motion
@@ -135,14 +137,16 @@ def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, m
     assert same.sum() > 100
     assert not less or name == "periodic" or not same.all()
     fine, point = given.point.equation, given.point
-    own, lifted = given.below.own.copy(), given.below.lifted.copy()
-    own[same], lifted[same] = fine.own[at], fine.lifted[at]
-    alike = replace(given.below, scales=fine.scales, r=fine.r, own=own, lifted=lifted, units=fine.units)
-    there = replace(given, below=alike).ask(newton_coarse._seen_from_below)
+    own, lifted = given.below.self_compliance.copy(), given.below.normal_coupling.copy()
+    own[same], lifted[same] = fine.self_compliance[at], fine.normal_coupling[at]
+    alike = replace(
+        given.below, scales=fine.scales, r=fine.r, self_compliance=own, normal_coupling=lifted, units=fine.units
+    )
+    there = replace(given, below=alike).ask(newton_coarse._coarse_state)
     single = (
-        ROUNDED * alike.approximate_relative_displacement(there.load, point.motion)[1]
+        SINGLE_ERROR * alike.approximate_relative_displacement(there.load, point.motion)[1]
     )  # in which the coarse body was moved
-    anew = there.equation.at(there.load, there.contact_fraction, there.grazing, there.motion)
+    anew = there.equation.at(there.load, there.contact_fraction, there.biactive, there.motion)
     for found, bound in ((there, 1e-12), (anew, single)):
         np.testing.assert_allclose(found.residual[same], point.residual[at], rtol=0, atol=bound)
         totals, coarse_totals = (each.equation.scales.totals for each in (point, found))
@@ -162,11 +166,11 @@ def test_solutions_of_the_finer_grid_stay(name: str, made, start) -> None:
     state, given = solution.state, start(problem).smooth
     kept, contact_fraction = given.nodes, state.contact_fraction[given.nodes]
     assert not np.delete(state.load, kept, axis=0).any()
-    grazing = (contact_fraction > 0.0) & (contact_fraction < 1.0)
-    point = given.point.equation.at(state.load[kept], contact_fraction, grazing, state.motion)
+    biactive = (contact_fraction > 0.0) & (contact_fraction < 1.0)
+    point = given.point.equation.at(state.load[kept], contact_fraction, biactive, state.motion)
     assert point.violation < 1e-10
-    found = replace(given, point=point).ask(corrected)
-    scales, before = point.equation.scales, given.ask(corrected)
+    found = replace(given, point=point).ask(correct_start)
+    scales, before = point.equation.scales, given.ask(correct_start)
     changed = np.abs(found.load - point.load).max(axis=0) / scales.load
     otherwise = np.abs(before.load - given.point.load).max(axis=0) / scales.load
     assert changed.max() < 1e-8
@@ -181,9 +185,9 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
     problem = made(name)
     given = start(problem)
     given = (on_less(problem, given) if less and name != "periodic" else given).smooth  # which has no parts
-    point, found = given.point, given.ask(corrected)
+    point, found = given.point, given.ask(correct_start)
     assert found.merit < CASES[name] * point.merit
-    expected = found.equation.at(found.load, found.contact_fraction, found.grazing, found.motion)
+    expected = found.equation.at(found.load, found.contact_fraction, found.biactive, found.motion)
     assert found.merit == pytest.approx(expected.merit, rel=1e-4)
     scales, law = found.equation.scales, problem.contact_law
     admissible = law.project(found.load[:, :3])
@@ -195,16 +199,16 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
 def test_steps_that_are_not_finite_change_nothing(made, start, monkeypatch: pytest.MonkeyPatch) -> None:
     given = start(made("rough"))
     step = newton_coarse.newton_step
-    assert given.ask(corrected) is not given.point
+    assert given.ask(correct_start) is not given.point
 
     def singular(*asked) -> Step:
         found = step(*asked)
         return replace(found, local=np.full_like(found.local, np.nan))
 
     monkeypatch.setattr(newton_coarse, "newton_step", singular)
-    assert given.ask(corrected) is given.point
+    assert given.ask(correct_start) is given.point
     smooth = given.smooth.point
-    np.testing.assert_array_equal(given.ask(improved_start).load, smooth.load)
+    np.testing.assert_array_equal(given.ask(improve_start).load, smooth.load)
 
 
 @pytest.mark.parametrize("grid", ["coarser", "finer"])
@@ -216,12 +220,12 @@ def test_steps_that_raise_a_merit_change_nothing(grid: str, made, start, monkeyp
     def worse(point: ResidualState, *asked) -> tuple:
         flips, moved = take_step(point, *asked)
         load = point.load - (moved.load - point.load)
-        back = point.moved(load, point.contact_fraction, point.grazing, point.motion)
+        back = point.at_load(load, point.contact_fraction, point.biactive, point.motion)
         assert back.merit > point.merit
         return flips, back if grid == "coarser" else replace(moved, load=load)
 
     monkeypatch.setattr(newton_coarse, "take_step", worse)
-    assert given.ask(corrected) is given.point
+    assert given.ask(correct_start) is given.point
 
 
 def test_nodes_without_an_indenter_are_nowhere_ahead(made, start) -> None:
@@ -231,7 +235,7 @@ def test_nodes_without_an_indenter_are_nowhere_ahead(made, start) -> None:
     problem = replace(whole, gap=np.where(ends, whole.gap, np.inf))
     given = start(problem).smooth
     assert not np.isfinite(given.point.equation.problem.gap).all()
-    there, found = given.ask(newton_coarse._seen_from_below), given.ask(corrected)
+    there, found = given.ask(newton_coarse._coarse_state), given.ask(correct_start)
     same, at = given.known
     np.testing.assert_array_equal(there.equation.problem.gap == np.inf, given.below.problem.gap == np.inf)
     assert np.isfinite(there.merit)

@@ -16,7 +16,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.laws.base import ConductivityLaw
 from meeframe.solvers import residual
 from meeframe.solvers._kernels.edge_relaxation import number_edge, relax_edge
-from meeframe.solvers.newton.contact_edge import relaxed_where_switched, smooth_contact_edge
+from meeframe.solvers.newton.contact_edge import relax_switched, smooth_contact_edge
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.capabilities import LatticeStencil
 from meeframe.testing.operation_counter import OperationCounter
@@ -52,11 +52,26 @@ def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str, co
     number[inside] = np.arange(inside.sum())
     places, nodes = np.argwhere(inside), stencil.lattice[inside]
     point = at(problem, np.zeros_like(system.offset), np.zeros(len(problem.gap)))
-    load, ahead, contact_fraction = point.load[nodes], np.ascontiguousarray(point.ahead[nodes]), np.zeros(len(nodes))
+    load, relative_displacement, contact_fraction = (
+        point.load[nodes],
+        np.ascontiguousarray(point.relative_displacement[nodes]),
+        np.zeros(len(nodes)),
+    )
     load, shut = np.ascontiguousarray(load), np.ones((len(nodes), 2))
     slips = np.zeros(len(nodes), bool)
     relax_edge(
-        number, places, False, stencil.responses, shut, 0.0 * shut, slips, load, ahead, contact_fraction, 300, 0.0
+        number,
+        places,
+        False,
+        stencil.responses,
+        shut,
+        0.0 * shut,
+        slips,
+        load,
+        relative_displacement,
+        contact_fraction,
+        300,
+        0.0,
     )
     whole, fraction = point.load.copy(), np.zeros(len(problem.gap))
     whole[nodes], fraction[nodes] = load, contact_fraction
@@ -72,7 +87,7 @@ def test_a_solution_stays_what_it_is(law: Any, monkeypatch: pytest.MonkeyPatch, 
     between = (point.contact_fraction > 0.0) & (point.contact_fraction < 1.0)
     assert between.any()
     assert smooth_contact_edge(point) is point
-    monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
+    monkeypatch.setattr(edge_module, "MAX_MERIT_GROWTH", np.inf)
     relaxed = smooth_contact_edge(point)
     assert relaxed is not point
     assert np.abs(relaxed.contact_fraction - point.contact_fraction).max() < 1e-4
@@ -108,7 +123,7 @@ def test_an_edge_that_was_changed_is_found_again(conducting, at_solution, at) ->
 def test_nothing_is_done_where_conduction_does_not_jump(
     flux: ConductivityLaw, monkeypatch: pytest.MonkeyPatch, conducting, at
 ) -> None:
-    monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
+    monkeypatch.setattr(edge_module, "MAX_MERIT_GROWTH", np.inf)
     problem = conducting(40, 0.3, flux=flux)
     load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
     point = at(problem, load, (load[:, 2] < 0.0).astype(float))
@@ -116,7 +131,7 @@ def test_nothing_is_done_where_conduction_does_not_jump(
 
 
 def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.MonkeyPatch, conducting, at) -> None:
-    monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
+    monkeypatch.setattr(edge_module, "MAX_MERIT_GROWTH", np.inf)
     problem = conducting(40, 0.3)
     load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
     contact_fraction = (load[:, 2] < 0.0).astype(float)
@@ -131,25 +146,25 @@ def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.Mo
 
 def switched(point: ResidualState) -> ResidualState:
     """The point with a closed node of little pressure opened, whose flux has not followed."""
-    held = (point.load[:, 2] < 0.0) & (point.lift > 0.0) & ~point.grazing
+    held = (point.load[:, 2] < 0.0) & (point.closing_increment > 0.0) & ~point.biactive
     node = np.flatnonzero(held)[point.load[held, 2].argmax()]
-    load, contact_fraction, grazing = point.load.copy(), point.contact_fraction.copy(), point.grazing.copy()
-    load[node, :3], contact_fraction[node], grazing[node] = 0.0, 0.0, True
-    return point.equation.at(load, contact_fraction, grazing, point.motion)
+    load, contact_fraction, biactive = point.load.copy(), point.contact_fraction.copy(), point.biactive.copy()
+    load[node, :3], contact_fraction[node], biactive[node] = 0.0, 0.0, True
+    return point.equation.at(load, contact_fraction, biactive, point.motion)
 
 
 def test_a_node_that_a_step_has_switched_is_found_again(conducting, at_solution) -> None:
-    """And one that grazes and is left behind; one that does neither, or whose flux has followed, is let alone."""
+    """And one that is biactive and left behind; one that does neither, or whose flux has followed, is let alone."""
     point = at_solution(conducting(80, 0.3))
     moved = switched(point)
     for before in (point, moved):
-        found = relaxed_where_switched(before, moved)
+        found = relax_switched(before, moved)
         assert found.merit < 0.2 * moved.merit
         assert np.array_equal(found.contact_fraction > 0.0, point.contact_fraction > 0.0)
-    neither = replace(moved, grazing=np.zeros_like(moved.grazing))
-    assert relaxed_where_switched(neither, neither) is neither
+    neither = replace(moved, biactive=np.zeros_like(moved.biactive))
+    assert relax_switched(neither, neither) is neither
     followed = replace(moved, residual=moved.residual * [1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    assert relaxed_where_switched(point, followed) is followed
+    assert relax_switched(point, followed) is followed
 
 
 def test_laws_of_each_node_are_asked_at_all_of_them(conducting, at_solution, each_its_own) -> None:
@@ -158,9 +173,11 @@ def test_laws_of_each_node_are_asked_at_all_of_them(conducting, at_solution, eac
     solved = at_solution(problem)
     for law in (problem.contact_law, each_its_own(MU, mus=np.full(6400, MU))):
         equation = ContactResidual.of(replace(problem, contact_law=law))
-        point = equation.beside(solved.load, solved.ahead, solved.contact_fraction, solved.grazing, solved.motion)
+        point = equation.at_relative_displacement(
+            solved.load, solved.relative_displacement, solved.contact_fraction, solved.biactive, solved.motion
+        )
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(edge_module, "ROUGHER", np.inf)
+            patch.setattr(edge_module, "MAX_MERIT_GROWTH", np.inf)
             found.append(smooth_contact_edge(switched(point)))
     assert np.array_equal(found[0].contact_fraction, found[1].contact_fraction)
     np.testing.assert_allclose(found[0].load, found[1].load, atol=1e-12 * np.abs(found[0].load).max())
