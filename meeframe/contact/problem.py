@@ -412,7 +412,20 @@ def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT
 
 
 def unbalance(problem: ContactProblem, load: Array) -> Array:
-    """Return the resultants (m,) of a load (n, fields) minus the prescribed ones, in their units."""
+    """Return the resultants of a load minus the prescribed ones.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    load : Array
+        (n, fields) load.
+
+    Returns
+    -------
+    Array
+        (m,), in the units of the resultants.
+    """
     return np.array(
         [sum(f.measure[:, k] @ load[:, k] for k in f.measure_fields) - f.total for f in problem.prescribed_resultants]
     )

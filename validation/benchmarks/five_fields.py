@@ -61,12 +61,12 @@ def conducting(n: int, material: str, potentials: tuple[float, float]) -> Record
         return solve(problem, solver, limits)
 
     result = {
-        "one product": lambda: apply_load(system, normal, (2,)),
-        "five products": lambda: system.apply(load),
-        "one whole": lambda: whole(0.0, ProjectedCG()),
-        "five whole": lambda: whole(np.inf, ProjectedCG()),
-        "one by auto": lambda: whole(0.0, Auto()),
-        "five by auto": lambda: whole(np.inf, Auto()),
+        "product, one field": lambda: apply_load(system, normal, (2,)),
+        "product, five fields": lambda: system.apply(load),
+        "run, one field": lambda: whole(0.0, ProjectedCG()),
+        "run, five fields": lambda: whole(np.inf, ProjectedCG()),
+        "auto, one field": lambda: whole(0.0, Auto()),
+        "auto, five fields": lambda: whole(np.inf, Auto()),
     }
     turns = [
         {
@@ -208,15 +208,15 @@ def section(record: Record, _pictures: Path) -> str:
 
 
 def _conducting(name: str, row: Record) -> list[str]:
-    products, auto = row["five products"] / row["one product"], _by_auto(row)
-    alone, size = row["five whole"] / row["one whole"], row["size"]
+    products, auto = row["product, five fields"] / row["product, one field"], _by_auto(row)
+    alone, size = row["run, five fields"] / row["run, one field"], row["size"]
     times = [f"{products:.1f}", f"{auto:.1f}", f"{alone:.1f}"]
     return [name, f"{size} x {size}", *times, ", ".join(map(str, row["iterations"]))]
 
 
 def _by_auto(row: Record) -> float:
     """Return the ratio of times of a conducting and an insulated contact."""
-    return float(row["five by auto"] / row["one by auto"])
+    return float(row["auto, five fields"] / row["auto, one field"])
 
 
 def _by_newton(rows: Record) -> list[str]:

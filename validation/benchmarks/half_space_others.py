@@ -32,14 +32,14 @@ class Job:
 class Answer:
     """Solution of a job: pressure [Pa] and normal displacement [m], (n, n), and times [s].
 
-    built, solved: processor times of the operators and of the solution; clock: wall time of the solution.
+    setup, solution: processor times of the operators and of the solution; solution_wall: wall time of the solution.
     """
 
     pressure: Array
     displacement: Array
-    built: float
-    solved: float
-    clock: float
+    setup: float
+    solution: float
+    solution_wall: float
     iterations: int
 
 

@@ -29,7 +29,7 @@ def measure(quick: bool) -> Record:
     return {
         "threads": warm[0][1]["threads"],
         "repeats": repeats,
-        "found": {
+        "measurements": {
             "whole run [s]": statistics.median(seconds for seconds, _ in warm),
             "peak memory [MB]": max(summary["peak_memory_mb"] for _, summary in warm),
             "cold first run [s]": cold,
@@ -50,12 +50,12 @@ def whole_run(case: Path, out: Path, caches: Path) -> tuple[float, Record]:
 
 def highlights(record: Record) -> list[tuple[str, str]]:
     """Return the time of the whole process."""
-    return [("main job: whole process, warm caches", f"{record['found']['whole run [s]']:.1f} s")]
+    return [("main job: whole process, warm caches", f"{record['measurements']['whole run [s]']:.1f} s")]
 
 
 def section(record: Record, _pictures: Path) -> str:
     """Return the section of the page."""
-    result, stages = record["found"], dict(record["stages"])
+    result, stages = record["measurements"], dict(record["stages"])
     stages["start-up and end"] = result["whole run [s]"] - stages.pop("total")
     return "\n\n".join(
         [

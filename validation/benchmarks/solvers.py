@@ -122,7 +122,7 @@ def alternatives(problem: ContactProblem, chosen: dict[str, Solver], states: lis
                 leave.add(label)
     laws = [channel.law for channel in problem.channels]
     jumps = any(isinstance(law, StepConductivity) and law.kappa > 0.0 for law in laws)
-    return {"count": len(distinct), "jumps": jumps, "left by": sorted(leave)}
+    return {"count": len(distinct), "jumps": jumps, "left_by": sorted(leave)}
 
 
 def difference(problem: ContactProblem, state: ContactState, other: ContactState) -> float:
@@ -170,7 +170,7 @@ def speedups(row: dict) -> dict[str, float]:
 
 def has_several_solutions(row: dict) -> bool:
     """Return True if the conductivities jump and every solver remains at each of the solutions found."""
-    return row["solutions"]["jumps"] and not row["solutions"]["left by"]
+    return row["solutions"]["jumps"] and not row["solutions"]["left_by"]
 
 
 def disagreement(row: dict) -> float:
@@ -199,7 +199,7 @@ def section(record: Record, pictures: Path) -> str:
     apart = [row for row in record["cases"] if disagreement(row) > AGREEMENT]
     several = [row for row in apart if has_several_solutions(row)]
     rows = [
-        (row["case"], f"{disagreement(row):.0e}", str(row["solutions"]["count"]), _names(row["solutions"]["left by"]))
+        (row["case"], f"{disagreement(row):.0e}", str(row["solutions"]["count"]), _names(row["solutions"]["left_by"]))
         for row in apart
     ]
     return "\n\n".join(
