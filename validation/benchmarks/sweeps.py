@@ -124,8 +124,8 @@ def section(record: Record, _pictures: Path) -> str:
                 f"The sweep has {POINTS} cases, ten coefficients of friction at two depths, on figure 7's block with "
                 f"{record['elements']} elements. Each process has one thread unless stated otherwise; times are "
                 f"medians of {record['repetitions']} repetitions and include the start of processes. While two "
-                "processes wait for the shared system, its computation uses the threads of both. The finished sweep, repeated, "
-                "only collects and draws the results."
+                "processes wait for the shared system, its computation uses the threads of both. The finished sweep, "
+                "repeated, only collects and draws the results."
             ),
             table(("", "time [s]", f"speed relative to {POINTS} separate runs"), rows),
             prose("Four blocks of different heights, which share nothing, measured once:"),
