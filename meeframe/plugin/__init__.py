@@ -76,12 +76,10 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import EdgeResolution as EdgeResolution
     from meeframe.system.capabilities import FieldwiseApply as FieldwiseApply
     from meeframe.system.capabilities import IndenterEdge as IndenterEdge
-    from meeframe.system.capabilities import LatticeStencil as LatticeStencil
     from meeframe.system.capabilities import Multigrid as Multigrid
     from meeframe.system.capabilities import Persistence as Persistence
     from meeframe.system.capabilities import Prolongation as Prolongation
     from meeframe.system.capabilities import Restriction as Restriction
-    from meeframe.system.capabilities import Stencil as Stencil
     from meeframe.system.capabilities import Subsystem as Subsystem
     from meeframe.system.capabilities import apply_fields as apply_fields
     from meeframe.system.capabilities import diagonal as diagonal
@@ -171,12 +169,10 @@ _HOMES = {
     "EdgeResolution": "meeframe.system.capabilities",
     "FieldwiseApply": "meeframe.system.capabilities",
     "IndenterEdge": "meeframe.system.capabilities",
-    "LatticeStencil": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",
     "Prolongation": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
-    "Stencil": "meeframe.system.capabilities",
     "Subsystem": "meeframe.system.capabilities",
     "apply_fields": "meeframe.system.capabilities",
     "diagonal": "meeframe.system.capabilities",

@@ -146,30 +146,6 @@ class Multigrid(ABC):
         """
 
 
-class LatticeStencil(ABC):
-    """Nodes on a lattice whose responses depend on their distances alone, as on a regular grid on a half space.
-
-    Newton's method uses it to smooth the contact edge and the slip boundary.
-    """
-
-    @abstractmethod
-    def stencil(self, radius: int, fields: Sequence[int]) -> "Stencil | None":
-        """Return the responses of a node to loads on nodes around it.
-
-        Parameters
-        ----------
-        radius : int
-            Largest distance along each axis, in lattice spacings.
-        fields : sequence of int
-            Fields in which responses are needed.
-
-        Returns
-        -------
-        Stencil or None
-            The responses; None if the lattice is smaller than this.
-        """
-
-
 class Restriction(ABC):
     """Reduction to a part of the contact zone, where products take much less time."""
 
@@ -279,26 +255,6 @@ class Subsystem:
 
     system: "ReducedSystem"
     nodes: Indices
-
-
-@dataclass(frozen=True, eq=False)
-class Stencil:
-    """Responses on a lattice, accurate to about six digits.
-
-    Attributes
-    ----------
-    lattice
-        (nx, ny) node at each place.
-    periodic
-        True if the lattice repeats itself.
-    responses
-        (2 r + 1, 2 r + 1, 5, 5): entry [r + i, r + j] is the displacement of a node due to the load on another one,
-        (i, j) places before it; zero in fields that were not asked for.
-    """
-
-    lattice: Indices
-    periodic: bool
-    responses: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,11 +27,9 @@ from meeframe.system.capabilities import (
     FieldProduct,
     FieldwiseApply,
     IndenterEdge,
-    LatticeStencil,
     Multigrid,
     Prolongation,
     Restriction,
-    Stencil,
     Subsystem,
     apply_fields,
     diagonal,
@@ -187,7 +185,6 @@ class ComposedSystem(
     ApproximateApply,
     ApproximateInverse,
     Multigrid,
-    LatticeStencil,
     Restriction,
     EdgeResolution,
 ):
@@ -212,7 +209,7 @@ class ComposedSystem(
 
         Products in some fields and approximate products need one body that has them. The approximate inverse is that
         of the first body. Coarsening and restriction need all bodies, coarsening on the same nodes and without extra
-        compliance. A stencil needs all bodies, uniform rotations and no extra compliance. Edge resolution needs all
+        compliance. Edge resolution needs all
         bodies, and no correction already in place. Persistence is not forwarded: bodies are stored one by one.
         """
         systems, corrected = [term.system for term in self.terms], self.extra_compliance is not None
@@ -222,15 +219,12 @@ class ComposedSystem(
             ApproximateApply: any(has),
             ApproximateInverse: has[0],
             Multigrid: all(has) and not corrected,
-            LatticeStencil: all(has) and not corrected,
             Restriction: all(has),
             EdgeResolution: all(has) and not corrected,
         }
         if not forwarded.get(kind, False):
             return None
         if kind is Multigrid and self._coarsening is None:
-            return None
-        if kind is LatticeStencil and not all(term.rotation is None or term.rotation.is_uniform for term in self.terms):
             return None
         return super().capability(kind)
 
@@ -313,24 +307,6 @@ class ComposedSystem(
             parts.append((part.system, part.nodes))
         system = self._on_nodes(parts)
         return None if system is None else Subsystem(system, parts[0][1])
-
-    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
-        """Return the sum of the stencils of the bodies; None if their lattices differ by more than reflections."""
-        total: Stencil | None = None
-        for term in self.terms:
-            part = _required(term.system, LatticeStencil).stencil(radius, term.closure(fields))
-            if part is None:
-                return None
-            part = _rotated_stencil(term, part, fields)
-            aligned = part if total is None else _aligned_stencil(part, total)
-            if aligned is None:
-                return None
-            total = (
-                aligned
-                if total is None
-                else Stencil(total.lattice, total.periodic, total.responses + aligned.responses)
-            )
-        return total
 
     def edge_correction(self, pressure: Array, indenter_edge: IndenterEdge | None = None) -> EdgeCorrection:
         """Return the sum of the corrections of all bodies, with the area fraction of the first one."""
@@ -440,24 +416,3 @@ def _in_frames(inverse: Callable[[Array], Array], term: Term, fields: Sequence[i
     if term.rotation is None:
         return inverse
     return lambda displacement: term.from_body(inverse(term.to_body(displacement, fields, fields)), fields, fields)
-
-
-def _rotated_stencil(term: Term, stencil: Stencil, fields: Sequence[int]) -> Stencil:
-    """Return the stencil of a body at the nodes and in the frames of the composition."""
-    lattice = stencil.lattice if term.nodes is None else np.argsort(term.nodes)[stencil.lattice]
-    if term.rotation is None:
-        return Stencil(lattice, stencil.periodic, stencil.responses)
-    shape = stencil.responses.shape
-    responses = term.rotation.change_blocks(stencil.responses.reshape(-1, *shape[2:])).reshape(shape)
-    others = [field for field in range(term.rotation.n_fields) if field not in fields]
-    responses[..., others, :] = responses[..., others] = 0.0
-    return Stencil(lattice, stencil.periodic, np.ascontiguousarray(responses))
-
-
-def _aligned_stencil(stencil: Stencil, other: Stencil) -> Stencil | None:
-    """Return a stencil on the lattice of another one, reflected where needed; None if that is not possible."""
-    for step in np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]):
-        reflect = slice(None, None, step[0]), slice(None, None, step[1])
-        if stencil.periodic == other.periodic and np.array_equal(stencil.lattice[reflect], other.lattice):
-            return Stencil(other.lattice, other.periodic, stencil.responses[reflect])
-    return None

@@ -16,7 +16,6 @@ from meeframe.system.capabilities import (
     EdgeResolution,
     FieldwiseApply,
     IndenterEdge,
-    LatticeStencil,
     Multigrid,
     Restriction,
     Subsystem,
@@ -39,8 +38,6 @@ BOUNDS: Final = {"float64": ROUND_OFF, "float32": 1e-5}
 """Largest relative errors of displacements, by the precision of the load."""
 PARTS: Final = ((-0.2, 0.2), (-0.3, 0.5), (-1.0, -0.7), (-0.1, 0.1))
 """Tested parts of the zone, in half widths along both axes; one of them is at a corner."""
-RADII, STENCIL_FIELDS = (1, 4), ((0, 1, 2, 3, 4), (2, 4))
-"""Tested stencils: radius in places, and fields."""
 CANCELLED: Final = 0.1
 """Displacements below this fraction of a typical one may be sums that cancel, as couplings of two similar bodies."""
 CONTACT: Final = 0.6
@@ -61,7 +58,6 @@ def check_capabilities(system: ReducedSystem) -> None:
     check_approximate_apply(system)
     check_approximate_inverse(system)
     check_prolongation(system)
-    check_stencil(system)
     check_restriction(system)
     check_edge_correction(system)
     multigrid = system.capability(Multigrid)
@@ -186,39 +182,6 @@ def check_prolongation(system: ReducedSystem) -> None:
         work = float((weights * prolonged) @ full), float((weights[nodes] * values) @ restricted)
         error = abs(work[0] - work[1]) / float((weights * np.abs(prolonged)) @ np.abs(full))
         require(error < SINGLE_PRECISION, "restrict of a prolongation is not the adjoint of prolong", error)
-
-
-def check_stencil(system: ReducedSystem) -> None:
-    """Check that `stencil` is `apply` of unit loads inside the lattice, each of whose places has one node."""
-    capability = system.capability(LatticeStencil)
-    if capability is None:
-        return
-    for radius, fields in zip(RADII, STENCIL_FIELDS, strict=True):
-        stencil = capability.stencil(radius, fields)
-        if stencil is None:
-            continue
-        lattice, size = stencil.lattice, np.array(stencil.lattice.shape)
-        fits = np.array_equal(np.sort(lattice.ravel()), np.arange(len(system.points))) and (size > 2 * radius).all()
-        require(bool(fits), "the lattice of a stencil does not contain each node once, or is too small", lattice.shape)
-        offsets = np.indices((2 * radius + 1, 2 * radius + 1)).reshape(2, -1).T - radius
-        unit = typical_load(system)
-        for place in (np.array([radius, radius]), size // 2, size - 1 - radius, np.array([0, 0])):
-            around = place + offsets
-            inside = ((around >= 0) & (around < size)).all(axis=1) | stencil.periodic
-            i, j = (around % size)[inside].T
-            if not stencil.periodic and not all(1 <= at < n - 1 for at, n in zip(place, size, strict=True)):
-                continue  # nodes on a border may have a smaller share of the load
-            others = [field for field in range(5) if field not in fields]
-            for field in range(5):
-                load = np.zeros_like(system.offset)
-                load[lattice[tuple(place)], field] = unit[field]
-                expected = system.apply(load)[lattice[i, j]]
-                expected[:, others if field in fields else slice(None)] = 0.0
-                result = unit[field] * stencil.responses.reshape(-1, 5, 5)[inside, :, field]
-                error = worst(result * unit, expected * unit)
-                require(
-                    error < SINGLE_PRECISION, f"stencil to loads in field {field} at {tuple(place)} is not apply", error
-                )
 
 
 def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:

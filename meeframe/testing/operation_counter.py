@@ -13,11 +13,9 @@ from meeframe.system.capabilities import (
     EdgeResolution,
     FieldwiseApply,
     IndenterEdge,
-    LatticeStencil,
     Multigrid,
     Prolongation,
     Restriction,
-    Stencil,
     Subsystem,
 )
 from meeframe.system.reduced import NodalFields, ReducedSystem
@@ -33,7 +31,6 @@ class OperationCounter(
     ApproximateApply,
     ApproximateInverse,
     Multigrid,
-    LatticeStencil,
     Restriction,
     EdgeResolution,
 ):
@@ -105,10 +102,6 @@ class OperationCounter(
     def coarsen(self) -> Coarsening:
         """Return that of the inner system, whose products are not counted."""
         return self._inner(Multigrid).coarsen()
-
-    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
-        """Return that of the inner system."""
-        return self._inner(LatticeStencil).stencil(radius, fields)
 
     def restrict(self, nodes: Indices) -> Subsystem | None:
         """Return that of the inner system, whose products are counted, too."""

@@ -16,7 +16,6 @@ from meeframe.fields import MECHANICAL, Array
 from meeframe.laws.base import is_adhesive
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.solvers.gradient.steps import start_load
-from meeframe.solvers.newton.coarse_start import improve_start
 from meeframe.solvers.newton.globalization import newton_step
 from meeframe.solvers.newton.linear import Inverse
 from meeframe.solvers.newton.moves import MAX_FLIPS, take_step, with_biactive
@@ -24,7 +23,6 @@ from meeframe.solvers.newton.neighbourhood import (
     ContactNeighbourhood,
     can_restrict,
     contact_neighbourhood,
-    neighbourhood_nodes,
 )
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.solvers.stopping import StoppingCriteria
@@ -191,18 +189,11 @@ def _begin(problem: ContactProblem, start: ContactState | None, min_violation: f
         point = point.equation.at(
             point.load, contact_fraction, point.biactive, _balanced_motion(problem, point), min_violation
         )
-    flips, rise = np.zeros(len(point.load)), 1.0
-    if coarse is not None and coarse_iterate is not None:
-        coarse_memory = _memory(coarse_iterate)
-        on_coarse = coarse_memory.point.equation, neighbourhood_nodes(coarse.problem, coarse_memory.neighbourhood)
-        point, rise = (
-            improve_start(point, neighbourhood_nodes(problem, neighbourhood), coarse, *on_coarse),
-            MAX_START_GROWTH,
-        )
+    rise = 1.0 if prolonged is None else MAX_START_GROWTH
     memory = _Memory(
         point,
         (rise * point.merit,),
-        flips,
+        np.zeros(len(point.load)),
         full_steps=full_steps,
         neighbourhood=neighbourhood,
         restrictions=restrictions,

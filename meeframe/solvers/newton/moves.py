@@ -7,7 +7,6 @@ import numpy as np
 from meeframe.contact.problem import ContactProblem, contact_gap
 from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, is_adhesive
-from meeframe.solvers.newton.contact_edge import relax_switched
 from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.residual import FLUX_ROWS, FRACTION, ResidualState
 
@@ -51,7 +50,7 @@ def take_step(point: ResidualState, flips: Array, step: Step, fraction: float) -
         stepped = stepped.with_contact_fraction(contact_fraction, stepped.biactive | becomes_biactive)
     else:
         stepped = _fit_fractions(stepped)
-    return flips, relax_switched(point, stepped)
+    return flips, stepped
 
 
 def with_biactive(point: ResidualState, stepped: ResidualState) -> ResidualState:

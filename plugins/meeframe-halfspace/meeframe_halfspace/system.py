@@ -19,13 +19,11 @@ from meeframe.plugin import (
     FieldwiseApply,
     IndenterEdge,
     Indices,
-    LatticeStencil,
     Multigrid,
     NodalFields,
     Prolongation,
     ReducedSystem,
     Restriction,
-    Stencil,
     Subsystem,
 )
 from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
@@ -55,7 +53,6 @@ class HalfSpaceSystem(
     ApproximateApply,
     ApproximateInverse,
     Multigrid,
-    LatticeStencil,
     Restriction,
     EdgeResolution,
 ):
@@ -192,22 +189,6 @@ class HalfSpaceSystem(
             return values if shares is None else values / shares[nodes]
 
         return Prolongation(prolong, restrict)
-
-    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
-        """Return responses to the load of a node in the middle of the grid, or of the smallest sufficient part."""
-        if min(self.grid.size) <= 2 * radius:
-            return None
-        part = self.grid_response.restrict((2 * radius + 1, 2 * radius + 1))
-        convolution = self.convolution if part is None else convolution_of(part)
-        middle, load = [n // 2 for n in convolution.size], np.zeros((1, *convolution.size), np.float32)
-        load[0, *middle] = 1.0
-        around = tuple(slice(place - radius, place + radius + 1) for place in middle)
-        responses = np.zeros((self.n_fields, self.n_fields, 2 * radius + 1, 2 * radius + 1))
-        for loaded in fields:
-            responses[list(fields), loaded] = convolution.response(load, [loaded], fields)[:, *around]
-        return Stencil(
-            self.grid.nodes, self.convolution.periodic, np.ascontiguousarray(responses.transpose(2, 3, 0, 1))
-        )
 
     def coarsen(self) -> Coarsening:
         """Return the system on every second node along both axes."""

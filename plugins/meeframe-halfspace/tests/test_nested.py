@@ -28,12 +28,10 @@ from meeframe.system.capabilities import (
     Coarsening,
     EdgeResolution,
     FieldwiseApply,
-    LatticeStencil,
     Multigrid,
     Persistence,
     Prolongation,
     Restriction,
-    Stencil,
     Subsystem,
     diagonal,
 )
@@ -303,7 +301,7 @@ def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
     assert not solution.state.load.any()
 
 
-FORWARDED = {FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, LatticeStencil, Restriction}
+FORWARDED = {FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, Restriction}
 
 
 def capabilities_of(system: ReducedSystem) -> set[type]:
@@ -322,13 +320,13 @@ def test_capabilities_of_composed_systems() -> None:
     assert capabilities_of(system) == own
     for whole, has in (
         (combine_bodies(system, system), own),
-        (combine_bodies(radial, alike), own - {LatticeStencil}),
+        (combine_bodies(radial, alike), own),
         (combine_bodies(system, MatrixFree.of(system)), {FieldwiseApply, ApproximateInverse}),
         (combine_bodies(MatrixFree.of(system), system), {FieldwiseApply}),
         (alike, own),
-        (radial, own - {LatticeStencil}),
-        (corrected, own - {Multigrid, LatticeStencil}),
-        (rotate_frames(corrected, radial.frames[:, 0]), own - {Multigrid, LatticeStencil}),
+        (radial, own),
+        (corrected, own - {Multigrid}),
+        (rotate_frames(corrected, radial.frames[:, 0]), own - {Multigrid}),
         (OperationCounter.of(system), own),
         (OperationCounter.of(system, accelerated=False), {FieldwiseApply}),
         (MatrixFree.of(system), set()),
@@ -378,9 +376,7 @@ def test_two_bodies_start_from_a_coarser_grid() -> None:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Wrong(
-    ReducedSystem, FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, LatticeStencil, Restriction
-):
+class Wrong(ReducedSystem, FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, Restriction):
     """A half space one of whose capabilities is wrong."""
 
     inner: HalfSpaceSystem
@@ -433,12 +429,6 @@ class Wrong(
             return replace(right, prolong=lambda values: right.prolong(values) + (not len(nodes)))
         return replace(right, restrict=lambda whole: whole[nodes]) if self.wrong == "adjoint" else right
 
-    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
-        right = self.inner.stencil(radius, fields)
-        if right is None or self.wrong != "stencil":
-            return right
-        return replace(right, responses=right.responses[:, ::-1])
-
     def coarsen(self) -> Coarsening:
         coarse = self.inner.coarsen()
         if self.wrong == "prolong":
@@ -465,7 +455,7 @@ def _kinked(prolonged: Array, nodes: Indices) -> Array:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
-    + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal", "stencil")]
+    + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal")]
     + [("single precision", "apply_fields of loads float32")]
     + [("values", "prolongation changes the values"), ("adjoint", "is not the adjoint of prolong")]
     + [("kinked", "prolongation is not linear"), ("double precision", "the precision"), ("no node", "from no nodes")]
