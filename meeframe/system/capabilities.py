@@ -52,7 +52,18 @@ class FieldwiseApply(ABC):
 
     @abstractmethod
     def diagonal(self, fields: Sequence[int]) -> Array:
-        """Return the diagonals of `diagonal_blocks` in k fields, (n, k)."""
+        """Return the diagonals of `ReducedSystem.diagonal_blocks` in some fields.
+
+        Parameters
+        ----------
+        fields : sequence of int
+            Numbers of k fields.
+
+        Returns
+        -------
+        (n, k) array
+            Response of each node to its own unit load in the same field.
+        """
 
 
 class ApproximateInverse(ABC):
@@ -60,9 +71,18 @@ class ApproximateInverse(ABC):
 
     @abstractmethod
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
-        """Return a linear map from displacements (n, k) in k fields to loads (n, k) in these fields that cause them.
+        """Return an approximate inverse of the compliance in some fields.
 
-        None if there is no useful inverse for these fields.
+        Parameters
+        ----------
+        fields : sequence of int
+            Numbers of k fields.
+
+        Returns
+        -------
+        callable or None
+            Linear map from displacements (n, k) to loads (n, k) that cause them; None if there is no useful inverse
+            for these fields.
         """
 
 
@@ -71,7 +91,13 @@ class Multigrid(ABC):
 
     @abstractmethod
     def coarsen(self) -> "Coarsening":
-        """Return the next coarser system. On the coarsest division `capability` returns None."""
+        """Return the next coarser system. On the coarsest division `capability` returns None.
+
+        Returns
+        -------
+        Coarsening
+            The coarser system and the transfer of values.
+        """
 
 
 class Restriction(ABC):
@@ -79,22 +105,38 @@ class Restriction(ABC):
 
     @abstractmethod
     def restrict(self, nodes: Indices) -> "Subsystem | None":
-        """Return the system on a part of the zone that contains nodes (k,); None if there is no such part.
+        """Return the system on a part of the zone that contains some nodes.
 
-        A part may contain more nodes. None is also returned where the part would be nearly as large as the zone, and
-        if no nodes are given.
+        The part may contain more nodes.
+
+        Parameters
+        ----------
+        nodes : Indices
+            (k,) numbers of the nodes.
+
+        Returns
+        -------
+        Subsystem or None
+            The smaller system. None if there is no such part, if it would be nearly as large as the zone, or if no
+            nodes are given.
         """
 
 
 class Persistence(ABC):
     """A system without a matrix that can be stored as arrays.
 
-    Its formulation is a `meeframe.formulations.base.PersistentFormulation`, which makes the system again.
+    Its formulation is a `meeframe.formulations.base.PersistentFormulation`, which restores the system.
     """
 
     @abstractmethod
     def to_arrays(self) -> Mapping[str, AnyArray]:
-        """Return arrays of numbers, by name, from which `PersistentFormulation.from_arrays` makes the same system."""
+        """Return the arrays from which `PersistentFormulation.from_arrays` restores the system.
+
+        Returns
+        -------
+        dict of str to array
+            Arrays of numbers by name.
+        """
 
 
 class EdgeResolution(ABC):
@@ -102,7 +144,7 @@ class EdgeResolution(ABC):
 
     @abstractmethod
     def edge_correction(self, pressure: Array, indenter_edge: "IndenterEdge | None" = None) -> "EdgeCorrection":
-        """Return how the edge of a contact between the nodes changes the system.
+        """Return the changes of the system due to a contact edge between the nodes.
 
         Parameters
         ----------
@@ -110,6 +152,11 @@ class EdgeResolution(ABC):
             Contact pressure >= 0 [Pa], found with the contact edge at nodes.
         indenter_edge : IndenterEdge, optional
             The edge of the indenter, if it has one in the zone.
+
+        Returns
+        -------
+        EdgeCorrection
+            Extra compliances and area fractions of the nodes near the edge.
         """
 
 
@@ -184,7 +231,24 @@ class IndenterEdge:
 
 
 def apply_fields(system: "ReducedSystem", load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-    """Return `FieldwiseApply.apply_fields` of any system: by `apply` where the system has no such capability."""
+    """Return the displacement in some fields due to a load in some fields, for any system.
+
+    Without the capability `FieldwiseApply` the system computes all fields by `apply`.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The system.
+    load : (n, l) array
+        Load in the fields `loaded`.
+    loaded, fields : sequences of int
+        Numbers of l and k fields.
+
+    Returns
+    -------
+    (n, k) array
+        Columns in the order of `fields`.
+    """
     fieldwise = system.capability(FieldwiseApply)
     if fieldwise is not None:
         return fieldwise.apply_fields(load, loaded, fields)
@@ -201,7 +265,20 @@ def apply_load(system: "ReducedSystem", load: Array, fields: Sequence[int]) -> A
 
 
 def diagonal(system: "ReducedSystem", fields: Sequence[int]) -> Array:
-    """Return the diagonals (n, k) of the diagonal blocks of any system in k fields."""
+    """Return the diagonals of the diagonal blocks of any system in some fields.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The system.
+    fields : sequence of int
+        Numbers of k fields.
+
+    Returns
+    -------
+    (n, k) array
+        Response of each node to its own unit load in the same field.
+    """
     fieldwise = system.capability(FieldwiseApply)
     if fieldwise is not None:
         return fieldwise.diagonal(fields)
@@ -218,6 +295,11 @@ def rescale_inverse(inverse: Callable[[Array], Array], before: Array, after: Arr
         Approximate inverse of the other compliance.
     before, after : (n, k) arrays
         Diagonals of the other compliance and of the new one.
+
+    Returns
+    -------
+    callable
+        Linear map from displacements (n, k) to loads (n, k).
     """
     factor = np.sqrt(np.abs(before / after))
     return lambda displacement: factor * inverse(factor * displacement)

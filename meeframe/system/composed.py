@@ -298,14 +298,14 @@ class ComposedSystem(
 
     def edge_correction(self, pressure: Array, indenter_edge: IndenterEdge | None = None) -> EdgeCorrection:
         """Return the sum of the corrections of all bodies, with the area fraction of the first one."""
-        found = [
+        result = [
             _required(term.system, EdgeResolution).edge_correction(
                 term.at_body(pressure),
                 None if indenter_edge is None else term.edge_seen(indenter_edge),
             )
             for term in self.terms
         ]
-        return EdgeCorrection(self._sum_blocks([one.extra_compliance for one in found]), found[0].area_fraction)
+        return EdgeCorrection(self._sum_blocks([one.extra_compliance for one in result]), result[0].area_fraction)
 
     def _sum(
         self, products: Sequence[FieldProduct], load: Array, loaded: Sequence[int], fields: Sequence[int]

@@ -73,18 +73,18 @@ def check_fieldwise_apply(system: ReducedSystem) -> None:
         for precision, bound in BOUNDS.items():
             given = block.astype(precision)
             copy = given.copy()
-            found = fieldwise.apply_fields(given, loaded, fields)
+            result = fieldwise.apply_fields(given, loaded, fields)
             what = f"apply_fields of loads {precision} in fields {loaded}"
-            require(found.shape == expected.shape, f"{what} in fields {fields} is not (n, k)", found.shape)
+            require(result.shape == expected.shape, f"{what} in fields {fields} is not (n, k)", result.shape)
             require(np.array_equal(given, copy), "apply_fields changes its argument", len(load))
-            error = _error(system, found, expected, fields)
-            require(error < bound, f"{what} is not apply in fields {fields}: solvers would go astray", error)
+            error = _error(system, result, expected, fields)
+            require(error < bound, f"{what} is not apply in fields {fields}: solvers would fail", error)
     blocks = system.diagonal_blocks()
     for fields in CHOICES:
         expected = blocks[:, list(fields), list(fields)]
-        found = fieldwise.diagonal(fields)
-        fits = found.shape == expected.shape and worst(found, expected) < ROUND_OFF
-        require(fits, f"diagonal in fields {fields} is not that of diagonal_blocks", found.shape)
+        result = fieldwise.diagonal(fields)
+        fits = result.shape == expected.shape and worst(result, expected) < ROUND_OFF
+        require(fits, f"diagonal in fields {fields} is not that of diagonal_blocks", result.shape)
 
 
 def check_approximate_inverse(system: ReducedSystem) -> None:
@@ -103,28 +103,28 @@ def check_approximate_inverse(system: ReducedSystem) -> None:
         alone[:, :, chosen] = loads[:, :, chosen]
         moved = np.array([system.apply(load)[:, chosen] for load in alone])
         copy = moved.copy()
-        found = np.array([inverse(displacement) for displacement in moved])
+        result = np.array([inverse(displacement) for displacement in moved])
         what = f"approximate_inverse in fields {fields}"
-        fits = found.shape == moved.shape and bool(np.isfinite(found).all())
-        require(fits, f"{what} gives no finite loads (n, k)", found.shape)
+        fits = result.shape == moved.shape and bool(np.isfinite(result).all())
+        require(fits, f"{what} gives no finite loads (n, k)", result.shape)
         require(np.array_equal(moved, copy), f"{what} changes its argument", len(moved))
-        error = worst(inverse(2.0 * moved[0] - 3.0 * moved[1]), 2.0 * found[0] - 3.0 * found[1])
-        require(error < SINGLE_PRECISION, f"{what} is not linear: Krylov iterations would go astray", error)
+        error = worst(inverse(2.0 * moved[0] - 3.0 * moved[1]), 2.0 * result[0] - 3.0 * result[1])
+        require(error < SINGLE_PRECISION, f"{what} is not linear: Krylov iterations would fail", error)
         unit = typical_load(system)[chosen]
-        pairs = zip(found[:, inside] / unit, alone[:, inside][:, :, chosen] / unit, strict=True)
+        pairs = zip(result[:, inside] / unit, alone[:, inside][:, :, chosen] / unit, strict=True)
         cosine = min(float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum())) for one, other in pairs)
-        require(cosine > MIN_COSINE, f"{what} gives other loads than those that caused it", cosine)
+        require(cosine > MIN_COSINE, f"{what} does not return the loads that cause the displacement", cosine)
 
 
 def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:
     """Check that a coarser system has nodes of the finer one, the same offset and area, and a similar response."""
     nodes, there = coarse.nodes, coarse.system
     distinct = len(np.unique(nodes)) == len(nodes) == len(there.points) < len(system.points)
-    require(distinct, "nodes of a coarser system are not some of the finer ones, each once", len(nodes))
+    require(distinct, "nodes of a coarser system are not distinct nodes of the finer system", len(nodes))
     for name in ("points", "frames", "offset"):
         here, expected = (part.reshape(len(nodes), -1) for part in (getattr(there, name), getattr(system, name)[nodes]))
         error = worst(here, expected)
-        require(error < ROUND_OFF, f"{name} of a coarser division are not those of its nodes", error)
+        require(error < ROUND_OFF, f"{name} of a coarser system are not those of its nodes", error)
     load = smooth_loads(there)[0] * _fading(there)[:, None]
     fine = coarse.prolong(load)
     require(fine.shape == system.offset.shape, "prolong gives no loads (n, 5)", fine.shape)
@@ -132,9 +132,9 @@ def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:
     require(error < ROUND_OFF, "prolong changes values at the common nodes", error)
     size = system.weights @ np.abs(fine)
     error = float((np.abs(system.weights @ fine - there.weights @ load) / size).max())
-    require(error < COARSE_ERROR, "weights of a coarser division give other resultants", error)
+    require(error < COARSE_ERROR, "weights of a coarser system give other resultants", error)
     error = worst(there.apply(load), system.apply(fine)[nodes])
-    require(error < COARSE_ERROR, "a coarser division responds otherwise: a start from it would lead astray", error)
+    require(error < COARSE_ERROR, "a coarser system responds differently: it would give poor initial states", error)
 
 
 def check_restriction(system: ReducedSystem) -> None:
@@ -148,25 +148,27 @@ def check_restriction(system: ReducedSystem) -> None:
         part = restriction.restrict(asked)
         if part is not None:
             check_part(system, part, asked)
-    require(restriction.restrict(nodes[:0]) is None, "restrict gives a part for no nodes", 0)
+    require(restriction.restrict(nodes[:0]) is None, "restrict returns a subsystem for no nodes", 0)
 
 
 def check_part(system: ReducedSystem, part: Subsystem, asked: Indices) -> None:
     """Check that a part contains the requested nodes (k,), with their data, and responds as the whole does."""
     nodes, there = part.nodes, part.system
     distinct = len(np.unique(nodes)) == len(nodes) == len(there.points) < len(system.points)
-    require(distinct, "nodes of a part are not some of the whole, each once", len(nodes))
-    require(bool(np.isin(asked, nodes).all()), "a part does not hold the nodes that were asked for", len(nodes))
+    require(distinct, "nodes of a subsystem are not distinct nodes of the system", len(nodes))
+    require(bool(np.isin(asked, nodes).all()), "a subsystem lacks some of the requested nodes", len(nodes))
     for name in ("points", "frames", "offset", "weights"):
         same = np.array_equal(getattr(there, name), getattr(system, name)[nodes])
-        require(same, f"{name} of a part are not those of its nodes", len(nodes))
+        require(same, f"{name} of a subsystem are not those of its nodes", len(nodes))
     load = np.zeros_like(system.offset)
     load[nodes] = np.random.default_rng(5).normal(size=(len(nodes), load.shape[1])) * typical_load(system)
     error = worst(there.apply(load[nodes]), system.apply(load)[nodes])
-    require(error < ROUND_OFF, "a part responds otherwise than the whole: another problem would be solved", error)
+    require(
+        error < ROUND_OFF, "a subsystem responds differently from the system: another problem would be solved", error
+    )
     own, expected = there.diagonal_blocks(), system.diagonal_blocks()[nodes]
     error = worst(own.reshape(len(nodes), -1), expected.reshape(len(nodes), -1))
-    require(error < ROUND_OFF, "diagonal_blocks of a part are not those of its nodes", error)
+    require(error < ROUND_OFF, "diagonal_blocks of a subsystem are not those of its nodes", error)
     check_fieldwise_apply(there)
 
 
@@ -180,8 +182,8 @@ def check_edge_correction(system: ReducedSystem) -> None:
     n = len(pressure)
     far = IndenterEdge(np.full(n, np.inf), np.zeros((n, 2)), np.full(n, np.inf))
     for edge in (None, far):
-        found = resolution.edge_correction(pressure, edge)
-        extra, fraction = found.extra_compliance, found.area_fraction
+        result = resolution.edge_correction(pressure, edge)
+        extra, fraction = result.extra_compliance, result.area_fraction
         fits = extra.shape == (n, 5, 5) and fraction.shape == (n,) and bool(np.isfinite(extra).all())
         require(fits, "edge_correction gives no finite arrays (n, 5, 5) and (n,)", extra.shape)
         require(bool(((fraction >= 0.0) & (fraction <= 1.0)).all()), "an area fraction is not in [0, 1]", fraction)
@@ -194,10 +196,10 @@ def check_edge_correction(system: ReducedSystem) -> None:
         require(lowest >= -ROUND_OFF * np.abs(scaled).max(), "extra compliance gains energy from a load", lowest)
 
 
-def _error(system: ReducedSystem, found: Array, expected: Array, fields: Sequence[int]) -> float:
+def _error(system: ReducedSystem, result: Array, expected: Array, fields: Sequence[int]) -> float:
     """Return the largest error in a field, relative to its largest displacement or to CANCELLED of a typical one."""
     least = CANCELLED / typical_load(system)[list(fields)]
-    return float((np.abs(found - expected).max(axis=0) / np.maximum(np.abs(expected).max(axis=0), least)).max())
+    return float((np.abs(result - expected).max(axis=0) / np.maximum(np.abs(expected).max(axis=0), least)).max())
 
 
 def _fading(system: ReducedSystem) -> Array:

@@ -13,7 +13,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solv
 from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array
-from meeframe.laws.base import attraction, attracts
+from meeframe.laws.base import attraction, is_adhesive
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.solvers.gradient.steps import start_load
 from meeframe.solvers.newton.linear import Step, newton_step
@@ -165,7 +165,7 @@ def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
     else:
         point = ContactResidual.of(problem).at(load, contact_fraction, _is_partial(contact_fraction), motion)
     # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
-    keeps_motion = prolonged is not None or (start is not None and attracts(problem.contact_law))
+    keeps_motion = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
     if not keeps_motion and (np.abs(point.balance) > BALANCE_TOLERANCE).any():
         point = point.equation.at(point.load, contact_fraction, point.biactive, _balanced_motion(problem, point))
     rise = 1.0 if prolonged is None else MAX_START_GROWTH
@@ -212,7 +212,7 @@ def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
     """Return the tractions (n, 3) of a load (n, fields) at a motion (m,), their contact part projected by the law."""
     law, traction = problem.contact_law, load[:, MECHANICAL].copy()
     attractive = np.zeros(len(load))
-    if attracts(law):
+    if is_adhesive(law):
         displacement = problem.system.offset + problem.system.apply(load)
         attractive = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
     traction[:, 2] -= attractive

@@ -35,10 +35,10 @@ from meeframe.contact.scales import Scales, motion_scales, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import (
     attraction_slope,
-    attracts,
     augmented_traction,
     contact_traction,
     fixed_point_map,
+    is_adhesive,
     traction_tangents,
 )
 from meeframe.solvers.conduction.transmissivity import Transmissivity
@@ -125,7 +125,7 @@ class ContactResidual:
                 measures[k, field] = resultant.measure[:, field] / scales.totals[k]
         modes, measures = modes.transpose(2, 1, 0), measures.transpose(0, 2, 1)
         has_friction = bool(problem.contact_law.tangential_scaling().any())
-        conducting = [channel.conducts for channel in problem.channels]
+        conducting = [channel.is_conducting for channel in problem.channels]
         loaded = np.flatnonzero([has_friction, has_friction, True, *conducting]).tolist()
         system = problem.system
         approximate = system.capability(ApproximateInverse) if system.dense() is None else None
@@ -349,7 +349,7 @@ class ResidualState:
         A biactive node whose fraction is at an end is pressed or open according to that, not to a trial that is almost
         zero.
         """
-        if attracts(self.equation.problem.contact_law):
+        if is_adhesive(self.equation.problem.contact_law):
             return self.trial
         pressed = self.biactive & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
         opened = self.biactive & (self.switch <= 0.0) & (self.trial[:, 2] < 0.0)
@@ -402,7 +402,7 @@ class ResidualState:
                 normal_traction, unloaded_position, contact_fraction
             )
             share = share - self.drive * drop_slope
-        if attracts(law):
+        if is_adhesive(law):
             pulled = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
             gap_slope = -pulled if gap_slope is None else gap_slope - pulled
         for k, field in enumerate(range(N_MECHANICAL, fraction)):

@@ -67,18 +67,18 @@ class Symbol:
         with _MAKING:
             asked, places = set(numbers), self._places.setdefault(precision, {})
             missing = [number for number in self.numbers if number in asked and number not in places]
-            known = found = self._kept.get(precision, np.empty((0, 0, 0), precision))
+            known = result = self._kept.get(precision, np.empty((0, 0, 0), precision))
             if missing:
                 made: dict[int, int] = {}
                 for place, (number, entry) in enumerate(self._made(missing, precision), len(known)):
-                    if found is known:  # the first tells how large they are
-                        found = np.empty((len(known) + len(missing), *entry.shape), precision)
+                    if result is known:  # the first tells how large they are
+                        result = np.empty((len(known) + len(missing), *entry.shape), precision)
                         if len(known):
-                            found[: len(known)] = known
-                    found[place], made[number] = entry, place
-                self._kept[precision] = found  # and their places: all or, if this was interrupted, none
+                            result[: len(known)] = known
+                    result[place], made[number] = entry, place
+                self._kept[precision] = result  # and their places: all or, if this was interrupted, none
                 places.update(made)
-            return found, places
+            return result, places
 
     def _made(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterable[tuple[int, Array]]:
         """Return these entries; in single precision they are rounded from double precision if available."""

@@ -129,7 +129,7 @@ class HalfSpaceSystem(
     @cached_property
     def _block(self) -> Array:
         """Response (5, 5) of a node to the density around it."""
-        block: Array = entries_to_matrix(self.grid_response.own) * self.convolution.scale
+        block: Array = entries_to_matrix(self.grid_response.diagonal) * self.convolution.scale
         return block
 
     def dense(self) -> Array | None:
@@ -194,9 +194,9 @@ class HalfSpaceSystem(
         response = self._response_on(size) if places.size <= MAX_PART * len(self.points) else None
         if response is None:
             return None
-        kept, grid = places.ravel(), numbered(self.grid, size)
-        parts = self.points[kept], self.frames[kept], self.weights[kept], coarse_cells(grid), self.offset[kept]
-        return Subsystem(HalfSpaceSystem(*parts, grid, *response, self.shares[kept]), kept)
+        inner, grid = places.ravel(), numbered(self.grid, size)
+        arrays = self.points[inner], self.frames[inner], self.weights[inner], coarse_cells(grid), self.offset[inner]
+        return Subsystem(HalfSpaceSystem(*arrays, grid, *response, self.shares[inner]), inner)
 
     def _response_on(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
         """Return the response on parts of that size, at any place; None if they have none. The latest are stored."""

@@ -433,7 +433,7 @@ class Wrong(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restri
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
     + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal")]
     + [("single precision", "apply_fields of loads float32")]
-    + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")],
+    + [("part", "lacks some of the requested nodes"), ("nodes of a part", "points of a subsystem are not")],
 )
 def test_wrong_capabilities_are_caught(wrong: str, message: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)
