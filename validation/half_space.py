@@ -50,8 +50,8 @@ class Pressed:
     @property
     def totals(self) -> Array:
         """Pressing force [N], charge [C], magnetic flux [Wb]."""
-        found = self.system.weights @ self.load[:, 2:]
-        return np.asarray(found * [-1.0, 1.0, 1.0])
+        result = self.system.weights @ self.load[:, 2:]
+        return np.asarray(result * [-1.0, 1.0, 1.0])
 
     @property
     def force(self) -> float:

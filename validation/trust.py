@@ -35,18 +35,18 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "validation", help="folder of the pages")
     arguments = parser.parse_args()
     try:
-        found = joined([read(json.loads(file.read_text(encoding="utf-8"))) for file in arguments.numbers])
+        result = joined([read(json.loads(file.read_text(encoding="utf-8"))) for file in arguments.numbers])
     except ValueError as error:
         parser.error(str(error))
-    for name, text in pages(found).items():
+    for name, text in pages(result).items():
         (arguments.out / name).write_text(text, encoding="utf-8")
 
 
-def pages(found: Validation) -> dict[str, str]:
+def pages(result: Validation) -> dict[str, str]:
     """Return the text of both pages by file name: the summary with its explanation, and all checks."""
     head = (HERE / "trust_head.md").read_text(encoding="utf-8")
-    checks = "\n".join([CHECKS_HEAD, *(line for case in found.cases for line in _section(case))])
-    summary = head.replace(SUMMARY, "\n".join(_summary(found)))
+    checks = "\n".join([CHECKS_HEAD, *(line for case in result.cases for line in _section(case))])
+    summary = head.replace(SUMMARY, "\n".join(_summary(result)))
     return {"trust.md": summary.rstrip() + "\n", "checks.md": checks.rstrip() + "\n"}
 
 
@@ -91,22 +91,22 @@ def _row(check: dict[str, Any]) -> Row:
     return Row(kind(**given), check["seconds"])
 
 
-def _summary(found: Validation) -> Iterator[str]:
+def _summary(result: Validation) -> Iterator[str]:
     """Yield the outcome and one line for each case."""
-    yield f"{found.headline[0].upper()}{found.headline[1:]}. Times are on two cores shared with other work.\n"
-    missing = sorted(known_cases(HERE).keys() - {case.name for case in found.cases})
+    yield f"{result.headline[0].upper()}{result.headline[1:]}. Times are on two cores shared with other work.\n"
+    missing = sorted(known_cases(HERE).keys() - {case.name for case in result.cases})
     if missing:
         yield f"Not run: {', '.join(missing)}.\n"
     yield "| case | checks | passed | explained differences | time [s] |\n| --- | --- | --- | --- | --- |"
-    for case in found.cases:
+    for case in result.cases:
         counts = [sum(v is verdict for v in case.verdicts) for verdict in (Verdict.PASS, Verdict.DIFFERS)]
         link = f"[{case.title}](checks.md#{_anchor(case.title)})"
         yield f"| {link} | {len(case.verdicts)} | {counts[0]} | {counts[1] or ''} | {case.seconds:.0f} |"
 
 
 def _anchor(title: str) -> str:
-    kept = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
-    return kept.replace(" ", "-")
+    retained = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
+    return retained.replace(" ", "-")
 
 
 def _section(case: CaseReport) -> Iterator[str]:
@@ -115,8 +115,8 @@ def _section(case: CaseReport) -> Iterator[str]:
         yield f"```text\n{case.error.strip()}\n```\n"
     yield "| check | computed | reference | difference | tolerance | |\n| --- | --- | --- | --- | --- | --- |"
     for row in case.rows:
-        verdict = row.found.verdict
-        reason = f": {reason_of(row.found)}" if reason_of(row.found) else ""
+        verdict = row.item.verdict
+        reason = f": {reason_of(row.item)}" if reason_of(row.item) else ""
         words = (word.replace("|", "\\|") for word in words_of(row)[:-1])
         yield f"| {' | '.join(words)} | {verdict if verdict is Verdict.PASS else f'**{verdict}**'}{reason} |"
 

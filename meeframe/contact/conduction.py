@@ -37,7 +37,7 @@ MIN_TRACTION: Final = -float(np.finfo(float).tiny)
 
 def conducting(problem: ContactProblem) -> bool:
     """Return whether any channel conducts."""
-    return any(channel.conducts for channel in problem.channels)
+    return any(channel.is_conducting for channel in problem.channels)
 
 
 def resistances(
@@ -116,7 +116,18 @@ def unloaded(relative_displacement: Array, flux: Array, self_compliance: Array) 
 
 @memoize_by_identity
 def potential_diagonal(problem: ContactProblem) -> Array:
-    """Return the response of each node's potentials to their own flux density, (n, channels); read-only."""
+    """Return the response of the potentials of each node to their own flux density.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+
+    Returns
+    -------
+    Array
+        (n, channels), read-only.
+    """
     self_compliance = diagonal(problem.system, range(problem.fields.size)[POTENTIALS])
     self_compliance.setflags(write=False)  # the independent residual uses it as well
     return self_compliance
@@ -147,22 +158,61 @@ class Switches:
 
     @classmethod
     def unused(cls, n: int) -> "Switches":
-        """Return the initial switches of n nodes."""
+        """Return the initial switches.
+
+        Parameters
+        ----------
+        n : int
+            Number of nodes.
+
+        Returns
+        -------
+        Switches
+            Switches of nodes that have not changed yet.
+        """
         return cls(np.zeros(n), np.ones(n), np.zeros(n))
 
     def next(self, was_touching: Mask, touching: Mask, trial: Array) -> "Switches":
         """Return the switches after one step of the tractions.
 
         was_touching, touching: (n,) contact before and after it; trial: (n,) trial tractions [Pa].
+
+        Parameters
+        ----------
+        was_touching, touching : Mask
+            (n,), True where nodes had traction before the step and where they have it after.
+        trial : Array
+            (n,), trial tractions p_nu + r g_nu after the step [Pa].
+
+        Returns
+        -------
+        Switches
+            The switches for the next step.
         """
         side = np.sign(trial)
         gain = np.clip(self.gain * np.where(side == self.side, GAIN_GROWTH, GAIN_SHRINKAGE), *GAIN_LIMITS)
         return Switches(self.flips + (touching != was_touching), np.where(self.flips > MAX_FLIPS, gain, 1.0), side)
 
     def contact_fraction(self, before: Array, touching: Mask, trial: Array, pressure: float) -> Array:
-        """Return the contact fractions (n,) after a step from `before` (n,).
+        """Return the contact fractions after a step.
 
         pressure: characteristic pressure [Pa].
+
+        Parameters
+        ----------
+        before : Array
+            (n,), fractions before the step.
+        touching : Mask
+            (n,), True where nodes have traction.
+        trial : Array
+            (n,), trial tractions p_nu + r g_nu [Pa].
+        pressure : float
+            Characteristic pressure [Pa].
+
+        Returns
+        -------
+        Array
+            (n,) in [0, 1].
         """
         return np.where(self.flips > MAX_FLIPS, switch(before, self.gain * trial, pressure), touching)
 

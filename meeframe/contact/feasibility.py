@@ -19,7 +19,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, 
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
 from meeframe.fields import MECHANICAL, N_MECHANICAL
-from meeframe.laws.base import attracts
+from meeframe.laws.base import is_adhesive
 
 TOLERANCE: Final = 1e-6
 MAX_GENERATORS: Final = 200
@@ -46,14 +46,14 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
     str or None
         Reason in words, for the message of a solution.
     """
-    missing = 0.0 if attracts(problem.contact_law) else _missing_force(problem, scales)
+    missing = 0.0 if is_adhesive(problem.contact_law) else _missing_force(problem, scales)
     if missing > TOLERANCE:
         return (
             f"no pressure and friction in the contact add up to the prescribed forces and moments ({missing:.1e} off)"
         )
     for resultant in problem.prescribed_resultants:
         channels = [problem.channels[k - N_MECHANICAL] for k in resultant.mode_fields if k >= N_MECHANICAL]
-        if channels and resultant.total and not any(channel.conducts for channel in channels):
+        if channels and resultant.total and not any(channel.is_conducting for channel in channels):
             names = " or ".join(channel.field.resultant.replace("_", " ") for channel in channels)
             return f"a {names} is prescribed, but the contact does not conduct it"
     return None

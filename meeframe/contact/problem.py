@@ -166,11 +166,43 @@ class ContactProblem:
         return field_set(self.channels)
 
     def law_of(self, name: str) -> ConductivityLaw:
-        """Return the conductivity law of the scalar field of this name; raise ValueError if there is none."""
+        """Return the conductivity law of a scalar field.
+
+        Parameters
+        ----------
+        name : str
+            Name of the field.
+
+        Returns
+        -------
+        ConductivityLaw
+            Its law.
+
+        Raises
+        ------
+        ValueError
+            If there is no such field.
+        """
         return self.channels[self.fields.names.index(name)].law
 
     def with_laws(self, **laws: ConductivityLaw) -> "ContactProblem":
-        """Return the problem with other conductivity laws, given by the names of their fields."""
+        """Return the problem with other conductivity laws.
+
+        Parameters
+        ----------
+        **laws : ConductivityLaw
+            Laws by the names of their scalar fields.
+
+        Returns
+        -------
+        ContactProblem
+            The problem, otherwise unchanged.
+
+        Raises
+        ------
+        ValueError
+            If there is no field of such a name.
+        """
         channels = (replace(channel, law=laws.pop(channel.field.name, channel.law)) for channel in self.channels)
         changed = replace(self, channels=tuple(channels))
         if laws:
@@ -270,9 +302,19 @@ class Solver(ABC):
     """Steps within which the residual should fall by a tenth; fewer for solvers whose steps cost more."""
 
     def check(self, problem: ContactProblem) -> None:
-        """Raise CaseError for a problem that the solver does not accept; by default every problem is accepted.
+        """Check whether the solver accepts a problem; by default it accepts every problem.
 
-        Called before the body is reduced: the compliance of the problem's system is then zero.
+        The check is made before the body is reduced: the compliance of the system is then zero.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            Problem to check.
+
+        Raises
+        ------
+        CaseError
+            If the solver does not accept it.
         """
         return
 
@@ -288,11 +330,29 @@ class Solver(ABC):
             Converged state of the previous load step.
         tolerance : float
             Required residual; a solver need not go below it.
+
+        Returns
+        -------
+        Iterate
+            The first iterate.
         """
 
     @abstractmethod
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """Return the next iterate, without changing the arguments."""
+        """Return the next iterate, without changing the arguments.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            Problem to solve.
+        iterate : Iterate
+            Present iterate.
+
+        Returns
+        -------
+        Iterate
+            The next iterate.
+        """
 
 
 def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:
@@ -352,7 +412,20 @@ def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT
 
 
 def unbalance(problem: ContactProblem, load: Array) -> Array:
-    """Return the resultants (m,) of a load (n, fields) minus the prescribed ones, in their units."""
+    """Return the resultants of a load minus the prescribed ones.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    load : Array
+        (n, fields) load.
+
+    Returns
+    -------
+    Array
+        (m,), in the units of the resultants.
+    """
     return np.array(
         [sum(f.measure[:, k] @ load[:, k] for k in f.measure_fields) - f.total for f in problem.prescribed_resultants]
     )

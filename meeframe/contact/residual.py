@@ -21,7 +21,7 @@ def essential_fields(problem: ContactProblem) -> tuple[int, ...]:
     """Return the fields of the displacement on which the laws depend, by column."""
     law = problem.contact_law
     is_frictionless = not law.tangential_scaling().any() and type(law).resolve is ContactLaw.resolve
-    needed = (not is_frictionless, not is_frictionless, True, *(channel.conducts for channel in problem.channels))
+    needed = (not is_frictionless, not is_frictionless, True, *(channel.is_conducting for channel in problem.channels))
     return tuple(np.flatnonzero(needed).tolist())
 
 

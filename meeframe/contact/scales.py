@@ -82,7 +82,7 @@ def problem_scales(problem: ContactProblem) -> Scales:
     fields, self_compliance = range(problem.fields.size)[POTENTIALS], np.diag(compliance)[POTENTIALS]
     drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in fields]
     potential = np.maximum(drop, prescribed_flux * self_compliance)
-    flux = np.where([channel.conducts for channel in problem.channels], potential / self_compliance, 0.0)
+    flux = np.where([channel.is_conducting for channel in problem.channels], potential / self_compliance, 0.0)
     pressure = float(np.max([pressure, *(compliance[2, POTENTIALS] * flux / compliance[2, 2])]))
     induced = compliance[POTENTIALS, 2] * pressure
     load = np.array([*(pressure,) * N_MECHANICAL, *np.maximum(flux, induced / self_compliance)])

@@ -67,9 +67,7 @@ if TYPE_CHECKING:
     from meeframe.mesh.zone import local_frames as local_frames
     from meeframe.plugin.hookspecs import Record as Record
     from meeframe.plugin.hookspecs import hookimpl as hookimpl
-    from meeframe.system.capabilities import APPROXIMATE_TOLERANCE as APPROXIMATE_TOLERANCE
     from meeframe.system.capabilities import AnyArray as AnyArray
-    from meeframe.system.capabilities import ApproximateApply as ApproximateApply
     from meeframe.system.capabilities import ApproximateInverse as ApproximateInverse
     from meeframe.system.capabilities import Coarsening as Coarsening
     from meeframe.system.capabilities import EdgeCorrection as EdgeCorrection
@@ -78,7 +76,6 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import IndenterEdge as IndenterEdge
     from meeframe.system.capabilities import Multigrid as Multigrid
     from meeframe.system.capabilities import Persistence as Persistence
-    from meeframe.system.capabilities import Prolongation as Prolongation
     from meeframe.system.capabilities import Restriction as Restriction
     from meeframe.system.capabilities import Subsystem as Subsystem
     from meeframe.system.capabilities import apply_fields as apply_fields
@@ -160,9 +157,7 @@ _HOMES = {
     "DenseSystem": "meeframe.system.dense",
     "in_local_frames": "meeframe.system.dense",
     # Capabilities of reduced systems
-    "APPROXIMATE_TOLERANCE": "meeframe.system.capabilities",
     "AnyArray": "meeframe.system.capabilities",
-    "ApproximateApply": "meeframe.system.capabilities",
     "ApproximateInverse": "meeframe.system.capabilities",
     "Coarsening": "meeframe.system.capabilities",
     "EdgeCorrection": "meeframe.system.capabilities",
@@ -171,7 +166,6 @@ _HOMES = {
     "IndenterEdge": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",
-    "Prolongation": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
     "Subsystem": "meeframe.system.capabilities",
     "apply_fields": "meeframe.system.capabilities",

@@ -55,7 +55,7 @@ def local_problem(
     mu = friction_coefficient(problem.contact_law)
     full = problem.system.dense()
     if full is None:
-        raise CaseError("FCLIB: the compliance is not held as a matrix; allowed: formulations that hold one")
+        raise CaseError("FCLIB: the compliance is not stored as a matrix; allowed: formulations that store one")
     compliance = full.reshape(problem.system.offset.size, -1)
     resistance = _resistance(problem, state)
     position = indenter_position(problem, _motion(problem, state))
@@ -134,8 +134,8 @@ def solve_local(
     with warnings.catch_warnings():
         # W of more contacts than degrees of freedom is singular: its residual shows whether there is a solution
         warnings.simplefilter("ignore", LinAlgWarning)
-        found = solve(problem, solver, limits)
-    return reactions(local, found.state), found
+        result = solve(problem, solver, limits)
+    return reactions(local, result.state), result
 
 
 def _scales(local: LocalProblem) -> Array:
@@ -170,7 +170,7 @@ def _motion(problem: ContactProblem, state: ContactState | None) -> Array:
     if problem.prescribed_resultants:
         raise CaseError(
             f"FCLIB: {len(problem.prescribed_resultants)} motions or potentials of the indenter are free; "
-            "allowed: none, or a state at which they are held"
+            "allowed: none, or a state, at which they are fixed"
         )
     return np.zeros(0)
 
@@ -186,7 +186,8 @@ def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
     for name, law in ((channel.field.name, channel.law) for channel in problem.channels):
         if law.across_gap or contact_conductivity(law, _PRESSURES).any():
             raise CaseError(
-                f"FCLIB: the {name} law {law} conducts; allowed: insulating laws, or a state whose conductivities hold"
+                f"FCLIB: the {name} law {law} conducts; allowed: insulating laws, or a state, which fixes the "
+                "conductivities"
             )
     return np.full((len(problem.gap), len(problem.channels)), np.inf)
 
@@ -214,4 +215,4 @@ def _condensed(
 
 
 def _no_body(_load: Array) -> NodalFields:
-    raise CaseError("a problem of FCLIB has no body whose fields could be found")
+    raise CaseError("an FCLIB problem has no body whose fields could be computed")

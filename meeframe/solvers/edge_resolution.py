@@ -93,7 +93,7 @@ def _conducts_at_edge(problem: ContactProblem) -> bool:
     """Return whether a law conducts in the limit of vanishing pressure."""
     touching = np.array([MIN_TRACTION])
     return any(
-        channel.conducts
+        channel.is_conducting
         and not channel.law.across_gap
         and bool((contact_conductivity(channel.law, touching) > 0.0).any())
         for channel in problem.channels

@@ -19,7 +19,6 @@ import numpy as np
 from meeframe.fields import Array, Indices
 from meeframe.system.capabilities import (
     AnyArray,
-    ApproximateApply,
     ApproximateInverse,
     Coarsening,
     EdgeCorrection,
@@ -28,7 +27,6 @@ from meeframe.system.capabilities import (
     FieldwiseApply,
     IndenterEdge,
     Multigrid,
-    Prolongation,
     Restriction,
     Subsystem,
     apply_fields,
@@ -182,7 +180,6 @@ class Term:
 class ComposedSystem(
     ReducedSystem,
     FieldwiseApply,
-    ApproximateApply,
     ApproximateInverse,
     Multigrid,
     Restriction,
@@ -207,7 +204,7 @@ class ComposedSystem(
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself if its bodies allow it to forward a capability, else None.
 
-        Products in some fields and approximate products need one body that has them. The approximate inverse is that
+        Products in some fields need one body that has them. The approximate inverse is that
         of the first body. Coarsening and restriction need all bodies, coarsening on the same nodes and without extra
         compliance. Edge resolution needs all
         bodies, and no correction already in place. Persistence is not forwarded: bodies are stored one by one.
@@ -216,7 +213,6 @@ class ComposedSystem(
         has = [system.capability(kind) is not None for system in systems]
         forwarded: dict[type, bool] = {
             FieldwiseApply: any(has),
-            ApproximateApply: any(has),
             ApproximateInverse: has[0],
             Multigrid: all(has) and not corrected,
             Restriction: all(has),
@@ -260,10 +256,6 @@ class ComposedSystem(
             return own if self.extra_compliance is None else own + self.extra_compliance[:, list(fields), list(fields)]
         return self.diagonal_blocks()[:, list(fields), list(fields)]
 
-    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return the sum of approximate products, of exact ones for bodies that have no approximate ones."""
-        return self._sum([_approximate_product(term.system) for term in self.terms], load, loaded, fields)
-
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """Return that of the first body, rescaled for the compliance that the others and corrections add at nodes.
 
@@ -280,10 +272,6 @@ class ComposedSystem(
             return inverse
         alone = term.blocks_from_body(term.system.diagonal_blocks())[:, chosen, chosen]
         return rescale_inverse(inverse, alone, self.diagonal(chosen))
-
-    def prolongation(self, nodes: Indices) -> Prolongation | None:
-        """Return that of the first body."""
-        return _required(self.terms[0].system, ApproximateInverse).prolongation(nodes)
 
     def coarsen(self) -> Coarsening:
         """Return the composition of the coarsened bodies, whose nodes coincide."""
@@ -310,14 +298,14 @@ class ComposedSystem(
 
     def edge_correction(self, pressure: Array, indenter_edge: IndenterEdge | None = None) -> EdgeCorrection:
         """Return the sum of the corrections of all bodies, with the area fraction of the first one."""
-        found = [
+        result = [
             _required(term.system, EdgeResolution).edge_correction(
                 term.at_body(pressure),
                 None if indenter_edge is None else term.edge_seen(indenter_edge),
             )
             for term in self.terms
         ]
-        return EdgeCorrection(self._sum_blocks([one.extra_compliance for one in found]), found[0].area_fraction)
+        return EdgeCorrection(self._sum_blocks([one.extra_compliance for one in result]), result[0].area_fraction)
 
     def _sum(
         self, products: Sequence[FieldProduct], load: Array, loaded: Sequence[int], fields: Sequence[int]
@@ -404,11 +392,6 @@ def _required(system: ReducedSystem, kind: type[C]) -> C:
 
 def _in_all_fields(system: ReducedSystem) -> FieldProduct:
     return lambda load, _loaded, _fields: system.apply(load)
-
-
-def _approximate_product(system: ReducedSystem) -> FieldProduct:
-    approximate = system.capability(ApproximateApply)
-    return partial(apply_fields, system) if approximate is None else approximate.approximate_apply
 
 
 def _in_frames(inverse: Callable[[Array], Array], term: Term, fields: Sequence[int]) -> Callable[[Array], Array]:

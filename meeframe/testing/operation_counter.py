@@ -6,7 +6,6 @@ from typing import TypeVar, final
 
 from meeframe.fields import Array, Indices
 from meeframe.system.capabilities import (
-    ApproximateApply,
     ApproximateInverse,
     Coarsening,
     EdgeCorrection,
@@ -14,7 +13,6 @@ from meeframe.system.capabilities import (
     FieldwiseApply,
     IndenterEdge,
     Multigrid,
-    Prolongation,
     Restriction,
     Subsystem,
 )
@@ -28,7 +26,6 @@ C = TypeVar("C")
 class OperationCounter(
     ReducedSystem,
     FieldwiseApply,
-    ApproximateApply,
     ApproximateInverse,
     Multigrid,
     Restriction,
@@ -86,18 +83,9 @@ class OperationCounter(
         """Return that of the inner system."""
         return self._inner(FieldwiseApply).diagonal(fields)
 
-    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return the product of the inner system, and count it."""
-        self.products.append(None)
-        return self._inner(ApproximateApply).approximate_apply(load, loaded, fields)
-
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """Return that of the inner system."""
         return self._inner(ApproximateInverse).approximate_inverse(fields)
-
-    def prolongation(self, nodes: Indices) -> Prolongation | None:
-        """Return that of the inner system."""
-        return self._inner(ApproximateInverse).prolongation(nodes)
 
     def coarsen(self) -> Coarsening:
         """Return that of the inner system, whose products are not counted."""

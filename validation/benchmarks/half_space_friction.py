@@ -103,9 +103,9 @@ def ours(n: int, periodic: bool) -> tuple[Record, ContactProblem, Array]:
     stiffness = Material.isotropic(1.0, EXACT.hertz.poisson).stiffness
     start = process_time()
     problem = mindlin(reduced(n, stiffness, PERIOD, periodic))
-    built = process_time() - start
+    setup = process_time() - start
     solution, record = timed(problem, SemismoothNewton())
-    return record | assess(problem, solution.state.load) | {"built": built}, problem, solution.state.load
+    return record | assess(problem, solution.state.load) | {"setup": setup}, problem, solution.state.load
 
 
 def theirs(kind: str, n: int, cap: int, problem: ContactProblem, expected: Array) -> Record:
@@ -247,7 +247,7 @@ def section(record: Record, pictures: Path) -> str:
 def _free_row(n: str, row: Record) -> list[str]:
     return [
         f"{n} x {n}",
-        f"{row['built']:.2f}",
+        f"{row['setup']:.2f}",
         f"{row['processor']:.2f}",
         str(row["iterations"]),
         str(row["products"]),
@@ -258,8 +258,8 @@ def _free_row(n: str, row: Record) -> list[str]:
 
 
 def _code_row(n: str, code: str, one: Record) -> list[str]:
-    found = [f"{one[name]:.0e}" for name in ("residual", "force")]
-    return [f"{n} x {n}", code, f"{one['processor']:.2f}", *found, f"{100 * one['difference']:.2f} %"]
+    result = [f"{one[name]:.0e}" for name in ("residual", "force")]
+    return [f"{n} x {n}", code, f"{one['processor']:.2f}", *result, f"{100 * one['difference']:.2f} %"]
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.conduction import Mask
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array, Indices
@@ -113,23 +112,23 @@ class NormalModes:
         )
 
     def bring_to_rest(
-        self, pressure: Array, gap: Array, motion: Array, guess: "NormalModes", excluded: Mask | None = None
+        self, pressure: Array, gap: Array, motion: Array, guess: "NormalModes"
     ) -> tuple[Array, Array, "NormalModes"]:
         """Return gap (n,), motion (m,) and the modes on the nodes with pressure or overlap, with the indenter at rest.
 
         pressure: (n,); gap: (n,) at a motion (m,); guess: modes on an estimate of those nodes, with which the search
-        begins; excluded: (n,) nodes that are excluded although they overlap.
+        begins.
         """
         pressed = pressure > 0.0
         if self.numbers.size == 0:
-            return gap, motion, self.restrict(_touching_nodes(pressed, gap, excluded))
+            return gap, motion, self.restrict(np.flatnonzero(pressed | (gap < 0.0)))
         modes = guess if guess.nodes.size else self.restrict(np.flatnonzero(pressed))
         if not modes.nodes.size:
             modes = self.restrict(np.flatnonzero(gap < 0.0))
         for _ in range(MAX_ROUNDS):
             amounts = modes.balance_amounts(gap[modes.nodes])
             moved_gap = _add_modes(gap, amounts, self.mode)
-            touching = _touching_nodes(pressed, moved_gap, excluded)
+            touching = np.flatnonzero(pressed | (moved_gap < 0.0))
             if np.array_equal(touching, modes.nodes):
                 break
             modes = self.restrict(touching)
@@ -176,9 +175,3 @@ def _add_modes(values: Array, amounts: Array, along: Array) -> Array:
     for amount, mode in zip(amounts, along, strict=True):
         total = total + amount * mode
     return total
-
-
-def _touching_nodes(pressed: Mask, gap: Array, excluded: Mask | None) -> Indices:
-    """Return the nodes (t,) that have pressure, (n,), or overlap at a gap (n,) and are not held (n,)."""
-    touching = gap < 0.0 if excluded is None else (gap < 0.0) & ~excluded
-    return np.flatnonzero(touching | pressed)

@@ -10,7 +10,7 @@ from meeframe.contact.conduction import Mask
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array, Indices
 from meeframe.solvers.cg.normal_modes import NORMAL, NormalModes
-from meeframe.system.capabilities import ApproximateInverse, Prolongation
+from meeframe.system.capabilities import ApproximateInverse
 
 MAX_CHANGED_FRACTION: Final = 0.2
 """Largest fraction by which the free nodes may differ from those to which the preconditioned modes belong."""
@@ -23,24 +23,18 @@ class Preconditioner:
 
     Attributes
     ----------
-    problem : ContactProblem
-        Contact problem of n nodes.
     inverse : callable
         Approximate inverse of the normal compliance, (n, 1) from (n, 1).
     free : Indices
         (f,), free nodes.
-    prolongation : Prolongation or None
-        Prolongation of openings from there to the zone, if there is one.
     mode_pressures : Array
         (k, n), preconditioned modes, along which resultants are removed.
     mode_nodes : Mask
         (n,), nodes to which these belong.
     """
 
-    problem: ContactProblem
     inverse: Callable[[Array], Array]
     free: Indices
-    prolongation: Prolongation | None
     mode_pressures: Array
     mode_nodes: Mask
 
@@ -49,17 +43,14 @@ class Preconditioner:
         """Return the preconditioner on no nodes yet; None if the reduced system has no approximate inverse."""
         approximate, n = problem.system.capability(ApproximateInverse), len(problem.gap)
         inverse = None if approximate is None else approximate.approximate_inverse((NORMAL,))
-        return None if inverse is None else cls(problem, inverse, NO_NODES, None, np.zeros((0, n)), np.zeros(n, bool))
+        return None if inverse is None else cls(inverse, NO_NODES, np.zeros((0, n)), np.zeros(n, bool))
 
     def restrict(self, modes: NormalModes) -> "Preconditioner":
         """Return the preconditioner on the nodes of the modes, with guides that belong approximately to these."""
         free = modes.nodes
         if free is self.free:
             return self
-        approximate = self.problem.system.capability(ApproximateInverse)
-        restricted = replace(
-            self, free=free, prolongation=None if approximate is None else approximate.prolongation(free)
-        )
+        restricted = replace(self, free=free)
         n_changed = max(len(free), int(self.mode_nodes.sum())) - int(self.mode_nodes[free].sum())
         if len(self.mode_pressures) == len(modes.numbers) and n_changed <= MAX_CHANGED_FRACTION * len(free):
             return restricted
@@ -72,18 +63,11 @@ class Preconditioner:
 
     def pressures(self, opening: Array) -> Array:
         """Return pressures (f,) that approximately cause openings (f,)."""
-        single_precision: Array = opening.astype(np.float32)
-        if self.prolongation is not None:
-            return self.prolongation.restrict(self._apply_inverse(self.prolongation.prolong(single_precision))).astype(
-                float
-            )
-        full: Array = np.zeros(len(self.mode_nodes), np.float32)
-        full[self.free] = single_precision
-        return self._apply_inverse(full)[self.free].astype(float)
+        full: Array = np.zeros((len(self.mode_nodes), 1), np.float32)
+        full[self.free, 0] = opening
+        pressures: Array = self.inverse(full)[self.free, 0].astype(float)
+        return pressures
 
     def balance(self, opening: Array, modes: NormalModes) -> Array:
         """Return the pressures of `pressures` with their resultants removed; modes are those on the free nodes."""
         return modes.remove_resultants(self.pressures(opening), self.mode_pressures[:, self.free])
-
-    def _apply_inverse(self, opening: Array) -> Array:
-        return self.inverse(opening[:, None])[:, 0]

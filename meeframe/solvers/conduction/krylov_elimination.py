@@ -163,7 +163,7 @@ class KrylovElimination(Elimination):
     @classmethod
     def of(cls, problem: ContactProblem) -> "KrylovElimination":
         """Return the elimination of a problem."""
-        conducting = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.conducts]
+        conducting = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.is_conducting]
         approximate = problem.system.capability(ApproximateInverse) if conducting else None
         inverse = None if approximate is None else approximate.approximate_inverse(conducting)
         mechanical = [0, 1, 2] if problem.contact_law.tangential_scaling().any() else [2]

@@ -10,7 +10,7 @@ from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
 from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array
-from meeframe.laws.base import attraction, attracts, contact_traction
+from meeframe.laws.base import attraction, contact_traction, is_adhesive
 from meeframe.solvers.conduction.elimination import Conductors, Elimination
 from meeframe.solvers.conduction.krylov_elimination import eliminate
 from meeframe.solvers.gradient.spectrum import Spectrum, contact_exposure, largest_eigenvalue
@@ -91,7 +91,7 @@ class GradientStepper:
     ) -> tuple["Conduction", Conductors]:
         """Return the conduction at the gap and the drop of an iterate, and the conductors."""
         problem, normal_traction, relative_displacement = self.problem, iterate.load[:, 2], None
-        if depends_on_gap(problem) or attracts(problem.contact_law):
+        if depends_on_gap(problem) or is_adhesive(problem.contact_law):
             displacement = problem.system.offset + problem.system.apply(iterate.load)
             relative_displacement = indenter_position(problem, iterate.motion) - displacement
             normal_traction = contact_traction(problem.contact_law, normal_traction, relative_displacement[:, 2])

@@ -1,18 +1,17 @@
 """Linearised equations of Newton's method, restricted to the rows that involve more than their own unknown."""
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
-from meeframe.solvers._kernels.node_products import scatter
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.node_blocks import NodeBlocks, NodeProducts
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, Linearization
-from meeframe.system.capabilities import ApproximateApply, apply_fields, apply_load
+from meeframe.system.capabilities import apply_fields, apply_load
 
 TANGENTIAL: Final = (0, 1)
 """Tangential components of the load."""
@@ -81,25 +80,6 @@ class ReducedJacobian:
         """Components that are loads."""
         return [component for component in self.components if component < self.equation.problem.fields.size]
 
-    def has_same_pattern(self, other: "ReducedJacobian") -> bool:
-        """Return true if the same rows are coupled, in the same precision, and the same nodes stick."""
-        return (
-            self.components == other.components
-            and self.precision == other.precision
-            and np.array_equal(self.nodes, other.nodes)
-            and np.array_equal(self.coupled, other.coupled)
-            and np.array_equal(self._slipping, other._slipping)
-        )
-
-    @property
-    def _slipping(self) -> Mask:
-        """Nodes (c,) whose tangential rows involve loads as well as displacements."""
-        uses_displacement = np.zeros(len(self.nodes), bool)
-        for (row, _), entry in self.a.entries.items():
-            if self.components[row] in TANGENTIAL:
-                uses_displacement |= entry != 0.0
-        return uses_displacement
-
     def select(self, rows: Array) -> Array:
         """Return the coupled rows (r c,) of all rows (n, fields + 1)."""
         return np.where(self.coupled, rows[self.nodes].T[self.components], 0.0).ravel()
@@ -114,47 +94,37 @@ class ReducedJacobian:
             step[self.nodes, component] += unit * block
         return step
 
-    def image(self, blocks: Linearization, prescribed: Array, values: Array) -> Array:
-        """Return the product (r c,) of the equations with unknowns (r c,) and the given step (n, fields + 1) elsewhere.
+    def image(self, blocks: Linearization, prescribed: Array) -> Array:
+        """Return the product (r c,) of the equations with a step (n, fields + 1) that is zero in the coupled rows.
 
         blocks: of all rows.
         """
         if not self.nodes.size:  # all is open
             return np.zeros(0, self.precision)
-        unknowns = values.reshape(self.coupled.shape)
+        image = np.zeros(self.coupled.shape, self.precision)
         load = prescribed[:, :FRACTION].astype(self.precision, order="F")
-        for field, unit, unknown in zip(self.fields, self.units.tolist(), unknowns, strict=False):
-            load[self.nodes, field] += unit * unknown
-        image = self.of_unknowns.times(unknowns)
-        self.of_displacement.add_at(
-            apply_load(self.equation.problem.system, load, self.displacement_fields).T, self.nodes, image
-        )
-        indices = np.flatnonzero(prescribed.T.take(self.nodes, axis=1).any(axis=0))
-        nodes = self.nodes[indices]
+        response = apply_load(self.equation.problem.system, load, self.displacement_fields)
+        self.of_displacement.add(response[self.nodes].T, image)
+        local = prescribed[self.nodes]
         for (row, column), entry in blocks.a.entries.items():
             if row in self.components:
                 position = self.components.index(row)
-                local = entry.take(nodes) * prescribed[nodes, column]
-                image[position, indices] += np.where(self.coupled[position, indices], local, 0.0)
+                image[position] += np.where(self.coupled[position], entry[self.nodes] * local[:, column], 0.0)
         return image.ravel()
 
-    def multiplication(self, use_approximate: bool = False) -> Linear:
-        """Return the function that multiplies the equations by unknowns (r c,), giving (r c,).
-
-        use_approximate: use approximate products of the system.
-        """
+    def multiplication(self) -> Linear:
+        """Return the function that multiplies the equations by unknowns (r c,), giving (r c,)."""
         a, b = self.of_unknowns, self.of_displacement
         fields, system, n = self.fields, self.equation.problem.system, len(self.equation.blocks)
-        approximate = system.capability(ApproximateApply) if use_approximate else None
-        response = partial(apply_fields, system) if approximate is None else approximate.approximate_apply
         units = self.units[: len(fields)].astype(self.precision)
         load = np.zeros((len(fields), n), self.precision)
 
         def multiply(values: Array) -> Array:
             unknowns = values.reshape(self.coupled.shape)
-            scatter(unknowns, units, self.nodes, load)
+            for field_load, unit, unknown in zip(load, units, unknowns, strict=False):
+                field_load[self.nodes] = unit * unknown
             product = a.times(unknowns)
-            b.add_at(response(load.T, fields, self.displacement_fields).T, self.nodes, product)
+            b.add(apply_fields(system, load.T, fields, self.displacement_fields)[self.nodes].T, product)
             return product.ravel()
 
         return multiply

@@ -12,19 +12,17 @@ from meeframe.contact.nested import coarse_problem, nested_start, with_signed_ga
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
-from meeframe.fields import MECHANICAL, Array
-from meeframe.laws.base import attracts
+from meeframe.fields import MECHANICAL, POTENTIALS, Array
+from meeframe.laws.base import attraction, is_adhesive
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.solvers.gradient.steps import start_load
-from meeframe.solvers.newton.globalization import newton_step
-from meeframe.solvers.newton.linear import Inverse
-from meeframe.solvers.newton.moves import MAX_FLIPS, take_step, with_biactive
+from meeframe.solvers.newton.linear import Step, newton_step
 from meeframe.solvers.newton.neighbourhood import (
     ContactNeighbourhood,
     can_restrict,
     contact_neighbourhood,
 )
-from meeframe.solvers.newton.residual import ContactResidual, ResidualState
+from meeframe.solvers.newton.residual import FRACTION, ContactResidual, ResidualState
 from meeframe.solvers.stopping import StoppingCriteria
 from meeframe.system.capabilities import diagonal
 
@@ -37,10 +35,8 @@ MAX_MERIT_RATIO: Final = 0.99
 MAX_TOLERANCE: Final = 0.03
 MIN_TOLERANCE: Final = 1e-4
 """Largest (MAX_TOLERANCE) and smallest (MIN_TOLERANCE) tolerance of the linear equations where there is no matrix."""
-LINEAR_FRACTION: Final = 0.3
-"""Fraction of the required residual below which linear equations need not reduce the violation of the laws."""
-MAX_PEAK_RATIO: Final = 60.0
-"""Largest ratio assumed between the largest component and the merit of what linear equations leave of a residual."""
+SUFFICIENT_FRACTION: Final = 0.3
+"""Fraction of the required residual at which the iteration in a neighbourhood of the contact ends."""
 COARSE_MERIT: Final = 5e-4
 """Merit at which the iteration on a coarser problem ends, as the two problems differ by more."""
 MAX_COARSE_STEPS: Final = 40
@@ -50,13 +46,6 @@ MAX_START_GROWTH: Final = 100.0
 
 A smooth state violates the laws by little, and its short-wave errors are found at once.
 """
-MAX_FULL_STEPS: Final = 4
-"""Largest number of full steps made in place of a burst where there is no matrix.
-
-Such a step costs less than a burst, and often does as well.
-"""
-MAX_FULL_STEP_MERIT: Final = 0.1
-"""Largest merit after such a step; a state without load has a merit of one."""
 FIRST_BURST: Final = 25
 """Number of gradient steps in the first burst, made when no fraction of a Newton step helps; it doubles each time."""
 MAX_BURST: Final = 400
@@ -70,14 +59,25 @@ STIFFENING_FACTORS: Final = (1.0, 4.0, 16.0)
 """Factors of the step that finds the motion: friction carries more where the same overlap presses more."""
 
 
+MAX_FLIPS: Final = 1
+"""Largest number of openings and closings before a node is treated as biactive.
+
+That does no harm to a node that need not be biactive.
+"""
+ROUND_OFF: Final = 1e-14
+"""Largest normal traction, relative to the characteristic one, that counts as zero.
+
+A flux counts as zero below this fraction of its previous value.
+"""
+
+
 @dataclass(frozen=True, eq=False)
 class _Memory:
     """State of the iteration.
 
     point: the equation at the iterate; merits: of the last states, that of a start being the largest merit allowed;
     flips: (n,) how often each node has opened or closed; fall: ratio of the merit to the one before; burst: number of
-    gradient steps of the next burst; full_steps: full steps that may still take the place of a burst; inverse: of the
-    last step; neighbourhood: the neighbourhood whose equation it is, None if it is that of the whole zone;
+    gradient steps of the next burst; neighbourhood: the one whose equation it is, None for that of the whole zone;
     is_outside_unchecked: true if the rest of the zone has not been tested for contact; restrictions: restrictions that
     are still allowed; sufficient_residual: violation of the laws that is sufficient.
     """
@@ -87,12 +87,10 @@ class _Memory:
     flips: Array
     fall: float = np.inf
     burst: int = FIRST_BURST
-    full_steps: int = 0
-    inverse: Inverse | None = None
     neighbourhood: ContactNeighbourhood | None = None
     is_outside_unchecked: bool = True
     restrictions: int = 0
-    sufficient_residual: float = LINEAR_FRACTION * StoppingCriteria().tolerance
+    sufficient_residual: float = SUFFICIENT_FRACTION * StoppingCriteria().tolerance
 
 
 @final
@@ -115,8 +113,8 @@ class SemismoothNewton(Solver):
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, that of a coarser system, or one without load."""
-        iterate = _begin(problem, start, 0.0)
-        return replace(iterate, memory=replace(_memory(iterate), sufficient_residual=LINEAR_FRACTION * tolerance))
+        iterate = _begin(problem, start)
+        return replace(iterate, memory=replace(_memory(iterate), sufficient_residual=SUFFICIENT_FRACTION * tolerance))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Make one Newton step, a fraction of it, or a burst of gradient steps; none if no law is violated."""
@@ -124,26 +122,15 @@ class SemismoothNewton(Solver):
         point = memory.point
         if point.merit == 0.0:
             return iterate
-        remaining = memory.sufficient_residual / min(point.law_residual, MAX_PEAK_RATIO * point.merit)
-        tolerance = _tolerance(memory.fall, remaining)
-        direction = newton_step(point.equation, point.linearise(), tolerance, memory.inverse)
+        direction = newton_step(point.equation, point.linearise(), _tolerance(memory.fall))
         allowed = MAX_MERIT_RATIO * max(memory.merits)
         flips = memory.flips
-        if direction.finite:
-            for fraction in STEP_FRACTIONS:
-                flips, stepped = take_step(point, flips, direction, fraction)
-                if not stepped.merit < allowed:
-                    stepped = with_biactive(point, stepped)
-                if stepped.merit < allowed:
-                    merits = (*memory.merits, stepped.merit)[-MERIT_WINDOW:]
-                    fall, inverse = stepped.merit / point.merit, direction.inverse
-                    next_memory = replace(memory, point=stepped, merits=merits, flips=flips, fall=fall, inverse=inverse)
-                    return _iterate(_check_outside(problem, next_memory))
-            if memory.full_steps:
-                _, stepped = take_step(point, np.zeros_like(flips), direction, 1.0)
-                if stepped.merit < MAX_FULL_STEP_MERIT:
-                    next_memory = replace(_restart(memory, stepped, flips), full_steps=memory.full_steps - 1)
-                    return _iterate(_check_outside(problem, next_memory))
+        for fraction in STEP_FRACTIONS if direction.finite else ():
+            flips, stepped = _take_step(point, flips, direction, fraction)
+            if stepped.merit < allowed:
+                merits = (*memory.merits, stepped.merit)[-MERIT_WINDOW:]
+                memory = replace(memory, point=stepped, merits=merits, flips=flips, fall=stepped.merit / point.merit)
+                return _iterate(_check_outside(problem, memory))
         memory = replace(memory, flips=flips)
         if memory.neighbourhood is not None:
             memory = _on_zone(problem, memory, memory.neighbourhood)
@@ -157,12 +144,9 @@ def estimated_residual(iterate: Iterate) -> float | None:
     return iterate.memory.point.law_residual if isinstance(iterate.memory, _Memory) else None
 
 
-def _begin(problem: ContactProblem, start: ContactState | None, min_violation: float) -> Iterate:
-    """Return the start of an iteration that is to reach the merit `min_violation`; see SemismoothNewton.init."""
-    n, restrictions, full_steps = (
-        len(problem.gap),
-        *((MAX_RESTRICTIONS, MAX_FULL_STEPS) if _is_matrix_free(problem) else (0, 0)),
-    )
+def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
+    """Return the start of an iteration; see SemismoothNewton.init."""
+    n, restrictions = len(problem.gap), MAX_RESTRICTIONS if _is_matrix_free(problem) else 0
     coarse = coarse_problem(problem) if start is None and restrictions else None
     coarse_iterate = None if coarse is None else _coarse_solution(coarse.problem)
     prolonged = None if coarse_iterate is None else nested_start(problem, lambda _: coarse_iterate)
@@ -176,34 +160,70 @@ def _begin(problem: ContactProblem, start: ContactState | None, min_violation: f
             contact_fraction[neighbourhood.nodes],
             _is_partial(contact_fraction[neighbourhood.nodes]),
             motion,
-            min_violation,
         )
         restrictions -= 1
     else:
-        point = ContactResidual.of(problem).at(
-            load, contact_fraction, _is_partial(contact_fraction), motion, min_violation
-        )
+        point = ContactResidual.of(problem).at(load, contact_fraction, _is_partial(contact_fraction), motion)
     # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
-    keeps_motion = prolonged is not None or (start is not None and attracts(problem.contact_law))
+    keeps_motion = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
     if not keeps_motion and (np.abs(point.balance) > BALANCE_TOLERANCE).any():
-        point = point.equation.at(
-            point.load, contact_fraction, point.biactive, _balanced_motion(problem, point), min_violation
-        )
+        point = point.equation.at(point.load, contact_fraction, point.biactive, _balanced_motion(problem, point))
     rise = 1.0 if prolonged is None else MAX_START_GROWTH
     memory = _Memory(
         point,
         (rise * point.merit,),
         np.zeros(len(point.load)),
-        full_steps=full_steps,
         neighbourhood=neighbourhood,
         restrictions=restrictions,
     )
     return _iterate(replace(memory, is_outside_unchecked=prolonged is None))
 
 
+def _take_step(point: ResidualState, flips: Array, step: Step, fraction: float) -> tuple[Array, ResidualState]:
+    """Return the flips (n,) and the point after a fraction of a step.
+
+    Nodes whose conduction keeps changing become biactive. They begin between open and closed, at the fraction where
+    their own switching would make their trial zero: from one of the ends the first step goes too far, since the drive
+    changes along with the fraction.
+    """
+    equation = point.equation
+    motion = point.motion + fraction * step.motion
+    load = point.load + fraction * step.local[:, :FRACTION]
+    load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
+    # round-off of tractions, fluxes and fractions that the step removed
+    load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
+    load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(point.load[:, POTENTIALS])] = 0.0
+    contact_fraction = point.contact_fraction + fraction * step.local[:, FRACTION]
+    contact_fraction[np.abs(contact_fraction) < ROUND_OFF] = 0.0
+    stepped = equation.at(load, contact_fraction, point.biactive, motion)
+    flips = flips + stepped.find_switched(point)
+    becomes_biactive = (flips > MAX_FLIPS) & ~stepped.biactive
+    if becomes_biactive.any():
+        contact_fraction, increment = stepped.contact_fraction.copy(), stepped.closing_increment
+        near = np.flatnonzero(becomes_biactive & (np.abs(stepped.trial[:, 2]) < increment))
+        contact_fraction[near] = np.clip(
+            point.contact_fraction[near] - stepped.trial[near, 2] / increment[near], 0.0, 1.0
+        )
+        stepped = stepped.with_contact_fraction(contact_fraction, stepped.biactive | becomes_biactive)
+    return flips, stepped
+
+
+def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
+    """Return the tractions (n, 3) of a load (n, fields) at a motion (m,), their contact part projected by the law."""
+    law, traction = problem.contact_law, load[:, MECHANICAL].copy()
+    attractive = np.zeros(len(load))
+    if is_adhesive(law):
+        displacement = problem.system.offset + problem.system.apply(load)
+        attractive = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
+    traction[:, 2] -= attractive
+    traction = law.project(traction)
+    traction[:, 2] += attractive
+    return traction
+
+
 def _restart(memory: _Memory, point: ResidualState, flips: Array) -> _Memory:
     """Return the state that continues from a point without the history of those before."""
-    return replace(memory, point=point, merits=(point.merit,), flips=flips, fall=np.inf, inverse=None)
+    return replace(memory, point=point, merits=(point.merit,), flips=flips, fall=np.inf)
 
 
 def _restrict(problem: ContactProblem, memory: _Memory) -> _Memory:
@@ -223,13 +243,12 @@ def _restrict(problem: ContactProblem, memory: _Memory) -> _Memory:
         point.contact_fraction[nodes],
         point.biactive[nodes],
     )
-    state = replace(neighbourhood.equation.at_relative_displacement(*values, point.motion), round_off=point.round_off)
+    state = neighbourhood.equation.at_relative_displacement(*values, point.motion)
     flips = memory.flips[nodes]
     return replace(
         memory,
         point=state,
         flips=flips,
-        inverse=None,
         neighbourhood=neighbourhood,
         is_outside_unchecked=True,
         restrictions=memory.restrictions - 1,
@@ -260,13 +279,13 @@ def _check_outside(problem: ContactProblem, memory: _Memory) -> _Memory:
     )
 
 
-def _tolerance(fall: float, remaining: float) -> float:
+def _tolerance(fall: float) -> float:
     """Return the fraction of the residual that the linear equations may leave.
 
-    fall: ratio of the merits of the last step; remaining: fraction that is sufficient. Eisenstat and Walker, SIAM J.
-    Sci. Comput. 17 (1996) 16, choice 2: as much as Newton's method itself seems to leave.
+    fall: ratio of the merits of the last step. Eisenstat and Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice 2: as
+    much as Newton's method itself seems to leave.
     """
-    return float(np.clip(max(0.9 * fall**1.5, remaining), MIN_TOLERANCE, MAX_TOLERANCE))
+    return float(np.clip(0.9 * fall**1.5, MIN_TOLERANCE, MAX_TOLERANCE))
 
 
 def _is_matrix_free(problem: ContactProblem) -> bool:
@@ -280,7 +299,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     together.
     """
     solver = SemismoothNewton()
-    iterate, steps = _begin(problem, None, COARSE_MERIT), 0
+    iterate, steps = _begin(problem, None), 0
     while _memory(iterate).point.merit > COARSE_MERIT:
         if steps == MAX_COARSE_STEPS or _is_infeasible(problem, iterate):
             return None

@@ -9,7 +9,6 @@ import numpy as np
 
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
-from meeframe.solvers._kernels.node_products import add_products, add_products_at, rotate, scatter_products
 
 MAX_CONDITION_NUMBER: Final = 1e12
 """Condition number of a node's block beyond which its pseudo-inverse is used."""
@@ -102,7 +101,8 @@ class NodeBlocks:
             for other in {position[1 - axis] for position in entries if position[axis] < 2}:
                 positions = ((0, other), (1, other)) if axis == 0 else ((other, 0), (other, 1))
                 first, second = (entries.get(position, none) for position in positions)
-                entries.update(zip(positions, rotate(first, second, cosine, sine), strict=True))
+                entries[positions[0]] = cosine * first + sine * second
+                entries[positions[1]] = cosine * second - sine * first
         return NodeBlocks.of(entries, self.shape)
 
     def inverses(self, which: Mask) -> "NodeBlocks":
@@ -144,15 +144,8 @@ class NodeProducts:
 
     def add(self, vectors: Array, to: Array) -> None:
         """Add the products with vectors (columns, c) to other ones (rows, c)."""
-        add_products(self.rows, self.columns, self.entries, vectors, to)
-
-    def add_at(self, vectors: Array, nodes: Indices, to: Array) -> None:
-        """Add the products with vectors (columns, n) of n nodes, taken at c nodes (c,), to other ones (rows, c)."""
-        add_products_at(self.rows, self.columns, self.entries, vectors, nodes, to)
-
-    def scatter(self, vectors: Array, nodes: Indices, to: Array) -> None:
-        """Store the products with vectors (columns, c) at c nodes (c,) among the n of other ones (rows, n)."""
-        scatter_products(self.rows, self.columns, self.entries, vectors, nodes, to)
+        for row, column, entry in zip(self.rows, self.columns, self.entries, strict=True):
+            to[row] += entry * vectors[column]
 
     def times(self, vectors: Array) -> Array:
         """Return the products (rows, c) with vectors (columns, c)."""

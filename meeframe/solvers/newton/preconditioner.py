@@ -19,7 +19,6 @@ from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.jacobian import TANGENTIAL, ReducedJacobian
 from meeframe.solvers.newton.node_blocks import NodeBlocks
-from meeframe.system.capabilities import ApproximateInverse, Prolongation
 
 NEARBY_RADIUS: Final = 1.1
 """Radius, in spacings of nodes, beyond which the response to a single node is neglected.
@@ -142,55 +141,17 @@ def _solution_of_loads(rows: ReducedJacobian) -> Linear:
     )
     inverse_products = replace(inverse_products, columns=number[inverse_products.columns])
     zone_displacement = np.zeros((len(loaded), len(rows.equation.blocks)), rows.precision)
-    prolongations = (
-        {number[position]: solution for position, solution in _prolongations(rows, prescribing).items()}
-        if inverse
-        else {}
-    )
 
     def solve(right: Array) -> Array:
         solution = np.zeros_like(right)
         right_products.add(right, solution)
-        if inverse is not None and prolongations:
-            displacement, loads_found = (
-                displacement_products.times(right),
-                np.zeros(displacement_products.shape, right.dtype),
-            )
-            for field, (nodes, prolongation) in prolongations.items():
-                zone_displacement[field] = prolongation.prolong(displacement[field, nodes])
-            load = inverse(zone_displacement.T).T
-            for field, (nodes, prolongation) in prolongations.items():
-                loads_found[field, nodes] = prolongation.restrict(load[field])
-            inverse_products.add(loads_found, solution)
-        elif inverse is not None:
-            displacement_products.scatter(right, rows.nodes, zone_displacement)
-            inverse_products.add_at(inverse(zone_displacement.T).T, rows.nodes, solution)
+        if inverse is not None:
+            displacement = displacement_products.times(right)
+            zone_displacement[:, rows.nodes] = displacement
+            inverse_products.add(inverse(zone_displacement.T)[rows.nodes].T, solution)
         return solution
 
     return solve
-
-
-def _prolongations(rows: ReducedJacobian, prescribing: Mask) -> dict[int, tuple[Indices, Prolongation]]:
-    """Return for the place of a field the nodes that prescribe displacements in it, and their prolongation.
-
-    The nodes are numbers among those of the rows (l, c); the prolongation extends their displacements to the zone. The
-    result is empty where there is friction.
-    """
-    prolongations = dict[int, tuple[Indices, Prolongation]]()
-    if not set(TANGENTIAL).isdisjoint(rows.components):
-        return prolongations
-    for position, mask in enumerate(prescribing):
-        same = [other for other in prolongations if np.array_equal(prescribing[other], mask)]
-        nodes = np.flatnonzero(mask)
-        if same:
-            prolongations[position] = prolongations[same[0]]
-        elif nodes.size:
-            inverse = rows.equation.problem.system.capability(ApproximateInverse)
-            prolongation = None if inverse is None else inverse.prolongation(rows.nodes[nodes])
-            if prolongation is None:  # prolongations for all fields or for none
-                return {}
-            prolongations[position] = nodes, prolongation
-    return prolongations
 
 
 @dataclass(frozen=True, eq=False)

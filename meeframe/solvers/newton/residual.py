@@ -35,20 +35,16 @@ from meeframe.contact.scales import Scales, motion_scales, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import (
     attraction_slope,
-    attracts,
     augmented_traction,
     contact_traction,
     fixed_point_map,
+    is_adhesive,
     traction_tangents,
 )
 from meeframe.solvers.conduction.transmissivity import Transmissivity
 from meeframe.solvers.newton.node_blocks import NodeBlocks
 from meeframe.system.capabilities import (
-    APPROXIMATE_TOLERANCE,
-    AnyArray,
-    ApproximateApply,
     ApproximateInverse,
-    apply_fields,
 )
 
 FRACTION: Final = -1
@@ -59,10 +55,6 @@ MAX_MOTION_RATIO: Final = 4.0
 """Largest motion of the indenter in a step, relative to its present one: nothing else would limit it in full slip."""
 MIN_TRANSITION_RATIO: Final = 1e-12
 """Smallest width of the transition of a biactive node from open to closed, relative to the characteristic pressure."""
-SINGLE_ERROR: Final = 1e-6
-"""Approximate bound on the error of single precision, relative to the largest response to a change of the load."""
-NEGLIGIBLE_FRACTION: Final = 0.1
-"""Largest round-off, relative to the violation of the laws, that is negligible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +125,7 @@ class ContactResidual:
                 measures[k, field] = resultant.measure[:, field] / scales.totals[k]
         modes, measures = modes.transpose(2, 1, 0), measures.transpose(0, 2, 1)
         has_friction = bool(problem.contact_law.tangential_scaling().any())
-        conducting = [channel.conducts for channel in problem.channels]
+        conducting = [channel.is_conducting for channel in problem.channels]
         loaded = np.flatnonzero([has_friction, has_friction, True, *conducting]).tolist()
         system = problem.system
         approximate = system.capability(ApproximateInverse) if system.dense() is None else None
@@ -164,65 +156,21 @@ class ContactResidual:
         """Search tree of the nodes, for neighbours of a few of them."""
         return scipy.spatial.cKDTree(self.problem.system.points, balanced_tree=False, compact_nodes=False)
 
-    @property
-    def displacement_units(self) -> Array:
-        """Displacements (fields,) that count as one in the rows of the equation."""
-        contact = self.scales.pressure / self.r
-        return np.array([contact, contact, contact, *self.scales.displacement[POTENTIALS]])
-
     @cached_property
     def transmissivity(self) -> Transmissivity:
         """Transmissivity of the contact."""
         return Transmissivity(self.problem, self.scales, self.self_compliance)
 
-    def at(
-        self, load: Array, contact_fraction: Array, biactive: Mask, motion: Array, min_violation: float = 0.0
-    ) -> "ResidualState":
+    def at(self, load: Array, contact_fraction: Array, biactive: Mask, motion: Array) -> "ResidualState":
         """Return the state of the equation at a load (n, fields) and free motions (m,).
 
-        contact_fraction: (n,) of the biactive nodes (n,), that of the others follows; min_violation: the smallest
-        violation that will matter there: without a matrix, single precision is used if it resolves that.
+        contact_fraction: (n,) of the biactive nodes (n,), that of the others follows.
         """
         load = np.asfortranarray(load)
-        if min_violation and self.problem.system.dense() is None:
-            relative_displacement, largest_displacement = self.approximate_relative_displacement(load, motion)
-            if SINGLE_ERROR * largest_displacement < NEGLIGIBLE_FRACTION * min_violation:
-                return replace(
-                    self.at_relative_displacement(load, relative_displacement, contact_fraction, biactive, motion),
-                    round_off=SINGLE_ERROR * largest_displacement,
-                )
-        return self.at_relative_displacement(
-            load, self.relative_displacement(load, motion), contact_fraction, biactive, motion
-        )
-
-    def relative_displacement(self, load: Array, motion: Array) -> Array:
-        """Return the displacement (n, fields) of the indenter relative to the body at a load and a motion.
-
-        load: (n, fields); motion: (m,).
-        """
-        return self._relative_displacement_of(self.problem.system.apply(load), motion)
-
-    def approximate_relative_displacement(self, load: Array, motion: Array) -> tuple[Array, float]:
-        """Return the relative displacement (n, fields) in single precision, and the largest response to the load.
-
-        The latter is in the units of `largest_displacement`.
-        """
-        system, loaded = self.problem.system, np.flatnonzero(load.any(axis=0)).tolist()
-        single: AnyArray = load.T[loaded].astype(np.float32)
-        response = apply_fields(system, single.T, loaded, range(system.n_fields))
-        return self._relative_displacement_of(response, motion), self.largest_displacement(response)
-
-    def _relative_displacement_of(self, response: Array, motion: Array) -> Array:
-        """Return the relative displacement for a response (n, fields) of the body to the load."""
         relative_displacement = indenter_position(self.problem, motion)
         relative_displacement -= self.problem.system.offset
-        relative_displacement -= response
-        return relative_displacement
-
-    def largest_displacement(self, response: Array) -> float:
-        """Return the largest of displacements (n, fields), in units of those that count as one."""
-        largest = np.maximum(response.max(axis=0, initial=0.0), -response.min(axis=0, initial=0.0))
-        return float((largest / self.displacement_units).max())
+        relative_displacement -= self.problem.system.apply(load)
+        return self.at_relative_displacement(load, relative_displacement, contact_fraction, biactive, motion)
 
     def at_relative_displacement(
         self, load: Array, relative_displacement: Array, contact_fraction: Array, biactive: Mask, motion: Array
@@ -311,8 +259,6 @@ class ResidualState:
         (n,), quantities sigma [Pa] and c - t*_nu / sigma of the row of the contact fraction.
     residual, balance : Array
         (n, fields + 1) and (m,), dimensionless.
-    round_off : float
-        Approximate bound on the error of the residual due to single precision.
     """
 
     equation: ContactResidual
@@ -329,35 +275,6 @@ class ResidualState:
     switch: Array
     residual: Array
     balance: Array
-    round_off: float = 0.0
-
-    def at_load(self, load: Array, contact_fraction: Array, biactive: Mask, motion: Array) -> "ResidualState":
-        """Return the equation at another load (n, fields) and motion (m,), as ContactResidual.at.
-
-        Without a matrix only the change is applied, in single precision as long as its error is negligible.
-        """
-        equation, problem = self.equation, self.equation.problem
-        if problem.system.dense() is not None:
-            return equation.at(load, contact_fraction, biactive, motion)
-        load = np.asfortranarray(load)
-        change: Array = np.subtract(load, self.load).T  # before it is rounded
-        loaded = np.flatnonzero(change.any(axis=1)).tolist()
-        single: AnyArray = change[loaded].astype(np.float32)
-        approximate, fields = problem.system.capability(ApproximateApply), range(problem.fields.size)
-        if approximate is None:
-            response = apply_fields(problem.system, single.T, loaded, fields)
-        else:
-            response = approximate.approximate_apply(single.T, loaded, fields)
-        error = SINGLE_ERROR if approximate is None else APPROXIMATE_TOLERANCE
-        round_off = self.round_off + error * equation.largest_displacement(response)
-        relative_displacement = self.relative_displacement - response
-        for resultant, amount in zip(problem.prescribed_resultants, motion - self.motion, strict=True):
-            for field in resultant.mode_fields:
-                relative_displacement[:, field] += amount * resultant.mode[:, field]
-        state = equation.at_relative_displacement(load, relative_displacement, contact_fraction, biactive, motion)
-        if round_off < NEGLIGIBLE_FRACTION * state.violation:
-            return replace(state, round_off=round_off)
-        return equation.at(load, contact_fraction, biactive, motion)
 
     def with_contact_fraction(self, contact_fraction: Array, biactive: Mask) -> "ResidualState":
         """Return the equation at the same load with other contact fractions (n,) and biactive nodes (n,)."""
@@ -432,7 +349,7 @@ class ResidualState:
         A biactive node whose fraction is at an end is pressed or open according to that, not to a trial that is almost
         zero.
         """
-        if attracts(self.equation.problem.contact_law):
+        if is_adhesive(self.equation.problem.contact_law):
             return self.trial
         pressed = self.biactive & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
         opened = self.biactive & (self.switch <= 0.0) & (self.trial[:, 2] < 0.0)
@@ -485,7 +402,7 @@ class ResidualState:
                 normal_traction, unloaded_position, contact_fraction
             )
             share = share - self.drive * drop_slope
-        if attracts(law):
+        if is_adhesive(law):
             pulled = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
             gap_slope = -pulled if gap_slope is None else gap_slope - pulled
         for k, field in enumerate(range(N_MECHANICAL, fraction)):

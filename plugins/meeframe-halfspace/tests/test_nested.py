@@ -23,14 +23,12 @@ from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import ProjectedCG, SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.system.capabilities import (
-    ApproximateApply,
     ApproximateInverse,
     Coarsening,
     EdgeResolution,
     FieldwiseApply,
     Multigrid,
     Persistence,
-    Prolongation,
     Restriction,
     Subsystem,
     diagonal,
@@ -301,7 +299,7 @@ def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
     assert not solution.state.load.any()
 
 
-FORWARDED = {FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, Restriction}
+FORWARDED = {FieldwiseApply, ApproximateInverse, Multigrid, Restriction}
 
 
 def capabilities_of(system: ReducedSystem) -> set[type]:
@@ -316,7 +314,7 @@ def test_capabilities_of_composed_systems() -> None:
     alike = rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1)))
     radial = rotate_frames(system, system.points - system.points.mean(axis=0))
     corrected = correct_edge(system, edge * system.diagonal_blocks())
-    own = FORWARDED - {ApproximateApply}  # the grid is too small for approximate products
+    own = FORWARDED
     assert capabilities_of(system) == own
     for whole, has in (
         (combine_bodies(system, system), own),
@@ -376,7 +374,7 @@ def test_two_bodies_start_from_a_coarser_grid() -> None:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Wrong(ReducedSystem, FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, Restriction):
+class Wrong(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restriction):
     """A half space one of whose capabilities is wrong."""
 
     inner: HalfSpaceSystem
@@ -410,24 +408,9 @@ class Wrong(ReducedSystem, FieldwiseApply, ApproximateApply, ApproximateInverse,
     def diagonal(self, fields: Sequence[int]) -> Array:
         return self.inner.diagonal(sorted(fields) if self.wrong == "diagonal" else fields)
 
-    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        return self.inner.apply_fields(load, loaded, fields) * (1.001 if self.wrong == "approximate_apply" else 1.0)
-
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         inverse = self.inner.approximate_inverse(fields)
         return (lambda displacement: -inverse(displacement)) if self.wrong == "approximate_inverse" else inverse
-
-    def prolongation(self, nodes: Indices) -> Prolongation:
-        right = self.inner.prolongation(nodes)
-        if self.wrong == "values":
-            return replace(right, prolong=lambda values: 0.5 * right.prolong(values))
-        if self.wrong == "kinked":
-            return replace(right, prolong=lambda values: _kinked(right.prolong(values), nodes))
-        if self.wrong == "double precision":
-            return replace(right, prolong=lambda values: right.prolong(values).astype(float))
-        if self.wrong == "no node":
-            return replace(right, prolong=lambda values: right.prolong(values) + (not len(nodes)))
-        return replace(right, restrict=lambda whole: whole[nodes]) if self.wrong == "adjoint" else right
 
     def coarsen(self) -> Coarsening:
         coarse = self.inner.coarsen()
@@ -444,22 +427,13 @@ class Wrong(ReducedSystem, FieldwiseApply, ApproximateApply, ApproximateInverse,
         return replace(part, nodes=part.nodes[::-1]) if part is not None and self.wrong == "nodes of a part" else part
 
 
-def _kinked(prolonged: Array, nodes: Indices) -> Array:
-    """The same at the nodes, not below zero at others."""
-    kinked = np.maximum(prolonged, np.float32(0.0))
-    kinked[nodes] = prolonged[nodes]
-    return kinked
-
-
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
     + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal")]
     + [("single precision", "apply_fields of loads float32")]
-    + [("values", "prolongation changes the values"), ("adjoint", "is not the adjoint of prolong")]
-    + [("kinked", "prolongation is not linear"), ("double precision", "the precision"), ("no node", "from no node")]
-    + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")],
+    + [("part", "lacks some of the requested nodes"), ("nodes of a part", "points of a subsystem are not")],
 )
 def test_wrong_capabilities_are_caught(wrong: str, message: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)

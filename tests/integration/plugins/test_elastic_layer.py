@@ -65,7 +65,7 @@ def test_conformance(formulation, divisions, material):
     system = formulation.reduce(body)
     kinds = [kind for kind in (FieldwiseApply, ApproximateInverse, Multigrid) if system.capability(kind)]
     assert (Multigrid in kinds) == (divisions == 48)
-    assert len(kinds) == (4 if divisions == 48 else 3)
+    assert len(kinds) == (3 if divisions == 48 else 2)
 
 
 def closed_form(a):

@@ -292,7 +292,7 @@ def test_orthotropic_law_with_equal_coefficients_is_isotropic():
 
 
 def test_compliance_that_is_no_matrix():
-    with pytest.raises(CaseError, match="not held as a matrix"):
+    with pytest.raises(CaseError, match="not stored as a matrix"):
         local_problem(pressed(system=MatrixFree.of(SYSTEM)))
 
 

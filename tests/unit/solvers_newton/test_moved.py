@@ -9,7 +9,7 @@ from meeframe.contact.problem import AT_REST, PrescribedResultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
-from meeframe.solvers.newton.globalization import newton_step
+from meeframe.solvers.newton.linear import newton_step
 from meeframe.solvers.newton.residual import NEGLIGIBLE_FRACTION, ContactResidual, ResidualState
 
 MU = 0.3

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from meeframe.solvers.newton.moves import take_step
 
 from meeframe.contact.conduction import resistances
 from meeframe.contact.problem import AT_REST, PrescribedResultant
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.solvers.newton.globalization import Step, newton_step
-from meeframe.solvers.newton.moves import take_step
+from meeframe.solvers.newton.linear import Step, newton_step
 from meeframe.solvers.newton.residual import ContactResidual
 
 RANDOM = np.random.default_rng(3)

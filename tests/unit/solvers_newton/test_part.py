@@ -24,7 +24,7 @@ from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.edge_resolution import resolve_edges
 from meeframe.solvers.newton import method as newton
-from meeframe.solvers.newton.globalization import Step
+from meeframe.solvers.newton.linear import Step
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, contact_neighbourhood
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.reduced import ReducedSystem

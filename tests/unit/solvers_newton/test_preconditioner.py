@@ -10,8 +10,8 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import AT_REST, ContactProblem
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, StepConductivity
-from meeframe.solvers.newton.globalization import coupled_rows
 from meeframe.solvers.newton.jacobian import ReducedJacobian
+from meeframe.solvers.newton.linear import coupled_rows
 from meeframe.solvers.newton.preconditioner import preconditioner
 from meeframe.solvers.newton.residual import ContactResidual
 from meeframe.system.reduced import NodalFields, ReducedSystem

@@ -25,7 +25,7 @@ from meeframe.solvers import (
     residual,
     solve,
 )
-from meeframe.solvers.newton.globalization import Step
+from meeframe.solvers.newton.linear import Step
 from meeframe.system.dense import DenseSystem
 from meeframe.testing.contact import check_solver
 from meeframe.testing.contact_cases import SphereCase

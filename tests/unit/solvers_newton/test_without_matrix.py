@@ -28,8 +28,7 @@ from meeframe.solvers import (
     residual,
     solve,
 )
-from meeframe.solvers.newton.globalization import coupled_rows, decoupled_rows, newton_step
-from meeframe.solvers.newton.linear import krylov_step
+from meeframe.solvers.newton.linear import coupled_rows, decoupled_rows, krylov_step, newton_step
 from meeframe.solvers.newton.residual import ContactResidual
 from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
