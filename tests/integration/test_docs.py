@@ -188,7 +188,7 @@ def test_getting_started(workplace):
             exec(content, {})
     results = {path.name: meeframe.read_result(path) for path in (workplace / "out").iterdir()}
     assert set(results) == {"first", "conducting", "friction", "tabulated", "residue"}
-    told = re.findall(r"known\s+to\s+about\s+(\d+) ?%", page + results["first"].steps[-1].message)
+    told = re.findall(r"uncertain\s+by\s+about\s+(\d+) ?%", page + results["first"].steps[-1].message)
     assert len(told) == 2
     assert told[0] == told[1]
     totals = {name: meeframe.resultants(result.zone, result.steps[-1]) for name, result in results.items()}
