@@ -34,6 +34,9 @@ PACKAGES: Final = {
     "contact": "Contact problems, residuals and conduction.",
     "solvers": "Contact solvers and the driver loop.",
 }
+PLUGINS: Final = ("meeframe_laws", "meeframe_halfspace", "meeframe_hmatrix", "meeframe_skfem")
+"""Packages of the folder `plugins`, of which the exported and the registered classes are shown."""
+
 EXPORTING: Final = (*PACKAGES, "plugin.surfaces", "plugin.boundary_elements")
 MODULES: Final = (
     "common.errors",
@@ -83,8 +86,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for package, paths in pages.items():
         text = "\n".join(_page(root, package, paths))
         files.append(File.generated(config, f"reference/api/{package}.md", content=text))
+    files.append(File.generated(config, "reference/api/plugins.md", content="\n".join(_plugin_page(config))))
     rows = (f"| [`{_name(package)}`]({package}.md) | {summary} |" for package, summary in PACKAGES.items())
-    text = "\n".join([INDEX, "| package | content |", "| --- | --- |", *rows, ""])
+    text = "\n".join([INDEX, "| package | content |", "| --- | --- |", *rows, PLUGINS_ROW, ""])
     files.append(File.generated(config, "reference/api/index.md", content=text))
     return files
 
@@ -95,6 +99,9 @@ These pages are generated from the docstrings. Plugins import [`meeframe.plugin`
 [`meeframe.testing`](testing.md); names of other packages may change between versions. Units, signs and index
 conventions are those of [theory and conventions](../../explanation/theory.md).
 """
+
+
+PLUGINS_ROW: Final = "| [`meeframe_laws` and others](plugins.md) | The packages of the folder `plugins`. |"
 
 
 def _name(package: str) -> str:
@@ -152,3 +159,18 @@ def _page(root: Api, package: str, paths: Iterable[str]) -> Iterator[str]:
 
 def _module_of(root: Api, path: str) -> str:
     return str(root[path.removeprefix("meeframe.")].module.path)
+
+
+def _plugin_page(config: MkDocsConfig) -> Iterator[str]:
+    """Yield the lines of the page of the plugin packages."""
+    yield "# Plugin packages\n\nThe names in case files are those of `meeframe plugins`.\n"
+    for package in PLUGINS:
+        module = import_module(package)
+        exported = [getattr(module, name) for name in module.__all__ if not name.startswith("meeframe_")]
+        hooks = [
+            getattr(module, name) for name in dir(module) if name.startswith("meeframe_") and name in module.__all__
+        ]
+        registered = [record.factory for hook in hooks for record in hook()]
+        paths = {f"{found.__module__}.{found.__qualname__}" for found in exported + registered}
+        yield f"## `{package}`\n\n{module.__doc__}\n"
+        yield from (f"::: {path}\n    options:\n      heading_level: 3\n" for path in sorted(paths))
