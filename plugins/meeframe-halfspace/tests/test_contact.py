@@ -283,4 +283,4 @@ def test_the_edge_of_a_period_is_none():
     assert "overlaps" in replace(deep, formulation=HalfSpace()).warnings[0]
     (step,) = solve_case(replace(case, steps=(Step(normal_force=30.0),))).steps
     assert step.message.startswith("residual")
-    assert "edge" not in step.message
+    assert "zone" not in step.message

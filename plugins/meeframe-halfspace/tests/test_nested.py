@@ -277,7 +277,7 @@ def test_solutions_do_not_depend_on_what_was_asked_before() -> None:
     def solved(system: ReducedSystem, radius: float) -> Array:
         height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
         problem = indentation_problem(system, height, radius**2 / 0.1, conductivity=(np.inf, np.inf), potentials=(5, 1))
-        solution = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
+        solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8))
         assert solution.status is Status.CONVERGED
         return solution.state.load
 
@@ -293,7 +293,9 @@ def test_solutions_do_not_depend_on_what_was_asked_before() -> None:
 def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
     """Their solution is no load at all, in no field: that of this one, too."""
     system = grid(64)
-    problem = pressed_by(system, (system.points**2).sum(axis=1), 0.0).with_laws(electric=StepConductivity(np.inf))
+    problem = pressed_by(system, (system.points**2).sum(axis=1), 0.0)
+    if solver != ProjectedCG():
+        problem = problem.with_laws(electric=StepConductivity(np.inf))
     solution = solve(problem, solver, StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert not solution.state.load.any()

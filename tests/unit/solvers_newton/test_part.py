@@ -22,7 +22,7 @@ from meeframe.material import Material, library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
-from meeframe.solvers.edge_resolution import resolve_edges
+from meeframe.solvers.driver import resolve_edges
 from meeframe.solvers.newton import method as newton
 from meeframe.solvers.newton.linear import Step
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, contact_neighbourhood
