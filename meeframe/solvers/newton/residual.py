@@ -43,9 +43,7 @@ from meeframe.laws.base import (
     traction_tangents,
 )
 from meeframe.solvers.newton.node_blocks import NodeBlocks
-from meeframe.system.capabilities import (
-    ApproximateInverse,
-)
+from meeframe.system.capabilities import ApproximateInverse
 
 FRACTION: Final = -1
 """Row and column of the contact fraction in arrays: the last one, after the fields."""

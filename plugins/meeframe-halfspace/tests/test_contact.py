@@ -188,7 +188,7 @@ def test_an_endless_surface_and_one_that_is_not(tmp_path, periodic):
     given["second_body"] = {"material": given["material"], "mesh": given["mesh"], "formulation": own}
     path = tmp_path / "case.toml"
     path.write_text(toml_text(given), encoding="utf-8")
-    with pytest.raises(CaseError, match=r"second_body\.formulation.*for ever.*allowed: both or neither"):
+    with pytest.raises(CaseError, match=r"second_body\.formulation.*periodic.*allowed: both or neither"):
         load_case(path)
 
 

@@ -11,8 +11,8 @@ from meeframe_halfspace.convolution import Convolution
 from meeframe_halfspace.system import HalfSpaceSystem
 
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.nested import coarse_problem, nested_start, with_signed_gap
-from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status
+from meeframe.contact.nested import coarse_problem
+from meeframe.contact.problem import ContactProblem, Solver, Status
 from meeframe.contact.scales import problem_scales
 from meeframe.elements import Quad4
 from meeframe.fields import Array, Indices
@@ -161,35 +161,6 @@ def test_laws_of_the_nodes_are_asked_for_these_alone() -> None:
         solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state for problem in (uniform, nodal)
     ]
     assert np.abs(states[0].load - states[1].load).max() < 1e-7 * np.abs(states[0].load).max()
-
-
-@pytest.mark.parametrize("radius", [1.3e-3, 2.07e-3, 2.9e-3])
-def test_tension_of_open_nodes_tells_where_the_contact_ends(radius: float) -> None:
-    """Hertz's pressure and gap at the coarse nodes: between them the start presses where he does, and flux is there
-    alone where only pressed nodes conduct."""
-    n, sphere, modulus = 128, 0.1, 200e9 / (1.0 - 0.3**2)
-    system = grid(n)
-    distance = np.hypot(*system.points[:, :2].T)
-    flux = StepConductivity(np.inf)
-    problem = replace(held(system, (distance**2 / 2.0 - radius**2) / sphere), channels=flux_channels(flux, flux))
-
-    def hertz(coarse: ContactProblem) -> ContactState:
-        r = np.hypot(*coarse.system.points[:, :2].T) / radius
-        load = np.zeros((len(r), 5))
-        load[:, 2] = -2.0 * modulus * radius / (np.pi * sphere) * np.sqrt(np.maximum(1.0 - r**2, 0.0))
-        load[:, 3:] = load[:, 2:3]
-        out = np.maximum(r, 1.0)
-        gap = radius**2 / (np.pi * sphere) * (np.sqrt(out**2 - 1.0) - (2.0 - out**2) * np.arccos(1.0 / out))
-        own = coarse.system.diagonal_blocks()[:, 2, 2]
-        return ContactState(with_signed_gap(load, gap, own), coarse.system.offset, (r < 1.0).astype(float))
-
-    start = nested_start(problem, hertz)
-    assert start is not None
-    pressed = start.load[:, 2] < 0.0
-    wrong = np.abs(distance[pressed != (distance < radius)] - radius)
-    assert wrong.max(initial=0.0) < 0.35 * WIDTH / (n - 1)
-    assert (start.load[:, 2] <= 0.0).all()
-    assert ((start.load[:, 3] != 0.0) == pressed).all()
 
 
 @pytest.mark.parametrize(("formulation", "divisions"), GRIDS)

@@ -147,7 +147,7 @@ def test_where_nothing_conducts_the_potential_stays_where_it_was(solver) -> None
 
 
 @pytest.mark.full(except_for=2)
-@pytest.mark.parametrize("solver", ALL, ids=str)
+@pytest.mark.parametrize("solver", GRADIENT, ids=str)
 def test_systems_without_a_matrix(solver) -> None:
     problem = conducting_sphere(IsotropicCoulomb(MU), KAPPA["finite"], cells=6)
     free = [prescribe_resultant(problem.system, PRESS, 800.0), prescribe_resultant(problem.system, VOLTAGE, 1e-7)]
