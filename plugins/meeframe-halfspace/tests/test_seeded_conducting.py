@@ -13,7 +13,6 @@ from meeframe.material import library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, solve
-from meeframe.solvers.cg import normal_response
 from meeframe.testing.force_control import PRESS, freedom
 from meeframe.testing.half_space import indentation_problem
 
@@ -48,16 +47,13 @@ def seeded(seed: int) -> ContactProblem:
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("seed", [3, 6, 9, 12, 18, 19, 25, 31, 42, 57])
-def test_it_is_the_contact_of_newtons_method(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At any conduction that follows a violation a hundred or a thousand times smaller, or at once."""
+def test_it_is_the_contact_of_newtons_method(seed: int) -> None:
     problem, limits = seeded(seed), StoppingCriteria(tolerance=1e-10, max_iterations=200)
     newton = solve(problem, SemismoothNewton(), limits)
     assert newton.status is Status.CONVERGED
-    for following in (1e-3, 3e-3, 1e-2, 3e-2):
-        monkeypatch.setattr(normal_response, "FOLLOWING", following)
-        found = solve(problem, ProjectedCG(), limits)
-        assert found.status is Status.CONVERGED, (following, found.message)
-        assert_same_load(found.state, newton.state)
+    found = solve(problem, ProjectedCG(), limits)
+    assert found.status is Status.CONVERGED, found.message
+    assert_same_load(found.state, newton.state)
 
 
 def test_where_conjugate_gradients_do_not_close_in_auto_goes_on() -> None:
@@ -96,10 +92,8 @@ def test_conduction_that_draws_nodes_into_contact_lets_them_lie_on_either_side()
     assert_same_load(*states)
 
 
-@pytest.mark.parametrize("following", [1e-3, 3e-3, 1e-2, 3e-2])
-def test_no_node_stays_closed_against_its_own_trial(following: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_node_stays_closed_against_its_trial() -> None:
     """Two nodes of seed 24 lie on either side, too: the trial of a closed one vanishes beyond the wrong end."""
-    monkeypatch.setattr(normal_response, "FOLLOWING", following)
     problem = seeded(24)
     found = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10, max_iterations=200))
     assert found.status is Status.CONVERGED, found.message

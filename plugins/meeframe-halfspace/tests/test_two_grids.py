@@ -6,10 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
 
-import numba
 import numpy as np
 import pytest
-from meeframe_halfspace import HalfSpace, convolution
+from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.cells import Shape, far_table
 from meeframe_halfspace.convolution import Convolution
 from meeframe_halfspace.cutoff import MIN_CUTOFF, cutoff_radius
@@ -197,28 +196,16 @@ def test_responses_are_linear_and_reciprocal() -> None:
     assert abs(works[0] - exact) < APPROXIMATE_TOLERANCE * most
 
 
-def test_two_threads_answer_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Threads that share a product, and threads that share what answers."""
-    if numba.config.NUMBA_NUM_THREADS < 2:
-        pytest.skip("one thread")
-    monkeypatch.setattr(convolution, "SHARED", 0)
-    before = numba.get_num_threads()
-    answers = []
-    for threads in (1, 2):
-        numba.set_num_threads(threads)
-        whole = convolution_of(FreeGrid(PointResponse.of(TURNED, np.eye(3)), (1.0, 1.0), (160, 140), "bilinear"))
-        load = scaled(whole, loads_on((160, 140))["noise"])
-        assert whole.approximate is not None
-        answers.append(whole.approximate.response(load, ALL, ALL))
-    numba.set_num_threads(before)
-    np.testing.assert_array_equal(answers[1], answers[0])
-    fresh = convolution_of(
-        FreeGrid(PointResponse.of(TURNED, np.eye(3)), (1.0, 1.0), (160, 140), "bilinear")
-    ).approximate
+def test_threads_that_share_a_convolution_find_the_same() -> None:
+    grid = FreeGrid(PointResponse.of(TURNED, np.eye(3)), (1.0, 1.0), (120, 100), "bilinear")
+    whole, fresh = convolution_of(grid), convolution_of(grid).approximate
+    load = scaled(whole, loads_on((120, 100))["noise"])
+    assert whole.approximate is not None
     assert fresh is not None
+    expected = whole.approximate.response(load, ALL, ALL)
     with ThreadPoolExecutor(2) as pool:
         for found in pool.map(lambda _: fresh.response(load, ALL, ALL), range(2)):
-            np.testing.assert_array_equal(found, answers[0])
+            np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("size", [(40, 40), (120, 90), (1000, 20), (20, 1000)])

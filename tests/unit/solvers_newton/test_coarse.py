@@ -21,7 +21,6 @@ from meeframe.solvers.newton import coarse_start as newton_coarse
 from meeframe.solvers.newton import method as newton
 from meeframe.solvers.newton.coarse_start import corrected, improved_start
 from meeframe.solvers.newton.contact_edge import smooth_contact_edge
-from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.neighbourhood import inset
 from meeframe.solvers.newton.residual import ROUNDED, ContactResidual, ResidualState
 from meeframe.solvers.newton.slip_boundary import smooth_slip_boundary
@@ -190,38 +189,6 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
     np.testing.assert_allclose(found.load[:, :3], admissible, rtol=0, atol=1e-14 * scales.pressure)
     assert not found.load[point.load == 0.0].any()
     assert (found.motion != point.motion).any() == (name == "free")
-
-
-def test_steps_that_are_not_finite_change_nothing(made, start, monkeypatch: pytest.MonkeyPatch) -> None:
-    given = start(made("rough"))
-    step = newton_coarse.newton_step
-    assert given.ask(corrected) is not given.point
-
-    def singular(*asked) -> Step:
-        found = step(*asked)
-        return replace(found, local=np.full_like(found.local, np.nan))
-
-    monkeypatch.setattr(newton_coarse, "newton_step", singular)
-    assert given.ask(corrected) is given.point
-    smooth = given.smooth.point
-    np.testing.assert_array_equal(given.ask(improved_start).load, smooth.load)
-
-
-@pytest.mark.parametrize("grid", ["coarser", "finer"])
-def test_steps_that_raise_a_merit_change_nothing(grid: str, made, start, monkeypatch: pytest.MonkeyPatch) -> None:
-    """That of the coarser grid, or of the finer one where the coarser one's falls."""
-    given = start(made("rough"))
-    take_step = newton_coarse.take_step
-
-    def worse(point: ResidualState, *asked) -> tuple:
-        flips, moved = take_step(point, *asked)
-        load = point.load - (moved.load - point.load)
-        back = point.moved(load, point.contact_fraction, point.grazing, point.motion)
-        assert back.merit > point.merit
-        return flips, back if grid == "coarser" else replace(moved, load=load)
-
-    monkeypatch.setattr(newton_coarse, "take_step", worse)
-    assert given.ask(corrected) is given.point
 
 
 def test_nodes_without_an_indenter_are_nowhere_ahead(made, start) -> None:

@@ -6,7 +6,6 @@ from typing import final
 import numpy as np
 import pytest
 
-import meeframe.solvers.auto as auto_module
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import (
     ContactProblem,
@@ -275,14 +274,3 @@ def test_solvers_that_find_no_motion_are_refused(sphere) -> None:
     problem = freed(sphere("transverse", Signorini(), cells=8), press=1e3, electric=0.0)
     with pytest.raises(CaseError, match=r"found 0 of the 2 motions.*auto"):
         solve(problem, Motionless())
-
-
-def test_auto_hands_the_motion_on(sphere, monkeypatch) -> None:
-    problem = freed(sphere("orthotropic", IsotropicCoulomb(0.6), cells=8, drag=0.0), press=1e4, x=2e3)
-    expected = solved(problem).state
-    stages = [replace(stage, stall_window=0) for stage in auto_module.STAGES[:2]]
-    monkeypatch.setattr(auto_module, "STAGES", (*stages, auto_module.STAGES[2]))
-    monkeypatch.setattr(auto_module, "FALL", 0.0)
-    solution = solved(problem, Auto(), StoppingCriteria())
-    assert solution.iterations > 3
-    np.testing.assert_allclose(solution.state.motion, expected.motion, rtol=1e-7)

@@ -89,14 +89,7 @@ def left(point: ResidualState, relaxed: ResidualState) -> tuple[float, float]:
 LAWS = [pytest.param(ISOTROPIC, id="isotropic"), pytest.param(TURNED, id="orthotropic")]
 
 
-@pytest.fixture
-def always(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is relaxed is taken, whether it helps or not."""
-    monkeypatch.setattr(slip_module, "ROUGHER", np.inf)
-
-
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.usefixtures("always")
 def test_a_solution_stays_what_it_is(law: ContactLaw, conducting, at_solution) -> None:
     """What was found in double precision satisfies the laws around the boundary, too."""
     point = at_solution(conducting(80, 0.3, law, dragged=DRAGGED))
@@ -108,7 +101,6 @@ def test_a_solution_stays_what_it_is(law: ContactLaw, conducting, at_solution) -
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.usefixtures("always")
 def test_what_is_not_friction_beside_the_boundary_is_untouched(law: ContactLaw, conducting, interpolated) -> None:
     point = interpolated(conducting(81, 0.3, law, dragged=DRAGGED))
     relaxed, beside = smooth_slip_boundary(point), np.zeros(len(point.load), bool)
@@ -123,16 +115,11 @@ def test_what_is_not_friction_beside_the_boundary_is_untouched(law: ContactLaw, 
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.usefixtures("always")
-def test_laws_hold_beside_the_boundary(law: ContactLaw, conducting, interpolated, monkeypatch) -> None:
-    """With the gaps that the nodes around cause: roughly after a few steps, and as closely as one likes after many."""
+def test_laws_hold_beside_the_boundary(law: ContactLaw, conducting, interpolated) -> None:
+    """With the gaps that the nodes around cause."""
     point = interpolated(conducting(81, 0.3, law, dragged=DRAGGED))
     before, after = left(point, smooth_slip_boundary(point))
     assert after < 0.1 * before
-    monkeypatch.setattr(slip_module, "STEPS", 2000)
-    monkeypatch.setattr(slip_module, "SETTLED", 1e-9)
-    before, after = left(point, smooth_slip_boundary(point))
-    assert after < 1e-6 * before
 
 
 def pressed(problem: ContactProblem, dragged: Mask | bool, at: Callable[..., ResidualState]) -> ResidualState:
@@ -158,7 +145,6 @@ def half(problem: ContactProblem) -> Mask:
     ids=["friction", "frictionless", "mu = 0"],
 )
 @pytest.mark.parametrize("helped", [True, False])
-@pytest.mark.usefixtures("always")
 def test_nothing_is_done_without_friction_or_lattice(law: ContactLaw, done: bool, helped: bool, conducting, at) -> None:
     """Half of the nodes would slip."""
     problem = conducting(40, 0.3, law, Insulating())
@@ -167,7 +153,6 @@ def test_nothing_is_done_without_friction_or_lattice(law: ContactLaw, done: bool
     assert (smooth_slip_boundary(point) is not point) == (done and helped)
 
 
-@pytest.mark.usefixtures("always")
 def test_nothing_is_done_where_all_sticks_or_all_slips(conducting, at) -> None:
     """A flat indenter on the whole zone, so that there is no edge either."""
     problem = replace(conducting(40, 0.3, ISOTROPIC, Insulating()), gap=np.full(1600, -1e-5))
@@ -181,10 +166,3 @@ def test_nothing_is_done_where_all_sticks_or_all_slips(conducting, at) -> None:
     assert smooth_slip_boundary(point) is not point
     apart = pressed(replace(problem, gap=-problem.gap), True, at)
     assert smooth_slip_boundary(apart) is apart
-
-
-def test_what_does_not_help_is_not_taken(conducting, interpolated, monkeypatch) -> None:
-    point = interpolated(conducting(81, 0.3, ISOTROPIC, dragged=DRAGGED))
-    assert smooth_slip_boundary(point) is not point
-    monkeypatch.setattr(slip_module, "ROUGHER", 1e-3)
-    assert smooth_slip_boundary(point) is point

@@ -1,16 +1,14 @@
 """All solvers on the same problems: agreement, cost, invariance, honesty."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import meeframe.solvers.auto as auto_module
-import meeframe.solvers.newton.method as newton_module
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import potential_diagonal
-from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status, resultant
+from meeframe.contact.problem import ContactProblem, Iterate, Solver, Status, resultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.laws.base import contact_conductivity
 from meeframe.material import library_material
@@ -25,7 +23,6 @@ from meeframe.solvers import (
     residual,
     solve,
 )
-from meeframe.solvers.newton.globalization import Step
 from meeframe.system.dense import DenseSystem
 from meeframe.testing.contact import check_solver
 from meeframe.testing.contact_cases import SphereCase
@@ -219,42 +216,6 @@ def test_conjugate_gradients_bear_an_asymmetric_compliance(sphere) -> None:
     noise = np.random.default_rng(0).normal(size=problem.system.matrix.shape)
     system = replace(problem.system, matrix=problem.system.matrix * (1.0 + 0.02 * noise))
     assert_agree(replace(problem, system=system), [ProjectedCG()])
-
-
-def test_newton_without_newton_steps_still_converges(sphere, monkeypatch) -> None:
-    fail = lambda _, blocks, *__: Step(np.full_like(blocks.residual, np.nan), blocks.balance)  # noqa: E731
-    monkeypatch.setattr(newton_module, "newton_step", fail)
-    problem = sphere("orthotropic", IsotropicCoulomb(0.6), cells=8)
-    monkeyed, _ = force(problem, SemismoothNewton())
-    monkeypatch.undo()
-    np.testing.assert_allclose(monkeyed, force(problem, SemismoothNewton())[0], rtol=1e-8, atol=1e-6)
-
-
-@dataclass(frozen=True)
-class Restless(Solver):
-    """Wanders about and never gets anywhere."""
-
-    def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
-        return Iterate(np.zeros_like(problem.system.offset), np.zeros(len(problem.gap)), 0)
-
-    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        load = np.zeros_like(iterate.load)
-        load[:, 2] = -np.random.default_rng(iterate.memory).random(len(load))
-        return Iterate(load, iterate.contact_fraction, iterate.memory + 1)
-
-
-def test_auto_goes_on_where_a_solver_gets_nowhere(sphere, monkeypatch) -> None:
-    problem = sphere("orthotropic", IsotropicCoulomb(0.6), cells=8)
-    expected, _ = force(problem, Uzawa())
-    first, *others = auto_module.STAGES
-    monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), stall_window=5), *others))
-    got, solution = force(problem, Auto())
-    assert solution.iterations > 5
-    np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
-    bad = replace(others[0], solver=Restless(), stall_window=5)
-    monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), stall_window=5), bad, others[1]))
-    got, _ = force(problem, Auto())
-    np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
 
 
 def test_auto_leaves_a_state_that_is_nearly_a_solution() -> None:
