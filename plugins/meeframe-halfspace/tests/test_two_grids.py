@@ -197,9 +197,9 @@ def test_responses_are_linear_and_reciprocal() -> None:
 
 
 def test_threads_that_share_a_convolution_find_the_same() -> None:
-    grid = FreeGrid(PointResponse.of(TURNED, np.eye(3)), (1.0, 1.0), (120, 100), "bilinear")
+    grid = FreeGrid(PointResponse.of(TURNED, np.eye(3)), (1.0, 1.0), (160, 140), "bilinear")
     whole, fresh = convolution_of(grid), convolution_of(grid).approximate
-    load = scaled(whole, loads_on((120, 100))["noise"])
+    load = scaled(whole, loads_on((160, 140))["noise"])
     assert whole.approximate is not None
     assert fresh is not None
     expected = whole.approximate.response(load, ALL, ALL)
