@@ -171,6 +171,7 @@ def invoke(command: str) -> None:
     assert done.exit_code == 0, f"{command}\n{done.output}"
 
 
+@pytest.mark.full
 def test_getting_started(workplace):
     """The page from top to bottom: case files, commands, Python."""
     page = (ROOT / "docs" / "getting-started.md").read_text(encoding="utf-8")

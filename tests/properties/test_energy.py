@@ -52,7 +52,7 @@ def cycle(seed: int, mu: tuple[float, float], increments: int) -> tuple[Array, A
 MU = st.floats(0.05, 2.0)
 
 
-@settings(max_examples=12, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(st.integers(0, 2**32 - 1), st.tuples(MU, MU))
 def test_slip_dissipates_at_every_node_in_every_step(seed: int, mu: tuple[float, float]) -> None:
     """And no energy comes from nowhere: over the cycle the indenter does at least the work that slip dissipates."""

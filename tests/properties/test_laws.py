@@ -26,7 +26,7 @@ RATIOS = st.floats(-2.999, 0.0).map(lambda power: 10.0**power)
 """Of finite coefficients: more unequal ones are not allowed."""
 PAIRS = st.builds(lambda mu, ratio: (mu, mu * ratio), FINITE, RATIOS)
 PAIRS = (PAIRS | st.tuples(st.sampled_from([0.0, np.inf]), COEFFICIENTS)).flatmap(st.permutations).map(tuple)
-SETTINGS = settings(max_examples=40, deadline=None)
+SETTINGS = settings(max_examples=15, deadline=None)
 
 
 @SETTINGS

@@ -60,6 +60,7 @@ def resumed(whole: Result, steps: tuple[Step, ...], matrix_up_to: int, kappa: fl
     return solve_case(history((rest,), matrix_up_to, kappa, restart)).steps
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("kappa", [0.0, np.inf], ids=["insulated", "conducting"])
 @pytest.mark.parametrize("matrix_up_to", [0, 600], ids=["transforms", "matrix"])
 @pytest.mark.parametrize("control", STEPS)

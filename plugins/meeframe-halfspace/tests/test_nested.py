@@ -310,33 +310,52 @@ def capabilities_of(system: ReducedSystem) -> set[type]:
     return {kind for kind in (*FORWARDED, EdgeResolution, Persistence) if system.capability(kind) is not None}
 
 
-def test_capabilities_of_composed_systems() -> None:
+ON_GRID = FORWARDED - {ApproximateApply}
+"""Capabilities of a system on a grid that is too small for approximate products."""
+IRREGULAR = ON_GRID - {LatticeStencil}
+"""Where frames differ from node to node."""
+
+
+def radial(system: ReducedSystem) -> ReducedSystem:
+    return rotate_frames(system, system.points - system.points.mean(axis=0))
+
+
+def alike(system: ReducedSystem) -> ReducedSystem:
+    return rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1)))
+
+
+def corrected(system: ReducedSystem) -> ReducedSystem:
+    edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
+    return correct_edge(system, edge * system.diagonal_blocks())
+
+
+@pytest.mark.full(except_for=4)
+@pytest.mark.parametrize(
+    ("compose", "capabilities"),
+    [
+        (lambda system: combine_bodies(system, system), ON_GRID),
+        (lambda system: combine_bodies(radial(system), alike(system)), IRREGULAR),
+        (lambda system: combine_bodies(system, MatrixFree.of(system)), {FieldwiseApply, ApproximateInverse}),
+        (lambda system: combine_bodies(MatrixFree.of(system), system), {FieldwiseApply}),
+        (alike, ON_GRID),
+        (radial, IRREGULAR),
+        (corrected, IRREGULAR - {Multigrid}),
+        (lambda system: rotate_frames(corrected(system), radial(system).frames[:, 0]), IRREGULAR - {Multigrid}),
+        (OperationCounter.of, ON_GRID),
+        (lambda system: OperationCounter.of(system, accelerated=False), {FieldwiseApply}),
+        (MatrixFree.of, set()),
+    ],
+)
+def test_capabilities_of_composed_systems(compose, capabilities: set[type]) -> None:
     """Each is forwarded and correct, or absent for the stated reason."""
     system = system_of(*GRIDS[0])
+    assert capabilities_of(system) == ON_GRID
+    whole = compose(system)
+    assert capabilities_of(whole) == capabilities
+    check_capabilities(whole)
     nodes = np.flatnonzero(np.hypot(*(system.points[:, :2] - 1e-3).T) < 2e-3)
-    edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
-    alike = rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1)))
-    radial = rotate_frames(system, system.points - system.points.mean(axis=0))
-    corrected = correct_edge(system, edge * system.diagonal_blocks())
-    own = FORWARDED - {ApproximateApply}  # the grid is too small for approximate products
-    assert capabilities_of(system) == own
-    for whole, has in (
-        (combine_bodies(system, system), own),
-        (combine_bodies(radial, alike), own - {LatticeStencil}),
-        (combine_bodies(system, MatrixFree.of(system)), {FieldwiseApply, ApproximateInverse}),
-        (combine_bodies(MatrixFree.of(system), system), {FieldwiseApply}),
-        (alike, own),
-        (radial, own - {LatticeStencil}),
-        (corrected, own - {Multigrid, LatticeStencil}),
-        (rotate_frames(corrected, radial.frames[:, 0]), own - {Multigrid, LatticeStencil}),
-        (OperationCounter.of(system), own),
-        (OperationCounter.of(system, accelerated=False), {FieldwiseApply}),
-        (MatrixFree.of(system), set()),
-    ):
-        assert capabilities_of(whole) == has
-        check_capabilities(whole)
-        restriction = whole.capability(Restriction)
-        assert restriction is None or restriction.restrict(nodes) is not None
+    restriction = whole.capability(Restriction)
+    assert restriction is None or restriction.restrict(nodes) is not None
 
 
 def test_two_bodies_with_other_coarse_nodes_have_no_coarser_grid() -> None:

@@ -129,7 +129,7 @@ def test_run_show_and_refusal_to_overwrite(case_file, tmp_path):
 
 def test_contact_that_its_zone_cuts_off_is_warned_of(case_file, tmp_path):
     assert "edge of its zone" not in meeframe_command("run", case_file, "--out", tmp_path / "within")[2]
-    case_file.write_text(case_file.read_text().replace('"40 um"', '"1 mm"'))
+    case_file.write_text(case_file.read_text().replace('"40 um"', '"1 mm"').replace('"uzawa"', '"auto"'))
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "beyond")
     assert status == 0
     assert "warning: the contact reaches the edge of its zone, where it is cut off" in err

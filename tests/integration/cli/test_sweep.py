@@ -155,6 +155,7 @@ def test_a_grid_end_to_end(study, tmp_path, log):
     xarray.testing.assert_identical(opened(out), found)
 
 
+@pytest.mark.full
 def test_a_longer_axis_keeps_what_is_there(study, tmp_path, log):
     out, shorter = tmp_path / "out", LINE.replace("4e-5, count = 8", "2e-5, count = 2")
     assert sweep(study(shorter), out)[0] == 0
@@ -292,7 +293,7 @@ MAIN = (
 )  # fmt: skip
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, death, monkeypatch):
     out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"

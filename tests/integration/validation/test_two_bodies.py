@@ -27,6 +27,7 @@ study = load_study()
 COARSE = half_space_mesh(0.1, 0.005, 10, 5, Quad4())
 
 
+@pytest.mark.full
 def test_equal_elastic_bodies_against_hertz():
     found = study.hertz("equal")
     assert found.force == pytest.approx(found.exact, rel=0.015)

@@ -152,6 +152,7 @@ def test_area_of_a_closed_loop_is_the_dissipated_energy(bed, rubbing):
     assert dissipated == pytest.approx(exact, rel=0.05)
 
 
+@pytest.mark.full
 def test_work_around_a_loop_is_stored_or_dissipated_to_second_order(bed, rubbing, system):
     """In each of its strokes, while the pressure goes up and down, too."""
     corners, off = [(3e-5, 4e-6), (1.5e-5, 2e-6), (1.5e-5, -4e-6), (3e-5, 0.0)], []

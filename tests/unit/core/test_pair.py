@@ -143,6 +143,7 @@ def test_mirror_images_have_no_jump_of_the_potentials(condition: str) -> None:
     assert (np.abs(state.load[:, 3:]).max(axis=0) <= 1e-9 * flows).all()
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("condition", list(CONDITIONS))
 @pytest.mark.parametrize(
     "second_body", [POLED_DOWN, Material.isotropic(100e9, 0.3, 2e-9, 1e-4)], ids=["down", "isotropic"]

@@ -24,12 +24,14 @@ def assert_equals_line_integral(stiffness, offset, random):
     assert relative_error(t, exact[1]) < TOLERANCE
 
 
+@pytest.mark.full(except_for=2)
 def test_random_directions_and_distances(stiffness, random):
     """More points than one chunk of the kernel, in no order."""
     offset = unit_vectors(random, 25000) * 10.0 ** random.uniform(-6.0, 3.0, (25000, 1))
     assert_equals_line_integral(stiffness, offset, random)
 
 
+@pytest.mark.full(except_for=1)
 def test_boundaries_of_cells_and_faces(stiffness, random):
     cells = Tabulated().bind(stiffness).cells
     lines = 2.0 * np.arange(cells + 1) / cells - 1.0
@@ -40,6 +42,7 @@ def test_boundaries_of_cells_and_faces(stiffness, random):
     assert_equals_line_integral(stiffness, np.vstack([corners, -corners, corners + nudges, np.eye(3)]), random)
 
 
+@pytest.mark.full(except_for=2)
 def test_sums_over_plane_pieces(stiffness, random):
     """Pieces of 0 to 40 points, each with a normal of its own, against sums of the line integral."""
     sizes = np.append(random.integers(1, 40, 60), [1, 0, 5])
@@ -134,6 +137,7 @@ np.save(sys.argv[2], Tabulated(tolerance=0.5, cells=1).bind(stiffness).evaluate(
 """
 
 
+@pytest.mark.full
 def test_without_compilation(orthotropic, random, tmp_path):
     """As debuggers run it; cells with many points and with few."""
     offset, normal = unit_vectors(random, 40), unit_vectors(random, 40)

@@ -184,6 +184,7 @@ def shipped() -> list[Path]:
     return [file for file in files if "[mesh" in file.read_text(encoding="utf-8")]
 
 
+@pytest.mark.full(except_for=12)
 @pytest.mark.parametrize("file", shipped(), ids=lambda file: f"{file.parents[1].name}-{file.stem}")
 def test_no_shipped_case_warns(file):
     assert load_case(file).warnings == ()

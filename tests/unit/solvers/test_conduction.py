@@ -58,6 +58,7 @@ def test_force_falls_monotonically_to_less_than_half(cells: int) -> None:
     assert forces[-1] / forces[0] == pytest.approx(1.0 / 2.326, rel=1e-3)
 
 
+@pytest.mark.full
 def test_fractions_do_not_depend_on_the_way_there() -> None:
     case = problem(0.3)
     direct = solve(case, Uzawa())

@@ -111,7 +111,7 @@ def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> N
     np.testing.assert_allclose(by_drop[:, 0], (drop / ahead[:, 3] - left) / ahead[:, 3], rtol=1e-6)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("kappa", "strength"), [(0.1, 1.0), (1.0, 0.1), (30.0, 0.3)])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
 def test_solvers_find_the_same(across, law, kappa, strength) -> None:
@@ -124,7 +124,7 @@ def test_solvers_find_the_same(across, law, kappa, strength) -> None:
         check_same(other.state, newton.state)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "translation", "potentials")])
 @pytest.mark.parametrize("solver", [SemismoothNewton(), BarzilaiBorwein()], ids=lambda solver: type(solver).__name__)
 def test_prescribed_forces_and_charges(across, solver, given) -> None:

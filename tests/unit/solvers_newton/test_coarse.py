@@ -122,7 +122,7 @@ def on_less(problem: ContactProblem, given: Start) -> Start:
     return Start(point, part.nodes, given.coarse, ContactResidual.of(below), np.arange(len(below.gap)))
 
 
-@pytest.mark.full(except_for=4)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("less", [False, True], ids=["as given", "nodes beside"])
 @pytest.mark.parametrize("name", CASES)
 def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, made, start) -> None:
@@ -152,7 +152,7 @@ def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, m
     assert np.abs(there.equation.problem.gap - given.below.problem.gap).max() > 1e-6 * fine.scales.displacement[2]
 
 
-@pytest.mark.full(except_for=4)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("name", CASES)
 def test_solutions_of_the_finer_grid_stay(name: str, made, start) -> None:
     problem = made(name)
@@ -172,7 +172,7 @@ def test_solutions_of_the_finer_grid_stay(name: str, made, start) -> None:
     assert otherwise.max() > 1e-3  # of a start that is none
 
 
-@pytest.mark.full(except_for=6)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("less", [False, True], ids=["as given", "nodes beside"])
 @pytest.mark.parametrize("name", CASES)
 def test_interpolated_starts_become_better(name: str, less: bool, made, start) -> None:

@@ -208,6 +208,7 @@ def test_eccentric_force_tilts_a_flat_punch() -> None:
     assert "no pressure and friction" in tipping.message
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 def test_hertz_at_a_given_force_with_a_charged_conductor(solver) -> None:
     """Force, charge and magnetic flux of given approach and potentials; here the other way round."""

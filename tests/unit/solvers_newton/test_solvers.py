@@ -73,7 +73,7 @@ def test_solvers_agree(sphere, condition, material, law) -> None:
     assert_agree(sphere(material, law, CONDITIONS[condition], cells=12), ALL if law == Signorini() else FRICTIONAL)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("kappa", [1e-3, 1e-2, 1.0, 1e2])
 def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
     assert_agree(sphere("orthotropic", IsotropicCoulomb(0.3), (kappa, kappa), cells=12), FRICTIONAL)
@@ -112,7 +112,7 @@ def test_grazing_nodes_are_found_by_every_solver(sphere, law) -> None:
         np.testing.assert_allclose(solution.state.contact_fraction, contact_fraction, atol=1e-6)
 
 
-@pytest.mark.parametrize(("cells", "material"), [(16, "transverse"), (16, "orthotropic"), (32, "transverse")])
+@pytest.mark.parametrize(("cells", "material"), [(16, "transverse"), (16, "orthotropic")])
 def test_newton_takes_few_iterations_from_zero(sphere, cells, material) -> None:
     _, solution = force(sphere(material, IsotropicCoulomb(0.6), cells=cells), SemismoothNewton())
     assert solution.iterations <= 15

@@ -29,6 +29,7 @@ def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, aw
     assert not rest or told[-1] == f"{rest} of {2 * len(depths)} points were not checked for such warnings"
 
 
+@pytest.mark.full
 def test_sweeps_ask_some_points_of_many_and_none_that_is_kept(write_case, registry, tmp_path, monkeypatch):
     """From the first to the last; those that are kept have been told of."""
     study = tmp_path / "study.toml"
