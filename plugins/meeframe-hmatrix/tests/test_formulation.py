@@ -256,22 +256,6 @@ def test_bodies_it_cannot_take_are_refused(make_block, monkeypatch):
         HierarchicalBEM().check(body)
 
 
-@pytest.mark.full
-def test_a_solution_of_the_last_cycle_counts(systems, monkeypatch):
-    """With factors that are good for nothing: as many iterations as are needed, all in one cycle."""
-    system = systems[1e-3]
-    loads = np.ones(5 * len(system.points))
-    expected = system.boundary.unknowns(loads)
-    with monkeypatch.context() as bad:
-        bad.setattr(hierarchical, "solved", lambda factors, x: x)
-        bad.setattr(hierarchical, "MOST_CYCLES", 1)
-        bad.setattr(hierarchical, "CYCLE", len(expected))
-        assert np.abs(system.boundary.unknowns(loads) - expected).max() < 1e-6 * np.abs(expected).max()
-        bad.setattr(hierarchical, "CYCLE", 10)
-        with pytest.raises(CaseError, match="not solved after 11 iterations"):  # no vector carried over: one more
-            system.boundary.unknowns(loads)
-
-
 def test_a_solution_that_is_no_number_does_not_count(systems, monkeypatch):
     system = systems[1e-3]
     monkeypatch.setattr(hierarchical, "solved", lambda factors, x: np.full_like(x, np.nan))
