@@ -136,7 +136,6 @@ def test_fixed_step_of_the_paper_converges_to_the_automatic_answer() -> None:
     automatic = solve(problem(), Uzawa())
     fixed = solve(problem(), Uzawa(step_normal=5e12, step_tangential=3e12))
     assert automatic.status is fixed.status is Status.CONVERGED
-    assert fixed.iterations > 3 * automatic.iterations
     assert fixed.state.load == pytest.approx(automatic.state.load, rel=1e-7, abs=1.0)
 
 

@@ -139,5 +139,4 @@ def test_prescribed_forces_and_charges(across, solver, given) -> None:
 def test_newtons_method_converges_quadratically(across) -> None:
     solution = solve(across(Signorini(), 3.0, 0.2), SemismoothNewton())
     last = solution.history[-4:, 1]
-    assert solution.iterations <= 12
     assert last[-1] <= 100.0 * last[-2] ** 2 or last[-1] < 1e-13
