@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from meeframe.common.errors import CaseError, MaterialError
-from meeframe.greens import LineIntegral, Tabulated, tabulated
+from meeframe.greens import LineIntegral, Tabulated
 from meeframe.testing.fundamental import relative_error, unit_vectors
 
 TOLERANCE = 1e-8
@@ -116,10 +116,10 @@ def test_points_without_direction_spoil_only_themselves(bad, transversely_isotro
     np.testing.assert_array_equal(t[1:], good[1])
 
 
-def test_names_a_material_beyond_its_reach(monkeypatch, orthotropic):
-    monkeypatch.setattr(tabulated, "MAX_CELLS", 20)
-    with pytest.raises(MaterialError, match="too anisotropic"):
-        Tabulated().bind(orthotropic)
+@pytest.mark.full
+def test_rejects_a_material_beyond_its_tolerance(orthotropic):
+    with pytest.raises(MaterialError, match=r"a table of 64 cells exceeds the tolerance .*too anisotropic"):
+        Tabulated(tolerance=1e-15, cells=64).bind(orthotropic)
 
 
 @pytest.mark.parametrize("options", [{"cells": 0}, {"cells": 65}, {"tolerance": 0.0}, {"tolerance": float("nan")}])
