@@ -35,10 +35,8 @@ def run(tmp_path):
 
 
 def test_the_full_tier_runs_only_where_it_is_asked_for(run):
-    for workers in ((), ("-n", "1")):
-        short = run(*workers)
-        assert "3 passed" in short
-        assert "5 tests of the full tier deselected" in short
-    everything = run("--full")
+    short, everything = run("-n", "1"), run("--full")
+    assert "3 passed" in short
+    assert "5 tests of the full tier deselected" in short
     assert "8 passed" in everything
     assert "deselected" not in everything

@@ -221,7 +221,7 @@ class Tangents(Law):
         return first, second
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("law", "message"),
     [

@@ -87,6 +87,7 @@ def test_warnings_of_libraries_are_told_once_as_ours_are(case_file, tmp_path):
     assert told == [f"warning: {plugin}, line 11: UserWarning: of two lines"]
 
 
+@pytest.mark.full
 def test_studies_warn_once_for_each_body(case_file, tmp_path, monkeypatch):
     """A sweep over two approaches and two widths of a slender block, and a comparison of two solvers on it."""
     case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))

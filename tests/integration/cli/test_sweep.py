@@ -173,6 +173,7 @@ def test_a_longer_axis_keeps_what_is_there(study, tmp_path, log):
     assert files(out) == before, "what is no longer asked for is removed"
 
 
+@pytest.mark.full
 def test_a_changed_case_is_another_sweep(study, tmp_path, write_case):
     out, file = tmp_path / "out", study(LINE)
     assert sweep(file, out)[0] == 0

@@ -108,7 +108,7 @@ def test_insulated_fields_follow_the_surface_and_conducting_flux_the_pressure() 
     assert flux == 0.0
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("fields", [(2e4, None), (None, -20.0), (-1.5e4, 30.0)])
 def test_prescribed_potentials(fields: tuple[float | None, float | None]) -> None:
     """The fluxes carry an edge singularity, which a grid resolves to first order only."""
