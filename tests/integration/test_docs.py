@@ -136,6 +136,7 @@ def workplace(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.full
 def test_python_example_of_the_readme(workplace):
     ((_, text),) = blocks(README, "python")
     found: dict = {}

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
@@ -64,6 +65,7 @@ def test_slip_dissipates_at_every_node_in_every_step(seed: int, mu: tuple[float,
     assert np.abs(left).max() < 1.0  # Pa, of some 1e7
 
 
+@pytest.mark.full
 def test_all_work_over_a_cycle_is_dissipated_by_slip_as_steps_become_small() -> None:
     excess = []
     for increments in (4, 8, 16):

@@ -480,7 +480,7 @@ def _kinked(prolonged: Array, nodes: Indices) -> Array:
     return kinked
 
 
-@pytest.mark.full(except_for=4)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]

@@ -117,7 +117,7 @@ def test_responses_to_all_fields_at_once(medium, grid) -> None:
     assert worst(made(medium, *grid), grid[0]) < APPROXIMATE_TOLERANCE
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("grid", OBLONG, ids=str)
 @pytest.mark.parametrize("medium", ["turned", "straight"])
 def test_responses_on_oblong_cells(medium, grid) -> None:

@@ -132,7 +132,7 @@ def test_contact_with_friction_is_that_of_dense_matrices(dense, systems):
     assert (np.abs(totals[2] / totals[0] - 1) < 5e-3).all()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(("element", "divisions"), [(Quad8(), 3), (Tri6(), 2)], ids=["quad8", "tri6"])
 def test_other_elements(make_block, smooth_load, element, divisions):
     body = make_block(divisions, element)
@@ -210,7 +210,7 @@ def test_arrays_that_are_no_tree_are_refused(make_block, systems):
             HierarchicalBEM().from_arrays(make_block(8), arrays)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("leaf_size", [10, 36], ids=["divided", "one leaf"])
 def test_truncated_inverse_of_a_slender_rod_is_right_or_none(monkeypatch, leaf_size):
     monkeypatch.setattr(formulation, "LEAF_SIZE", leaf_size)

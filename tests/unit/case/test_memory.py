@@ -161,6 +161,7 @@ def test_two_bodies_slip_as_one_body_as_soft_as_both(write_case, laws, second_bo
         np.testing.assert_allclose(ours.traction, theirs.traction, rtol=1e-8, atol=1e-3)
 
 
+@pytest.mark.full
 def test_a_run_and_its_restart_are_one_run_to_the_last_bit(write_case, laws, tmp_path):
     first = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["20 um", "3 um"]\nincrements = 3\n'
     second = '\n[[steps]]\ntranslation = ["4 um", 0]\nincrements = 3\n'

@@ -50,6 +50,7 @@ def sphere(system: ReducedSystem) -> Array:
 # Hertz
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("second_body", [(210e9, 0.3), (40e9, 0.05)])
 def test_two_elastic_spheres_against_hertz(second_body: tuple[float, float]) -> None:
     """R1 = 0.3 m on R2 = 0.15 m: R = 0.1 m; 1/E* is the sum of both, halved E* for equal bodies."""

@@ -14,6 +14,7 @@ from meeframe.study.verify import verify
 AWAY = "the indenter does not touch the undeformed body: at an approach of {} m it stays {} m or more from the nodes"
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("depths", "away", "rest"), [((-1, 2, -1.5), (-1, -1.5), 0), (range(-7, 1), range(-7, -2), 7)])
 def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, away, rest):
     study = tmp_path / "study.toml"
