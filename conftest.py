@@ -8,7 +8,11 @@ repeats it at more parameters, on finer grids and in longer runs.
 and few kernels are compiled twice in a fresh clone.
 """
 
+import os
 from collections import defaultdict
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # before numpy is loaded: the workers share the processors already
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest

@@ -133,6 +133,7 @@ def outcome(case):
     return np.array([*total.force, total.charge]), step
 
 
+@pytest.mark.full
 def test_boundary_elements_agree_on_the_same_case():
     """Only the formulation changes: anisotropic, with friction, conducting."""
     case = small_case()

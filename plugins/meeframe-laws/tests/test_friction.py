@@ -103,6 +103,7 @@ def test_superelliptic_is_homogeneous_and_orthotropic(law):
     check_orthotropic(law, (0.6, 0.2), 0.3)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", LARGE)
 def test_two_solvers_agree(name):
     problem = sphere(LARGE[name])

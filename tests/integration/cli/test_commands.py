@@ -38,6 +38,7 @@ def test_check(case_file):
     assert out == f"{case_file}: ok: material batio3-cofe2o4, 80 elements, contact zone contact of 25 nodes, 2 steps\n"
 
 
+@pytest.mark.full
 def test_slender_bodies_are_warned_of(case_file, tmp_path):
     """A block of 0.1 x 0.1 x 2 m on its base: by check, and by run at the end of the first step."""
     case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))

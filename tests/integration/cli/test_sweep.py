@@ -224,6 +224,7 @@ def test_points_that_fail_do_not_stop_the_others(study, tmp_path, log):
     assert (files(out), len(log("solved"))) == (before, solved)
 
 
+@pytest.mark.full
 def test_zones_of_different_meshes_and_every_increment(study, tmp_path):
     text = """
         case = "case.toml"
@@ -464,6 +465,7 @@ def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, wor
     assert told == [f"warning: {plugin}, line 14: UserWarning: of a step"]
 
 
+@pytest.mark.full
 def test_one_at_a_time_writes_a_folder(study, tmp_path, go_on):
     out, file = tmp_path / "out", study(LINE, free=FREE)
     with started("-m", "meeframe", *command(file, out, "--workers", 2)) as process:

@@ -36,7 +36,7 @@ def test_equal_elastic_bodies_against_hertz():
     assert found.tangential < 1e-6
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("condition", ["EMII", "EMCI"])
 def test_opposite_poling_against_the_joined_half_space(condition):
     case = study.load("poled")

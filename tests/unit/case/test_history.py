@@ -129,6 +129,7 @@ def test_work_of_the_indenter_is_stored_or_dissipated(bed, rubbing, system, law)
     assert np.abs(lost).max() > 0.02 * np.abs(work).max()
 
 
+@pytest.mark.full
 def test_area_of_a_closed_loop_is_the_dissipated_energy(bed, rubbing):
     """Under constant normal force, without coupling; and the closed form of Mindlin and Deresiewicz."""
     system, force, swing = bed.half_space(12, 0.5), 1.5e3, 0.24

@@ -190,7 +190,7 @@ def compliance(n: int) -> Array:
     return np.linalg.inv(np.array(moduli))
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("size", "divisions", "tolerance"),
     [

@@ -158,7 +158,7 @@ def test_force_up_to_the_limit_of_friction(sphere, law, share) -> None:
     np.testing.assert_allclose(found, [totals["x"], 0.0, press], rtol=1e-7, atol=1e-7 * press)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 def test_forces_beyond_the_limit_of_friction_are_named(sphere, solver) -> None:
     problem = sphere("transverse", IsotropicCoulomb(0.6), cells=6, drag=0.0)
