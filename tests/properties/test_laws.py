@@ -158,7 +158,7 @@ def test_wrong_conductivities_across_the_gap_are_caught(fault: str, message: str
         check_conductivity_law(WrongAcrossGap(fault))
 
 
-def test_a_conductivity_law_may_tell_the_bodies_apart() -> None:
+def test_a_conductivity_law_may_distinguish_the_bodies() -> None:
     check_conductivity_law(WrongAcrossGap("diode"), rectifies=True)
 
 

@@ -99,7 +99,7 @@ def test_the_loop_closes_and_its_area_is_its_dissipation(share: float) -> None:
     assert exact.loop_dissipation(force) == pytest.approx(-2 * back, rel=1e-8)
 
 
-def test_turned_tractions_keep_the_law() -> None:
+def test_reversed_tractions_satisfy_the_law() -> None:
     exact = PartialSlip(hertz(0.0), FRICTION)
     turning = exact.displacement(0.8 * exact.limit_force)
     place, r = 0.2 * turning, np.linspace(0.0, 0.999, 200) * exact.hertz.contact_radius

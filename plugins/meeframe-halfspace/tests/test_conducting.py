@@ -26,7 +26,7 @@ def sphere(n: int, kappa: float, potentials: tuple[float, float] = (0.0, 0.0), m
 
 
 @pytest.mark.parametrize(("n", "potentials"), [(128, (5.0, 1.0)), (80, (50.0, 5.0))])
-def test_many_grazing_nodes(n: int, potentials: tuple[float, float]):
+def test_many_biactive_nodes(n: int, potentials: tuple[float, float]):
     solution = solve(sphere(n, np.inf, potentials, "orthotropic-mee"), ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert ((solution.state.contact_fraction > 0.0) & (solution.state.contact_fraction < 1.0)).sum() >= 20

@@ -168,7 +168,7 @@ def test_laws_of_the_nodes_are_asked_for_these_alone() -> None:
 
 
 @pytest.mark.parametrize("radius", [1.3e-3, 2.07e-3, 2.9e-3])
-def test_tension_of_open_nodes_tells_where_the_contact_ends(radius: float) -> None:
+def test_tension_of_open_nodes_locates_the_contact_edge(radius: float) -> None:
     """Hertz's pressure and gap at the coarse nodes: between them the start presses where he does, and flux is there
     alone where only pressed nodes conduct."""
     n, sphere, modulus = 128, 0.1, 200e9 / (1.0 - 0.3**2)

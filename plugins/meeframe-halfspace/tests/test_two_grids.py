@@ -336,7 +336,7 @@ def test_of_a_periodic_half_space(options) -> None:
     assert system_of((150, 150), **options).capability(ApproximateApply) is None
 
 
-def test_of_turned_frames(body) -> None:
+def test_rotated_frames(body) -> None:
     angle = np.arctan2(*body.points[:, :2].T) + 0.3
     check_rough(rotate_frames(body, np.array([np.cos(angle), np.sin(angle), 0.0 * angle]).T))
     assert (

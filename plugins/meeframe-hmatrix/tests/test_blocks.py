@@ -85,7 +85,7 @@ def test_products_are_those_of_the_matrix(matrices):
             assert product.numbers.size == stored(blocks)
 
 
-def test_copies_are_multiplied_from_their_own_numbers(matrices):
+def test_copies_have_numbers_independent_of_the_original(matrices):
     _, _, block, _ = matrices
     x = np.random.default_rng(7).normal(size=(block.columns.stop, 2))
     expected = multiply(block, x)

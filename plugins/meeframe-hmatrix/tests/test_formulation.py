@@ -160,7 +160,7 @@ def test_the_same_twice_over(make_block, smooth_load, systems):
     assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))
 
 
-def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
+def test_few_products_are_stored_and_none_in_copies(systems, smooth_load):
     system = systems[1e-3]
     load = smooth_load(system)
     whole = system.apply(load)
@@ -177,7 +177,7 @@ def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
     assert np.array_equal(copied.apply(load), whole)
 
 
-def test_kept_arrays_give_the_same_system_and_its_fields(make_block, smooth_load, systems, tmp_path):
+def test_stored_arrays_give_the_same_system_and_fields(make_block, smooth_load, systems, tmp_path):
     system, body, formulation = systems[1e-3], make_block(8), HierarchicalBEM(tolerance=1e-3)
     write_arrays(tmp_path / "system.h5", "its key", system.to_arrays())
     again = formulation.from_arrays(body, read_arrays(tmp_path / "system.h5", "its key"))

@@ -39,7 +39,7 @@ def force(system, kappa):
 
 
 @pytest.mark.parametrize("kappa", MODERATE)
-def test_nodes_that_flip_are_brought_to_graze(kappa, system):
+def test_nodes_that_flip_become_biactive(kappa, system):
     problem = indentation(system, kappa)
     solution = solve(problem, Uzawa(), StoppingCriteria())
     state = solution.state

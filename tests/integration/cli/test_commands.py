@@ -77,7 +77,7 @@ def meeframe_contact_laws():
 
 
 @pytest.mark.filterwarnings("always:of two")
-def test_warnings_of_libraries_are_told_once_as_ours_are(case_file, tmp_path):
+def test_warnings_of_libraries_are_shown_once(case_file, tmp_path):
     plugin = tmp_path / "noisy.py"
     plugin.write_text(NOISY, encoding="utf-8")
     with case_file.open("a", encoding="utf-8") as text:
@@ -189,7 +189,7 @@ def test_bad_input_is_one_message_and_status_2(case_file, tmp_path, command, kin
     assert not (tmp_path / "out").exists()
 
 
-def test_files_given_for_others_are_told(case_file, tmp_path):
+def test_files_of_the_wrong_kind_are_named(case_file, tmp_path):
     study = tmp_path / "study.toml"
     study.write_text('case = "case.toml"\n[axes]\n"steps[1].approach" = ["1 um"]\n', encoding="utf-8")
     for arguments, told in (
@@ -349,7 +349,7 @@ def test_threads_of_a_run(case_file, tmp_path):
     assert meeframe_command("run", case_file, "--out", tmp_path / "out", "--threads", "9" * 30)[0] == 2
 
 
-def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch):
+def test_compilation_is_announced_once_for_cached_kernels(tmp_path, monkeypatch):
     """Not of functions that are compiled in each run, plugin files' or generated ones."""
 
     def kernel(x):

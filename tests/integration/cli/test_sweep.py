@@ -455,7 +455,7 @@ def meeframe_solvers():
 @pytest.mark.full
 @pytest.mark.filterwarnings("always:of a", "ignore:left out")
 @pytest.mark.parametrize("workers", [1, 2])
-def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, workers):
+def test_warnings_of_plugins_are_shown_once_for_all_processes(study, tmp_path, workers):
     plugin = tmp_path / "noisy.py"
     plugin.write_text(NOISY, encoding="utf-8")
     path = study(f'set = {{ "solver" = "noisy" }}\n{LINE}')

@@ -113,7 +113,7 @@ EARLIER = """
 
 
 @pytest.mark.full
-def test_outdated_plugins_are_told_apart_and_leave_the_others_alone(install, command, case_file):
+def test_outdated_plugins_are_reported_and_the_others_work(install, command, case_file):
     install("planes", GOOD.format(name="plane"))
     install("ahead", GOOD.format(name="disc"), "meeframe>=99")
     install("behind", OUTDATED)

@@ -294,7 +294,7 @@ def test_arrays_that_are_refused_are_replaced(case, tmp_path, reductions):
     assert read_arrays(path, key(case))["whole"].shape == (3,)
 
 
-def test_what_a_formulation_does_not_restore_is_not_kept(case, tmp_path, reductions):
+def test_a_system_that_cannot_be_loaded_is_not_stored(case, tmp_path, reductions):
     case = replace(case, formulation=Wrapping(Keeping(case.formulation)))
     for _ in range(2):
         assert isinstance(cached_reduce(case, tmp_path / "cache"), KeepingOperator)

@@ -114,7 +114,7 @@ def test_without_durations_nothing_speaks_of_them(write_case, laws):
     assert "duration" not in table_text(result)
 
 
-def test_the_duration_is_kept_with_the_result(write_case, laws, tmp_path):
+def test_the_duration_is_stored_with_the_result(write_case, laws, tmp_path):
     meeframe.run(load_case(write_case(more=f"{TIMED}{HURRIED}{SLIDE}duration = 3\n"), laws), tmp_path / "out")
     assert [step.loading.duration for step in meeframe.read_result(tmp_path / "out").steps] == [2.0, 2.0, 3.0]
 

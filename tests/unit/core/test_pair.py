@@ -416,7 +416,7 @@ def test_other_elements_on_the_same_nodes_are_refused(steel: DenseSystem) -> Non
         combine_bodies(steel, replace(steel, weights=weights))
 
 
-def test_insulated_bodies_keep_their_own_potentials() -> None:
+def test_insulated_bodies_have_different_potentials() -> None:
     """Without conduction the potential of the one body does not feel the other's, whatever its ground."""
     body = half_space_system(axisymmetric_compliance(TRANSVERSE.stiffness), SIDE, 10)
     both = combine_bodies(body, body)

@@ -29,7 +29,7 @@ def problem(factor: float, cells: int = 16) -> ContactProblem:
     return indentation_problem(system, height, 5e-5, conductivity=(0.0, factor * CHARACTERISTIC))
 
 
-def test_with_resolution_it_grazes() -> None:
+def test_edge_nodes_become_biactive() -> None:
     case = problem(1.0)
     solution = solve(case, Uzawa())
     state = solution.state

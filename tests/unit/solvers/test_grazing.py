@@ -48,7 +48,7 @@ def test_slopes_that_no_longer_hold_are_found_anew() -> None:
     assert contact_fraction[:2] == pytest.approx(0.5, abs=1e-9)
 
 
-def test_all_that_touch_may_graze() -> None:
+def test_all_touching_nodes_may_be_biactive() -> None:
     root = np.linspace(0.2, 0.8, 20)
     contact_fraction, grazing = np.ones(20), BiactiveNodes.unknown(20)
     for _ in range(3):
@@ -57,7 +57,7 @@ def test_all_that_touch_may_graze() -> None:
     assert contact_fraction == pytest.approx(root, abs=1e-12)
 
 
-def test_small_moves_tell_no_slope_of_a_node() -> None:
+def test_small_moves_give_no_slope_of_a_node() -> None:
     """Trials grow because of others while it hardly moves: its own slope would be a million, and it would stay."""
     first = BiactiveNodes.unknown(3).next(np.ones(3), np.full(3, 0.5)).next(np.zeros(3), np.full(3, -0.5))
     there = first.next(np.full(3, 0.5), np.full(3, 1e-3))
@@ -65,7 +65,7 @@ def test_small_moves_tell_no_slope_of_a_node() -> None:
     assert astray.slope == pytest.approx(first.slope)
 
 
-def test_moves_that_tell_nothing_leave_no_derivatives() -> None:
+def test_moves_without_information_leave_no_derivatives() -> None:
     """Derivatives found from round-off hold a node where it is, and so would tell nothing for ever."""
     grazing = BiactiveNodes.unknown(3).next(np.ones(3), np.full(3, 0.5)).next(np.zeros(3), np.full(3, -0.5))
     grazing = grazing.next(np.full(3, 0.5), np.full(3, 0.1)).next(np.full(3, 0.5 + 1e-7), np.full(3, 0.2))

@@ -55,7 +55,7 @@ def test_resultants_that_are_missed_before_the_laws_hold(share, missed):
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("solver", SOLVERS, ids=str)
 @pytest.mark.parametrize("share", [1.02, 1.3, 2.4, 1e3])
-def test_a_force_beyond_friction_is_told_soon(solver, share):
+def test_a_force_beyond_friction_is_recognised_early(solver, share):
     problem, force = pressed(IsotropicCoulomb(MU))
     found = solve(driven(problem, (X, share * MU * force), (Y, 0.0)), solver)
     assert found.status is Status.STALLED

@@ -191,7 +191,7 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
     assert (found.motion != point.motion).any() == (name == "free")
 
 
-def test_nodes_without_an_indenter_are_nowhere_ahead(made, start) -> None:
+def test_nodes_without_an_indenter_have_no_relative_displacement(made, start) -> None:
     """A sphere that ends within the zone, some of its nodes in the part: what is left is corrected as elsewhere."""
     whole = made("insulated")
     ends = np.hypot(*whole.system.points[:, :2].T) < 0.38 * WIDTH

@@ -99,7 +99,7 @@ def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, l
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3)], ids=str)
-def test_grazing_nodes_are_found_by_every_solver(sphere, law) -> None:
+def test_every_solver_finds_the_biactive_nodes(sphere, law) -> None:
     """A case whose edge nodes would open and close for ever: some end between, and all solvers find the same."""
     problem = sphere("orthotropic", law, (0.0, 0.209))
     x, y, _ = problem.system.points.T

@@ -57,7 +57,7 @@ def products(problem: ContactProblem) -> int:
     return len(system.products)
 
 
-def test_nodes_that_graze_cost_newton_little() -> None:
+def test_biactive_nodes_cost_newton_little() -> None:
     """Perfect conductors whose edge nodes are neither open nor closed; insulated ones have none and cost no less."""
     conducting, insulated = (
         dragged(64, IsotropicCoulomb(MU), flux) for flux in (StepConductivity(np.inf), Insulating())
@@ -142,7 +142,7 @@ class SteadySlip(ContactLaw):
         return np.zeros((2, 2))
 
 
-def test_friction_that_no_gap_tells_of_is_coupled_all_the_same() -> None:
+def test_friction_that_does_not_depend_on_the_gap_is_coupled() -> None:
     mesh = half_space_mesh(10.0 * WIDTH, WIDTH, 15, 1, Quad4())
     body = Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact")
     loads = []

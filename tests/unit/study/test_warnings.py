@@ -31,7 +31,7 @@ def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, aw
 
 
 @pytest.mark.full
-def test_sweeps_ask_some_points_of_many_and_none_that_is_kept(write_case, registry, tmp_path, monkeypatch):
+def test_sweeps_check_some_points_of_many_and_no_finished_ones(write_case, registry, tmp_path, monkeypatch):
     """From the first to the last; those that are kept have been told of."""
     study = tmp_path / "study.toml"
     axis = '"steps[1].approach" = { from = 1e-6, to = -30e-6, count = 62 }'
@@ -54,7 +54,7 @@ def test_sweeps_ask_some_points_of_many_and_none_that_is_kept(write_case, regist
     assert len(told) == 2
 
 
-def test_comparisons_tell_once_of_all_that_agree(write_case, registry, tmp_path):
+def test_comparisons_warn_once_for_equal_bodies(write_case, registry, tmp_path):
     """And not of a law that attracts."""
     case = write_case(('"10 um"', '"-10 um"'))
     told = []
@@ -72,7 +72,7 @@ class Told(Exception):
     """Stops a study before anything is computed."""
 
 
-def test_verifications_tell_of_the_case(write_case, registry, tmp_path):
+def test_verifications_warn_about_the_case(write_case, registry, tmp_path):
     def warn(text):
         raise Told(text)
 
