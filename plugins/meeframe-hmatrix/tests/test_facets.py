@@ -67,6 +67,7 @@ def test_integrals_are_those_element_by_element(make_block, monkeypatch, make, t
     assert worst < tolerance
 
 
+@pytest.mark.full
 def test_facets_are_the_planes_of_a_leaf(make_block, monkeypatch):
     integrals = integrals_of(make_block(8), monkeypatch)
     for leaf, parts in facets(integrals).items():

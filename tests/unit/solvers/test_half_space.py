@@ -66,7 +66,7 @@ def test_cell_integral_against_quadrature() -> None:
     assert inverse_distance_integral(np.zeros(1), np.zeros(1), half)[0] == pytest.approx(4.0 * np.arcsinh(1.0))
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("condition", list(CONDITIONS))
 def test_sphere_in_the_four_conditions(condition: str) -> None:
     fields = CONDITIONS[condition]
