@@ -133,6 +133,7 @@ def outcome(case):
     return np.array([*total.force, total.charge]), step
 
 
+@pytest.mark.full
 def test_boundary_elements_agree_on_the_same_case():
     """Only the formulation changes: anisotropic, with friction, conducting."""
     case = small_case()
@@ -146,7 +147,7 @@ def test_boundary_elements_agree_on_the_same_case():
     assert difference[inside].max() < 0.06
 
 
-def test_turned_friction_axes_change_nothing_of_isotropic_friction():
+def test_rotated_axes_do_not_affect_isotropic_friction():
     """The system behind turned frames, held as a matrix and not."""
     plain, _ = outcome(small_case())
     for limit in (0, 1200):

@@ -263,7 +263,7 @@ def test_rim_under_a_tilted_axis():
 
 
 @pytest.mark.parametrize("potential", [None, 1e3])
-def test_heights_at_points_tell_no_end(potential):
+def test_pointwise_heights_give_no_end(potential):
     """A punch given at the nodes alone: nobody knows where it ends between them."""
     width, depth = 1.6e-3, 1e-6
     grid = np.linspace(-width / 2.0, width / 2.0, 41)

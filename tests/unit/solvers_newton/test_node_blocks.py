@@ -62,7 +62,7 @@ def test_entries_are_changed_at_some_nodes_and_only_there() -> None:
     np.testing.assert_array_equal(whole(held(matrices).with_entries(2, 1, nodes, 4.0), 3), expected)
 
 
-def test_turned_axes_of_the_first_two_components() -> None:
+def test_rotated_axes_of_the_first_two_components() -> None:
     matrices, angle = sparse(4, 3), RANDOM.random(NODES) * 2.0 * np.pi
     cosine, sine = np.cos(angle), np.sin(angle)
     turn = np.zeros((4, 4, NODES))

@@ -75,7 +75,7 @@ def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, biacti
     np.testing.assert_allclose(got[smooth, rows], expected[smooth, rows], atol=2e-5 * np.abs(expected).max())
 
 
-def test_a_biactive_node_is_brought_to_zero_traction_and_zero_gap(sphere) -> None:
+def test_a_biactive_node_has_zero_traction_and_zero_gap(sphere) -> None:
     problem = sphere("orthotropic", Signorini(), (0.0, 1.0), cells=8)
     equation = ContactResidual.of(problem)
     point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool), AT_REST)
@@ -146,7 +146,7 @@ def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> N
     np.testing.assert_allclose(got, expected, atol=1e-5 * np.abs(expected).max())
 
 
-def test_what_its_own_closing_does_to_the_trial_of_a_node(sphere) -> None:
+def test_effect_of_the_contact_fraction_on_the_trial_of_a_node(sphere) -> None:
     """Perfect conductors in both fields: a node that opens loses its flux, and the surface moves as the matrix says."""
     problem = sphere("orthotropic", Signorini(), (math.inf, math.inf), cells=8)
     equation = ContactResidual.of(problem)
