@@ -30,13 +30,13 @@ from meeframe.results.balance import unbalance_warning
 from meeframe.results.records import (
     Loading,
     Provenance,
-    Result,
     SecondSurface,
     StepResult,
     split_displacement,
     split_load,
     zone_of,
 )
+from meeframe.results.result import Interrupted, Result
 from meeframe.solvers import solve_to_edges
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
@@ -48,12 +48,25 @@ def solve_case(case: Case, progress: Progress = silent) -> Result:
     """Return the result of a case, in memory.
 
     Raises the errors of `reduce` and `solve_steps`. A step that does not converge raises nothing: its status reports
-    it.
+    it. An interruption while increments are solved raises Interrupted with the result of those that are finished.
     """
     clock = Clock(progress)
     system = reduce(case, clock)
-    steps = tuple(solve_steps(case, system, clock))
-    return Result(provenance(case), zone_of(system), case.n_increments, steps, clock.timings(), peak_memory_mb())
+    steps: list[StepResult] = []
+
+    def finished() -> Result:
+        done, usage = tuple(steps), (clock.timings(), peak_memory_mb())
+        return Result(provenance(case), zone_of(system), case.n_increments, done, *usage)
+
+    try:
+        for step in solve_steps(case, system, clock):
+            steps.append(step)
+    except KeyboardInterrupt:
+        note = (
+            f"{len(steps)} of {case.n_increments} increments are finished and in the attribute `result` of this error"
+        )
+        raise Interrupted(finished(), note) from None
+    return finished()
 
 
 def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:

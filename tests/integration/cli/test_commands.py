@@ -9,7 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 import meeframe
-from meeframe.cli import app, console
+from meeframe.api import progress
+from meeframe.cli import app
 from meeframe.formulations.dense_bem import DenseBEM
 
 OUTPUT = [
@@ -359,7 +360,7 @@ def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch
         numba.njit(kernel, cache=cache)(1)
 
     told = []
-    with console._report_compilation(told.append):
+    with progress._report_compilation(told.append):
         for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)
