@@ -7,7 +7,7 @@ from meeframe.model.case import Case
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.load import load_case
 from meeframe.model.solve import provenance, reduce, solve_steps
-from meeframe.results.figures import figures, save_figure
+from meeframe.results.figures import write_figures
 from meeframe.results.files import ResultWriter
 from meeframe.results.output import RESULT_FILE, SUMMARY_FILE, clear_output, open_output, replacing
 from meeframe.results.records import zone_of
@@ -119,9 +119,7 @@ class _Run:
     def _write_reports(self, result: Result) -> None:
         if self._case.output.figures:
             self._clock("figures", 0.0)
-            for name, figure in figures(result).items():
-                with replacing(self._folder / name) as path:
-                    save_figure(figure, path)
+            write_figures(result, self._folder)
         if self._case.output.vtu:
             self._clock("fields", 0.0)
             write_fields(self._folder, result)

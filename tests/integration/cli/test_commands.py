@@ -14,8 +14,8 @@ from meeframe.cli import app
 from meeframe.formulations.dense_bem import DenseBEM
 
 OUTPUT = [
-    "electric_potential.png", "fields.vtu", "history.png", "magnetic_potential.png", "pressure.png", "result.h5",
-    "sections.png", "stick_slip.png", "summary.json",
+    "electric_potential.png", "fields.pvd", "fields.series", "fields.vtu", "history.png", "magnetic_potential.png",
+    "pressure.png", "result.h5", "sections.png", "summary.json",
 ]  # fmt: skip
 
 
@@ -134,6 +134,18 @@ def test_contact_that_its_zone_cuts_off_is_warned_of(case_file, tmp_path):
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "beyond")
     assert status == 0
     assert "warning: the contact reaches the edge of its zone, where it is cut off" in err
+
+
+def test_figures_are_drawn_again_of_any_increment_in_any_format(case_file, tmp_path):
+    assert meeframe_command("run", case_file, "--out", tmp_path / "out")[0] == 0
+    status, out, _ = meeframe_command("figures", tmp_path / "out", "--step", "1", "--format", "pdf", "--out", tmp_path)
+    assert status == 0
+    assert (tmp_path / "pressure.pdf").read_bytes().startswith(b"%PDF")
+    assert str(tmp_path / "pressure.pdf") in out.splitlines()
+    for option, message in ((("--step", "9"), "no such increment"), (("--format", "bmp"), "allowed: png, pdf, svg")):
+        status, _, err = meeframe_command("figures", tmp_path / "out", *option)
+        assert status == 2
+        assert message in err
 
 
 def test_status_1_if_a_step_does_not_converge(case_file, tmp_path):
