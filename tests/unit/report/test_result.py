@@ -134,7 +134,7 @@ def test_figures_on_given_axes(result):
     on = axes()
     assert result.plot.pressure(on) is on
     assert on.get_aspect() == 1.0
-    assert (on.get_xlabel(), on.get_title()) == ("x [mm]", "a title\nstep 2.1, approach 3 µm\ncontact pressure")
+    assert (on.get_xlabel(), on.get_title()) == ("x [mm]", "a title\nstep 2, approach 3 µm\ncontact pressure")
     bar = on.figure.axes[1]
     assert bar.get_ylabel() == "contact pressure [MPa]"
     assert on.collections[0].get_array().max() == pytest.approx(3.0)
