@@ -1,10 +1,11 @@
 """Common parts of all figures: house style, sheet, heading, colours, units with prefixes."""
 
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache, wraps
 from importlib.resources import as_file, files
+from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
 import numpy as np
@@ -70,6 +71,13 @@ def head(axes: Any, what: str, title: str) -> None:
     """Put the heading of a figure over its first axes, in lines that fit."""
     lines = [textwrap.fill(line, _LETTERS) for line in (*title.split("\n"), what) if line]
     axes.set_title("\n".join(lines), fontsize=10)
+
+
+def label_panels(panels: Sequence[Any]) -> None:
+    """Put the letters (a), (b), ... into the corners of several panels."""
+    for axes, letter in zip(panels, ascii_lowercase, strict=False):
+        if len(panels) > 1:
+            axes.annotate(f"({letter})", (0.0, 1.0), (-4, 3), "axes fraction", "offset points", ha="right")
 
 
 def prefixed(values: Array, unit: str) -> tuple[float, str]:

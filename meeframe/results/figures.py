@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
 from meeframe.results import schema
-from meeframe.results.canvas import LINE_COLOURS, NO_CONTACT, head, house_style, prefixed, sheet, styled
+from meeframe.results.canvas import LINE_COLOURS, NO_CONTACT, head, house_style, label_panels, prefixed, sheet, styled
 from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
@@ -270,6 +270,7 @@ def _sections(result: Result, step: StepResult, title: str) -> "Figure":
         axes.set_xlabel("")
     rows[-1].set_xlabel(f"x [{Picture.of(result.zone).unit}]")
     head(rows[0], "sections y = 0", title)
+    label_panels(rows)
     figure.align_ylabels(rows)
     return figure
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from meeframe.contact.problem import Status
 from meeframe.fields import Array
-from meeframe.results.canvas import LINE_COLOURS, head, prefixed, sheet, styled
+from meeframe.results.canvas import LINE_COLOURS, head, label_panels, prefixed, sheet, styled
 from meeframe.results.records import Result, StepResult, resultants
 
 if TYPE_CHECKING:
@@ -105,6 +105,7 @@ def history(result: Result) -> "Figure | None":
     for axes, curve in zip(rows, drawn, strict=True):
         draw_curve(axes, curve, unloading(result))
     head(rows[0], "history", result.provenance.title)
+    label_panels(rows)
     return figure
 
 

@@ -73,7 +73,11 @@ def _row(zone: Zone, step: StepResult) -> tuple[StepResult, dict[str, Any]]:
 
 def _numbers(step: StepResult, values: dict[str, Any], hidden: set[str]) -> dict[str, Any]:
     rows = [row for row in _quantities(step.fields) if row.name not in hidden]
-    whole = {"iterations": step.iterations, "reaches_edge": step.reaches_edge, "status": str(step.status)}
+    whole = {
+        "iterations": step.iterations,
+        "contact_at_zone_boundary": step.contact_at_zone_boundary,
+        "status": str(step.status),
+    }
     return {"step": step.step, "increment": step.increment, **schema.numbers(rows, values), **whole}
 
 
