@@ -22,6 +22,7 @@ from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.material import Material
 from meeframe.material.tables import material_table
 from meeframe.mesh import MeshRecipe
+from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.case import Case as CheckedCase
 from meeframe.model.data import Output
 from meeframe.model.load import case_from_tables
@@ -48,8 +49,9 @@ class Case:
     ----------
     material : str, mapping or Material
         Name of a material of the library, table as in a case file, or material.
-    mesh : MeshRecipe
-        Mesh of the body, from `meeframe.mesh.block`, `meeframe.mesh.half_space` or `meeframe.mesh.file`.
+    mesh : MeshRecipe or SurfaceMesh
+        Mesh of the body, from `meeframe.mesh.block`, `meeframe.mesh.half_space` or `meeframe.mesh.file`, or the mesh
+        itself, which no case file can hold.
     indenter : Indenter
         Shape of the rigid indenter, such as `meeframe.Sphere`, or the distance between two deformable bodies.
     steps : sequence of Step
@@ -89,7 +91,7 @@ class Case:
     """
 
     material: str | Mapping[str, Any] | Material
-    mesh: MeshRecipe
+    mesh: MeshRecipe | SurfaceMesh
     indenter: Indenter
     steps: Sequence[Step]
     boundary: Sequence[Boundary] = ()
@@ -211,7 +213,7 @@ class Case:
         tables: dict[str, Any] = {
             "title": self.title,
             "material": _material(self.material),
-            "mesh": dict(self.mesh.table) if isinstance(self.mesh, MeshRecipe) else self.mesh,
+            "mesh": _mesh(self.mesh),
             "boundary": [entries(part) for part in self.boundary],
             "contact": entries(contact),
             "conductivity": dict(self.conductivity),
@@ -227,7 +229,7 @@ class Case:
             other = self.second_body
             tables["second_body"] = {
                 "material": _material(other.material),
-                "mesh": dict(other.mesh.table),
+                "mesh": _mesh(other.mesh),
                 "boundary": [entries(part) for part in other.boundary],
                 "zone": other.zone,
                 "formulation": other.formulation,
@@ -266,6 +268,10 @@ def _material(material: str | Mapping[str, Any] | Material) -> Any:
         return material
     further = {scalar.coefficient: np.asarray(value).tolist() for scalar, value in material.decoupled}
     return material_table(material) | further
+
+
+def _mesh(mesh: MeshRecipe | SurfaceMesh) -> Any:
+    return dict(mesh.table) if isinstance(mesh, MeshRecipe) else mesh
 
 
 def _texts(value: Any) -> Any:

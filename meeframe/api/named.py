@@ -11,6 +11,7 @@ from meeframe.contact.problem import Solver
 from meeframe.formulations.base import Formulation
 from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.mesh.surface import SurfaceMesh
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import CONTRACTS, Registry
 from meeframe.plugin.validation import TableError
@@ -77,6 +78,8 @@ def described(value: Any, registry: Registry) -> Any:
         return {**made, **table, "name": made["name"]} if isinstance(made, Mapping) else table
     if isinstance(value, list | tuple):
         return [described(entry, registry) for entry in value]
+    if isinstance(value, SurfaceMesh):
+        raise CaseError("mesh: case files do not hold points; allowed: meeframe.mesh.block, half_space or file")
     contract = next((one for one in CONTRACTS if isinstance(value, one)), None)
     if contract is None:
         return keys_of(value, registry) if dataclasses.is_dataclass(value) else value

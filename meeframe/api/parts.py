@@ -14,6 +14,7 @@ from meeframe.laws import Signorini
 from meeframe.laws.base import ContactLaw
 from meeframe.material import Material
 from meeframe.mesh import FrictionAxes, MeshRecipe
+from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.body_tables import BoundaryTable
 from meeframe.model.schema import StepTable
 from meeframe.model.values import Table
@@ -189,7 +190,7 @@ class SecondBody:
     """
 
     material: str | Mapping[str, Any] | Material
-    mesh: MeshRecipe
+    mesh: MeshRecipe | SurfaceMesh
     boundary: Sequence[Boundary] = ()
     zone: str = "contact"
     formulation: Formulation = field(default_factory=DenseBEM)

@@ -1,7 +1,7 @@
 """Common parts of all figures: house style, sheet, heading, colours, units with prefixes."""
 
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache, wraps
 from importlib.resources import as_file, files
@@ -73,7 +73,7 @@ def head(axes: Any, what: str, title: str) -> None:
     axes.set_title("\n".join(lines), fontsize=10)
 
 
-def label_panels(panels: Sequence[Any]) -> None:
+def label_panels(panels: Any) -> None:
     """Put the letters (a), (b), ... into the corners of several panels."""
     for axes, letter in zip(panels, ascii_lowercase, strict=False):
         if len(panels) > 1:

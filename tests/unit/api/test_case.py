@@ -200,6 +200,15 @@ def test_material_mesh_and_parts_as_objects(tmp_path):
     assert_same_model(meeframe.load_case(tmp_path / "case.toml"), case.checked)
 
 
+def test_a_mesh_as_an_object_gives_the_same_model_but_no_case_file():
+    case = build(mesh=build().checked.mesh)
+    assert_same_model(case.checked, build().checked)
+    with pytest.raises(meeframe.CaseError, match=r"mesh: case files do not hold points; allowed: meeframe.mesh.block"):
+        case.to_toml()
+    with pytest.raises(meeframe.CaseError, match="Case: mesh = 5: should be a table"):
+        build(mesh=5)
+
+
 def test_an_unregistered_law_solves_but_has_no_case_file():
     @dataclasses.dataclass(frozen=True)
     class Mine(type(meeframe.Signorini()).__mro__[1]):
