@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from meeframe.model.data import Output as Output
     from meeframe.model.load import load_case as load_case
     from meeframe.model.solve import solve_case as solve_case
+    from meeframe.results.canvas import STYLE as STYLE
     from meeframe.results.records import resultants as resultants
     from meeframe.results.result import Interrupted as Interrupted
     from meeframe.results.result import Result as Result
@@ -104,6 +105,7 @@ _HOMES = {
     "Output": "meeframe.model.data",
     "load_case": "meeframe.model.load",
     "solve_case": "meeframe.model.solve",
+    "STYLE": "meeframe.results.canvas",
     "resultants": "meeframe.results.records",
     "Interrupted": "meeframe.results.result",
     "Result": "meeframe.results.result",

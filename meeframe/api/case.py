@@ -39,7 +39,7 @@ _PLACEMENT: Final = tuple(Placement.__dataclass_fields__)
 _STOPPING: Final = tuple(StoppingCriteria.__dataclass_fields__)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """Contact problem with its load steps, checked when it is created.
 
@@ -117,6 +117,12 @@ class Case:
         with suppress(CaseError):  # an object without a name in case files
             checked = replace(checked, text=self.to_toml())
         self._checked.append(checked)
+
+    def __repr__(self) -> str:
+        """Return a line instead of all parts, which `to_toml` shows."""
+        case = self.checked
+        counts = f"{case.mesh.n_elements} elements, {len(case.steps)} load steps, {case.n_increments} increments"
+        return f"Case({self.title!r}: {case.material.name or 'material without a name'}, {counts})"
 
     @property
     def checked(self) -> CheckedCase:

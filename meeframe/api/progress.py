@@ -40,7 +40,7 @@ def console() -> "Console":
 
     # rich draws in notebooks by ipywidgets; without them it writes as into a file
     notebook = _in_notebook() and find_spec("ipywidgets") is not None
-    return Console(stderr=True, markup=False, emoji=False, force_jupyter=notebook or None)
+    return Console(stderr=True, markup=False, emoji=False, force_jupyter=notebook)
 
 
 def _report_compilation(report: Callable[[str], None]) -> AbstractContextManager[object]:

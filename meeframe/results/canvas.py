@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache, wraps
-from importlib.resources import as_file, files
+from pathlib import Path
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
@@ -22,7 +22,8 @@ MAP_COLOURS: Final = "cividis"  # perceptually uniform, the same to colour-blind
 LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # of the Okabe-Ito palette
 NO_CONTACT: Final = "#F2F2F2"
 """Colour of axes and thus of nodes without contact, which no map of colours holds."""
-STYLE: Final = "house.mplstyle"
+STYLE: Final = str(Path(__file__).with_name("house.mplstyle"))
+"""Path of the house style of all figures, for matplotlib.pyplot.style.use."""
 _LETTERS: Final = 56
 """Number of letters in a line of a heading over axes some four inches wide."""
 _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
@@ -32,8 +33,7 @@ _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M",
 def _style() -> Any:
     from matplotlib import rc_params_from_file
 
-    with as_file(files("meeframe.results") / STYLE) as path:
-        return rc_params_from_file(path, use_default_template=False)
+    return rc_params_from_file(STYLE, use_default_template=False)
 
 
 @contextmanager

@@ -110,6 +110,13 @@ def test_python_and_file_give_the_same_result():
             np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-12, atol=1e-12 * scale)
 
 
+def test_a_case_is_shown_in_a_line():
+    elements = build().checked.mesh.n_elements
+    assert repr(build(title="a title")) == (
+        f"Case('a title': batio3-cofe2o4, {elements} elements, 2 load steps, 3 increments)"
+    )
+
+
 def test_the_result_holds_the_case():
     case = build()
     assert meeframe.Case.from_toml(case.solve().provenance.case_text).to_toml() == case.to_toml()
@@ -268,3 +275,15 @@ def test_import_is_light():
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == ""
     assert {"Case", "Sphere", "mesh", "law", "Result"} <= set(dir(meeframe))
+
+
+def test_bars_are_shown_where_they_are_wanted(capsys):
+    case = build(steps=STEPS[:1])
+    case.solve()
+    case.solve(progress=False)
+    assert capsys.readouterr().err == "", "neither a terminal nor a notebook"
+    case.solve(progress=True)
+    assert "contact" in capsys.readouterr().err
+    stages = []
+    case.solve(progress=lambda stage, fraction: stages.append(stage))
+    assert "contact" in stages

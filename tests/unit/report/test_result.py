@@ -237,3 +237,10 @@ def test_series_of_boundary_fields(indented, tmp_path):
         assert f'timestep="{number}" part="0" file="fields.series/{number:04d}.vtu"' in text
         mesh = meshio.read(tmp_path / "fields.series" / f"{number:04d}.vtu")
         np.testing.assert_allclose(mesh.point_data["displacement [m]"], step.boundary.values[:, :3])
+
+
+def test_the_house_style_is_one_of_matplotlib():
+    from matplotlib import pyplot
+
+    with pyplot.style.context(meeframe.STYLE):
+        assert pyplot.rcParams["image.cmap"] == "cividis"
