@@ -138,6 +138,7 @@ def workplace(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.full
 def test_python_example_of_the_readme(workplace):
     ((_, text),) = blocks(README, "python")
     found: dict = {}
@@ -173,6 +174,7 @@ def invoke(command: str) -> None:
     assert done.exit_code == 0, f"{command}\n{done.output}"
 
 
+@pytest.mark.full
 def test_getting_started(workplace):
     """The page from top to bottom: case files, commands, Python."""
     page = (ROOT / "docs" / "getting-started.md").read_text(encoding="utf-8")

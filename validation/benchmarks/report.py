@@ -31,6 +31,7 @@ PARTS = (
     "hierarchical",
     "references",
     "solvers",
+    "ablation",
     "sweeps",
     "start_up",
 )

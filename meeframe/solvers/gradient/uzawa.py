@@ -11,8 +11,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solv
 from meeframe.fields import POTENTIALS, Array
 from meeframe.fields.units import Quantity
 from meeframe.solvers.conduction.elimination import Conductors
-from meeframe.solvers.gradient.spectrum import Spectrum
-from meeframe.solvers.gradient.steps import Conduction, GradientStepper, start_load, traction_of
+from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Spectrum, start_load, traction_of
 
 STEP_FRACTION: Final = 1.6
 """Automatic step times the largest eigenvalue; the limit of stability is 2."""

@@ -55,7 +55,7 @@ def test_python_examples():
     exec(rough, found)
     step, heights, pressure = found["result"].steps[-1], found["heights"], found["pressure"]
     assert step.status == "converged"
-    assert "edge" not in step.message
+    assert "zone" not in step.message
     assert heights[pressure > 0].min() > np.quantile(heights, 0.7), "peaks touch"
 
 

@@ -29,7 +29,7 @@ from meeframe.system.capabilities import apply_fields, apply_load
 from meeframe.testing import check_formulation
 from meeframe.testing.half_space import indentation_problem
 
-TOLERANCES = (1e-3, 1e-5, 1e-7)
+TOLERANCES = (1e-3, 1e-5)
 
 
 def relative(actual, expected):
@@ -70,7 +70,7 @@ def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, sy
         solved, _ = system.solved(smooth_load(dense))
         assert (relative(solved - dense.offset, expected) < 5 * tolerance).all()
     kept = [stored(systems[tolerance].boundary.system.matrix) for tolerance in TOLERANCES]
-    assert kept[0] < 0.9 * kept[1] < 0.9 * kept[2]
+    assert kept[0] < 0.9 * kept[1]
 
 
 def clusters(cluster):
@@ -132,7 +132,7 @@ def test_contact_with_friction_is_that_of_dense_matrices(dense, systems):
     assert (np.abs(totals[2] / totals[0] - 1) < 5e-3).all()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(("element", "divisions"), [(Quad8(), 3), (Tri6(), 2)], ids=["quad8", "tri6"])
 def test_other_elements(make_block, smooth_load, element, divisions):
     body = make_block(divisions, element)
@@ -160,7 +160,7 @@ def test_the_same_twice_over(make_block, smooth_load, systems):
     assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))
 
 
-def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
+def test_few_products_are_stored_and_none_in_copies(systems, smooth_load):
     system = systems[1e-3]
     load = smooth_load(system)
     whole = system.apply(load)
@@ -177,7 +177,7 @@ def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
     assert np.array_equal(copied.apply(load), whole)
 
 
-def test_kept_arrays_give_the_same_system_and_its_fields(make_block, smooth_load, systems, tmp_path):
+def test_stored_arrays_give_the_same_system_and_fields(make_block, smooth_load, systems, tmp_path):
     system, body, formulation = systems[1e-3], make_block(8), HierarchicalBEM(tolerance=1e-3)
     write_arrays(tmp_path / "system.h5", "its key", system.to_arrays())
     again = formulation.from_arrays(body, read_arrays(tmp_path / "system.h5", "its key"))
@@ -214,6 +214,7 @@ def test_arrays_that_are_no_tree_are_refused(make_block, systems):
             HierarchicalBEM().from_arrays(make_block(8), arrays)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("leaf_size", [10, 36], ids=["divided", "one leaf"])
 def test_truncated_inverse_of_a_slender_rod_is_right_or_none(monkeypatch, leaf_size):
     monkeypatch.setattr(formulation, "LEAF_SIZE", leaf_size)
@@ -258,22 +259,6 @@ def test_bodies_it_cannot_take_are_refused(make_block, monkeypatch):
     monkeypatch.setattr(formulation, "memory_of_machine", lambda: 1e6)
     with pytest.raises(CaseError, match=r"unknowns need about .* GB; this machine has 0.001"):
         HierarchicalBEM().check(body)
-
-
-@pytest.mark.full
-def test_a_solution_of_the_last_cycle_counts(systems, monkeypatch):
-    """With factors that are good for nothing: as many iterations as are needed, all in one cycle."""
-    system = systems[1e-3]
-    loads = np.ones(5 * len(system.points))
-    expected = system.boundary.unknowns(loads)
-    with monkeypatch.context() as bad:
-        bad.setattr(hierarchical, "solved", lambda factors, x: x)
-        bad.setattr(hierarchical, "MOST_CYCLES", 1)
-        bad.setattr(hierarchical, "CYCLE", len(expected))
-        assert np.abs(system.boundary.unknowns(loads) - expected).max() < 1e-6 * np.abs(expected).max()
-        bad.setattr(hierarchical, "CYCLE", 10)
-        with pytest.raises(CaseError, match="not solved after 11 iterations"):  # no vector carried over: one more
-            system.boundary.unknowns(loads)
 
 
 def test_a_solution_that_is_no_number_does_not_count(systems, monkeypatch):

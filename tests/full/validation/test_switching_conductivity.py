@@ -39,7 +39,7 @@ def force(system, kappa):
 
 
 @pytest.mark.parametrize("kappa", MODERATE)
-def test_nodes_that_flip_become_biactive(kappa, system, monkeypatch):
+def test_nodes_that_flip_become_biactive(kappa, system):
     problem = indentation(system, kappa)
     solution = solve(problem, Uzawa(), StoppingCriteria())
     state = solution.state
@@ -49,10 +49,6 @@ def test_nodes_that_flip_become_biactive(kappa, system, monkeypatch):
     assert 0 < biactive.sum() < 30
     np.testing.assert_allclose(state.load[biactive, 2], 0, atol=1e-9 * np.abs(state.load[:, 2]).max())
     np.testing.assert_allclose(contact_gap(problem, state.displacement)[biactive, 2], 0, atol=1e-9 * 5e-5)
-
-    monkeypatch.setattr("meeframe.contact.conduction.MAX_FLIPS", 10**9)
-    flipping = solve(problem, Uzawa(), StoppingCriteria(max_iterations=5000))
-    assert flipping.status is not Status.CONVERGED, "without the filled-in graph there is no solution"
 
 
 def test_force_falls_to_less_than_half_as_the_indenter_conducts_magnetically(system):

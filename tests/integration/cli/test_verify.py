@@ -184,7 +184,7 @@ def test_runs_that_do_not_converge(write_case, registry, tmp_path):
     assert json.loads(verification_json(found))["verdict"] == "not-converged"
 
 
-def test_what_a_solver_refuses_is_told_before_anything_is_computed(write_case, registry, tmp_path):
+def test_a_solver_rejects_a_case_before_anything_is_computed(write_case, registry, tmp_path):
     path = write_case(
         FINE, ("[[steps]]", '[solver]\nname = "projected-cg"\n\n[[steps]]'),
         more='\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.1}\n',
@@ -204,7 +204,7 @@ class Wearing(Signorini):
         return self
 
 
-def test_what_a_law_refuses_later_is_told(write_case, registry, tmp_path):
+def test_an_error_of_a_law_during_a_run_is_reported(write_case, registry, tmp_path):
     entry = Entry(Kind.CONTACT_LAW, Record("wearing", Wearing, "for tests", "none"), Provider("tests", "0"))
     path = write_case(
         FINE, ('approach = "10 um"', 'approach = "10 um"\ntranslation = ["1 um", 0]\nincrements = 2'),
@@ -215,7 +215,7 @@ def test_what_a_law_refuses_later_is_told(write_case, registry, tmp_path):
     assert {(run.status, run.message) for run in found.runs} == {("refused", "the surface is worn off")}
 
 
-def test_the_numbers_so_far_are_kept_if_it_is_stopped(write_case, registry, tmp_path, monkeypatch):
+def test_an_interrupted_verification_saves_its_numbers(write_case, registry, tmp_path, monkeypatch):
     solve, count = study.solve_steps, iter(range(10))
 
     def stopping(*arguments, **options):
@@ -249,7 +249,7 @@ def test_reduced_systems_are_found_again(write_case, registry, tmp_path):
         ([FINE, ("rings = 2", "rings = 0")], {}, "mesh.rings = 0"),
     ],
 )  # fmt: skip
-def test_bad_input_is_told_before_anything_is_computed(write_case, registry, tmp_path, changes, options, message):
+def test_bad_input_is_reported_before_anything_is_computed(write_case, registry, tmp_path, changes, options, message):
     meshes = Meshes(factor=1.1) if not changes else None
     with pytest.raises(CaseError, match=message):
         verified(write_case(*changes), registry, tmp_path / "o", meshes=meshes, **options)

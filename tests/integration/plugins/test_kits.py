@@ -298,7 +298,7 @@ def test_a_layer_is_no_half_space(layer):
         kits.check_indentation(formulation, body)
 
 
-def test_arrays_of_the_wrong_shape_are_told_before_contact_is_solved_with_them(layer):
+def test_arrays_of_the_wrong_shape_are_reported_before_contact_is_solved(layer):
     formulation, body, _ = layer
     with pytest.raises(AssertionError, match="offset is not finite"):
         kits.check_indentation(Altered(formulation, SPOILT["offset is not finite"]), body)

@@ -125,7 +125,7 @@ def test_folders_that_hold_files_are_refused(tmp_path):
     assert "cannot be written" in err
 
 
-def test_without_out_a_folder_that_is_there_already_is_told_to_be_named_otherwise(tmp_path, monkeypatch):
+def test_an_existing_folder_is_not_overwritten_without_out(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "meeframe-mine").mkdir()
     (tmp_path / "meeframe-mine" / "notes.txt").write_text("mine")

@@ -29,6 +29,7 @@ def run_block(language: str, text: str) -> None:
             assert done.exit_code == 0, f"{line}\n{done.output}"
 
 
+@pytest.mark.full
 def test_the_tour(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```(python|toml|sh)\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)

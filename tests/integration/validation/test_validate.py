@@ -307,7 +307,7 @@ def report():
     return Validation(False, {"meeframe": "0"}, (case,), planned=2)
 
 
-def test_reasons_are_told_and_missing_numbers_are_null():
+def test_reasons_are_reported_and_missing_numbers_are_null():
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(validation_table(report()))
     text = console.export_text()

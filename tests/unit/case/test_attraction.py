@@ -62,7 +62,7 @@ def tractions_on_springs(gap, stiffness=STIFFNESS):
 
 
 @pytest.mark.parametrize("solver", ["auto", "newton"])
-def test_touching_is_told_from_attracted(case, solver, registry):
+def test_touching_differs_from_attracted(case, solver, registry):
     """Four nodes are pulled to the indenter and touch it, under tension; those farther away are attracted and open."""
     from meeframe.plugin.registry import Kind
 

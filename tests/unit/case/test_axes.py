@@ -88,7 +88,7 @@ def test_around_an_axis_a_twist_meets_the_second_coefficient(case, axes, coeffic
         np.testing.assert_allclose(np.einsum("ni,ni->n", traction[firm], arms) / pressure[firm], 0.0, atol=1e-6)
 
 
-def test_reduced_systems_from_the_cache_are_turned_too(case, tmp_path):
+def test_reduced_systems_from_the_cache_are_rotated(case, tmp_path):
     turned = dataclasses.replace(case, axes=FrictionAxes(around=(0.0, 0.0, 1.0)))
     for again in (turned, case, turned):
         expected, found = reduce(again), cached_reduce(again, tmp_path)

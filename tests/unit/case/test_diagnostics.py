@@ -135,6 +135,7 @@ def pressed(bed, rubbing, *steps, poisson=0.3, cells=24, **changes):
     return [step.message for step in path.steps if step.increment == path.case.steps[step.step - 1].increments], path
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("steps", "poisson", "changes", "told"),
     [
@@ -155,7 +156,8 @@ def test_contact_that_comes_about_at_once(bed, rubbing, steps, poisson, changes,
         assert f"{share} {ONE_INCREMENT}" in message or not share
 
 
-def test_what_is_told_of_one_increment_is_so(bed, rubbing):
+@pytest.mark.full
+def test_diagnostics_of_one_increment_are_true(bed, rubbing):
     """Spence: the stick radius is 0.73 of the contact radius at every load for mu = 0.2, tractions along the surface
     taken not to move it along the normal, which changes it little."""
     exact, law = 0.7334, IsotropicCoulomb(0.2)
@@ -169,8 +171,9 @@ def test_what_is_told_of_one_increment_is_so(bed, rubbing):
     assert dissipated[0] > 5.0 * dissipated[1]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("cells", "told"), [(8, 25), (12, 16), (16, 12), (24, 0), (40, 0)])
-def test_the_area_of_a_coarse_contact_is_as_uncertain_as_told(bed, rubbing, cells, told):
+def test_the_area_of_a_coarse_contact_is_as_uncertain_as_reported(bed, rubbing, cells, told):
     """Hertz: a circle of radius sqrt(R g), each node for one cell; 0: nothing is told, it is less than a tenth."""
     (message,), path = pressed(bed, rubbing, Step(approach=2e-5), cells=cells, contact_law=Signorini())
     found = re.search(rf"{AREA} (\d+)%", message)

@@ -30,7 +30,7 @@ def case(write_case, registry):
     return load_case(write_case(), registry)
 
 
-def test_a_solver_that_does_not_take_the_law_is_told_at_its_key(write_case, registry, case):
+def test_a_solver_that_rejects_the_law_is_named_at_its_key(write_case, registry, case):
     with pytest.raises(CaseError, match=rf"case\.toml: solver: {REFUSED}"):
         load_case(write_case(more=PCG + FRICTION), registry)
     with pytest.raises(CaseError, match=f"^{REFUSED}"):
@@ -46,7 +46,7 @@ def test_what_else_is_wrong_is_not_laid_to_the_solver(write_case, registry):
     assert "boundary" in str(raised.value)
 
 
-def test_a_resultant_that_a_solver_does_not_find_is_told_beforehand(case):
+def test_a_resultant_that_a_solver_cannot_find_is_reported_beforehand(case):
     """On a hill the sides bear a part of a tangential force by pressure, at another ratio everywhere."""
     points = case.mesh.points.copy()
     points[:, 2] -= 40.0 * np.minimum((points[:, :2] ** 2).sum(axis=1), 2.5e-5) * (points[:, 2] > -1e-9)

@@ -108,7 +108,7 @@ def test_other_friction_axes_are_refused(write_case, registry):
     refused(path, registry, text)
 
 
-def test_a_run_with_turned_axes_is_continued_with_the_same(write_case, registry, tmp_path):
+def test_a_run_with_rotated_axes_is_continued_with_the_same(write_case, registry, tmp_path):
     path = write_case(more=LAW + FIRST)
     path.write_text(path.read_text().replace(*AXES))
     meeframe.run(load_case(path, registry), tmp_path / "first")

@@ -22,7 +22,6 @@ from meeframe.model.step import Step
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
 from meeframe.solvers import Auto
-from meeframe.solvers.cg.projected_cg import ProjectedCG
 from meeframe.solvers.gradient.uzawa import Uzawa
 from meeframe.study.sweep.points import PointStatus, solved
 
@@ -169,8 +168,8 @@ TOLD = r"conductivity\.electric: .* law Falling is (-.*|nan) under a normal trac
 
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("beyond", [None, np.nan, -np.inf])
-@pytest.mark.parametrize("solver", [Auto(), Uzawa(), ProjectedCG()])
-def test_conductivities_are_judged_where_the_case_needs_them(case, solver, beyond):
+@pytest.mark.parametrize("solver", [Auto(), Uzawa()])
+def test_conductivities_are_checked_where_the_case_needs_them(case, solver, beyond):
     """The sphere presses with 1 GPa: a law may be anything beyond, and nothing but a conductivity up to there."""
     case = replace(case, solver=solver, potentials={"electric_potential": 100.0})
     (step,) = meeframe.solve_case(replace(case, conductivity={"electric": Falling(1e10, beyond)})).steps
@@ -180,7 +179,7 @@ def test_conductivities_are_judged_where_the_case_needs_them(case, solver, beyon
 
 
 @pytest.mark.parametrize("solver", [Auto(), Uzawa()])
-def test_states_on_the_way_are_told_and_not_judged(case, solver):
+def test_intermediate_states_are_reported_and_not_evaluated(case, solver):
     """Negative resistances, smoothly beyond 0.1 GPa: the iteration ends at its limit before they spoil it."""
     limits = replace(case.limits, max_iterations=1)
     case = replace(

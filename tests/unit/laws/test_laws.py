@@ -39,6 +39,7 @@ def test_orthotropic_slip_follows_the_associated_rule() -> None:
     assert traction == pytest.approx(rule, rel=1e-6)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("mu1", "mu2"), [(0.1, 0.6), (0.9, 0.2), (0.3, 0.3)])
 def test_euclidean_projection_with_unit_step_rests_at_the_same_point(mu1: float, mu2: float) -> None:
     """The other consistent pair of set and metric (docs/theory.md, Set and metric), by minimisation."""
@@ -76,6 +77,7 @@ def test_zero_and_infinite_coefficients() -> None:
     assert OrthotropicCoulomb(INF, 0.5).tangential_scaling() == pytest.approx(np.eye(2))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("kappa", [0.0, 2.5, INF])
 def test_step_conductivity(kappa: float) -> None:
     law = StepConductivity(kappa)

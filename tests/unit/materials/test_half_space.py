@@ -113,7 +113,7 @@ def test_compliance_is_hermitian_reversible_and_positive() -> None:
     assert np.linalg.eigvalsh(flipped + np.conj(flipped.transpose(0, 2, 1))).min() > 0
 
 
-def test_poling_reversed_or_turned() -> None:
+def test_poling_reversed_or_rotated() -> None:
     material = library_material("batio3-cofe2o4")
     xi = axisymmetric_compliance(material.stiffness)
     flip = np.outer([1, -1, -1], [1, -1, -1])

@@ -184,7 +184,7 @@ def test_triangles_cover_their_cell(cell):
     assert areas.sum() == pytest.approx(4.0 if element.reference == "quadrilateral" else 0.5)
 
 
-def test_table_has_a_column_for_each_step_and_tells_what_failed_within(synthetic):
+def test_table_has_a_column_for_each_step_and_names_failures(synthetic):
     failed = dataclasses.replace(synthetic.step(2e-6, Status.STALLED, 2, 1), message="stalled on the way")
     arrived = dataclasses.replace(synthetic.step(3e-6, number=2, increment=2), message="arrived")
     console = Console(width=160, record=True, file=io.StringIO())

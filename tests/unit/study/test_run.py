@@ -133,7 +133,7 @@ def test_interrupted_before_the_first_step_nothing_is_written(bare, tmp_path, st
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
-def test_what_a_run_that_failed_leaves_behind_is_told(bare, tmp_path, monkeypatch):
+def test_files_of_a_failed_run_are_reported(bare, tmp_path, monkeypatch):
     out = tmp_path / "out"
     meeframe.run(bare, out)
     append = run_module.ResultWriter.append
