@@ -43,6 +43,8 @@ MODULES: Final = (
     "model.load",
     "model.solve",
     "model.second_body",
+    "results.result",
+    "results.plots",
     "results.files",
     "results.records",
     "results.schema",

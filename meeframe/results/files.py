@@ -15,7 +15,7 @@ import shutil
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final, final
+from typing import Any, Final, TypeVar, final
 
 import h5py
 import numpy as np
@@ -43,6 +43,7 @@ _SMALL: Final = 4096
 _CHUNK: Final = 1 << 24
 """Largest size of a chunk in bytes."""
 _BOUNDARY_FILE: Final = "boundary.h5"
+SomeResult = TypeVar("SomeResult", bound=Result)
 _SURFACE: Final = ("displacement", "potentials")
 """Attributes of StepResult that the surface of a second body has, too."""
 
@@ -82,7 +83,7 @@ class ResultWriter:
             self._write_links()
         self.count += 1
 
-    def finish(self, ended: Callable[[], Result]) -> Result:
+    def finish(self, ended: Callable[[], SomeResult]) -> SomeResult:
         """Move the increments into result.h5 and return what `ended` returns, the result with its timings.
 
         ended: called when everything else is written. Raises ResultError if the file cannot be written; increments

@@ -213,7 +213,7 @@ def test_case_files_results_and_reports_show_it(tmp_path: Path) -> None:
     table = console.export_text()
     assert re.search(r"heat +│ W ", table)
     assert re.search(r"temperature of the indenter +│ K ", table)
-    assert "temperature.png" in figures(read)
+    assert "temperature" in figures(read)
 
 
 def test_hierarchical_matrices_refuse_it() -> None:

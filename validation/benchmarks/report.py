@@ -33,6 +33,7 @@ PARTS = (
     "hierarchical",
     "references",
     "solvers",
+    "ablation",
     "sweeps",
     "start_up",
 )

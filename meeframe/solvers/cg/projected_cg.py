@@ -146,11 +146,6 @@ class ProjectedCG(Solver):
 
     def check(self, problem: ContactProblem) -> None:
         """Raise CaseError unless the contact is frictionless, unilateral and insulating, or as NormalModes.of."""
-        if conducting(problem):
-            raise CaseError(
-                "solver 'projected-cg' solves insulating contact only, but a conductivity law conducts. Use 'newton', "
-                "'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto' for conducting contact"
-            )
         law = problem.contact_law
         unilateral = is_pure_projection(law) and not law.tangential_scaling().any()
         if not unilateral or not _projects_on_compression(law, len(problem.gap)):
@@ -158,6 +153,11 @@ class ProjectedCG(Solver):
                 f"solver 'projected-cg' takes frictionless contact only, rigid and without attraction, not "
                 f"{type(law).__name__}; allowed contact law: signorini, or friction with mu = 0. Use 'newton', "
                 "'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto' for others"
+            )
+        if conducting(problem):
+            raise CaseError(
+                "solver 'projected-cg' solves insulating contact only, but a conductivity law conducts. Use 'newton', "
+                "'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto' for conducting contact"
             )
         NormalModes.of(problem)
 

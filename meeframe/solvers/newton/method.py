@@ -147,20 +147,15 @@ def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
     contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(problem, start)
     motion = start_motion(problem, start)
     neighbourhood = None if prolonged is None else contact_neighbourhood(problem, np.asarray(load.any(axis=1)))
-    if neighbourhood is not None:
-        point = neighbourhood.equation.at(
-            load[neighbourhood.nodes],
-            contact_fraction[neighbourhood.nodes],
-            _is_partial(contact_fraction[neighbourhood.nodes]),
-            motion,
-        )
-        restrictions -= 1
+    if neighbourhood is None:
+        equation, nodes = ContactResidual.of(problem), np.arange(n)
     else:
-        point = ContactResidual.of(problem).at(load, contact_fraction, _is_partial(contact_fraction), motion)
+        equation, nodes, restrictions = neighbourhood.equation, neighbourhood.nodes, restrictions - 1
+    point = equation.at(load[nodes], contact_fraction[nodes], _is_partial(contact_fraction[nodes]), motion)
     # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
     keeps_motion = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
     if not keeps_motion and (np.abs(point.balance) > BALANCE_TOLERANCE).any():
-        point = point.equation.at(point.load, contact_fraction, point.biactive, _balanced_motion(problem, point))
+        point = equation.at(point.load, contact_fraction, point.biactive, _balanced_motion(problem, point))
     rise = 1.0 if prolonged is None else MAX_START_GROWTH
     memory = _Memory(
         point, (rise * point.merit,), np.zeros(len(point.load)), neighbourhood=neighbourhood, restrictions=restrictions
@@ -226,12 +221,7 @@ def _restrict(problem: ContactProblem, memory: _Memory) -> _Memory:
     if neighbourhood is None:
         return memory
     nodes = neighbourhood.nodes
-    values = (
-        point.load[nodes],
-        point.relative_displacement[nodes],
-        point.contact_fraction[nodes],
-        point.biactive[nodes],
-    )
+    values = point.load[nodes], point.relative_displacement[nodes], point.contact_fraction[nodes], point.biactive[nodes]
     state = neighbourhood.equation.at_relative_displacement(*values, point.motion)
     flips = memory.flips[nodes]
     return replace(memory, point=state, flips=flips, neighbourhood=neighbourhood, restrictions=memory.restrictions - 1)

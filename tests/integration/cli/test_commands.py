@@ -9,12 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 import meeframe
-from meeframe.cli import app, console
+from meeframe.api import progress
+from meeframe.cli import app
 from meeframe.formulations.dense_bem import DenseBEM
 
 OUTPUT = [
-    "electric_potential.png", "fields.vtu", "history.png", "magnetic_potential.png", "pressure.png", "result.h5",
-    "sections.png", "stick_slip.png", "summary.json",
+    "electric_potential.png", "fields.pvd", "fields.series", "fields.vtu", "history.png", "magnetic_potential.png",
+    "pressure.png", "result.h5", "sections.png", "summary.json",
 ]  # fmt: skip
 
 
@@ -135,6 +136,18 @@ def test_contact_that_its_zone_cuts_off_is_warned_of(case_file, tmp_path):
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "beyond")
     assert status == 0
     assert "warning: the contact reaches the boundary of its zone and is cut off there" in err
+
+
+def test_figures_are_drawn_again_of_any_increment_in_any_format(case_file, tmp_path):
+    assert meeframe_command("run", case_file, "--out", tmp_path / "out")[0] == 0
+    status, out, _ = meeframe_command("figures", tmp_path / "out", "--step", "1", "--format", "pdf", "--out", tmp_path)
+    assert status == 0
+    assert (tmp_path / "pressure.pdf").read_bytes().startswith(b"%PDF")
+    assert str(tmp_path / "pressure.pdf") in out.splitlines()
+    for option, message in ((("--step", "9"), "no such increment"), (("--format", "bmp"), "allowed: png, pdf, svg")):
+        status, _, err = meeframe_command("figures", tmp_path / "out", *option)
+        assert status == 2
+        assert message in err
 
 
 def test_status_1_if_a_step_does_not_converge(case_file, tmp_path):
@@ -361,7 +374,7 @@ def test_compilation_is_announced_once_for_cached_kernels(tmp_path, monkeypatch)
         numba.njit(kernel, cache=cache)(1)
 
     told = []
-    with console._report_compilation(told.append):
+    with progress._report_compilation(told.append):
         for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import meeframe
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
+from meeframe.model.step import Step
 from meeframe.results.records import Region
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
-
-Step = meeframe.Step
 
 EVERYTHING = {
     "approach": 3e-5,

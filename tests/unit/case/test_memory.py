@@ -13,12 +13,12 @@ from meeframe.fields.units import Quantity
 from meeframe.laws import IsotropicCoulomb
 from meeframe.laws.base import ContactLaw
 from meeframe.model.load import load_case
+from meeframe.model.step import Step
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
 from meeframe.results.records import Region
 from meeframe.results.summary import summary, summary_table
 
-Step = meeframe.Step
 MU, RATE, WEAK = 0.3, 0.5, 5e-6
 
 

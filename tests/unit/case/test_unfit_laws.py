@@ -18,6 +18,7 @@ from meeframe.model.kinematics import IndenterKinematics
 from meeframe.model.laws import check_tractions
 from meeframe.model.load import load_case
 from meeframe.model.solve import reduce
+from meeframe.model.step import Step
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
 from meeframe.solvers import Auto
@@ -361,7 +362,7 @@ def test_small_zones_try_every_traction(n):
 
 def test_a_law_that_is_unfit_later_is_refused_then(case):
     """By the second increment nodes have slipped: it goes over a frictionless surface."""
-    steps = (meeframe.Step(approach=1e-5), meeframe.Step(translation=(1e-6, 0.0), increments=2))
+    steps = (Step(approach=1e-5), Step(translation=(1e-6, 0.0), increments=2))
     slides = replace(case, contact_law=Unfit(later=2), steps=steps)
     with pytest.raises(CaseError, match=rf"project of the contact law Unfit has shape \({N}, 2\)"):
         meeframe.solve_case(slides)
