@@ -278,7 +278,7 @@ _SUMMARY: Final = frozenset({View.SUMMARY})
 def _scalar_totals(scalar: ScalarField) -> Iterator[Total]:
     """Yield the total flux of a scalar field and its largest potential."""
     flux, potential = (name.replace("_", " ") for name in (scalar.resultant, scalar.value_name))
-    yield Total(scalar.resultant, scalar.resultant_unit, flux, phenomenon=scalar.name)
+    yield Total(scalar.resultant, scalar.resultant_unit, f"{flux} out of the body", phenomenon=scalar.name)
     name = f"max_abs_{scalar.value_name}"
     yield Total(name, scalar.value_unit, f"largest |{potential}|", phenomenon=scalar.name)
 

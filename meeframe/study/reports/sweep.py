@@ -23,6 +23,7 @@ _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4
 DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", "max_abs_electric_potential")
 """Quantities shown by default."""
 _MARKERS: Final = "osD^vPX*"
+_STYLES: Final = ("-", "--", ":", "-.")
 _REACHES_EDGE: Final = "reaches_edge"
 _LABEL_CHARACTERS: Final = 42
 """Characters of horizontal labels that fit below a picture."""
@@ -163,7 +164,9 @@ def _curves(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None
         style = {
             "marker": _MARKERS[number % len(_MARKERS)],
             "ms": 3.5,
-            "lw": 1.2,
+            # wide lines below narrow ones, each dashed in another way, so that coinciding lines remain visible
+            "lw": 1.2 + 1.8 * (1.0 - (number + 1) / columns.shape[1]),
+            "ls": _STYLES[number % len(_STYLES)],
             "color": _COLOURS[number % len(_COLOURS)],
         }
         order = np.argsort(coordinates)

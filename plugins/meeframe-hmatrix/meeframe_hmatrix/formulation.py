@@ -44,11 +44,13 @@ from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, prepare
 from meeframe_hmatrix.packing import packed, unpacked
 from meeframe_hmatrix.system import (
+    ALL_FIELDS,
     ARRAYS,
     BoundarySystem,
     HierarchicalSystem,
     Whole,
     condense,
+    coupled_groups,
     diagonal_of,
     factorise,
     frames_to_units,
@@ -135,8 +137,14 @@ class HierarchicalBEM(PersistentFormulation):
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
         whole = Whole(partial(self.boundary, body), [boundary])
         compliance = unpacked(*packed(compliance))  # in memory as a system from arrays
+        groups = coupled_groups(body.stiffness)
+        for group in groups:  # truncation leaves noise where the material couples nothing
+            others = np.setdiff1d(ALL_FIELDS, group)
+            own[:, np.array(group)[:, None], others] = 0.0
+            if not any(np.any(condition.data) for condition in body.conditions if condition.field in group):
+                offset[:, group] = 0.0
         parts = order, to_load, to_displacement, own, compliance, whole
-        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *parts)
+        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *parts, groups=groups)
 
     def from_arrays(self, body: Body, arrays: Mapping[str, AnyArray]) -> ReducedSystem:
         """Return a system from its arrays; `recover` then needs assembly and elimination again."""
@@ -153,7 +161,14 @@ class HierarchicalBEM(PersistentFormulation):
         if found != right:
             raise ValueError(f"{n} nodes of a hierarchical system have arrays of the shapes {right}, not {found}")
         return HierarchicalSystem(
-            zone.points, zone.frames, zone.weights, zone.cells, compliance=compliance, whole=whole, **own
+            zone.points,
+            zone.frames,
+            zone.weights,
+            zone.cells,
+            compliance=compliance,
+            whole=whole,
+            groups=coupled_groups(body.stiffness),
+            **own,
         )
 
     def boundary(self, body: Body, progress: Progress = silent) -> BoundarySystem:
