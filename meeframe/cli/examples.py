@@ -10,7 +10,11 @@ import typer
 from meeframe.cli import console
 from meeframe.cli.app import app
 
-_PLUGINS: Final[Mapping[str, str]] = {"adhesion": "meeframe-laws", "rough": "meeframe-halfspace"}
+_PLUGINS: Final[Mapping[str, str]] = {
+    "adhesion": "meeframe-laws",
+    "contact-resistance": "meeframe-halfspace",
+    "rough": "meeframe-halfspace",
+}
 """Plugins that examples need."""
 
 

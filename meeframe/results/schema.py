@@ -4,6 +4,7 @@ HDF5 files, summaries, VTK files, figures, studies and sweeps take names, units 
 of these tables appears in all of them, except where `views` excludes it.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -329,15 +330,22 @@ MEASURES: Final = (
         value=lambda _, step: _largest(np.linalg.norm(step.total_slip, axis=1)[step.touching]),
     ),
     Total("max_slip_path", "m", "longest slip path", value=lambda _, step: _largest(step.slip_path)),
+    Total("conductance", "F", "conductance", value=lambda zone, step: _conductance(zone, step)),
     Total("reaches_edge", "1", "reaches edge", value=lambda _, step: float(step.reaches_edge)),
     Total("iterations", "1", "iterations", value=lambda _, step: float(step.iterations)),
     Total("residual", "1", "residual", value=lambda _, step: step.residual),
 )
 """Further numbers of an increment that sweeps collect.
 
-These are the largest slip since the beginning of nodes in contact and the longest path slipped, 1 if the contact
-reaches the boundary of its zone, iterations and residual.
+These are the largest slip since the beginning of nodes in contact and the longest path slipped; the charge into the
+body over the electric potential of the indenter, nan if that is zero (docs/howto/contact-resistance.md); 1 if the
+contact reaches the boundary of its zone, iterations and residual.
 """
+
+
+def _conductance(zone: Zone, step: StepResult) -> float:
+    potential = float(step.loading.electric_potential)
+    return -resultants(zone, step).charge / potential if potential else math.nan
 
 
 def _largest(values: Array) -> float:

@@ -20,6 +20,11 @@ SOURCES = {
 }
 
 
+def test_every_example_is_validated():
+    """The case of contact resistance by its own test."""
+    assert set(example_texts()) == {*SOURCES, "contact-resistance"}
+
+
 def invoke(*arguments):
     result = CliRunner().invoke(app, list(arguments))
     return result.exit_code, result.stdout, result.stderr
