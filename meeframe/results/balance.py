@@ -62,7 +62,7 @@ def unbalance(boundary: NodalFields | None, contact_fluxes: Array | None = None)
         total += np.einsum("em,emj->j", shares, fluxes)
         tractions = np.linalg.norm(fluxes[:, :, MECHANICAL], axis=2)
         moduli = tractions, *np.abs(fluxes[:, :, POTENTIALS]).transpose(2, 0, 1)
-        through += [float((shares * own).sum()) / 2 for own in moduli]
+        through += [float((shares * modulus).sum()) / 2 for modulus in moduli]
     sizes = np.array([np.linalg.norm(total[MECHANICAL]), *np.abs(total[POTENTIALS])])
     displacement = np.linalg.norm(boundary.values[:, MECHANICAL], axis=1)
     works = through * [displacement.max(), *np.abs(boundary.values[:, POTENTIALS]).max(axis=0)]
@@ -92,12 +92,12 @@ def unbalance_warning(
     boundary: NodalFields | None, fields: FieldSet = MEE, contact_fluxes: Array | None = None
 ) -> Iterator[str]:
     """Yield a warning if the fields on the boundary are noticeably out of equilibrium; arguments as for `unbalance`."""
-    found = unbalance(boundary, contact_fluxes)
-    if found is None or found.relative.max() <= NOTICED:
+    result = unbalance(boundary, contact_fluxes)
+    if result is None or result.relative.max() <= NOTICED:
         return
-    shares = zip(balanced_names(fields), found.relative, strict=True)
-    told = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > NOTICED)
+    shares = zip(balanced_names(fields), result.relative, strict=True)
+    texts = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > NOTICED)
     yield (
-        f"the boundary's tractions and fluxes miss equilibrium by {told}: those at supports and grounds are that "
-        "uncertain, more elements there resolve them; those of the contact are not concerned"
+        f"tractions and fluxes on the boundary violate equilibrium by {texts}: those at supports and grounds have "
+        "errors of this size, which more elements there reduce; those of the contact are not affected"
     )

@@ -58,8 +58,8 @@ class FiniteElements(Formulation):
         check_quantities(self)
         for name in ("outside", "layers"):
             value = getattr(self, name)
-            whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-            if value is not None and not (whole and value >= 1):
+            full = isinstance(value, int | np.integer) and not isinstance(value, bool)
+            if value is not None and not (full and value >= 1):
                 raise CaseError(f"FiniteElements: {name} = {value!r}: must be a whole number of at least 1")
         if self.grid not in get_args(Grid):
             raise CaseError(f"FiniteElements: grid = {self.grid!r}; allowed: {', '.join(get_args(Grid))}")
