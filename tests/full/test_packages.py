@@ -56,8 +56,12 @@ def place(tmp_path_factory, distributions):
     return command
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_distributions_hold_the_code_its_types_and_the_licence(distributions, name):
+def test_distributions_hold_the_code_its_types_and_the_licence(distributions):
+    for name in NAMES:
+        check_distribution(distributions, name)
+
+
+def check_distribution(distributions, name):
     wheel = zipfile.ZipFile(next(distributions.glob(f"{name}-*.whl"))).namelist()
     with tarfile.open(next(distributions.glob(f"{name}-*.tar.gz"))) as archive:
         source = archive.getnames()
@@ -73,7 +77,17 @@ def test_distributions_hold_the_code_its_types_and_the_licence(distributions, na
         assert examples | templates < set(wheel)
 
 
-def test_the_main_case_runs(place, tmp_path):
+def test_wheels_alone_run_the_main_case_and_new_plugins(place, tmp_path):
+    """One test, since its environment takes a minute to install."""
+    check_main_case(place, tmp_path)
+    check_doctor(place)
+    place("meeframe", "example", "rough")
+    assert "ok" in place("meeframe", "check", "rough.toml")
+    for kind in ("contact-law", "solver"):
+        check_new_plugin(place, kind)
+
+
+def check_main_case(place, tmp_path):
     assert place("meeframe", "--version").strip() == f"meeframe {meeframe.__version__}"
     place("meeframe", "example", "emii")
     place("meeframe", "run", "emii.toml", "--out", "out")
@@ -86,7 +100,8 @@ def test_the_main_case_runs(place, tmp_path):
     assert step["force"] == pytest.approx(force.tolist(), rel=1e-6, abs=1e-6 * abs(force[2]))
 
 
-def test_doctor_finds_no_problem_and_names_what_is_missing(place):
+def check_doctor(place):
+    """It finds no problem, and names what is missing."""
     report = place("meeframe", "doctor")
     assert "0 problems" in report
     assert "pip install 'meeframe[sweep]'" in report
@@ -95,13 +110,8 @@ def test_doctor_finds_no_problem_and_names_what_is_missing(place):
     assert str(place.folder / "kernels") in report
 
 
-def test_an_example_with_a_plugin_is_valid(place):
-    place("meeframe", "example", "rough")
-    assert "ok" in place("meeframe", "check", "rough.toml")
-
-
-@pytest.mark.parametrize("kind", ["contact-law", "solver"])
-def test_a_new_plugin_installs_and_passes_its_tests(place, kind):
+def check_new_plugin(place, kind):
+    """It installs beside meeframe from a wheel, is listed, and passes its own tests."""
     place("meeframe", "new-plugin", kind, f"new-{kind}")
     package = place.folder / f"meeframe-new-{kind}"
     place("python", "-m", "pip", "--quiet", "--disable-pip-version-check", "install", f"{package}[test]")
