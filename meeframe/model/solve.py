@@ -203,7 +203,7 @@ def solve_steps(
                         recovered = system.recover(result.state.load)
                     clock("diagnostics", 1.0)
                     result = with_message(
-                        replace(result, boundary=recovered), unbalance_warning(recovered, case.fields)
+                        replace(result, boundary=recovered), unbalance_warning(recovered, case.fields, result.fluxes)
                     )
                 except Exception:
                     yield result  # the increment is solved all the same

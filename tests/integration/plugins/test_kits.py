@@ -196,7 +196,9 @@ SPOILT = {
     "the compliance depends on the prescribed data": lambda s, b: replace(
         s, matrix=s.matrix * (1 + b.conditions[3].data)
     ),
-    "is not reproduced in u.nu": lambda s, _: replace(s, matrix=s.matrix * np.array([1.0, 1, 1.01, 1, 1])[:, None, None]),
+    "is not reproduced in u.nu": lambda s, _: replace(
+        s, matrix=s.matrix * np.array([1.0, 1, 1.01, 1, 1])[:, None, None]
+    ),
     "is not reproduced in -phi": lambda s, _: replace(s, offset=s.offset * [1.0, 1, 1, -1, 1]),
     "a load gains energy": lambda s, _: replace(s, matrix=-s.matrix),
     "reciprocal theorem": lambda s, _: replace(s, matrix=twisted(s.matrix)),
