@@ -18,8 +18,10 @@ if TYPE_CHECKING:
     from meeframe.model.solve import solve_case as solve_case
     from meeframe.model.step import Step as Step
     from meeframe.results.files import read_result as read_result
+    from meeframe.results.interior import PointGrid as PointGrid
     from meeframe.results.records import Result as Result
     from meeframe.results.records import resultants as resultants
+    from meeframe.study.interior import interior as interior
     from meeframe.study.run import run as run
 
 __version__ = "0.1.0"
@@ -36,6 +38,8 @@ _HOMES = {
     "Result": "meeframe.results.records",
     "resultants": "meeframe.results.records",
     "read_result": "meeframe.results.files",
+    "PointGrid": "meeframe.results.interior",
+    "interior": "meeframe.study.interior",
 }
 
 __all__ = ["__version__", *_HOMES]

@@ -76,9 +76,11 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import EdgeResolution as EdgeResolution
     from meeframe.system.capabilities import FieldwiseApply as FieldwiseApply
     from meeframe.system.capabilities import IndenterEdge as IndenterEdge
+    from meeframe.system.capabilities import InteriorFields as InteriorFields
     from meeframe.system.capabilities import LatticeStencil as LatticeStencil
     from meeframe.system.capabilities import Multigrid as Multigrid
     from meeframe.system.capabilities import Persistence as Persistence
+    from meeframe.system.capabilities import PointFields as PointFields
     from meeframe.system.capabilities import Prolongation as Prolongation
     from meeframe.system.capabilities import Restriction as Restriction
     from meeframe.system.capabilities import Stencil as Stencil
@@ -171,9 +173,11 @@ _HOMES = {
     "EdgeResolution": "meeframe.system.capabilities",
     "FieldwiseApply": "meeframe.system.capabilities",
     "IndenterEdge": "meeframe.system.capabilities",
+    "InteriorFields": "meeframe.system.capabilities",
     "LatticeStencil": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",
+    "PointFields": "meeframe.system.capabilities",
     "Prolongation": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
     "Stencil": "meeframe.system.capabilities",

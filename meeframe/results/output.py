@@ -17,6 +17,8 @@ from meeframe.results import schema
 RESULT_FILE: Final = "result.h5"
 SUMMARY_FILE: Final = "summary.json"
 FIELDS_FILE: Final = "fields.vtu"
+INTERIOR_FILE: Final = "interior.vtu"
+"""Fields inside the body, which `meeframe show DIR --interior` writes."""
 INCREMENTS: Final = "result.increments"
 """Folder of the increments of an unfinished run, one file each."""
 LOCK_FILE: Final = ".lock"
@@ -142,7 +144,7 @@ def clear_output(folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in map(Path, output_files()):
+        for name in map(Path, (*output_files(), INTERIOR_FILE)):
             (folder / name).unlink(missing_ok=True)
             for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
                 leftover.unlink()

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import final
+from typing import TypeVar, final
 
 import numpy as np
 
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array, Indices
+from meeframe.system.capabilities import InteriorFields
 from meeframe.system.reduced import NodalFields, ReducedSystem
+
+C = TypeVar("C")
 
 
 @final
@@ -21,10 +24,17 @@ class DenseSystem(ReducedSystem):
         (n, 5, n, 5), response (node, field) to the load (node, field), signs as in `ReducedSystem`.
     recovery
         Function that returns the fields on the whole boundary for a load (n, 5).
+    interior
+        The capability `InteriorFields`, if the formulation has it.
     """
 
     matrix: Array
     recovery: Callable[[Array], NodalFields]
+    interior: InteriorFields | None = None
+
+    def capability(self, kind: type[C]) -> C | None:
+        """Return the capability to evaluate fields inside the body, if there is one."""
+        return self.interior if isinstance(self.interior, kind) else super().capability(kind)
 
     def apply(self, load: Array) -> Array:
         """Return compliance(load), (n, 5), for a load (n, 5) by one matrix-vector product."""
@@ -54,6 +64,7 @@ def in_local_frames(
     offset: Array,
     compliance: Array,
     fields: Callable[[Array], NodalFields],
+    interior: InteriorFields | None = None,
 ) -> DenseSystem:
     """Return the reduced system of a relation in global axes: values (n, 5) = offset + compliance : extended tractions.
 
@@ -65,6 +76,8 @@ def in_local_frames(
         Of the extended displacement, potentials not negated.
     fields
         Function that returns the fields on the whole boundary for extended tractions (n, 5) in global axes.
+    interior
+        The capability `InteriorFields` of the reduced system, for loads in local frames, or None.
     """
     n_fields = offset.shape[1]
     to_load = np.zeros((len(frames), n_fields, n_fields))
@@ -81,4 +94,5 @@ def in_local_frames(
         offset=np.einsum("naj,nj->na", to_displacement, offset),
         matrix=np.ascontiguousarray(matrix),
         recovery=lambda load: fields(np.einsum("naj,na->nj", to_load, load)),
+        interior=interior,
     )

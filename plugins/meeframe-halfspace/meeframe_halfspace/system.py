@@ -19,6 +19,7 @@ from meeframe.plugin import (
     FieldwiseApply,
     IndenterEdge,
     Indices,
+    InteriorFields,
     LatticeStencil,
     Multigrid,
     NodalFields,
@@ -74,6 +75,8 @@ class HalfSpaceSystem(
         grid.
     edge_waves
         Series of Re Y with which contact edges are resolved between the nodes; None if edges are at nodes.
+    interior
+        The fields inside the half space; None on coarser grids and parts of the zone.
     """
 
     grid: Grid
@@ -81,14 +84,18 @@ class HalfSpaceSystem(
     convolution: Convolution
     shares: Array
     edge_waves: Array | None = None
+    interior: InteriorFields | None = None
     _parts: list[tuple[GridResponse, Convolution]] = field(default_factory=list, init=False, repr=False)
 
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself unless the capability is absent.
 
         Approximate products are absent where they would take no less time, coarsening on the coarsest grid, restriction
-        on periodic grids, and edge resolution unless it is switched on.
+        on periodic grids, and edge resolution unless it is switched on. Fields inside the half space are absent on
+        coarser grids and parts of the zone.
         """
+        if isinstance(self.interior, kind):
+            return self.interior
         absent: dict[type, bool] = {
             ApproximateApply: self.convolution.approximate is None,
             Multigrid: kind is Multigrid and self._coarsening is None,
