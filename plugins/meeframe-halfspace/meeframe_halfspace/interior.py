@@ -237,11 +237,10 @@ class _Spectrum:
         # waves with their conjugates: half of them, twice
         shares = [self._window(q, h, count) for q, h, count in zip((qx, qy), self.spacing, counts, strict=True)]
         shares[1] = shares[1] * np.where(qy > 0.0, 2.0, 1.0)
-        x, place_x = np.unique(points[:, 0], return_inverse=True)
-        y, place_y = np.unique(points[:, 1], return_inverse=True)
-        on_grid = len(x) * len(y) <= 4 * len(points)
-        phase_y = np.exp(1j * np.outer(qy, y if on_grid else points[:, 1]))
-        phase_x = np.exp(1j * np.outer(x if on_grid else points[:, 0], qx))
+        (x, y), places = _lines(points)
+        on_grid = places is not None
+        phase_y = np.exp(1j * np.outer(qy, y))
+        phase_x = np.exp(1j * np.outer(x, qx))
         total = np.zeros((4 * n_fields, len(x), len(y)) if on_grid else (4 * n_fields, len(points)))
         for rows in _batches(len(qx), 4 * n_fields * (len(qy) + phase_y.shape[1])):
             kx, ky = (k.ravel() for k in np.meshgrid(qx[rows], qy, indexing="ij"))
@@ -263,8 +262,8 @@ class _Spectrum:
                 total += (phase_x[:, rows] @ along_y).real
             else:
                 total += np.einsum("cqp,pq->cp", along_y, phase_x[:, rows], optimize=True).real
-        if on_grid:
-            total = total[:, place_x, place_y]
+        if places is not None:
+            total = total[:, *places]
         return total.reshape(4, n_fields, len(points))
 
     def _numbers(self, depth: float, lengths: Array, counts: Indices) -> tuple[Indices, Indices] | None:
@@ -300,9 +299,18 @@ class _Spectrum:
             self.polar[halvings] = self._polar_waves(end)
         waves, loads = self.polar[halvings]
         spread = self.interior.propagated(waves, loads, depth).reshape(-1, len(waves))
-        total = np.empty((len(spread), len(points)))
-        for rows in _batches(len(points), len(waves)):
-            total[:, rows] = (spread @ np.exp(1j * (waves @ points[rows].T))).real
+        (x, y), places = _lines(points)
+        total = np.zeros((len(spread), len(points)) if places is None else (len(spread), len(x), len(y)))
+        present = np.flatnonzero(spread.any(axis=1))
+        for rows in _batches(len(waves), len(x) * len(present) + len(y)):
+            phase_x = np.exp(1j * np.outer(x, waves[rows, 0]))
+            phase_y = np.exp(1j * np.outer(waves[rows, 1], y))
+            if places is None:
+                total[present] += (spread[present, rows] @ (phase_x.T * phase_y)).real
+            else:
+                total[present] += ((spread[present, None, rows] * phase_x) @ phase_y).real
+        if places is not None:
+            total = total[:, *places]
         return total.reshape(4, -1, len(points))
 
     def _polar_waves(self, end: float) -> tuple[Array, ComplexArray]:
@@ -337,6 +345,18 @@ class _Spectrum:
             along_y = np.exp(-1j * np.outer(np.arange(ny) * self.spacing[1], waves[rows, 1]))
             result[self.loaded, rows] = np.einsum("fxw,xw->fw", density @ along_y, along_x)
         return result
+
+
+def _lines(points: Array) -> tuple[tuple[Array, Array], tuple[Indices, Indices] | None]:
+    """Return coordinates along both axes on whose grid the points (m, 2) lie, and the place of each on it.
+
+    If the grid has many more points, the coordinates of all points and None are returned.
+    """
+    x, place_x = np.unique(points[:, 0], return_inverse=True)
+    y, place_y = np.unique(points[:, 1], return_inverse=True)
+    if len(x) * len(y) > 4 * len(points):
+        return (points[:, 0], points[:, 1]), None
+    return (x, y), (place_x, place_y)
 
 
 def _batches(count: int, size: int) -> Iterator[slice]:
