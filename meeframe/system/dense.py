@@ -64,7 +64,6 @@ def in_local_frames(
     offset: Array,
     compliance: Array,
     fields: Callable[[Array], NodalFields],
-    interior: InteriorFields | None = None,
 ) -> DenseSystem:
     """Return the reduced system of a relation in global axes: values (n, 5) = offset + compliance : extended tractions.
 
@@ -76,8 +75,6 @@ def in_local_frames(
         Of the extended displacement, potentials not negated.
     fields
         Function that returns the fields on the whole boundary for extended tractions (n, 5) in global axes.
-    interior
-        The capability `InteriorFields` of the reduced system, for loads in local frames, or None.
     """
     n_fields = offset.shape[1]
     to_load = np.zeros((len(frames), n_fields, n_fields))
@@ -94,5 +91,4 @@ def in_local_frames(
         offset=np.einsum("naj,nj->na", to_displacement, offset),
         matrix=np.ascontiguousarray(matrix),
         recovery=lambda load: fields(np.einsum("naj,na->nj", to_load, load)),
-        interior=interior,
     )

@@ -28,6 +28,7 @@ from meeframe.plugin import (
 )
 from meeframe.plugin.boundary_elements import (
     Accuracy,
+    InteriorRepresentation,
     Layout,
     Tabulated,
     Units,
@@ -135,7 +136,7 @@ class HierarchicalBEM(PersistentFormulation):
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
         whole = Whole(partial(self.boundary, body), [boundary])
         compliance = unpacked(*packed(compliance))  # in memory as a system from arrays
-        parts = order, to_load, to_displacement, own, compliance, whole
+        parts = order, to_load, to_displacement, own, compliance, whole, self._representation(body)
         return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *parts)
 
     def from_arrays(self, body: Body, arrays: Mapping[str, AnyArray]) -> ReducedSystem:
@@ -153,7 +154,14 @@ class HierarchicalBEM(PersistentFormulation):
         if found != right:
             raise ValueError(f"{n} nodes of a hierarchical system have arrays of the shapes {right}, not {found}")
         return HierarchicalSystem(
-            zone.points, zone.frames, zone.weights, zone.cells, compliance=compliance, whole=whole, **own
+            zone.points,
+            zone.frames,
+            zone.weights,
+            zone.cells,
+            compliance=compliance,
+            whole=whole,
+            representation=self._representation(body),
+            **own,
         )
 
     def boundary(self, body: Body, progress: Progress = silent) -> BoundarySystem:
@@ -171,6 +179,12 @@ class HierarchicalBEM(PersistentFormulation):
             system = assemble(integrals, share, progress)
             factors = factorise(system, share, progress)
         return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh))
+
+    def _representation(self, body: Body) -> InteriorRepresentation:
+        stiffness = _scaled(body)
+        units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
+        bind = partial(self.fundamental_solution.bind, stiffness)
+        return InteriorRepresentation(body.mesh, body.stiffness, units, bind, anisotropy(stiffness))
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
