@@ -22,7 +22,7 @@ def solved(file: Path) -> Resultants:
 
 def totals_of(file: Path, exact: Mapping[str, float], tolerance: float = 1e-3) -> Iterator[Check]:
     """Check the totals of a case, by names of TOTALS, against exact values."""
-    found = solved(file)
+    result = solved(file)
     for name, true in exact.items():
         words = f"{file.parent.name}/{file.name}, with meeframe run: {name.replace('_', ' ')}"
-        yield Check(words, TOTALS[name](found), true, tolerance, UNITS[name])
+        yield Check(words, TOTALS[name](result), true, tolerance, UNITS[name])

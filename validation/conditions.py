@@ -45,10 +45,10 @@ def fields(insulated: Run, grounded: Run, cells: float) -> Iterator[Item]:
     for field, unit, column in FIELDS:
         curves = []
         for name, run in (("insulating", insulated), ("grounded", grounded)):
-            found, exact = run.at(cells), run.exact
-            line, x = found.section()
+            result, exact = run.at(cells), run.exact
+            line, x = result.section()
             true = getattr(exact, field)(np.abs(x))
-            computed = -found.displacement[line, column]
+            computed = -result.displacement[line, column]
             if not np.abs(true).max():
                 continue
             curves += [Curve(f"{name}, closed form", x * 1e3, true), Curve(name, x * 1e3, computed, points=True)]

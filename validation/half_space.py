@@ -50,8 +50,8 @@ class Pressed:
     @property
     def totals(self) -> Array:
         """Pressing force [N], charge [C], magnetic flux [Wb]."""
-        found = self.system.weights @ self.load[:, 2:]
-        return np.asarray(found * [-1.0, 1.0, 1.0])
+        result = self.system.weights @ self.load[:, 2:]
+        return np.asarray(result * [-1.0, 1.0, 1.0])
 
     @property
     def force(self) -> float:
@@ -104,7 +104,7 @@ def press(
     def rim() -> IndenterEdge | None:
         return find_indenter_edge(gaps, system.points, system.frames, 2.0 * max(spacing, across))
 
-    solution, _ = solve_to_edges(problem, solver, StoppingCriteria(tolerance=1e-8), rim=rim)
+    solution, _ = solve_to_edges(problem, solver, StoppingCriteria(tolerance=1e-8), indenter_edge=rim)
     converged(solution)
     return Pressed(system, solution.state.load, solution.state.displacement, spacing)
 

@@ -70,8 +70,8 @@ def _indenter(shape: Shape) -> Indenter:
 
 def total_checks(run: Run, cells: float, tolerance: float, name: str) -> Iterator[Check]:
     """Check force, charge and magnetic flux on one grid, where they are not zero."""
-    exact, found = run.exact, run.at(cells).totals
-    for (total, unit), computed in zip(TOTALS, found, strict=True):
+    exact, result = run.exact, run.at(cells).totals
+    for (total, unit), computed in zip(TOTALS, result, strict=True):
         true = getattr(exact, total)
         if true:
             yield Check(f"{name}: {total.replace('_', ' ')}, {cells:g} cells", float(computed), true, tolerance, unit)
@@ -94,8 +94,8 @@ def convergence(
     """Check the observed order of one of TOTALS, from root mean squares over the grids of OFFSETS."""
     total = TOTALS[number][0].replace("_", " ")
     errors = [float(np.sqrt(np.mean(_errors(run, cells, number) ** 2))) for cells in grids]
-    found = observed_order([float(cells) for cells in grids], errors)
-    yield Check(f"{name}: observed order of the {total}", found, order, tolerance, absolute=True)
+    result = observed_order([float(cells) for cells in grids], errors)
+    yield Check(f"{name}: observed order of the {total}", result, order, tolerance, absolute=True)
     theory = errors[-1] * (grids[-1] / np.array(grids, float)) ** order
     curves = (
         Curve("computed", np.array(grids), np.array(errors), points=True),
@@ -106,11 +106,11 @@ def convergence(
 
 def pressure_plot(run: Run, cells: float, name: str) -> Plot:
     """Plot the pressure on the section through the centre, and its closed form."""
-    found, exact = run.at(cells), run.exact
-    line, x = found.section()
+    result, exact = run.at(cells), run.exact
+    line, x = result.section()
     a = exact.contact_radius
     fine = np.linspace(-1.2 * a, 1.2 * a, 600)
     true = exact.pressure(np.abs(fine))
     true[~np.isfinite(true)] = np.nan
-    curves = (Curve("closed form", fine * 1e3, true / 1e6), Curve("nodes", x * 1e3, found.pressure[line] / 1e6, True))
+    curves = (Curve("closed form", fine * 1e3, true / 1e6), Curve("nodes", x * 1e3, result.pressure[line] / 1e6, True))
     return Plot(f"{name}: pressure through the centre", "x [mm]", "pressure [MPa]", curves)

@@ -29,11 +29,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "trust.md", help="file of the page")
     arguments = parser.parse_args()
     try:
-        found = joined([read(json.loads(file.read_text(encoding="utf-8"))) for file in arguments.numbers])
+        result = joined([read(json.loads(file.read_text(encoding="utf-8"))) for file in arguments.numbers])
     except ValueError as error:
         parser.error(str(error))
     head = (HERE / "trust_head.md").read_text(encoding="utf-8")
-    arguments.out.write_text("\n".join([head, *page(found)]).rstrip() + "\n", encoding="utf-8")
+    arguments.out.write_text("\n".join([head, *page(result)]).rstrip() + "\n", encoding="utf-8")
 
 
 def read(data: dict[str, Any]) -> Validation:
@@ -77,25 +77,25 @@ def _row(check: dict[str, Any]) -> Row:
     return Row(kind(**given), check["seconds"])
 
 
-def page(found: Validation) -> Iterator[str]:
+def page(result: Validation) -> Iterator[str]:
     """Yield the overview and one section for each case."""
     yield "## The cases\n"
-    yield f"{found.headline[0].upper()}{found.headline[1:]}. Times are on two cores shared with other work.\n"
-    missing = sorted(known_cases(HERE).keys() - {case.name for case in found.cases})
+    yield f"{result.headline[0].upper()}{result.headline[1:]}. Times are on two cores shared with other work.\n"
+    missing = sorted(known_cases(HERE).keys() - {case.name for case in result.cases})
     if missing:
         yield f"Not run: {', '.join(missing)}.\n"
     yield "| case | checks | passed | explained differences | time [s] |\n| --- | --- | --- | --- | --- |"
-    for case in found.cases:
+    for case in result.cases:
         counts = [sum(v is verdict for v in case.verdicts) for verdict in (Verdict.PASS, Verdict.DIFFERS)]
         link = f"[{case.title}](#{_anchor(case.title)})"
         yield f"| {link} | {len(case.verdicts)} | {counts[0]} | {counts[1] or ''} | {case.seconds:.0f} |"
-    for case in found.cases:
+    for case in result.cases:
         yield from _section(case)
 
 
 def _anchor(title: str) -> str:
-    kept = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
-    return kept.replace(" ", "-")
+    retained = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
+    return retained.replace(" ", "-")
 
 
 def _section(case: CaseReport) -> Iterator[str]:
@@ -104,8 +104,8 @@ def _section(case: CaseReport) -> Iterator[str]:
         yield f"```text\n{case.error.strip()}\n```\n"
     yield "| check | computed | reference | difference | tolerance | |\n| --- | --- | --- | --- | --- | --- |"
     for row in case.rows:
-        verdict = row.found.verdict
-        reason = f": {reason_of(row.found)}" if reason_of(row.found) else ""
+        verdict = row.item.verdict
+        reason = f": {reason_of(row.item)}" if reason_of(row.item) else ""
         words = (word.replace("|", "\\|") for word in words_of(row)[:-1])
         yield f"| {' | '.join(words)} | {verdict if verdict is Verdict.PASS else f'**{verdict}**'}{reason} |"
 

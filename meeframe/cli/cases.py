@@ -26,15 +26,15 @@ def run(
             from meeframe.model.load import load_case
             from meeframe.model.threads import limited
             from meeframe.results.records import RunStatus
-            from meeframe.results.summary import AT_EDGE, summary_table
+            from meeframe.results.summary import AT_BOUNDARY, summary_table
             from meeframe.study.run import run as run_case
 
             registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
             result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress)
         console.stdout().print(summary_table(result))
-        if any(step.reaches_edge for step in result.steps):
-            console.warn(AT_EDGE)
+        if any(step.contact_at_zone_boundary for step in result.steps):
+            console.warn(AT_BOUNDARY)
         raise typer.Exit(console.CONVERGED if result.status is RunStatus.CONVERGED else console.NOT_CONVERGED)
 
 

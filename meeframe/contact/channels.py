@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from meeframe.fields import MEE, FieldSet, ScalarField
-from meeframe.laws.base import ConductivityLaw, conducts
+from meeframe.laws.base import ConductivityLaw, is_conducting
 
 
 @dataclass(frozen=True)
@@ -13,15 +13,22 @@ class FluxChannel:
 
     The law gives the flux density +kappa(pressure, gap, drop) drop, with the drop of the potential from the body to the
     indenter.
+
+    Attributes
+    ----------
+    field : ScalarField
+        The scalar field.
+    law : ConductivityLaw
+        Its conductivity law.
     """
 
     field: ScalarField
     law: ConductivityLaw
 
     @property
-    def conducts(self) -> bool:
+    def is_conducting(self) -> bool:
         """True if the law conducts anywhere."""
-        return conducts(self.law)
+        return is_conducting(self.law)
 
 
 def flux_channels(*laws: ConductivityLaw, fields: FieldSet = MEE) -> tuple[FluxChannel, ...]:

@@ -14,68 +14,101 @@ from typing import Final
 import numpy as np
 import scipy  # its submodules are imported where they are used
 
-from meeframe.contact.free_motion import motions, reserve, strongest
+from meeframe.contact.free_motion import maximal_traction, motions, reserve
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
 from meeframe.fields import MECHANICAL, N_MECHANICAL
-from meeframe.laws.base import attracts
+from meeframe.laws.base import is_adhesive
 
-NEGLIGIBLE: Final = 1e-6
+TOLERANCE: Final = 1e-6
 MAX_GENERATORS: Final = 200
-BEYOND: Final = 0.5
-"""Least fraction of the missed resultants that must be out of reach under the pressures found."""
-SETTLED: Final = 0.1
+MIN_UNREACHABLE_FRACTION: Final = 0.5
+"""Least fraction of the missed resultants that must be unreachable under the present pressures."""
+MAX_VIOLATION_RATIO: Final = 0.1
 """Largest violation of the laws, as a fraction of that part, below which the pressures count as converged."""
 
 
 def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
-    """Return why no state has the prescribed resultants, in words; None if one may have them.
+    """Return the reason why no state has the prescribed resultants; None if one may have them.
 
     Applies to contact laws that admit a cone of tractions, with the scaling of the law of maximal dissipation, or less.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem.
+    scales : Scales
+        Characteristic magnitudes of the problem.
+
+    Returns
+    -------
+    str or None
+        Reason in words, for the message of a solution.
     """
-    missing = 0.0 if attracts(problem.contact_law) else _missing_force(problem, scales)
-    if missing > NEGLIGIBLE:
+    missing = 0.0 if is_adhesive(problem.contact_law) else _missing_force(problem, scales)
+    if missing > TOLERANCE:
         return (
             f"no pressure and friction in the contact add up to the prescribed forces and moments ({missing:.1e} off)"
         )
-    for freedom in problem.prescribed_resultants:
-        channels = [problem.channels[k - N_MECHANICAL] for k in freedom.moved if k >= N_MECHANICAL]
-        if channels and freedom.total and not any(channel.conducts for channel in channels):
+    for resultant in problem.prescribed_resultants:
+        channels = [problem.channels[k - N_MECHANICAL] for k in resultant.mode_fields if k >= N_MECHANICAL]
+        if channels and resultant.total and not any(channel.is_conducting for channel in channels):
             names = " or ".join(channel.field.resultant.replace("_", " ") for channel in channels)
             return f"a {names} is prescribed, but the contact does not conduct it"
     return None
 
 
 def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales) -> str | None:
-    """Return why friction cannot bear the prescribed tangential resultants, in words; None if it may.
+    """Return the reason why friction cannot bear the prescribed tangential resultants; None if it may.
 
     Friction cannot bear them at the pressures of a state if the state satisfies everything else, to the accuracy by
     which they are missed, and no friction under its pressures reduces the difference: no further motion then changes
     anything.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem.
+    state : ContactState
+        Present state of the iteration.
+    scales : Scales
+        Characteristic magnitudes of the problem.
+
+    Returns
+    -------
+    str or None
+        Reason in words, for the message of a solution.
     """
-    dragged = [k for k in motions(problem) if not _lifts(problem, k)]
-    left = unbalance(problem, state.load)
-    relative = left / scales.totals
-    missed = float(np.linalg.norm(relative[dragged]))
-    others = np.delete(relative, dragged)
-    if not NEGLIGIBLE < missed < np.inf:
+    tangential = [k for k in motions(problem) if not _lifts(problem, k)]
+    imbalance = unbalance(problem, state.load)
+    relative = imbalance / scales.totals
+    missed = float(np.linalg.norm(relative[tangential]))
+    others = np.delete(relative, tangential)
+    if not TOLERANCE < missed < np.inf:
         return None
-    measures = [problem.prescribed_resultants[k].measure[:, MECHANICAL] / scales.totals[k] for k in dragged]
-    direction = -np.tensordot(relative[dragged], measures, axes=1)
+    measures = [problem.prescribed_resultants[k].measure[:, MECHANICAL] / scales.totals[k] for k in tangential]
+    direction = -np.tensordot(relative[tangential], measures, axes=1)
     gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
-    short = missed - abs(reserve(problem.contact_law, state.load[:, MECHANICAL], gap, direction)) / missed
+    shortfall = missed - abs(reserve(problem.contact_law, state.load[:, MECHANICAL], gap, direction)) / missed
     # other resultants may be missed too, in favour of these: they bring friction only by its coefficient
-    if not short >= BEYOND * missed or not largest(others) <= BEYOND * short:
+    if (
+        not shortfall >= MIN_UNREACHABLE_FRACTION * missed
+        or not largest(others) <= MIN_UNREACHABLE_FRACTION * shortfall
+    ):
         return None
-    if not law_violation(problem, state, scales) <= SETTLED * short:
+    if not law_violation(problem, state, scales) <= MAX_VIOLATION_RATIO * shortfall:
         return None
-    totals = np.array([problem.prescribed_resultants[k].total for k in dragged])
-    found = np.where(np.abs(totals + left[dragged]) > NEGLIGIBLE * scales.totals[dragged], totals + left[dragged], 0.0)
-    prescribed, borne = (", ".join(f"{value:.4g}" for value in part) for part in (totals, found))
+    totals = np.array([problem.prescribed_resultants[k].total for k in tangential])
+    attained = np.where(
+        np.abs(totals + imbalance[tangential]) > TOLERANCE * scales.totals[tangential],
+        totals + imbalance[tangential],
+        0.0,
+    )
+    prescribed, friction = (", ".join(f"{value:.4g}" for value in values) for values in (totals, attained))
     return (
         f"the tangential forces and moments prescribed ({prescribed} N, N m) are more than friction bears: all slips, "
-        f"and at the pressures found they reach {borne}; allowed: less, a motion in their place, or more pressure "
+        f"and at the pressures found they reach {friction}; allowed: less, a motion in their place, or more pressure "
         "before they act"
     )
 
@@ -96,13 +129,13 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
         measures, totals = np.concatenate([measures, force[None]]), np.append(totals, 1.0)
     generators = np.empty((len(totals), 0))
     difference, missing = totals, float(np.linalg.norm(totals))
-    while missing > NEGLIGIBLE * np.linalg.norm(totals) and generators.shape[1] < MAX_GENERATORS:
-        resisted = np.tensordot(difference, measures, axes=1)
-        resisting = strongest(problem.contact_law, resisted, np.full(len(resisted), -1.0))
-        power = (resisted * resisting).sum(axis=1)
+    while missing > TOLERANCE * np.linalg.norm(totals) and generators.shape[1] < MAX_GENERATORS:
+        direction = np.tensordot(difference, measures, axes=1)
+        traction = maximal_traction(problem.contact_law, direction, np.full(len(direction), -1.0))
+        power = (direction * traction).sum(axis=1)
         node = int(np.argmax(power))
-        generator = measures[:, node] @ resisting[node]
-        if power[node] <= NEGLIGIBLE * missing * np.linalg.norm(generator):
+        generator = measures[:, node] @ traction[node]
+        if power[node] <= TOLERANCE * missing * np.linalg.norm(generator):
             return missing / float(np.linalg.norm(totals))
         generators = np.column_stack([generators, generator / np.linalg.norm(generator)])
         amounts, missing = scipy.optimize.nnls(generators, totals)
@@ -112,10 +145,10 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
 
 def _presses(problem: ContactProblem) -> bool:
     """Return whether the indenter overlaps the unloaded surface and none of its free motions can change that."""
-    lifted = any(_lifts(problem, k) for k in motions(problem))
-    return not lifted and bool((problem.system.offset[:, 2] > problem.gap).any())
+    can_lift = any(_lifts(problem, k) for k in motions(problem))
+    return not can_lift and bool((problem.system.offset[:, 2] > problem.gap).any())
 
 
-def _lifts(problem: ContactProblem, freedom: int) -> bool:
+def _lifts(problem: ContactProblem, resultant: int) -> bool:
     """Return whether a free motion, given by its number, moves the indenter towards the body or away from it."""
-    return bool(problem.prescribed_resultants[freedom].mode[np.isfinite(problem.gap), 2].any())
+    return bool(problem.prescribed_resultants[resultant].mode[np.isfinite(problem.gap), 2].any())

@@ -18,26 +18,33 @@ from meeframe.fields import MECHANICAL, Array, Indices
 from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, traction_tangents
 
 MAX_ITERATIONS: Final = 60
-ROUND_OFF: Final = 1e-14
+RESULTANT_ROUND_OFF: Final = 1e-14
 """Round-off of a resultant, relative to the sum of the magnitudes of its tractions."""
 REGULARISATION: Final = (0.0, 1e-6, 1e-4, 1e-2, 1.0)
 """Regularisations of the equations, in units of the resistance of the whole zone; zero while the contact resists."""
-FARTHEST: Final = 10.0
+MAX_DISTANCE_RATIO: Final = 10.0
 """Largest motion of the indenter in multiples of its distance from the body; nothing else bounds it in full slip."""
-BISECTIONS: Final = 60
+MAX_BISECTIONS: Final = 60
 """Number of bisections towards the sign change of the unbalance, where it does not change at first."""
 FRACTIONS: Final = tuple(0.5**k for k in range(12))
-LEAST_FALL: Final = 1e-3
+MIN_DECREASE: Final = 1e-3
 """Least decrease of the unbalance for an accepted step, as a fraction of the predicted decrease."""
-MIN_NORMAL_COSINE: Final = 1e6
+MAX_TRACTION_RATIO: Final = 1e6
 """Tangential part of a trial traction over its pressure, larger than any finite friction coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
-class Balanced:
-    """Projected tractions (n, 3) with the motions that balance their resultants.
+class BalancedProjection:
+    """Projected tractions and the motions that balance their resultants.
 
-    The trial (n, 3) is what was projected; the motions (k,) are those of the mechanical prescribed resultants.
+    Attributes
+    ----------
+    traction : Array
+        (n, 3), projected tractions [Pa].
+    trial : Array
+        (n, 3), augmented tractions that were projected [Pa].
+    motion : Array
+        (k,), amounts of the free motions of the mechanical prescribed resultants.
     """
 
     traction: Array
@@ -46,15 +53,17 @@ class Balanced:
 
 
 def motions(problem: ContactProblem) -> Indices:
-    """Return the numbers (k,) of the prescribed resultants that free rigid motions."""
+    """Return the numbers (k,), among the prescribed resultants, of those with a free rigid motion."""
     return np.array(
-        [i for i, freedom in enumerate(problem.prescribed_resultants) if not freedom.electromagnetic], np.int64
+        [i for i, resultant in enumerate(problem.prescribed_resultants) if not resultant.electromagnetic], np.int64
     )
 
 
 def potentials(problem: ContactProblem) -> Indices:
-    """Return the numbers (j,) of the prescribed resultants that free potentials."""
-    return np.array([i for i, freedom in enumerate(problem.prescribed_resultants) if freedom.electromagnetic], np.int64)
+    """Return the numbers (j,), among the prescribed resultants, of those with a free potential."""
+    return np.array(
+        [i for i, resultant in enumerate(problem.prescribed_resultants) if resultant.electromagnetic], np.int64
+    )
 
 
 def start_motion(problem: ContactProblem, start: ContactState | None) -> Array:
@@ -63,14 +72,14 @@ def start_motion(problem: ContactProblem, start: ContactState | None) -> Array:
     return start.motion if start is not None and start.motion.shape == (count,) else np.zeros(count)
 
 
-def strongest(law: ContactLaw, direction: Array, normal: Array) -> Array:
+def maximal_traction(law: ContactLaw, direction: Array, normal: Array) -> Array:
     """Return the admissible tractions (n, 3) with the largest component along directions (n, 3).
 
     Their normal parts are given, (n,). Applies to laws with the scaling of maximal dissipation.
     """
     tangential = direction[:, :2] @ law.tangential_scaling()
     size = np.linalg.norm(tangential, axis=1)[:, None]
-    steepest = MIN_NORMAL_COSINE * np.abs(normal).max(initial=0.0)
+    steepest = MAX_TRACTION_RATIO * np.abs(normal).max(initial=0.0)
     trial = np.empty_like(direction)
     trial[:, :2] = steepest * np.divide(tangential, size, out=np.zeros_like(tangential), where=size > 0.0)
     trial[:, 2] = normal
@@ -81,35 +90,50 @@ def reserve(law: ContactLaw, traction: Array, gap: Array, direction: Array) -> f
     """Return the unused friction along directions (n, 3), summed over the nodes.
 
     It is the difference between the largest admissible component under the same pressures and that of tractions (n, 3)
-    at normal gaps (n,); negative where `strongest` does not return the largest one.
+    at normal gaps (n,); negative where `maximal_traction` does not return the largest one.
     """
     pull = attraction(law, gap)
     pressed = traction.copy()
     pressed[:, 2] -= pull
-    return float((direction * (strongest(law, direction, pressed[:, 2]) - pressed)).sum())
+    return float((direction * (maximal_traction(law, direction, pressed[:, 2]) - pressed)).sum())
 
 
-def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r: tuple[float, float]) -> Balanced:
-    """Project the augmented tractions, moved freely so that the resultants balance.
+def balanced_projection(
+    problem: ContactProblem, traction: Array, gap: Array, r: tuple[float, float]
+) -> BalancedProjection:
+    """Project augmented tractions after the free motions that balance the prescribed resultants.
 
-    traction: (n, 3); gap: (n, 3), including the motion from which the returned one counts; r: normal and tangential
-    step [Pa/m]. The unbalance of resultants that cannot be reached is left as small as could be found.
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    traction : Array
+        (n, 3), tractions before the step [Pa].
+    gap : Array
+        (n, 3), gap at the motion from which the returned motions count [m].
+    r : (float, float)
+        Normal and tangential step length [Pa/m].
+
+    Returns
+    -------
+    BalancedProjection
+        Tractions and motions. The unbalance of resultants that cannot be reached is as small as could be found.
     """
     balance = _Balance.of(problem, traction, gap, r)
-    here = balance.at(np.zeros(len(balance.totals)))
-    farthest = FARTHEST * balance.distance(here)
+    point = balance.at(np.zeros(len(balance.totals)))
+    max_displacement = MAX_DISTANCE_RATIO * balance.distance_scale(point)
     for _ in range(MAX_ITERATIONS):
-        if (np.abs(here.unbalance) <= ROUND_OFF * here.size).all():
+        if (np.abs(point.unbalance) <= RESULTANT_ROUND_OFF * point.size).all():
             break
-        there = balance.better(here, farthest)
-        if there is None:
+        candidate = balance.improve(point, max_displacement)
+        if candidate is None:
             break
-        here = there
-    return Balanced(here.traction, here.trial, here.motion)
+        point = candidate
+    return BalancedProjection(point.traction, point.trial, point.motion)
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
+class _MotionPoint:
     """Gap, trial and tractions (n, 3) at a motion.
 
     unbalance: (k,) of the resultants; size: (k,) magnitudes that set their round-off.
@@ -127,8 +151,8 @@ class _Point:
 class _Balance:
     """Balance equations of the mechanical free motions.
 
-    modes, measures: (k, n, 3) and totals: (k,) of the prescribed resultants; whole: (k,) resistance of the whole zone
-    [N/m] against each motion.
+    modes, measures: (k, n, 3) and totals: (k,) of the prescribed resultants; resistance: (k,) resistance of the whole
+    zone [N/m] against each motion.
     """
 
     problem: ContactProblem
@@ -138,58 +162,62 @@ class _Balance:
     modes: Array
     measures: Array
     totals: Array
-    whole: Array
+    resistance: Array
 
     @classmethod
     def of(cls, problem: ContactProblem, traction: Array, gap: Array, r: tuple[float, float]) -> "_Balance":
         prescribed_resultants = [problem.prescribed_resultants[i] for i in motions(problem)]
         modes, measures = np.zeros((2, len(prescribed_resultants), *gap.shape))
-        for k, freedom in enumerate(prescribed_resultants):
-            modes[k], measures[k] = freedom.mode[:, MECHANICAL], freedom.measure[:, MECHANICAL]
+        for k, resultant in enumerate(prescribed_resultants):
+            modes[k], measures[k] = resultant.mode[:, MECHANICAL], resultant.measure[:, MECHANICAL]
         modes[:, ~np.isfinite(gap[:, 2])] = 0.0
-        totals = np.array([freedom.total for freedom in prescribed_resultants])
-        whole = np.einsum("kni,kni->k", np.abs(measures), np.abs(modes)) * r[0]
-        return cls(problem, traction, gap, r, modes, measures, totals, whole)
+        totals = np.array([resultant.total for resultant in prescribed_resultants])
+        resistance = np.einsum("kni,kni->k", np.abs(measures), np.abs(modes)) * r[0]
+        return cls(problem, traction, gap, r, modes, measures, totals, resistance)
 
-    def at(self, motion: Array) -> _Point:
+    def at(self, motion: Array) -> _MotionPoint:
         """Return the tractions at a motion (k,)."""
-        moved = self.gap + np.tensordot(motion, self.modes, axes=1)
-        trial = augmented_traction(self.problem.contact_law, self.traction, moved, self.r)
-        projected = fixed_point_map(self.problem.contact_law, trial, moved, self.r)
-        parts = self.measures * projected
-        size = np.maximum(np.abs(parts).sum(axis=(1, 2)), np.abs(self.totals))
-        return _Point(motion, moved, trial, projected, parts.sum(axis=(1, 2)) - self.totals, size)
+        gap = self.gap + np.tensordot(motion, self.modes, axes=1)
+        trial = augmented_traction(self.problem.contact_law, self.traction, gap, self.r)
+        projected = fixed_point_map(self.problem.contact_law, trial, gap, self.r)
+        contributions = self.measures * projected
+        size = np.maximum(np.abs(contributions).sum(axis=(1, 2)), np.abs(self.totals))
+        return _MotionPoint(motion, gap, trial, projected, contributions.sum(axis=(1, 2)) - self.totals, size)
 
-    def better(self, here: _Point, farthest: float) -> _Point | None:
+    def improve(self, point: _MotionPoint, max_displacement: float) -> _MotionPoint | None:
         """Return a point with less unbalance; None if there is none.
 
-        Damped Newton steps are tried with increasing regularisation. farthest: largest allowed displacement of the
-        indenter by the motion [m].
+        Damped Newton steps are tried with increasing regularisation. max_displacement: largest allowed displacement of
+        the indenter by the motion [m].
         """
-        weight = np.divide(1.0, np.sqrt(self.whole), out=np.zeros_like(self.whole), where=self.whole > 0.0)
-        scaled = weight[:, None] * self._jacobian(here) * weight
-        right = -weight * here.unbalance
-        for share in REGULARISATION:
-            if share > 0.0 and self._bears_no_more(here, weight):
+        weight = np.divide(
+            1.0, np.sqrt(self.resistance), out=np.zeros_like(self.resistance), where=self.resistance > 0.0
+        )
+        scaled = weight[:, None] * self._jacobian(point) * weight
+        right = -weight * point.unbalance
+        for regularisation in REGULARISATION:
+            if regularisation > 0.0 and self._is_friction_exhausted(point, weight):
                 return None
             try:
-                step = weight * np.linalg.solve(scaled + share * np.eye(len(weight)), right)
+                step = weight * np.linalg.solve(scaled + regularisation * np.eye(len(weight)), right)
             except np.linalg.LinAlgError:
                 continue
-            reach = self._reach(step)
-            if not 0.0 < reach < np.inf or (share == 0.0 and reach > farthest):
+            displacement = self._max_displacement(step)
+            if not 0.0 < displacement < np.inf or (regularisation == 0.0 and displacement > max_displacement):
                 continue
-            step *= min(1.0, farthest / reach)
+            step *= min(1.0, max_displacement / displacement)
             for fraction in FRACTIONS:
-                motion = here.motion + fraction * step
-                if self._reach(motion) > farthest:
+                motion = point.motion + fraction * step
+                if self._max_displacement(motion) > max_displacement:
                     continue
-                there = self.at(motion)
-                if np.linalg.norm(weight * there.unbalance) < (1.0 - LEAST_FALL * fraction) * np.linalg.norm(right):
-                    return there
-        return self._settled(here, weight, farthest)
+                candidate = self.at(motion)
+                if np.linalg.norm(weight * candidate.unbalance) < (1.0 - MIN_DECREASE * fraction) * np.linalg.norm(
+                    right
+                ):
+                    return candidate
+        return self._bisect(point, weight, max_displacement)
 
-    def _bears_no_more(self, here: _Point, weight: Array) -> bool:
+    def _is_friction_exhausted(self, point: _MotionPoint, weight: Array) -> bool:
         """Return whether no tractions under the same pressures have less unbalance.
 
         The motion does not change the pressures here. The resultants then lie beyond a plane that the best tractions
@@ -197,44 +225,50 @@ class _Balance:
         """
         if self.modes[:, :, 2].any():
             return False
-        direction = -np.tensordot(weight**2 * here.unbalance, self.measures, axes=1)
-        more = reserve(self.problem.contact_law, here.traction, here.gap[:, 2], direction)
-        return abs(more) <= LEAST_FALL * float(((weight * here.unbalance) ** 2).sum())
+        direction = -np.tensordot(weight**2 * point.unbalance, self.measures, axes=1)
+        unused = reserve(self.problem.contact_law, point.traction, point.gap[:, 2], direction)
+        return abs(unused) <= MIN_DECREASE * float(((weight * point.unbalance) ** 2).sum())
 
-    def _settled(self, here: _Point, weight: Array, farthest: float) -> _Point | None:
+    def _bisect(self, point: _MotionPoint, weight: Array, max_displacement: float) -> _MotionPoint | None:
         """Return a point where the unbalance stops driving the indenter the present way; None if there is none.
 
         Before contact, or in full slip, the resultants do not change with the motion and no Newton step helps. Along
         their direction the unbalance is monotone (exactly so without friction and attraction), which allows bisection.
         """
-        direction = -(weight**2) * here.unbalance
-        reach = self._reach(direction)
-        if not 0.0 < reach < np.inf:
+        direction = -(weight**2) * point.unbalance
+        displacement = self._max_displacement(direction)
+        if not 0.0 < displacement < np.inf:
             return None
-        low, high = 0.0, farthest / reach
-        if direction @ self.at(here.motion + high * direction).unbalance < 0.0:
+        low, high = 0.0, max_displacement / displacement
+        if direction @ self.at(point.motion + high * direction).unbalance < 0.0:
             return None
-        there = here
-        for _ in range(BISECTIONS):
+        candidate = point
+        for _ in range(MAX_BISECTIONS):
             middle = 0.5 * (low + high)
-            there = self.at(here.motion + middle * direction)
-            if np.linalg.norm(weight * there.unbalance) < 0.5 * np.linalg.norm(weight * here.unbalance):
+            candidate = self.at(point.motion + middle * direction)
+            if np.linalg.norm(weight * candidate.unbalance) < 0.5 * np.linalg.norm(weight * point.unbalance):
                 break
-            low, high = (middle, high) if direction @ there.unbalance < 0.0 else (low, middle)
-        return there if np.linalg.norm(weight * there.unbalance) < np.linalg.norm(weight * here.unbalance) else None
+            low, high = (middle, high) if direction @ candidate.unbalance < 0.0 else (low, middle)
+        return (
+            candidate
+            if np.linalg.norm(weight * candidate.unbalance) < np.linalg.norm(weight * point.unbalance)
+            else None
+        )
 
-    def _jacobian(self, here: _Point) -> Array:
+    def _jacobian(self, point: _MotionPoint) -> Array:
         """Return the derivative of the resultants with respect to the motion, (k, k)."""
-        _, by_gap = traction_tangents(self.problem.contact_law, here.trial, here.gap, self.r)
+        _, by_gap = traction_tangents(self.problem.contact_law, point.trial, point.gap, self.r)
         return np.asarray(np.einsum("kni,nij,lnj->kl", self.measures, by_gap, self.modes))
 
-    def distance(self, here: _Point) -> float:
+    def distance_scale(self, point: _MotionPoint) -> float:
         """Return the largest distance of body and indenter, or motion due to the unbalance in the whole zone [m]."""
-        finite = np.isfinite(here.trial[:, 2])
-        apart = float(np.abs(here.trial[finite]).max(initial=0.0)) / self.r[0]
-        caused = np.divide(here.unbalance, self.whole, out=np.zeros_like(self.whole), where=self.whole > 0.0)
-        return max(apart, self._reach(caused))
+        finite = np.isfinite(point.trial[:, 2])
+        separation = float(np.abs(point.trial[finite]).max(initial=0.0)) / self.r[0]
+        motion = np.divide(
+            point.unbalance, self.resistance, out=np.zeros_like(self.resistance), where=self.resistance > 0.0
+        )
+        return max(separation, self._max_displacement(motion))
 
-    def _reach(self, motion: Array) -> float:
+    def _max_displacement(self, motion: Array) -> float:
         """Return the largest displacement of the indenter by a motion (k,) [m]."""
         return float((np.abs(motion) * np.abs(self.modes).max(axis=(1, 2), initial=0.0)).max(initial=0.0))

@@ -60,24 +60,29 @@ class PrescribedResultant:
     def __post_init__(self) -> None:
         shape = np.shape(self.mode)
         if len(shape) != 2 or shape[1] < N_MECHANICAL or np.shape(self.measure) != shape:
-            raise CaseError(f"a freedom of {shape} and {np.shape(self.measure)}: mode and measure are both (n, fields)")
-        if not all(np.isfinite(part).all() for part in (self.mode, self.measure, self.total)):
-            raise CaseError("a freedom of the indenter is not finite; allowed: finite mode, measure and total")
-        if len({k >= N_MECHANICAL for k in self.moved}) != 1:
-            raise CaseError("a freedom of the indenter is either a motion or a potential, not both and not nothing")
+            raise CaseError(
+                f"a prescribed resultant has a mode of shape {shape} and a measure of shape {np.shape(self.measure)}; "
+                "allowed: (n, fields) for both"
+            )
+        if not all(np.isfinite(values).all() for values in (self.mode, self.measure, self.total)):
+            raise CaseError("a prescribed resultant is not finite; allowed: finite mode, measure and total")
+        if len({k >= N_MECHANICAL for k in self.mode_fields}) != 1:
+            raise CaseError(
+                "the mode of a prescribed resultant is either a motion or a potential; this one is both or zero"
+            )
 
     @property
     def electromagnetic(self) -> bool:
         """True if it frees a potential, False if it frees a motion."""
-        return max(self.moved) >= N_MECHANICAL
+        return max(self.mode_fields) >= N_MECHANICAL
 
     @cached_property
-    def moved(self) -> tuple[int, ...]:
+    def mode_fields(self) -> tuple[int, ...]:
         """Columns of the mode that are not zero."""
         return _columns(self.mode)
 
     @cached_property
-    def measured(self) -> tuple[int, ...]:
+    def measure_fields(self) -> tuple[int, ...]:
         """Columns of the measure that are not zero."""
         return _columns(self.measure)
 
@@ -139,10 +144,12 @@ class ContactProblem:
             raise CaseError(
                 f"area_fraction of the contact problem is {area_fraction!r}; allowed: ({n},) numbers from 0 to 1"
             )
-        for freedom in self.prescribed_resultants:
-            if freedom.mode.shape != (n, self.fields.size):
+        for prescribed in self.prescribed_resultants:
+            if prescribed.mode.shape != (n, self.fields.size):
                 needed = n, self.fields.size
-                raise CaseError(f"a freedom of the contact problem has shape {freedom.mode.shape}; {needed} is needed")
+                raise CaseError(
+                    f"a prescribed resultant has a mode of shape {prescribed.mode.shape}; {needed} is needed"
+                )
         for name, shape in (("gap", (n,)), ("translation", (n, 2)), ("potentials", (n, count))):
             array = getattr(self, name)
             if np.shape(array) != shape:
@@ -159,11 +166,43 @@ class ContactProblem:
         return field_set(self.channels)
 
     def law_of(self, name: str) -> ConductivityLaw:
-        """Return the conductivity law of the scalar field of this name; raise ValueError if there is none."""
+        """Return the conductivity law of a scalar field.
+
+        Parameters
+        ----------
+        name : str
+            Name of the field.
+
+        Returns
+        -------
+        ConductivityLaw
+            Its law.
+
+        Raises
+        ------
+        ValueError
+            If there is no such field.
+        """
         return self.channels[self.fields.names.index(name)].law
 
     def with_laws(self, **laws: ConductivityLaw) -> "ContactProblem":
-        """Return the problem with other conductivity laws, given by the names of their fields."""
+        """Return the problem with other conductivity laws.
+
+        Parameters
+        ----------
+        **laws : ConductivityLaw
+            Laws by the names of their scalar fields.
+
+        Returns
+        -------
+        ContactProblem
+            The problem, otherwise unchanged.
+
+        Raises
+        ------
+        ValueError
+            If there is no field of such a name.
+        """
         channels = (replace(channel, law=laws.pop(channel.field.name, channel.law)) for channel in self.channels)
         changed = replace(self, channels=tuple(channels))
         if laws:
@@ -263,9 +302,19 @@ class Solver(ABC):
     """Steps within which the residual should fall by a tenth; fewer for solvers whose steps cost more."""
 
     def check(self, problem: ContactProblem) -> None:
-        """Raise CaseError for a problem that the solver does not accept; by default every problem is accepted.
+        """Check whether the solver accepts a problem; by default it accepts every problem.
 
-        Called before the body is reduced: the compliance of the problem's system is then zero.
+        The check is made before the body is reduced: the compliance of the system is then zero.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            Problem to check.
+
+        Raises
+        ------
+        CaseError
+            If the solver does not accept it.
         """
         return
 
@@ -281,18 +330,47 @@ class Solver(ABC):
             Converged state of the previous load step.
         tolerance : float
             Required residual; a solver need not go below it.
+
+        Returns
+        -------
+        Iterate
+            The first iterate.
         """
 
     @abstractmethod
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """Return the next iterate, without changing the arguments."""
+        """Return the next iterate, without changing the arguments.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            Problem to solve.
+        iterate : Iterate
+            Present iterate.
+
+        Returns
+        -------
+        Iterate
+            The next iterate.
+        """
 
 
 def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:
-    """Return the indenter's position, (n, fields) = (translation, gap, -phi_o, -psi_o, ...).
+    """Return the position of the indenter, (translation, gap, -phi_o, -psi_o, ...), at each node.
 
-    motion: (m,) of the prescribed resultants, which is added. The difference between this position and the body's
-    displacement is the contact gap and the drop of the potentials.
+    The difference between this position and the body's displacement is the contact gap and the drop of the potentials.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    motion : Array, optional
+        (m,), free motions of the prescribed resultants, which are added; none by default.
+
+    Returns
+    -------
+    Array
+        (n, fields) [m, m, m, V, A, ...].
     """
     position = np.empty((problem.fields.size, len(problem.gap))).T  # field by field
     for k in range(problem.fields.size):
@@ -306,30 +384,70 @@ def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST)
         position = -problem.potentials[:, field - N_MECHANICAL]
     else:
         position = (*problem.translation.T, problem.gap)[field].copy()
-    for freedom, amount in zip(problem.prescribed_resultants, motion, strict=True):
-        if field in freedom.moved:
-            position += amount * freedom.mode[:, field]
+    for prescribed, amount in zip(problem.prescribed_resultants, motion, strict=True):
+        if field in prescribed.mode_fields:
+            position += amount * prescribed.mode[:, field]
     return position
 
 
 def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT_REST) -> Array:
-    """Return the gap (n, 3) = (translation - u_tau, gap - u_nu) at a displacement (n, fields) or (n, 3) [m].
+    """Return the gap (translation - u_tau, gap - u_nu) at a displacement of the body.
 
-    motion: (m,) of the prescribed resultants, which is added to that of the indenter.
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    displacement : Array
+        (n, fields) or (n, 3), displacement of the body [m].
+    motion : Array, optional
+        (m,), free motions of the prescribed resultants, which are added; none by default.
+
+    Returns
+    -------
+    Array
+        (n, 3) [m]; the normal gap is positive where the contact is open.
     """
     gap: Array = indenter_position(problem, motion)[:, MECHANICAL] - displacement[:, MECHANICAL]
     return gap
 
 
 def unbalance(problem: ContactProblem, load: Array) -> Array:
-    """Return the resultants of a load (n, fields) minus the prescribed ones, (m,)."""
+    """Return the resultants of a load minus the prescribed ones.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    load : Array
+        (n, fields) load.
+
+    Returns
+    -------
+    Array
+        (m,), in the units of the resultants.
+    """
     return np.array(
-        [sum(f.measure[:, k] @ load[:, k] for k in f.measured) - f.total for f in problem.prescribed_resultants]
+        [sum(f.measure[:, k] @ load[:, k] for k in f.measure_fields) - f.total for f in problem.prescribed_resultants]
     )
 
 
 def resultant(system: ReducedSystem, load: Array) -> tuple[Array, Array]:
-    """Return the force on the body (3,) [N] in global axes and the total fluxes (channels,) of a load (n, fields)."""
+    """Return the resultants of a load.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        Reduced system of n nodes.
+    load : Array
+        (n, fields), tractions and flux densities in local frames.
+
+    Returns
+    -------
+    force : Array
+        (3,), force on the body in global axes [N].
+    fluxes : Array
+        (channels,), total fluxes, positive outward [C, Wb, ...].
+    """
     tractions = np.einsum("na,nai->ni", load[:, MECHANICAL], system.frames)
     force: Array = system.weights @ tractions
     fluxes: Array = system.weights @ load[:, POTENTIALS]

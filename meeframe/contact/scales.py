@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.free_motion import balanced_projection, motions
-from meeframe.contact.nested import Coarse, alike, coarse_problem, same_area, same_everywhere
+from meeframe.contact.nested import Coarse, coarse_problem, has_similar_area, is_similar, is_uniform
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, indenter_field, indenter_position
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction
@@ -17,11 +17,11 @@ from meeframe.system.reduced import ReducedSystem
 
 Mask = NDArray[np.bool_]
 
-RESOLVED: Final = 4e-5
+MIN_DEPTH_RATIO: Final = 4e-5
 """Least depth as a fraction of the free indenter's way to the body; round-off of the gap limits smaller depths."""
 MAX_REPRESENTATIVE_NODES: Final = 5_000
 """Number of nodes that suffice to estimate the magnitude of a compliance."""
-FOUNDATION_STEPS: Final = 3
+MAX_FOUNDATION_STEPS: Final = 3
 """Number of estimates of the free indenter's motion, each with the compliance of the previous contact area."""
 
 
@@ -29,9 +29,17 @@ FOUNDATION_STEPS: Final = 3
 class Scales:
     """Characteristic magnitudes, computed from the problem's data, homogeneous in units, moduli and lengths.
 
-    compliance: (fields, fields) largest displacement of field J under a uniform unit load of field K over the nodes
-    that the indenter overlaps; displacement, load: (fields,) and totals: (m,), of the prescribed resultants, expected
-    magnitudes, positive.
+    Attributes
+    ----------
+    compliance : Array
+        (fields, fields), largest displacement of field J under a uniform unit load of field K over the nodes that the
+        indenter overlaps.
+    displacement : Array
+        (fields,), expected magnitudes of the displacement and the potentials, positive.
+    load : Array
+        (fields,), expected magnitudes of the tractions and flux densities, positive.
+    totals : Array
+        (m,), expected magnitudes of the prescribed resultants, positive.
     """
 
     compliance: Array
@@ -65,25 +73,28 @@ def problem_scales(problem: ContactProblem) -> Scales:
     motion, offset = _foundation_motion(problem), problem.system.offset
     above = indenter_field(problem, 2, motion)
     overlap = offset[:, 2] - above
-    loaded = _loaded(overlap)
+    loaded = _overlapping_nodes(overlap)
     below = loaded & np.isfinite(problem.gap)
-    depth = max(_depth(overlap), RESOLVED * largest(above[below] - problem.gap[below]))
+    depth = max(_overlap_depth(overlap), MIN_DEPTH_RATIO * largest(above[below] - problem.gap[below]))
     compliance = _uniform_response(problem.system, loaded)
     pressure = _pressure(problem, overlap, depth, compliance[2, 2])
-    charged = _prescribed_flux(problem, loaded)
-    numbers, own = range(problem.fields.size)[POTENTIALS], np.diag(compliance)[POTENTIALS]
-    drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in numbers]
-    potential = np.maximum(drop, charged * own)
-    flux = np.where([channel.conducts for channel in problem.channels], potential / own, 0.0)
+    prescribed_flux = _prescribed_flux(problem, loaded)
+    fields, self_compliance = range(problem.fields.size)[POTENTIALS], np.diag(compliance)[POTENTIALS]
+    drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in fields]
+    potential = np.maximum(drop, prescribed_flux * self_compliance)
+    flux = np.where([channel.is_conducting for channel in problem.channels], potential / self_compliance, 0.0)
     pressure = float(np.max([pressure, *(compliance[2, POTENTIALS] * flux / compliance[2, 2])]))
     induced = compliance[POTENTIALS, 2] * pressure
-    load = np.array([*(pressure,) * N_MECHANICAL, *np.maximum(flux, induced / own)])
+    load = np.array([*(pressure,) * N_MECHANICAL, *np.maximum(flux, induced / self_compliance)])
     displacement = np.maximum([largest(column) for column in offset.T], compliance @ load)
-    moved = [largest(indenter_field(problem, axis, motion)) for axis in range(2)]
-    displacement[:2] = np.maximum(displacement[:2], moved)
+    tangential_motion = [largest(indenter_field(problem, axis, motion)) for axis in range(2)]
+    displacement[:2] = np.maximum(displacement[:2], tangential_motion)
     displacement[POTENTIALS] = np.maximum(displacement[POTENTIALS], potential)
     load = _positive(load)
-    totals = [max(abs(f.total), _borne(f, loaded, load)) for f in problem.prescribed_resultants]
+    totals = [
+        max(abs(resultant.total), _resultant_scale(resultant, loaded, load))
+        for resultant in problem.prescribed_resultants
+    ]
     return Scales(compliance, _positive(displacement), load, _positive(np.array(totals)))
 
 
@@ -92,43 +103,44 @@ def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
 
     With these amounts their modes attain the characteristic displacements.
     """
-    moved = [
-        max(largest(f.mode[:, k]) / scales.displacement[k] for k in f.moved) for f in problem.prescribed_resultants
+    unit_displacement = [
+        max(largest(resultant.mode[:, k]) / scales.displacement[k] for k in resultant.mode_fields)
+        for resultant in problem.prescribed_resultants
     ]
-    return 1.0 / np.array(moved)
+    return 1.0 / np.array(unit_displacement)
 
 
 @memoize_by_identity
 def _foundation_motion(problem: ContactProblem) -> Array:
     """Return the free motions (m,) on an elastic foundation as compliant as the body under a uniform pressure."""
     motion = np.zeros(len(problem.prescribed_resultants))
-    moving = motions(problem)
-    if moving.size == 0:
+    numbers = motions(problem)
+    if numbers.size == 0:
         return motion
     coarse = coarse_problem(problem) if len(problem.gap) > MAX_REPRESENTATIVE_NODES else None
     if coarse is not None:
-        found = _foundation_motion(coarse.problem)
-        if _same_overlap(problem, coarse, found):
-            return found
-    loaded = _loaded(np.where(np.isfinite(problem.gap), 0.0, -np.inf))
-    for _ in range(FOUNDATION_STEPS):
+        coarse_motion = _foundation_motion(coarse.problem)
+        if _same_overlap(problem, coarse, coarse_motion):
+            return coarse_motion
+    loaded = _overlapping_nodes(np.where(np.isfinite(problem.gap), 0.0, -np.inf))
+    for _ in range(MAX_FOUNDATION_STEPS):
         system, nodes = coarse_representative(problem.system, loaded)
-        press = np.zeros_like(system.offset)
-        press[nodes, 2] = 1.0
-        r = 1.0 / float(np.abs(apply_load(system, press, (2,))).max())
+        load = np.zeros_like(system.offset)
+        load[nodes, 2] = 1.0
+        r = 1.0 / float(np.abs(apply_load(system, load, (2,))).max())
         gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
-        motion[moving] += balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
-        loaded = _loaded(_overlap(problem, motion))
+        motion[numbers] += balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
+        loaded = _overlapping_nodes(_overlap(problem, motion))
     return motion
 
 
 def _same_overlap(problem: ContactProblem, coarse: Coarse, motion: Array) -> bool:
     """Return whether the overlap, after a motion (m,), agrees in area and depth with that of the coarser division."""
     (area, volume), (coarse_area, coarse_volume) = (
-        (float(one.system.weights @ (overlap > 0.0)), float(one.system.weights @ np.maximum(overlap, 0.0)))
-        for one, overlap in ((each, _overlap(each, motion)) for each in (problem, coarse.problem))
+        (float(division.system.weights @ (overlap > 0.0)), float(division.system.weights @ np.maximum(overlap, 0.0)))
+        for division, overlap in ((division, _overlap(division, motion)) for division in (problem, coarse.problem))
     )
-    return alike(area, coarse_area) and alike(volume, coarse_volume)
+    return is_similar(area, coarse_area) and is_similar(volume, coarse_volume)
 
 
 def _overlap(problem: ContactProblem, motion: Array) -> Array:
@@ -140,7 +152,7 @@ def _overlap(problem: ContactProblem, motion: Array) -> Array:
     return overlap
 
 
-def _loaded(overlap: Array) -> Mask:
+def _overlapping_nodes(overlap: Array) -> Mask:
     """Return the nodes (n,) that the indenter overlaps.
 
     All nodes below it are returned if there are none, and all nodes if it is above none.
@@ -152,10 +164,10 @@ def _loaded(overlap: Array) -> Mask:
 def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
     """Return mean flux densities (channels,) of prescribed totals over the nodes (n,) that are loaded."""
     flux = np.zeros(len(problem.channels))
-    for freedom in problem.prescribed_resultants:
-        if freedom.electromagnetic:
-            measure = np.abs(freedom.measure[loaded, POTENTIALS]).sum(axis=0)
-            flux += np.divide(abs(freedom.total), measure, out=np.zeros_like(flux), where=measure > 0.0)
+    for resultant in problem.prescribed_resultants:
+        if resultant.electromagnetic:
+            measure = np.abs(resultant.measure[loaded, POTENTIALS]).sum(axis=0)
+            flux += np.divide(abs(resultant.total), measure, out=np.zeros_like(flux), where=measure > 0.0)
     return flux
 
 
@@ -165,16 +177,16 @@ def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance:
     Where nothing overlaps (n,) it is the attraction alone. compliance: that of the body [m/Pa].
     """
     law = problem.contact_law
-    pull = float(attraction(law, -overlap).max(initial=0.0))
-    if pull > 0.0 and not (overlap > 0.0).any():
-        return pull
-    count = 1 if same_everywhere(law, len(overlap)) else len(overlap)
+    attractive_pressure = float(attraction(law, -overlap).max(initial=0.0))
+    if attractive_pressure > 0.0 and not (overlap > 0.0).any():
+        return attractive_pressure
+    count = 1 if is_uniform(law, len(overlap)) else len(overlap)
     gap = np.tile([0.0, 0.0, -depth], (count, 1))
-    borne = law.resolve(gap / compliance, gap, (1.0 / compliance, 1.0 / compliance))
-    return max(float(-borne[:, 2].min(initial=0.0)), pull) or depth / compliance
+    traction = law.resolve(gap / compliance, gap, (1.0 / compliance, 1.0 / compliance))
+    return max(float(-traction[:, 2].min(initial=0.0)), attractive_pressure) or depth / compliance
 
 
-def _depth(overlap: Array) -> float:
+def _overlap_depth(overlap: Array) -> float:
     """Return the deepest overlap, or else the largest distance, or else one, as every state is then exactly zero."""
     finite = overlap[np.isfinite(overlap)]
     return float(finite.max(initial=0.0)) or float(np.abs(finite).max(initial=0.0)) or 1.0
@@ -188,7 +200,7 @@ def coarse_representative(system: ReducedSystem, loaded: Mask) -> tuple[ReducedS
     while len(loaded) > MAX_REPRESENTATIVE_NODES:
         multigrid = system.capability(Multigrid)
         coarse = None if multigrid is None else multigrid.coarsen()
-        if coarse is None or not same_area(system, loaded, coarse):
+        if coarse is None or not has_similar_area(system, loaded, coarse):
             break
         system, loaded = coarse.system, loaded[coarse.nodes]
     return system, loaded
@@ -196,11 +208,11 @@ def coarse_representative(system: ReducedSystem, loaded: Mask) -> tuple[ReducedS
 
 def _uniform_response(system: ReducedSystem, loaded: Mask) -> Array:
     system, loaded = coarse_representative(system, loaded)
-    return _response_of_nodes(system, loaded.tobytes())
+    return _response_on_nodes(system, loaded.tobytes())
 
 
 @memoize_by_identity
-def _response_of_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
+def _response_on_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
     """Return the largest displacements (fields, fields) under uniform unit loads.
 
     loaded_bytes: mask of the nodes. The result is memoized because increments under the same normal load use the same
@@ -215,9 +227,9 @@ def _response_of_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
     return compliance
 
 
-def _borne(freedom: PrescribedResultant, loaded: Mask, load: Array) -> float:
+def _resultant_scale(resultant: PrescribedResultant, loaded: Mask, load: Array) -> float:
     """Return the sum of the magnitudes that a load (fields,) on nodes (n,) contributes to a resultant."""
-    return sum(float(np.abs(freedom.measure[loaded, k]).sum() * load[k]) for k in freedom.measured)
+    return sum(float(np.abs(resultant.measure[loaded, k]).sum() * load[k]) for k in resultant.measure_fields)
 
 
 def largest(values: Array) -> float:

@@ -189,6 +189,11 @@ def element_extents(element: SurfaceElement, nodes: Array, tolerance: float) -> 
         Positions of the nodes, (e, n, 3).
     tolerance : float
         Relative error of the rules.
+
+    Returns
+    -------
+    ElementExtents
+        Centres, sizes and smallest orders of the elements.
     """
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     count = len(nodes)

@@ -90,7 +90,10 @@ MAGNETIC_FIELD: Final = ScalarField(
 class FieldSet:
     """Displacement and some scalar fields, in the order of their columns.
 
-    scalars: the scalar fields; their columns follow the three of the displacement.
+    Attributes
+    ----------
+    scalars : tuple of ScalarField
+        The scalar fields, whose columns follow the three of the displacement.
     """
 
     scalars: tuple[ScalarField, ...]
@@ -126,7 +129,23 @@ class FieldSet:
         return (*(("Pa",) * N_MECHANICAL), *(scalar.flux_unit for scalar in self.scalars))
 
     def index(self, name: str) -> int:
-        """Return the column of the scalar field of this name; raise ValueError if there is none."""
+        """Return the column of a scalar field.
+
+        Parameters
+        ----------
+        name : str
+            Name of the field.
+
+        Returns
+        -------
+        int
+            Its column, counted from the first displacement.
+
+        Raises
+        ------
+        ValueError
+            If there is no such field.
+        """
         return N_MECHANICAL + self.names.index(name)
 
 
@@ -149,14 +168,28 @@ class FieldScaling:
     C'_iJKm = s_J s_K C_iJKm, u' = u / s, t' = s t, where primes mark scaled fields. In SI units the extended stiffness
     has a condition number near 1e19; scaled, near 10.
 
-    factors: (fields,) positive.
+    Attributes
+    ----------
+    factors : Array
+        Factors s_J, (fields,) > 0.
     """
 
     factors: Array
 
     @classmethod
     def of(cls, stiffness: Array) -> "FieldScaling":
-        """Return the scaling of an extended stiffness C_iJKm, (3, fields, fields, 3) in SI units."""
+        """Return the scaling of an extended stiffness.
+
+        Parameters
+        ----------
+        stiffness : Array
+            C_iJKm, (3, fields, fields, 3), SI units.
+
+        Returns
+        -------
+        FieldScaling
+            Factors by which the largest entry of each diagonal block becomes one.
+        """
         elastic = np.abs(stiffness[:, MECHANICAL, MECHANICAL, :]).max()
         scalars = (np.abs(stiffness[:, k, k, :]).max() for k in range(N_MECHANICAL, stiffness.shape[1]))
         factors = np.array([*(elastic,) * N_MECHANICAL, *scalars]) ** -0.5
@@ -164,22 +197,77 @@ class FieldScaling:
         return cls(factors)
 
     def scale_stiffness(self, stiffness: Array) -> Array:
-        """Return C'_iJKm of C_iJKm, (3, fields, fields, 3)."""
+        """Return a scaled extended stiffness.
+
+        Parameters
+        ----------
+        stiffness : Array
+            C_iJKm, (3, fields, fields, 3), SI units.
+
+        Returns
+        -------
+        Array
+            C'_iJKm, (3, fields, fields, 3).
+        """
         scaled: Array = stiffness * self.factors[None, :, None, None] * self.factors[None, None, :, None]
         return scaled
 
     def scale_values(self, values: Array) -> Array:
-        """Return u' of u (..., fields) in SI units."""
+        """Return scaled extended displacements.
+
+        Parameters
+        ----------
+        values : Array
+            u, (..., fields), SI units.
+
+        Returns
+        -------
+        Array
+            u', (..., fields).
+        """
         return values / self.factors
 
     def unscale_values(self, values: Array) -> Array:
-        """Return u (..., fields) in SI units of u'."""
+        """Return extended displacements in SI units.
+
+        Parameters
+        ----------
+        values : Array
+            u', (..., fields), scaled.
+
+        Returns
+        -------
+        Array
+            u, (..., fields).
+        """
         return values * self.factors
 
     def scale_fluxes(self, fluxes: Array) -> Array:
-        """Return t' of t (..., fields) in SI units."""
+        """Return scaled extended tractions.
+
+        Parameters
+        ----------
+        fluxes : Array
+            t, (..., fields), SI units.
+
+        Returns
+        -------
+        Array
+            t', (..., fields).
+        """
         return fluxes * self.factors
 
     def unscale_fluxes(self, fluxes: Array) -> Array:
-        """Return t (..., fields) in SI units of t'."""
+        """Return extended tractions in SI units.
+
+        Parameters
+        ----------
+        fluxes : Array
+            t', (..., fields), scaled.
+
+        Returns
+        -------
+        Array
+            t, (..., fields).
+        """
         return fluxes / self.factors

@@ -26,12 +26,24 @@ _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -
 
 
 class Quantity:
-    """Mark of an annotated float as a quantity; the field holds SI numbers.
+    """Annotation of a float as a quantity; the field holds numbers in SI units.
 
-    unit: its SI unit, "" for pure numbers; alternatives: further SI units, for a key whose dimension depends on where
-    it is used; gt, ge, lt, le: bounds in those units. Case files may give a number in SI or a text with a unit of the
-    same dimension; infinity is written inf, NaN is refused.
-    Example: `radius: Annotated[float, Quantity("m", gt=0)]`.
+    Case files may give a number in SI units or a text with a unit of the same dimension; infinity is written inf, and
+    NaN is refused. Example: `radius: Annotated[float, Quantity("m", gt=0)]`.
+
+    Parameters
+    ----------
+    unit : str
+        The SI unit, "" for pure numbers.
+    *alternatives : str
+        Further SI units, for a key whose dimension depends on its use.
+    **bounds : float
+        Bounds gt, ge, lt and le in these units.
+
+    Raises
+    ------
+    TypeError
+        For a bound of another name.
     """
 
     __slots__ = ("bounds", "units")
@@ -50,12 +62,39 @@ class Quantity:
         return core_schema.no_info_plain_validator_function(self.check)
 
     def only(self, settled: str) -> "Quantity":
-        """Return the quantity restricted to some units, given with blanks between; itself if it has none of them."""
+        """Return the quantity restricted to some units.
+
+        Parameters
+        ----------
+        settled : str
+            The units, separated by blanks.
+
+        Returns
+        -------
+        Quantity
+            The restricted quantity, or the quantity itself if it has none of these units.
+        """
         fitting = [unit for unit in self.units if unit in settled.split()]
         return Quantity(fitting[0], *fitting[1:], **self.bounds) if fitting else self
 
     def convert(self, value: Any) -> float:
-        """Return the SI number of a value in a case file; raise ValueError unless it is a number or has this unit."""
+        """Return the SI number of a value of a case file.
+
+        Parameters
+        ----------
+        value : object
+            A number or a text with a unit.
+
+        Returns
+        -------
+        float
+            The number in SI units.
+
+        Raises
+        ------
+        ValueError
+            If it is neither a number nor a text with a unit of this dimension.
+        """
         if isinstance(value, str):
             value = self._parse(value)
         elif isinstance(value, bool) or not isinstance(value, int | float):
@@ -75,7 +114,23 @@ class Quantity:
         return f"a number in {' or '.join(self.units)} or a text with such a unit"
 
     def check(self, value: Any) -> float:
-        """Return convert(value) if it is within the bounds; raise ValueError otherwise."""
+        """Return the SI number of a value of a case file after checking its bounds.
+
+        Parameters
+        ----------
+        value : object
+            A number or a text with a unit.
+
+        Returns
+        -------
+        float
+            The number in SI units.
+
+        Raises
+        ------
+        ValueError
+            As `convert`, and if the number is out of bounds.
+        """
         number = self.convert(value)
         holds = {"gt": number.__gt__, "ge": number.__ge__, "lt": number.__lt__, "le": number.__le__}
         if not all(holds[name](bound) for name, bound in self.bounds.items()):
@@ -173,17 +228,27 @@ def _unknown(name: str) -> str:
     """
     registry = unit_registry()
     stem = name.rstrip("0123456789")
-    found = [f"{stem}^{name[len(stem) :]}"] if stem in registry else []
+    result = [f"{stem}^{name[len(stem) :]}"] if stem in registry else []
     for prefix, unit, _ in registry.parse_unit_name(name, case_sensitive=False):
         unit = registry.Unit(prefix + unit)
-        found += [same for same in (f"{unit:~}", f"{unit}") if same.lower() == name.lower()]
-    return f"unknown unit {name!r}" + (f"; did you mean {found[0]!r}?" if found else "")
+        result += [same for same in (f"{unit:~}", f"{unit}") if same.lower() == name.lower()]
+    return f"unknown unit {name!r}" + (f"; did you mean {result[0]!r}?" if result else "")
 
 
 def check_quantities(record: Any) -> None:
-    """Check the quantities of a frozen dataclass made in Python, in its __post_init__, like entries of a case file.
+    """Check the quantities of a frozen dataclass like entries of a case file.
 
-    Quantities become SI numbers within their bounds, choices (Literal) are among the allowed. Raises CaseError.
+    Call it in `__post_init__`. Quantities become SI numbers.
+
+    Parameters
+    ----------
+    record : object
+        The dataclass instance.
+
+    Raises
+    ------
+    CaseError
+        If a quantity is not valid or out of bounds, or if a Literal is none of the allowed values.
     """
     for name, hint in get_type_hints(type(record), include_extras=True).items():
         value = getattr(record, name)

@@ -15,10 +15,32 @@ class Formulation(ABC):
 
     @abstractmethod
     def check(self, body: Body) -> None:
-        """Raise MeshError or CaseError if the body does not fit the formulation, before anything is computed."""
+        """Check a body before anything is computed.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Raises
+        ------
+        MeshError, CaseError
+            If the body does not fit the formulation.
+        """
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Return warnings, as texts, about a body that `check` accepts but that may be computed inaccurately."""
+        """Return warnings about a body that `check` accepts but that may be computed inaccurately.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Returns
+        -------
+        tuple of str
+            The warnings.
+        """
         return ()
 
     def is_periodic(self) -> bool:
@@ -33,6 +55,18 @@ class Formulation(ABC):
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Discretise the body, factorise once and condense to the contact zone.
 
+        Parameters
+        ----------
+        body : Body
+            The body.
+        progress : callable, optional
+            Function that is called with the name of a stage and the fraction of it that is done.
+
+        Returns
+        -------
+        ReducedSystem
+            The body condensed to its contact zone.
+
         Raises
         ------
         MeshError, CaseError
@@ -44,13 +78,26 @@ class Formulation(ABC):
 
 @dataclass(frozen=True)
 class PersistentFormulation(Formulation):
-    """A formulation that makes its systems again from the arrays of `Persistence.to_arrays`, for caches on disk."""
+    """Formulation that restores its systems from the arrays of `Persistence.to_arrays`, for caches on disk."""
 
     @abstractmethod
     def from_arrays(self, body: Body, arrays: Mapping[str, AnyArray]) -> ReducedSystem:
-        """Return the reduced system that was stored as arrays, bit for bit the same for contact.
+        """Restore a reduced system that was stored as arrays.
 
-        Fields on the whole boundary may need another reduction, at the first call of `recover`.
+        For contact it is bitwise equal to the original. Fields on the whole boundary may need another reduction, at the
+        first call of `recover`.
+
+        Parameters
+        ----------
+        body : Body
+            The body that was reduced.
+        arrays : dict of str to array
+            Arrays of `Persistence.to_arrays`.
+
+        Returns
+        -------
+        ReducedSystem
+            The system.
 
         Raises
         ------

@@ -65,7 +65,18 @@ class Kernel(ABC):
 
     @abstractmethod
     def gradient(self, offset: Array) -> Array:
-        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, fields, fields, 3), for offsets (n, 3)."""
+        """Return the derivatives U_PJ,q of the fundamental solution with respect to x (eq. 48).
+
+        Parameters
+        ----------
+        offset : Array
+            Offsets x - x', (n, 3).
+
+        Returns
+        -------
+        Array
+            Derivatives, (n, fields, fields, 3), with the direction q last.
+        """
 
 
 @dataclass(frozen=True)
@@ -83,6 +94,11 @@ class FundamentalSolution(ABC):
         ----------
         stiffness : Array
             Scaled extended stiffness C'_iJKm, (3, f, f, 3).
+
+        Returns
+        -------
+        Kernel
+            The kernel.
 
         Raises
         ------

@@ -52,6 +52,11 @@ class LineIntegral(FundamentalSolution):
         stiffness : Array
             Scaled extended stiffness, (3, 5, 5, 3).
 
+        Returns
+        -------
+        Kernel
+            The kernel.
+
         Raises
         ------
         MaterialError
@@ -90,7 +95,7 @@ def line_modulation(stiffness: Array, points: int, triad: Array, with_tangents: 
     modulation, converged = line_integrals(stiffness, triad, points, MAX_POINTS, MAX_CHANGE, with_tangents)
     if not converged:
         raise MaterialError(
-            f"the line integral does not converge with {MAX_POINTS} points: the material is nearly not elliptic"
+            f"the line integral does not converge with {MAX_POINTS} points: the material is close to losing ellipticity"
         )
     result: Array = modulation
     return result

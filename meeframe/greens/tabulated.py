@@ -106,6 +106,11 @@ class Tabulated(FundamentalSolution):
         stiffness : Array
             Scaled extended stiffness, (3, 5, 5, 3).
 
+        Returns
+        -------
+        Kernel
+            The kernel.
+
         Raises
         ------
         MaterialError

@@ -44,8 +44,11 @@ _RIGID_UNITS: Final = {
 class IndenterMotions:
     """Names, places and units of the degrees of freedom of an indenter: six rigid motions and its potentials.
 
-    fields: the field set of the body; each of its scalar fields adds a potential, which counts as a motion, and a total
-    flux, which is the resultant that works on it.
+    Attributes
+    ----------
+    fields : FieldSet
+        Field set of the body. Each of its scalar fields adds a potential, which counts as a motion, and a total
+        flux, the resultant that works on it.
     """
 
     fields: FieldSet = MEE
@@ -99,9 +102,17 @@ class Indenter(ABC):
 
     @abstractmethod
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height of the indenter's surface above its lowest point, (n,) >= 0 [m], inf where there is none.
+        """Return the height of the surface of the indenter above its lowest point.
 
-        x, y: (n,) coordinates from the indenter's axis in its own plane [m].
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter in its own plane, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m], inf where there is no indenter.
         """
 
     @property

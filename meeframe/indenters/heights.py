@@ -117,6 +117,11 @@ class SampledHeights(Indenter):
         interpolation : {'linear', 'cubic', 'nodes'}
             Interpolation, as for `Heights`.
 
+        Returns
+        -------
+        SampledHeights
+            The indenter.
+
         Raises
         ------
         CaseError
@@ -135,7 +140,17 @@ class SampledHeights(Indenter):
         return cls(np.column_stack([across.ravel(), along.ravel(), heights.ravel()]), interpolation)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height above the lowest one, (n,) [m].
+        """Return the height above the lowest sample.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m], inf outside the samples.
 
         Raises
         ------

@@ -143,6 +143,11 @@ class ContactLaw(ABC):
             increment is the tangential gap.
         duration : float or None
             Duration of the increment [s], None if the load step has none.
+
+        Returns
+        -------
+        ContactLaw
+            The law with which the increment is solved.
         """
         return self
 
@@ -251,7 +256,7 @@ def contact_conductivity(law: ConductivityLaw, normal_traction: Array) -> Array:
     return law.conductivity(normal_traction, zero, zero)
 
 
-def conducts(law: ConductivityLaw) -> bool:
+def is_conducting(law: ConductivityLaw) -> bool:
     """Return whether a law conducts in contact, or across a gap or with a drop if it depends on these."""
     if (contact_conductivity(law, PRESSURES) > 0.0).any():
         return True
@@ -306,22 +311,22 @@ def contact_traction(law: ContactLaw, normal_traction: Array, gap: Array) -> Arr
     Array
         Normal tractions minus the attraction, (n,) [Pa].
     """
-    return normal_traction - attraction(law, gap) if attracts(law) else normal_traction
+    return normal_traction - attraction(law, gap) if is_adhesive(law) else normal_traction
 
 
 def attraction(law: ContactLaw, gap: Array) -> Array:
     """Return the attraction, (n,) [Pa], at normal gaps (n,) [m], with negative gaps taken as zero."""
-    return law.adhesion(np.maximum(gap, 0.0)) if attracts(law) else np.zeros_like(gap)
+    return law.adhesion(np.maximum(gap, 0.0)) if is_adhesive(law) else np.zeros_like(gap)
 
 
-def attracts(law: ContactLaw) -> bool:
+def is_adhesive(law: ContactLaw) -> bool:
     """Return whether the law implements adhesion."""
     return type(law).adhesion is not ContactLaw.adhesion
 
 
 def is_pure_projection(law: ContactLaw) -> bool:
     """Return whether the law is defined by `project` alone, independent of the gap."""
-    return type(law).resolve is ContactLaw.resolve and not attracts(law)
+    return type(law).resolve is ContactLaw.resolve and not is_adhesive(law)
 
 
 def attraction_slope(law: ContactLaw, gap: Array) -> Array:
@@ -378,7 +383,7 @@ def traction_tangents(
     if separated is not None and separated.any():
         by_trial = by_trial.copy(order="K")
         by_trial[separated] = by_gap[separated] = 0.0
-    if attracts(law):
+    if is_adhesive(law):
         slope = attraction_slope(law, gap[:, 2])
         by_gap[:, :, 2] -= by_trial[:, :, 2] * slope[:, None]
         by_gap[:, 2, 2] += slope
@@ -405,7 +410,7 @@ def fixed_point_map(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -
         Tractions, (n, 3) [Pa].
     """
     traction = law.resolve(trial, gap, r)
-    if attracts(law):
+    if is_adhesive(law):
         traction = traction.copy()
         traction[:, 2] += attraction(law, gap[:, 2])
     return traction

@@ -38,7 +38,18 @@ class IsotropicCoulomb(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Return the radial return to the disc of radius mu |p_nu|, (n, 3) [Pa]."""
+        """Return the radial return to the disc of radius mu |p_nu|.
+
+        Parameters
+        ----------
+        trial : Array
+            Trial tractions, (n, 3) [Pa], along e1, e2, nu.
+
+        Returns
+        -------
+        Array
+            Tractions, (n, 3) [Pa].
+        """
         return _radial_return(trial, np.array([self.mu, self.mu]))
 
     def tangential_scaling(self) -> Array:
@@ -46,7 +57,18 @@ class IsotropicCoulomb(ContactLaw):
         return _scaling(np.array([self.mu, self.mu]))
 
     def tangent(self, trial: Array) -> Array:
-        """Return the derivative of the radial return, (n, 3, 3)."""
+        """Return the derivative of the radial return.
+
+        Parameters
+        ----------
+        trial : Array
+            Trial tractions, (n, 3) [Pa].
+
+        Returns
+        -------
+        Array
+            Derivatives, (n, 3, 3), with rows of the traction.
+        """
         return _radial_tangent(trial, np.array([self.mu, self.mu]), np.eye(2))
 
 
@@ -89,7 +111,18 @@ class OrthotropicCoulomb(ContactLaw):
             )
 
     def project(self, trial: Array) -> Array:
-        """Return the radial return to the ellipse with half axes mu1 |p_nu| and mu2 |p_nu|, (n, 3) [Pa]."""
+        """Return the radial return to the ellipse with half axes mu1 |p_nu| and mu2 |p_nu|.
+
+        Parameters
+        ----------
+        trial : Array
+            Trial tractions, (n, 3) [Pa], along e1, e2, nu.
+
+        Returns
+        -------
+        Array
+            Tractions, (n, 3) [Pa].
+        """
         axes = self._axes()
         principal = np.column_stack([trial[:, :2] @ axes.T, trial[:, 2]])
         traction = _radial_return(principal, np.array([self.mu1, self.mu2]))
@@ -103,7 +136,18 @@ class OrthotropicCoulomb(ContactLaw):
         return scaling
 
     def tangent(self, trial: Array) -> Array:
-        """Return the derivative of the radial return, (n, 3, 3)."""
+        """Return the derivative of the radial return.
+
+        Parameters
+        ----------
+        trial : Array
+            Trial tractions, (n, 3) [Pa].
+
+        Returns
+        -------
+        Array
+            Derivatives, (n, 3, 3), with rows of the traction.
+        """
         return _radial_tangent(trial, np.array([self.mu1, self.mu2]), self._axes())
 
     def _axes(self) -> Array:

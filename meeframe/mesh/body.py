@@ -62,6 +62,11 @@ class Body:
 def check_conditions(body: Body) -> None:
     """Check that conditions are complete, outside the contact zone, and do not repeat each other.
 
+    Parameters
+    ----------
+    body : Body
+        The body.
+
     Raises
     ------
     MeshError

@@ -31,6 +31,11 @@ def check_mesh(mesh: SurfaceMesh) -> None:
     points, no degenerate or folded elements, closed and manifold, consistently oriented, conforming at mid-sides,
     oriented outwards. The boundary of a semi-infinite body must be plane instead of closed.
 
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        The mesh.
+
     Raises
     ------
     MeshError

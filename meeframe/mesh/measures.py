@@ -98,7 +98,19 @@ def affine(points: Array, element: SurfaceElement, connectivity: Indices) -> NDA
 
 
 def area(mesh: SurfaceMesh, group: str | None = None) -> float:
-    """Return the area [m^2] of a mesh or of one face group.
+    """Return the area of a mesh or of one face group.
+
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        The mesh.
+    group : str, optional
+        Name of a face group; by default the whole mesh.
+
+    Returns
+    -------
+    float
+        The area [m^2].
 
     Raises
     ------

@@ -85,6 +85,11 @@ def read_mesh(
 def read_any(file: Path) -> Any:
     """Read a file by meshio.
 
+    Parameters
+    ----------
+    file : Path
+        The file.
+
     Returns
     -------
     meshio.Mesh

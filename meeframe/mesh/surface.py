@@ -58,6 +58,16 @@ class SurfaceMesh:
     def group(self, name: str) -> int:
         """Return the index of a face group.
 
+        Parameters
+        ----------
+        name : str
+            Name of the face group.
+
+        Returns
+        -------
+        int
+            Its index in `group_names`.
+
         Raises
         ------
         MeshError
@@ -68,7 +78,23 @@ class SurfaceMesh:
         return self.group_names.index(name)
 
     def group_points(self, name: str) -> Indices:
-        """Return the sorted numbers of the points of the elements of a face group."""
+        """Return the points of the elements of a face group.
+
+        Parameters
+        ----------
+        name : str
+            Name of the face group.
+
+        Returns
+        -------
+        Indices
+            Sorted numbers of the points.
+
+        Raises
+        ------
+        MeshError
+            If there is no such group.
+        """
         index = self.group(name)
         numbers = [block.connectivity[block.groups == index].ravel() for block in self.blocks]
         return np.unique(np.concatenate(numbers))

@@ -45,6 +45,18 @@ def find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
 
     Normals at points are means over the elements of the zone alone, weighted by their areas.
 
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        The mesh.
+    group : str
+        Name of the face group.
+
+    Returns
+    -------
+    ContactZone
+        Nodes, frames, weights and elements of the zone.
+
     Raises
     ------
     MeshError
@@ -81,6 +93,13 @@ def _find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
 
 def check_contact_zone(mesh: SurfaceMesh, group: str) -> None:
     """Check that a face group can be a contact zone.
+
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        The mesh.
+    group : str
+        Name of the face group.
 
     Raises
     ------

@@ -47,9 +47,9 @@ def cached_body(
     """Return the reduced system of one body, like cached_reduce; key: its system_key, if already known."""
     key = key or system_key(formulation, body)
     path = folder / f"{key}.h5"
-    found = read_system(path, key, recovery_of(formulation, body, progress))
-    if found is not None:
-        return found
+    result = read_system(path, key, recovery_of(formulation, body, progress))
+    if result is not None:
+        return result
     stored = read_arrays(path, key)
     if stored is not None and isinstance(formulation, PersistentFormulation):
         with suppress(ValueError), faults_of_plugins(ValueError):  # not arrays of this formulation

@@ -34,7 +34,7 @@ class _Watch:
     """Conductivity of a law that records invalid values under finite tractions, gaps and drops.
 
     Of several such values the one under the least traction is recorded. Calls that test whether a law conducts at all
-    (meeframe.laws.base.conducts) do not count.
+    (meeframe.laws.base.is_conducting) do not count.
     """
 
     law: ConductivityLaw
@@ -46,8 +46,8 @@ class _Watch:
         wrong = ~(kappa >= 0.0)
         if wrong.any() and not _tried(normal_traction, gap):
             finite = np.isfinite(normal_traction) & np.isfinite(gap) & np.isfinite(drop)
-            found = _answers(kappa, normal_traction, gap, drop, wrong & finite)
-            self.answers[:] = sorted([*self.answers, *found], key=lambda answer: -answer.traction)[:1]
+            result = _answers(kappa, normal_traction, gap, drop, wrong & finite)
+            self.answers[:] = sorted([*self.answers, *result], key=lambda answer: -answer.traction)[:1]
         return kappa
 
 
@@ -62,7 +62,7 @@ def watched(law: ConductivityLaw) -> ConductivityLaw:
 
 
 def _tried(traction: Array, gap: Array) -> bool:
-    """Return whether these tractions and gaps (n,) are those with which `conducts` tests a law."""
+    """Return whether these tractions and gaps (n,) are those with which `is_conducting` tests a law."""
     across = not traction.any() and bool(np.isin(gap, GAPS).all())
     return across or np.array_equal(traction, PRESSURES) or bool((traction == PRESSURES[-1]).all())
 
@@ -88,22 +88,22 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
     for column, channel in enumerate(problem.channels, N_MECHANICAL):
         law, field = channel.law, channel.field
         if finite:
-            found = list(_wrong_in_state(problem, solution, law, column))
+            result = list(_wrong_in_state(problem, solution, law, column))
         else:
             watch = vars(law).get("conductivity")
-            found = watch.answers if isinstance(watch, _Watch) else []
-        for answer in found:
+            result = watch.answers if isinstance(watch, _Watch) else []
+        for answer in result:
             drop = f" and a drop of {answer.drop:g} {field.value_unit}"
             across = f", a gap of {answer.gap:g} m{drop}" if law.across_gap else ""
-            told = (
+            message = (
                 f"conductivity.{field.name}: conductivity of the conductivity law {type(law).__name__} is "
                 f"{answer.kappa:g} under a normal traction of {answer.traction:g} Pa{across}; "
                 "allowed: numbers >= 0 and inf"
             )
             spoilt = not finite or np.isnan(answer.kappa)
             if solution.status is Status.CONVERGED or (spoilt and -answer.traction <= most):
-                raise CaseError(told)
-            solution = replace(solution, message=f"{solution.message}; {told}")
+                raise CaseError(message)
+            solution = replace(solution, message=f"{solution.message}; {message}")
     return solution
 
 
@@ -112,11 +112,11 @@ def _wrong_in_state(
 ) -> Iterator[Answer]:
     """Yield the first invalid conductivity of a law in a finite state, if there is one."""
     state = solution.state
-    ahead = indenter_position(problem, state.motion) - state.displacement
-    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2]), 0.0)
-    gap = np.where(traction < 0.0, 0.0, np.maximum(ahead[:, 2], 0.0))
+    relative_displacement = indenter_position(problem, state.motion) - state.displacement
+    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2]), 0.0)
+    gap = np.where(traction < 0.0, 0.0, np.maximum(relative_displacement[:, 2], 0.0))
     asked = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
-    given = traction[asked], gap[asked], ahead[asked, column]
+    given = traction[asked], gap[asked], relative_displacement[asked, column]
     with np.errstate(all="ignore"):
         kappa = law.conductivity(*given)
     yield from _answers(kappa, *given, ~(kappa >= 0.0))

@@ -12,7 +12,7 @@ from meeframe.contact.problem import Status
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
 from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, motion_modes
-from meeframe.laws.base import ContactLaw, attracts, augmented_traction, fixed_point_map
+from meeframe.laws.base import ContactLaw, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.mesh.measures import corners
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
@@ -99,7 +99,7 @@ class Diagnostics:
             said += snap_in(kinematics.system, case.contact_law, result)
         if warns:
             said += [*self.warnings(), *foreseen, *unused_potentials(kinematics)]
-        return replace(with_message(result, said), reaches_edge=sides > 0)
+        return replace(with_message(result, said), contact_at_zone_boundary=sides > 0)
 
 
 def with_message(result: StepResult, said: Iterable[str]) -> StepResult:
@@ -124,10 +124,13 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
     if not step.touching.any() and not distant:
         yield "the indenter does not touch the body"
     if sides:
-        yield f"the contact reaches the edge of its zone at {sides} element side{'s' * (sides > 1)}"
+        yield f"the contact reaches the boundary of its zone at {sides} element side{'s' * (sides > 1)}"
     yield from _large(zone, step)
     if _slides(zone, step, law):
-        yield "everything slips under the prescribed force or torque: how far beyond where that began is undetermined"
+        yield (
+            "the whole contact slips under the prescribed force or torque: the motion beyond the onset of full slip is "
+            "undetermined"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,13 +179,13 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     much = new.max() > max(_LARGEST_ONSET * count, rim / 2)
     if law.tangential_scaling().any() and much and shear > _NOTICED * pressure:
         yield (
-            f"{new.max() / count:.0%} of the contact came about in one increment, and its slip counts from before it "
-            "touched: more `increments` follow the history, with less slip"
+            f"{new.max() / count:.0%} of the contact formed in one increment, and its slip includes motion before it "
+            "touched: use more `increments`"
         )
     uncertain = _OF_RIM * (rim / count) ** 1.5
     if uncertain > _COARSE:
-        nodes = "one node" if count == 1 else f"{count} nodes, {rim} of them at its rim"
-        yield f"the contact has {nodes}: its area is known to about {uncertain:.0%}, more divisions resolve it"
+        nodes = "one node" if count == 1 else f"{count} nodes, {rim} of them at its edge"
+        yield f"the contact has {nodes}: its area is uncertain by about {uncertain:.0%}; use more divisions"
 
 
 def _rim(zone: Zone, step: StepResult) -> int:
@@ -249,7 +252,7 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
     exceeds one; the response grows with the size of elements.
     """
     if (
-        not attracts(law)
+        not is_adhesive(law)
         or law.adhesion(np.maximum(step.gap, 0.0)).max() <= _NOTICED_ATTRACTION * np.abs(step.traction).max()
     ):
         return
@@ -258,9 +261,9 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
         return
     size = longest_side(system.points, system.cells) or float(np.sqrt(system.weights.max()))
     yield (
-        f"the attraction falls {ratio:.3g} times as steeply with the gap as single nodes resist: they snap into "
-        "contact one by one, forces may be far off and depend on the way; what serves: elements of "
-        f"{size / ratio:.2g} m at most, which are {size:.2g} m here, or an attraction that falls over a wider range"
+        f"the attraction decreases {ratio:.3g} times as steeply with the gap as a single node resists: nodes snap into "
+        "contact one by one, and forces may be wrong and depend on the loading path; use elements of at most "
+        f"{size / ratio:.2g} m (here {size:.2g} m) or an attraction with a longer range"
     )
 
 

@@ -18,7 +18,7 @@ from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
 from meeframe.indenters.base import FORCE_RATIO, N_RIGID, motion_measures, motion_modes
-from meeframe.laws.base import attracts, augmented_traction
+from meeframe.laws.base import augmented_traction, is_adhesive
 from meeframe.mesh import ContactZone
 from meeframe.model.conduction import watched
 from meeframe.model.data import CaseData
@@ -143,7 +143,7 @@ class IndenterKinematics:
         for key in controls.keys() & self.case.motions.motions.keys():
             base[self.case.motions.columns[key]] = controls[key]
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
-        prescribed_resultants = self._freedoms(prescribed)
+        prescribed_resultants = self._prescribed_resultants(prescribed)
         gap = self.touching_gap + np.einsum("k,kn->n", base[:N_RIGID], self.modes[:N_RIGID, :, 2])
         tangential = np.einsum("k,knt->nt", base[:N_RIGID], self.modes[:N_RIGID, :, :2])
         potentials = np.tile(base[N_RIGID:], (len(gap), 1))
@@ -155,7 +155,7 @@ class IndenterKinematics:
         )
         return Increment(problem, base, np.array(list(prescribed_resultants), int), prescribed, duration)
 
-    def _freedoms(self, prescribed: Controls) -> dict[int, PrescribedResultant]:
+    def _prescribed_resultants(self, prescribed: Controls) -> dict[int, PrescribedResultant]:
         """Return the prescribed resultants of free motions that something may resist, by number."""
         prescribed_resultants, columns = {}, self.case.motions.columns
         for key, totals in prescribed.items():
@@ -239,7 +239,7 @@ def slip_of(increment: Increment, state: ContactState) -> Array:
 def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
     """Return the nodes in contact, (n,): the contact itself bears a pressure there, apart from any attraction."""
     law = problem.contact_law
-    if not attracts(law):
+    if not is_adhesive(law):
         return np.asarray(state.load[:, 2] < 0.0)
     r = (1.0 / problem_scales(problem).normal_compliance,) * 2
     gap = contact_gap(problem, state.displacement, state.motion)

@@ -59,7 +59,7 @@ def _check_tractions(law: ContactLaw, trial: Array) -> None:
         with np.errstate(all="ignore"):
             answer = ask(*given)
         if not all(map(np.array_equal, given, (trial, gap))):
-            raise CaseError(f"{what} changes the array that it is given; allowed: a new one")
+            raise CaseError(f"{what} changes its argument; allowed: a new array")
         if method != "tangents":
             _check_array(what, answer, shape, tried)
         elif not isinstance(answer, tuple) or len(answer) != 2:
@@ -104,7 +104,7 @@ def check_conductivity(law: ConductivityLaw, n: int) -> None:
         kappa = law.conductivity(*given)
     what = f"conductivity of the conductivity law {type(law).__name__}"
     if not all(map(np.array_equal, given, asked)):
-        raise CaseError(f"{what} changes the arrays that it is given; allowed: new ones")
+        raise CaseError(f"{what} changes its arguments; allowed: new arrays")
     _check_array(what, kappa, (n,))
 
 

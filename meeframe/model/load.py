@@ -33,9 +33,23 @@ T = TypeVar("T")
 def load_case(path: str | Path, registry: Registry | None = None) -> Case:
     """Return the checked case of a case file.
 
-    registry: where names are looked up; by default the built-ins and the installed plugins.
-    Raises CaseError with one line for each problem found: file, key, value and what is allowed. Its __cause__ is the
-    exception itself if the code of a plugin failed.
+    Parameters
+    ----------
+    path : str or Path
+        The case file.
+    registry : Registry, optional
+        Registry in which names are looked up; by default the built-ins and the installed plugins.
+
+    Returns
+    -------
+    Case
+        The case, whose keys and values are all checked.
+
+    Raises
+    ------
+    CaseError
+        If the file cannot be read or is not valid, with one line for each problem: file, key, value and what is
+        allowed. `__cause__` is the original exception if the code of a plugin failed.
     """
     file = Path(path)
     text, tables = read_toml(file)
@@ -130,7 +144,7 @@ def _conditions(boundary: tuple[BoundaryTable, ...]) -> tuple[BoundaryCondition,
 
 
 def _no_memory(error: MemoryError, *location: str) -> Problem:
-    return Problem(location, f"needs more memory than there is: {str(error) or 'none left'}")
+    return Problem(location, f"needs more memory than is available: {str(error) or 'none left'}")
 
 
 def _assemble(

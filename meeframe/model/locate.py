@@ -12,7 +12,7 @@ from meeframe.common.errors import MeeframeError, MeshError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import Solver
 from meeframe.indenters.base import IndenterMotions
-from meeframe.laws.base import conducts
+from meeframe.laws.base import is_conducting
 from meeframe.mesh import check_contact_zone, check_mesh, check_supports, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.model.body_tables import SecondBodyTable
@@ -123,7 +123,7 @@ def _case_checks(
         source = Problem(("restart", "from"), "", table.restart.folder)
         yield source, partial(check_same_zone, restart, place, table.contact.axes)
     for field, conductivity in conductivities.items():
-        yield Problem(("conductivity", field), ""), partial(conducts, conductivity)
+        yield Problem(("conductivity", field), ""), partial(is_conducting, conductivity)
     channels = flux_channels(*conductivities.values(), fields=body.fields)
     held = partial(resistance, placement, body.mesh, zone, table.contact.axes, law, channels)
     for number, step in enumerate(steps):

@@ -10,7 +10,7 @@ from meeframe.contact.free_motion import motions
 from meeframe.contact.problem import Solver
 from meeframe.fields import Array
 from meeframe.indenters.base import RIGID_MOTIONS
-from meeframe.laws.base import attracts
+from meeframe.laws.base import is_adhesive
 from meeframe.mesh import find_contact_zone
 from meeframe.model.data import CaseData
 from meeframe.model.frames import frames_along
@@ -84,19 +84,19 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
             yield (
                 f"the indenter overlaps the undeformed body on the whole contact zone {case.zone!r}, by "
                 f"{-gap.max():.3g} to {-gap.min():.3g} m, at an approach of {_approach(increment):.3g} m: the contact "
-                "will reach the edge of the zone; unless full contact is meant, that is too small or the approach too "
-                "large"
+                "will reach the boundary of the zone; unless full contact is intended, the zone is too small or the "
+                "approach too large"
             )
             return
-    across = any(channel.law.across_gap and channel.conducts for channel in case.channels)
-    if across or attracts(case.contact_law) or len(held) < len(case.steps):
+    across = any(channel.law.across_gap and channel.is_conducting for channel in case.channels)
+    if across or is_adhesive(case.contact_law) or len(held) < len(case.steps):
         return
     nearer = min(held, key=lambda increment: float(increment.problem.gap.min()))
     nearest, deepest = float(nearer.problem.gap.min()), _approach(nearer)
     if nearest < 0.0:
         return
     if nearest == 0.0:
-        yield f"at an approach of {deepest:.3g} m the indenter just touches the undeformed body and presses nowhere"
+        yield f"at an approach of {deepest:.3g} m the indenter only touches the undeformed body, without pressure"
         return
     yield (
         f"the indenter does not touch the undeformed body: at an approach of {deepest:.3g} m it stays {nearest:.3g} m "
@@ -107,14 +107,14 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
 def unused_potentials(kinematics: IndenterKinematics) -> Iterator[str]:
     """Yield a warning for each potential of the indenter that has no effect because the contact insulates."""
     for column, channel in enumerate(kinematics.case.channels):
-        if channel.conducts:
+        if channel.is_conducting:
             continue
         field = channel.field
         largest = max(float(np.abs(increment.problem.potentials[:, column]).max()) for increment in planned(kinematics))
         if largest > 0.0:
             yield (
-                f"{field.value_name} of {largest:.3g} {field.value_unit} changes nothing: the contact insulates, "
-                f"unless [conductivity.{field.name}] names a law that conducts"
+                f"{field.value_name} of {largest:.3g} {field.value_unit} has no effect: the contact insulates "
+                f"unless [conductivity.{field.name}] names a conducting law"
             )
 
 
@@ -130,7 +130,7 @@ def _beside(case: CaseData) -> str:
     if least_x <= x <= most_x and least_y <= y <= most_y:
         return ""
     return (
-        f"; its lowest point, at x = {x:.3g} m and y = {y:.3g} m, lies beside that zone, which reaches from "
+        f"; its lowest point, at x = {x:.3g} m and y = {y:.3g} m, lies outside that zone, which extends from "
         f"x = {least_x:.3g} to {most_x:.3g} m and from y = {least_y:.3g} to {most_y:.3g} m"
     )
 

@@ -44,7 +44,7 @@ def read_restart(folder: Path, source: str = "") -> Restart:
     result = read_result(folder)
     converged = [step for step in result.steps if step.status is Status.CONVERGED]
     if not converged:
-        raise CaseError(f"no increment of the run in {folder} converged; allowed: a run with one that did")
+        raise CaseError(f"no increment of the run in {folder} converged; allowed: a run with a converged increment")
     return Restart(source or str(folder), result.zone.points, result.zone.frames, converged[-1])
 
 
@@ -65,7 +65,7 @@ def check_same_zone(restart: Restart, zone: ContactZone, axes: FrictionAxes | No
     if np.abs(restart.frames - frames).max() > _SAME_AXES:
         cosines = np.einsum("ni,ni->n", restart.frames[:, 0], frames[:, 0])
         raise CaseError(
-            "the local axis e1 of that run points elsewhere on the contact zone, by up to "
+            "the local axis e1 of that run differs on the contact zone by up to "
             f"{np.rad2deg(np.arccos(np.clip(cosines.min(), -1.0, 1.0))):.3g} deg; allowed: the same [contact] axes"
         )
 

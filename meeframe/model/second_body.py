@@ -65,7 +65,7 @@ def check_alike(second_body: SecondBody | None, formulation: Formulation) -> Non
     if theirs.is_periodic() != formulation.is_periodic():
         one, other = _BODIES if formulation.is_periodic() else _BODIES[::-1]
         raise CaseError(
-            f"the surface of the {one} goes on for ever, that of the {other} does not; allowed: both or neither "
+            f"the surface of the {one} is periodic, that of the {other} is not; allowed: both or neither "
             "(half-space: periodic)"
         )
     if theirs.resolves_edges() != formulation.resolves_edges():

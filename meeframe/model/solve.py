@@ -45,10 +45,27 @@ from meeframe.system.two_body import combine_bodies, second_displacement
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
-    """Return the result of a case, in memory.
+    """Solve a case in memory and return its result.
 
-    Raises the errors of `reduce` and `solve_steps`. A step that does not converge raises nothing: its status reports
-    it.
+    An increment that does not converge raises nothing: its status reports it.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    progress : callable, optional
+        Function that is called with the name of a stage and the fraction of it that is done.
+
+    Returns
+    -------
+    Result
+        Results of all increments.
+
+    Raises
+    ------
+    MeeframeError
+        As `reduce` and `solve_steps`: if a formulation, a solver or a law does not accept the case, or if matrices
+        do not fit into memory.
     """
     clock = Clock(progress)
     system = reduce(case, clock)
@@ -94,8 +111,8 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
             return checked(formulation, formulation.reduce(body, progress), body.fields.size)
     except MemoryError as error:
         raise TooLargeError(
-            f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
-            f"({str(error) or 'none left'}); allowed: a coarser mesh"
+            f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than is "
+            f"available ({str(error) or 'none left'}); allowed: a coarser mesh"
         ) from None
 
 

@@ -14,7 +14,7 @@ from meeframe.contact.channels import FluxChannel
 from meeframe.fields import MECHANICAL, MEE, Array, FieldSet
 from meeframe.fields.units import Quantity
 from meeframe.indenters.base import N_RIGID, IndenterMotions
-from meeframe.laws.base import ContactLaw, attracts
+from meeframe.laws.base import ContactLaw, is_adhesive
 from meeframe.plugin.validation import Problem, TableError, choices
 
 _LEAST_PART: Final = 1e-9
@@ -141,8 +141,8 @@ def check_first(step: Step) -> None:
 def check_pull(step: Step, law: ContactLaw) -> None:
     """Raise TableError if a load step pulls on surfaces that do not attract each other."""
     force = step.given.get("normal_force", np.zeros(1)).item()
-    if force < 0 and not attracts(law):
-        allowed = "allowed: numbers >= 0 [N], pressing on the body, unless the contact law attracts"
+    if force < 0 and not is_adhesive(law):
+        allowed = "allowed: numbers >= 0 [N], pressing on the body, unless the contact law is adhesive"
         raise TableError(Problem(("normal_force",), allowed, force))
 
 
@@ -182,4 +182,4 @@ def resisted(modes: Array, contact: ContactLaw, channels: tuple[FluxChannel, ...
     size = np.abs(moving).max(axis=(1, 2))
     held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
     mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_PART * size
-    return np.concatenate([mechanical, [channel.conducts for channel in channels]])
+    return np.concatenate([mechanical, [channel.is_conducting for channel in channels]])

@@ -34,7 +34,7 @@ def checked(formulation: Formulation, system: object, n_fields: int) -> ReducedS
         array, what = getattr(system, key), f"{key} of the reduced system of the formulation {name}"
         if not isinstance(array, np.ndarray) or array.dtype.kind != "f":
             kind = f"an array of {array.dtype}" if isinstance(array, np.ndarray) else f"a {type(array).__name__}"
-            raise CaseError(f"{what} is {kind}; allowed: an array of numpy of real numbers with a decimal point")
+            raise CaseError(f"{what} is {kind}; allowed: a NumPy array of floats")
         if array.shape != shape:
             raise CaseError(f"{what} has shape {array.shape}; allowed: {shape}")
         with np.errstate(invalid="ignore"):  # the sum shows any, without an array as large as the matrix

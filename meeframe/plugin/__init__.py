@@ -67,9 +67,7 @@ if TYPE_CHECKING:
     from meeframe.mesh.zone import local_frames as local_frames
     from meeframe.plugin.hookspecs import Record as Record
     from meeframe.plugin.hookspecs import hookimpl as hookimpl
-    from meeframe.system.capabilities import APPROXIMATE_TOLERANCE as APPROXIMATE_TOLERANCE
     from meeframe.system.capabilities import AnyArray as AnyArray
-    from meeframe.system.capabilities import ApproximateApply as ApproximateApply
     from meeframe.system.capabilities import ApproximateInverse as ApproximateInverse
     from meeframe.system.capabilities import Coarsening as Coarsening
     from meeframe.system.capabilities import EdgeCorrection as EdgeCorrection
@@ -77,13 +75,10 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import FieldwiseApply as FieldwiseApply
     from meeframe.system.capabilities import IndenterEdge as IndenterEdge
     from meeframe.system.capabilities import InteriorFields as InteriorFields
-    from meeframe.system.capabilities import LatticeStencil as LatticeStencil
     from meeframe.system.capabilities import Multigrid as Multigrid
     from meeframe.system.capabilities import Persistence as Persistence
     from meeframe.system.capabilities import PointFields as PointFields
-    from meeframe.system.capabilities import Prolongation as Prolongation
     from meeframe.system.capabilities import Restriction as Restriction
-    from meeframe.system.capabilities import Stencil as Stencil
     from meeframe.system.capabilities import Subsystem as Subsystem
     from meeframe.system.capabilities import apply_fields as apply_fields
     from meeframe.system.capabilities import diagonal as diagonal
@@ -164,9 +159,7 @@ _HOMES = {
     "DenseSystem": "meeframe.system.dense",
     "in_local_frames": "meeframe.system.dense",
     # Capabilities of reduced systems
-    "APPROXIMATE_TOLERANCE": "meeframe.system.capabilities",
     "AnyArray": "meeframe.system.capabilities",
-    "ApproximateApply": "meeframe.system.capabilities",
     "ApproximateInverse": "meeframe.system.capabilities",
     "Coarsening": "meeframe.system.capabilities",
     "EdgeCorrection": "meeframe.system.capabilities",
@@ -174,13 +167,10 @@ _HOMES = {
     "FieldwiseApply": "meeframe.system.capabilities",
     "IndenterEdge": "meeframe.system.capabilities",
     "InteriorFields": "meeframe.system.capabilities",
-    "LatticeStencil": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",
     "PointFields": "meeframe.system.capabilities",
-    "Prolongation": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
-    "Stencil": "meeframe.system.capabilities",
     "Subsystem": "meeframe.system.capabilities",
     "apply_fields": "meeframe.system.capabilities",
     "diagonal": "meeframe.system.capabilities",

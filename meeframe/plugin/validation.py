@@ -23,8 +23,8 @@ _HUGE: Final = 10**300  # larger integers cannot be converted to float
 _SIMILAR: Final = 0.7  # cutoff of difflib: 'form' is similar to 'from', 'friction' is not to 'rotation'
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
-RENAMED_KEYS: Final = {"counter_body": "second_body"}
-"""Keys of earlier versions and their present names."""
+RENAMED_KEYS: Final = {"counter_body": "second_body", "reaches_edge": "contact_at_zone_boundary"}
+"""Keys and quantities of earlier versions and their present names."""
 
 # texts for errors of pydantic whose messages use terms of Python instead of TOML
 _TEXTS = {
@@ -270,7 +270,7 @@ def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_
 
 
 def choices(name: str, names: Collection[str]) -> str:
-    """Return 'did you mean ...? allowed: ...' for an unknown name.
+    """Return 'did you mean ...? allowed: ...' for an unknown name, or its new name if it was renamed.
 
     Parameters
     ----------
@@ -279,6 +279,8 @@ def choices(name: str, names: Collection[str]) -> str:
     names
         Allowed names. Those that have `name` as a word, or else the most similar one, are suggested.
     """
+    if RENAMED_KEYS.get(str(name)) in names:
+        return f"it is now called {RENAMED_KEYS[str(name)]!r}"
     close = [other for other in names if str(name) in other.split("-")]
     close = close or difflib.get_close_matches(str(name), names, n=1, cutoff=_SIMILAR)
     hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""

@@ -80,12 +80,12 @@ def balanced_names(fields: FieldSet) -> tuple[str, ...]:
 
 def unbalance_warning(boundary: NodalFields | None, fields: FieldSet = MEE) -> Iterator[str]:
     """Yield a warning if the fields on the boundary are noticeably out of equilibrium."""
-    found = unbalance(boundary)
-    if found is None or found.relative.max() <= NOTICED:
+    result = unbalance(boundary)
+    if result is None or result.relative.max() <= NOTICED:
         return
-    shares = zip(balanced_names(fields), found.relative, strict=True)
-    told = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > NOTICED)
+    shares = zip(balanced_names(fields), result.relative, strict=True)
+    texts = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > NOTICED)
     yield (
-        f"the boundary's tractions and fluxes miss equilibrium by {told}: those at supports and grounds are that "
-        "uncertain, more elements there resolve them; those of the contact are not concerned"
+        f"tractions and fluxes on the boundary violate equilibrium by {texts}: those at supports and grounds have "
+        "errors of this size, which more elements there reduce; those of the contact are not affected"
     )

@@ -93,7 +93,7 @@ class LocalProblem:
             contact = int(own.argmin()) // PER_CONTACT
             raise CaseError(
                 f"W of the FCLIB problem has {own.min()} on its diagonal at contact {contact}; "
-                "allowed: numbers > 0, as a contact that gives way to no force has no solution"
+                "allowed: numbers > 0, since a contact without compliance has no solution"
             )
 
 
@@ -108,9 +108,7 @@ class LocalSolution:
 def check_size(contacts: int) -> None:
     """Raise CaseError if a problem has no contacts or more of them than are allowed."""
     if not 1 <= contacts <= LARGEST:
-        raise CaseError(
-            f"FCLIB problem with {contacts} contacts; allowed: 1 to {LARGEST}, as its matrix is held in full"
-        )
+        raise CaseError(f"FCLIB problem with {contacts} contacts; allowed: 1 to {LARGEST}, because its matrix is dense")
 
 
 def natural_residual(problem: LocalProblem, reaction: Array) -> float:
@@ -178,13 +176,13 @@ def read_local(path: Path) -> LocalProblem:
     with _opened(path) as file:
         try:
             if _LOCAL not in file:
-                found = "a global problem" if "fclib_global" in file else "no problem of FCLIB"
-                raise CaseError(f"holds {found}; allowed: a local problem, in the group {_LOCAL}")
+                result = "a global problem" if "fclib_global" in file else "no problem of FCLIB"
+                raise CaseError(f"holds {result}; allowed: a local problem, in the group {_LOCAL}")
             return _local(file[_LOCAL])
         except CaseError as error:
             raise CaseError(f"{path}: {error}") from None
         except _UNREADABLE as error:
-            raise CaseError(f"{path}: is no whole problem of FCLIB: {error}") from None
+            raise CaseError(f"{path}: is not a complete FCLIB problem: {error}") from None
 
 
 def read_solution(path: Path) -> LocalSolution | None:
@@ -259,8 +257,8 @@ def _lines(pointers: Indices, count: int) -> Indices:
 def _put_matrix(group: Any, matrix: Array) -> None:
     """Write a matrix by compressed columns, without its zeros."""
     stored = sparse.csc_array(matrix)
-    whole = {"nzmax": stored.nnz, "m": matrix.shape[0], "n": matrix.shape[1], "nz": _COLUMNS}
-    for name, number in whole.items():
+    full = {"nzmax": stored.nnz, "m": matrix.shape[0], "n": matrix.shape[1], "nz": _COLUMNS}
+    for name, number in full.items():
         _put_whole(group, name, number)
     group["p"], group["i"] = stored.indptr.astype(np.int32), stored.indices.astype(np.int32)
     group["x"] = stored.data.astype(float)
@@ -281,10 +279,10 @@ def _whole(group: Any, name: str) -> int:
 
 def _numbers(group: Any, name: str) -> Any:
     """Return a dataset of real numbers, flat."""
-    found = np.ravel(group[name][()])
-    if found.dtype.kind not in "fiu":
-        raise ValueError(f"{name} is of type {found.dtype}; allowed: whole numbers and floats")
-    return found
+    result = np.ravel(group[name][()])
+    if result.dtype.kind not in "fiu":
+        raise ValueError(f"{name} is of type {result.dtype}; allowed: whole numbers and floats")
+    return result
 
 
 def _put_text(group: Any, name: str, text: str) -> None:

@@ -55,7 +55,7 @@ def local_problem(
     mu = friction_coefficient(problem.contact_law)
     full = problem.system.dense()
     if full is None:
-        raise CaseError("FCLIB: the compliance is not held as a matrix; allowed: formulations that hold one")
+        raise CaseError("FCLIB: the compliance is not stored as a matrix; allowed: formulations that store one")
     compliance = full.reshape(problem.system.offset.size, -1)
     resistance = _resistance(problem, state)
     position = indenter_position(problem, _motion(problem, state))
@@ -134,8 +134,8 @@ def solve_local(
     with warnings.catch_warnings():
         # W of more contacts than degrees of freedom is singular: its residual shows whether there is a solution
         warnings.simplefilter("ignore", LinAlgWarning)
-        found = solve(problem, solver, limits)
-    return reactions(local, found.state), found
+        result = solve(problem, solver, limits)
+    return reactions(local, result.state), result
 
 
 def _scales(local: LocalProblem) -> Array:
@@ -170,7 +170,7 @@ def _motion(problem: ContactProblem, state: ContactState | None) -> Array:
     if problem.prescribed_resultants:
         raise CaseError(
             f"FCLIB: {len(problem.prescribed_resultants)} motions or potentials of the indenter are free; "
-            "allowed: none, or a state at which they are held"
+            "allowed: none, or a state, at which they are fixed"
         )
     return np.zeros(0)
 
@@ -178,23 +178,29 @@ def _motion(problem: ContactProblem, state: ContactState | None) -> Array:
 def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
     """Return the resistances (n, 2) of the contact in a state."""
     if state is not None:
-        ahead = indenter_position(problem, state.motion) - state.displacement
-        pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
-        return resistances(problem, pressing, state.contact_fraction, potential_diagonal(problem), ahead)
+        relative_displacement = indenter_position(problem, state.motion) - state.displacement
+        pressing = contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2])
+        return resistances(
+            problem, pressing, state.contact_fraction, potential_diagonal(problem), relative_displacement
+        )
     for name, law in ((channel.field.name, channel.law) for channel in problem.channels):
         if law.across_gap or contact_conductivity(law, _PRESSURES).any():
             raise CaseError(
-                f"FCLIB: the {name} law {law} conducts; allowed: insulating laws, or a state whose conductivities hold"
+                f"FCLIB: the {name} law {law} conducts; allowed: insulating laws, or a state, which fixes the "
+                "conductivities"
             )
     return np.full((len(problem.gap), len(problem.channels)), np.inf)
 
 
-def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices) -> tuple[Array, Array]:
+def _condensed(
+    compliance: Array, relative_displacement: Array, resistance: Array, dofs: Indices
+) -> tuple[Array, Array]:
     """Return W per density (k, k) and q (k,) at mechanical dofs (k,) with the conducting potentials eliminated.
 
-    compliance: (5n, 5n); ahead: (5n,) position of the indenter relative to the unloaded body; resistance: (n, 2).
+    compliance: (5n, 5n); relative_displacement: (5n,) position of the indenter relative to the unloaded body;
+    resistance: (n, 2).
     """
-    matrix, q = compliance[np.ix_(dofs, dofs)], ahead[dofs]
+    matrix, q = compliance[np.ix_(dofs, dofs)], relative_displacement[dofs]
     of_fields = np.full((len(resistance), PER_CONTACT + resistance.shape[1]), np.inf)
     of_fields[:, PER_CONTACT:] = resistance
     pairs = np.flatnonzero(np.isfinite(of_fields))
@@ -203,10 +209,10 @@ def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices
     equations = compliance[np.ix_(pairs, pairs)] + np.diag(of_fields.flat[pairs])
     scale = np.diag(equations) ** -0.5  # makes the equations independent of units
     factor = lu_factor(scale[:, None] * equations * scale)
-    given = np.column_stack([compliance[np.ix_(pairs, dofs)], ahead[pairs]])
+    given = np.column_stack([compliance[np.ix_(pairs, dofs)], relative_displacement[pairs]])
     caused = compliance[np.ix_(dofs, pairs)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * given))
     return matrix - caused[:, :-1], q - caused[:, -1]
 
 
 def _no_body(_load: Array) -> NodalFields:
-    raise CaseError("a problem of FCLIB has no body whose fields could be found")
+    raise CaseError("an FCLIB problem has no body whose fields could be computed")

@@ -31,7 +31,9 @@ from meeframe.results.records import Loading, Provenance, Region, Result, RunSta
 from meeframe.results.schema import BOUNDARY, NodalField, Stored
 from meeframe.system.reduced import NodalFields
 
-FORMAT: Final = "meeframe-result 5"
+FORMAT: Final = "meeframe-result 6"
+_RENAMED: Final = {"meeframe-result 5": "reaches_edge is now called contact_at_zone_boundary"}
+"""Changes of names since earlier formats."""
 
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
@@ -136,7 +138,20 @@ def _name(number: int) -> str:
 def read_result(folder: str | Path) -> Result:
     """Return the result in an output folder, of a run that is finished, in progress or stopped.
 
-    Raises ResultError if there is none or it cannot be read.
+    Parameters
+    ----------
+    folder : str or Path
+        The output folder of a run.
+
+    Returns
+    -------
+    Result
+        The increments that are finished.
+
+    Raises
+    ------
+    ResultError
+        If the folder contains no result, or if the file is damaged or of another format.
     """
     folder = Path(folder)
     path = folder / RESULT_FILE
@@ -144,10 +159,13 @@ def read_result(folder: str | Path) -> Result:
         if folder.is_file():
             raise ResultError(f"no result in {folder}: it is a file; name the folder of a run")
         with h5py.File(path, "r") as file:
-            found = file.attrs.get("format")
-            if found != FORMAT:
+            version = file.attrs.get("format")
+            if version != FORMAT:
                 again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""
-                raise ResultError(f"{path}: format {found!r} is unknown; this version reads {FORMAT!r}{again}")
+                renamed = f"; {_RENAMED[version]}" if version in _RENAMED else ""
+                raise ResultError(
+                    f"{path}: format {version!r} is unknown; this version reads {FORMAT!r}{again}{renamed}"
+                )
             return _read(file)
     except PermissionError:
         raise ResultError(f"no result in {folder}: {path} cannot be read: Permission denied") from None
@@ -181,7 +199,13 @@ def _put_end(file: Any, result: Result) -> None:
 
 
 def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] | None) -> None:
-    group.attrs.update({"status": str(step.status), "message": step.message, "reaches_edge": step.reaches_edge})
+    group.attrs.update(
+        {
+            "status": str(step.status),
+            "message": step.message,
+            "contact_at_zone_boundary": step.contact_at_zone_boundary,
+        }
+    )
     group.attrs["note"] = (
         "traction, displacement, slip: along e1, e2, nu of the zone's frames; fluxes: outward; "
         "zero: names of fields that are zero at all nodes; "
@@ -330,7 +354,7 @@ def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: A
         boundary=boundary,
         second_body=second_body,
         area_fraction=numbers_of(group, "area_fraction", (n,)) if "area_fraction" in group else None,
-        reaches_edge=bool(group.attrs["reaches_edge"]),
+        contact_at_zone_boundary=bool(group.attrs["contact_at_zone_boundary"]),
         fields=field_set,
     )
 

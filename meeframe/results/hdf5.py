@@ -27,14 +27,14 @@ class _Sink:
 
     def write(self, data: Any) -> int:
         """Write the data; return the number of bytes, all of them."""
-        place, whole = self._file.tell(), memoryview(data).cast("B")
-        left = whole
+        place, full = self._file.tell(), memoryview(data).cast("B")
+        left = full
         try:
             while left:
                 left = left[self._file.write(left) :]
         except OSError as error:
-            self._go_on_in_memory(error, place).write(whole)
-        return len(whole)
+            self._go_on_in_memory(error, place).write(full)
+        return len(full)
 
     def truncate(self, size: int) -> int:
         """Truncate the file."""
@@ -75,8 +75,8 @@ def numbers_of(group: Any, name: str, shape: tuple[int, ...], kinds: str = "biuf
     """Return a dataset as an array. Raises ValueError unless it holds numbers, of kinds of numpy, in that shape."""
     values = group[name][()]
     if not isinstance(values, np.ndarray) or values.dtype.kind not in kinds or values.shape != shape:
-        found = f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
-        raise ValueError(f"{group.name}/{name} is {found} instead of numbers of shape {shape}")
+        result = f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
+        raise ValueError(f"{group.name}/{name} is {result} instead of numbers of shape {shape}")
     return values
 
 

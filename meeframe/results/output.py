@@ -169,10 +169,10 @@ def replacing(target: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, target)
     except (OSError, RuntimeError) as error:
-        told = _of_files(error)
-        if told is None:
+        message = _of_files(error)
+        if message is None:
             raise
-        raise ResultError(f"{target} cannot be written: {told}") from None
+        raise ResultError(f"{target} cannot be written: {message}") from None
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -203,5 +203,5 @@ def rewriting(target: Path) -> Iterator[Callable[[str], None]]:
         yield write
     except KeyboardInterrupt as error:
         if written:
-            error.add_note(f"what was found so far is in {target}")
+            error.add_note(f"results so far are in {target}")
         raise

@@ -116,8 +116,14 @@ def _named_scalar(record: "Loading | Resultants", name: str) -> float:
 class SecondSurface:
     """Surface of the second body at the nodes of the contact zone, along e1, e2, nu of the zone's frames.
 
-    displacement: (n, 3) [m]; potentials: (n, scalars), SI units. Both count from its own supports and grounds, wherever
-    the loading has moved them.
+    Both fields are relative to the supports and grounds of the second body, wherever the loading has moved these.
+
+    Attributes
+    ----------
+    displacement : Array
+        Displacement, (n, 3) [m].
+    potentials : Array
+        Potentials, (n, scalars), SI units.
     """
 
     displacement: Array
@@ -168,7 +174,7 @@ class StepResult:
     area_fraction : Array, optional
         (n,), fraction of each node's area that is in contact if it touches, where the contact edge is resolved between
         the nodes (EdgeCorrection); None where it is resolved to nodes.
-    reaches_edge : bool, optional
+    contact_at_zone_boundary : bool, optional
         True if the boundary of the zone cuts the contact off.
     fields : FieldSet, optional
         Field set whose scalar fields are the columns of potentials and fluxes.
@@ -196,7 +202,7 @@ class StepResult:
     boundary: NodalFields | None = None
     second_body: SecondSurface | None = None
     area_fraction: Array | None = None
-    reaches_edge: bool = False
+    contact_at_zone_boundary: bool = False
     fields: FieldSet = MEE
 
     def __repr__(self) -> str:
@@ -231,9 +237,32 @@ class StepResult:
 
 @dataclass(frozen=True, eq=False)
 class Resultants:
-    """Resultants and maxima of an increment; see `resultants`.
+    """Resultants and maxima of an increment over the contact zone.
 
-    scalars: the total fluxes and the largest absolute potentials by name, each an attribute by this name, too.
+    The total fluxes and the largest absolute potentials are also attributes by their names, such as `charge` [C],
+    `magnetic_flux` [Wb] and `max_abs_electric_potential` [V].
+
+    Attributes
+    ----------
+    force : Array
+        Force of the indenter on the body in global axes, (3,) [N].
+    normal_force : float
+        Force against the axis of the indenter, positive in compression [N].
+    tangential_force : Array
+        Force along the axes e1 and e2 of the indenter, (2,) [N].
+    moment : Array
+        Moment about e1 and e2 through the reference point of the indenter, (2,) [N m].
+    torque : float
+        Moment about the axis of the indenter [N m].
+    scalars : dict of str to float
+        Integrals of the outward fluxes and largest absolute potentials of the body, by name.
+    dissipated_energy : float
+        Work of friction in the increment [J].
+    contact_area, stick_area, slip_area : float
+        Sums over the elements of their area times the fraction of their nodes in contact, in stick or in slip
+        [m^2].
+    max_pressure, max_tension : float
+        Largest compressive and tensile normal traction, >= 0 [Pa].
     """
 
     force: Array
@@ -256,15 +285,20 @@ class Resultants:
 def resultants(zone: Zone, step: StepResult) -> Resultants:
     """Return the resultants and maxima over the contact zone.
 
-    force: (3,) of the indenter on the body, global axes [N]; the same along the axes of the indenter's place:
-    normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis
-    through its reference point [N m]; charge [C], magnetic_flux [Wb]: integrals of the outward fluxes, by the names of
-    the scalar fields; dissipated_energy: integral of the dissipation [J]; contact_area, stick_area, slip_area: sum over
-    the elements of their area times the share of their nodes in contact, and in either region [m^2], with the covered
-    part of covered nodes (the weights of nodes are not suitable: those of quad8's corners are negative, those of tri6's
-    zero; for a periodic surface, whose nodes are all alike, they are); max_pressure, max_tension: of the normal
-    traction, >= 0, tension where surfaces attract each other, in contact or across the gap [Pa];
-    max_abs_electric_potential [V] and the like: largest absolute potentials of the body's surface in the contact zone.
+    Areas are summed over elements, because the weights of nodes are not areas: those of the corners of quad8 are
+    negative, those of tri6 zero. Nodes at a resolved contact edge count with their area fraction.
+
+    Parameters
+    ----------
+    zone : Zone
+        Nodes of the contact zone.
+    step : StepResult
+        An increment.
+
+    Returns
+    -------
+    Resultants
+        Forces, moments, total fluxes, areas and maxima.
     """
     normal = step.traction[:, 2]
     scalars, potentials = step.fields.scalars, np.abs(step.potentials).max(axis=0).tolist()
@@ -314,9 +348,18 @@ def _areas(zone: Zone) -> Array:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Provenance of a result: title and text of the case, versions of the software by name, threads used.
+    """Provenance of a result.
 
-    The text is verbatim.
+    Attributes
+    ----------
+    title : str
+        Title of the case.
+    case_text : str
+        Text of the case file, verbatim.
+    versions : dict of str to str
+        Versions of the software by name.
+    threads : int
+        Number of threads.
     """
 
     title: str
@@ -329,7 +372,20 @@ class Provenance:
 class Result:
     """Result of a run: its zone and the finished increments of its load steps.
 
-    planned_steps: number of increments of the case; timings: seconds by stage; peak_memory_mb: of the process.
+    Attributes
+    ----------
+    provenance : Provenance
+        Title and text of the case, versions of the software and number of threads.
+    zone : Zone
+        Nodes of the contact zone.
+    planned_steps : int
+        Number of increments of the case.
+    steps : tuple of StepResult
+        Finished increments, in order.
+    timings : dict of str to float
+        Seconds by stage.
+    peak_memory_mb : float
+        Largest resident memory of the process [10^6 bytes].
     """
 
     provenance: Provenance

@@ -329,7 +329,12 @@ MEASURES: Final = (
         value=lambda _, step: _largest(np.linalg.norm(step.total_slip, axis=1)[step.touching]),
     ),
     Total("max_slip_path", "m", "longest slip path", value=lambda _, step: _largest(step.slip_path)),
-    Total("reaches_edge", "1", "reaches edge", value=lambda _, step: float(step.reaches_edge)),
+    Total(
+        "contact_at_zone_boundary",
+        "1",
+        "contact at zone boundary",
+        value=lambda _, step: float(step.contact_at_zone_boundary),
+    ),
     Total("iterations", "1", "iterations", value=lambda _, step: float(step.iterations)),
     Total("residual", "1", "residual", value=lambda _, step: step.residual),
 )
@@ -355,10 +360,10 @@ def totals(zone: Zone, step: StepResult) -> dict[str, Any]:
 
 def numbers(rows: Iterable[Total], values: Mapping[str, Any]) -> dict[str, float]:
     """Return the components of rows as single numbers by their names."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for row in rows:
-        found.update(zip(row.names, np.atleast_1d(values[row.name]).tolist(), strict=True))
-    return found
+        result.update(zip(row.names, np.atleast_1d(values[row.name]).tolist(), strict=True))
+    return result
 
 
 def total_named(name: str) -> Total | None:

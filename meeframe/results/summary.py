@@ -18,7 +18,9 @@ from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
 from meeframe.results.records import Result, RunStatus, StepResult, Zone, resultants
 
-AT_EDGE: Final = "the contact reaches the edge of its zone, where it is cut off: forces and areas are not its own"
+AT_BOUNDARY: Final = (
+    "the contact reaches the boundary of its zone and is cut off there: forces and areas are inaccurate"
+)
 _Row = tuple[str, str, list[Any]]
 
 _ENERGY: Final = "dissipated_energy"
@@ -39,7 +41,7 @@ def summary(result: Result) -> dict[str, Any]:
         "peak_memory_mb": result.peak_memory_mb,
         "versions": dict(made.versions),
         "threads": made.threads,
-        "reaches_edge": any(step.reaches_edge for step in result.steps),
+        "contact_at_zone_boundary": any(step.contact_at_zone_boundary for step in result.steps),
         "planned_increments": result.planned_steps,
         "load_steps": _load_steps(result),
         "steps": [_step(result.zone, step) for step in result.steps],
@@ -63,7 +65,7 @@ def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
         "prescribed": dict(loading.prescribed),
         "duration": loading.duration,
         **totals,
-        "reaches_edge": step.reaches_edge,
+        "contact_at_zone_boundary": step.contact_at_zone_boundary,
         "unbalance": None if balance is None else _unbalance(balance, step.fields),
         "iterations": step.iterations,
         "residual": step.residual,
@@ -124,16 +126,18 @@ def summary_table(result: Result) -> RenderableType:
     ]
     for label, unit, values in rows:
         table.add_row(label, unit, *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in values))
-    told = [step for step in result.steps if step.message and (step in shown or step.status is not Status.CONVERGED)]
-    messages = [Text(f"{name_of(result, step)}: {step.message}") for step in told]
+    reporting = [
+        step for step in result.steps if step.message and (step in shown or step.status is not Status.CONVERGED)
+    ]
+    messages = [Text(f"{name_of(result, step)}: {step.message}") for step in reporting]
     return Group(table, *messages, _headline(result))
 
 
 def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
     """Yield rows on the unbalance of the body, for closed boundaries whose fields are known."""
-    found = [unbalance(step.boundary) for step in shown]
+    result = [unbalance(step.boundary) for step in shown]
     for number, name in enumerate(balanced_names(shown[0].fields) if shown else ()):
-        relative = [math.nan if one is None else float(one.relative[number]) for one in found]
+        relative = [math.nan if one is None else float(one.relative[number]) for one in result]
         if any(value > 0.0 for value in relative):
             yield f"unbalanced {name}", "%", [100.0 * value if math.isfinite(value) else "-" for value in relative]
 

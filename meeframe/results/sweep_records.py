@@ -59,5 +59,5 @@ class SweepResult:
         if values.ndim == len(self.axes):
             return values
         place = np.maximum((~np.isnan(self.quantities["residual"])).sum(axis=-1) - 1, 0)
-        found: Array = np.take_along_axis(values, place[..., None], axis=-1)[..., 0]
-        return found
+        result: Array = np.take_along_axis(values, place[..., None], axis=-1)[..., 0]
+        return result

@@ -5,18 +5,15 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.residual import evaluate, law_residual
 from meeframe.contact.scales import Scales, problem_scales
-from meeframe.solvers.cg.frictionless import takes
 from meeframe.solvers.cg.projected_cg import ProjectedCG
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.gradient.uzawa import Uzawa
 from meeframe.solvers.newton.method import SemismoothNewton, estimated_residual
-from meeframe.system.capabilities import EdgeResolution
 
-FALL: Final = 0.9
+PROGRESS_FACTOR: Final = 0.9
 """Factor relative to the smallest residual so far below which a residual counts as progress."""
 
 
@@ -25,27 +22,16 @@ class _Stage:
     """Stage of `auto` with one solver.
 
     steps: number of the solver's steps in one step of `auto`; stall_window: number of steps of `auto` without progress
-    after which the next stage takes over; grazing: whether the stage continues with biactive nodes, which otherwise end
-    it.
+    after which the next stage takes over.
     """
 
     solver: Solver
     steps: int
     stall_window: float
-    grazing: bool = True
 
 
-FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, grazing=False)
-"""First stage where it accepts the problem and there is no matrix to factorise.
-
-It determines pressures and the closed fractions of biactive nodes alternately, Newton's method together.
-"""
-CONDUCTING: Final = (_Stage(SemismoothNewton(), 1, 10), _Stage(ProjectedCG(), 1, 15))
-"""First stages if anything conducts, unless contact edges are resolved.
-
-Where conduction draws nodes into contact several solutions exist; that of conjugate gradients has been the nearer one
-to closed forms.
-"""
+FRICTIONLESS: Final = ProjectedCG()
+"""Solver of the first stage where it accepts the problem and there is no matrix to factorise."""
 STAGES: Final = (
     _Stage(SemismoothNewton(), 1, 25),
     _Stage(Nesterov(), 25, 60),
@@ -77,9 +63,8 @@ class Auto(Solver):
     """Sequence of solvers that starts with semismooth Newton and continues with gradient iterations.
 
     If Newton's method makes no progress, gradient iterations follow from its best state: Nesterov's, the most robust
-    one under strong friction, then projected Barzilai-Borwein steps, then Uzawa's. Without friction and matrix,
-    projected conjugate gradients come before them, until nodes are biactive; if anything conducts and contact edges are
-    not resolved, Newton's method and then conjugate gradients come first, with or without biactive nodes.
+    one under strong friction, then projected Barzilai-Borwein steps, then Uzawa's. Without friction, conduction and
+    matrix, projected conjugate gradients come before them.
 
     Progress is measured by the residual as estimated by the current solver, or else by the independent residual of the
     laws, as in the driver. A step is one of Newton's method or of conjugate gradients, or 25 of a gradient iteration.
@@ -98,12 +83,11 @@ class Auto(Solver):
         for _ in range(stage.steps):
             inner = stage.solver.step(problem, inner)
         residual = _residual(problem, inner, memory.scales)
-        if residual < FALL * memory.residual or not np.isfinite(memory.residual):
+        if residual < PROGRESS_FACTOR * memory.residual or not np.isfinite(memory.residual):
             memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
-        grazing = not stage.grazing and bool(((inner.contact_fraction > 0.0) & (inner.contact_fraction < 1.0)).any())
-        if grazing or memory.idle > stage.stall_window:
+        if memory.idle > stage.stall_window:
             best = evaluate(problem, memory.best)
             return _begin(problem, memory.stages[1:], best, memory.scales, memory.tolerance)
         return replace(inner, memory=memory)
@@ -117,16 +101,9 @@ def _memory(iterate: Iterate) -> _Memory:
 
 def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
     """Return all stages that may be tried, in this order."""
-    if problem.system.dense() is not None or not takes(problem):
-        return STAGES
-    if conducting(problem) and not _resolves_edges(problem):
-        return (*CONDUCTING, *STAGES)
-    return (FRICTIONLESS, *STAGES)
-
-
-def _resolves_edges(problem: ContactProblem) -> bool:
-    """Return whether contact edges lie between nodes, or will after a first solution (edge_resolution)."""
-    return problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None
+    if problem.system.dense() is None and FRICTIONLESS.accepts(problem):
+        return (_Stage(FRICTIONLESS, 1, 8), *STAGES)
+    return STAGES
 
 
 def _begin(
@@ -140,7 +117,7 @@ def _begin(
 
 def _residual(problem: ContactProblem, iterate: Iterate, scales: Scales) -> float:
     """Return the residual of the laws, from the solver itself if it estimates it."""
-    known = iterate.estimate if iterate.estimate is not None else estimated_residual(iterate)
-    if known is not None:
-        return known
+    estimate = iterate.estimate if iterate.estimate is not None else estimated_residual(iterate)
+    if estimate is not None:
+        return estimate
     return law_residual(problem, evaluate(problem, iterate), scales)

@@ -11,80 +11,102 @@ from meeframe.fields import Array
 Linear = Callable[[Array], Array]
 """Type of linear maps from (k,) to (k,)."""
 RESTART: Final = 60
-LEAST_FALL: Final = 0.9
+MAX_REDUCTION: Final = 0.9
 """Reduction factor of the residual above which a cycle is the last one."""
-BREAKDOWN: Final = 50.0
+BREAKDOWN_FACTOR: Final = 50.0
 """Multiple of a product's round-off below which its part orthogonal to earlier directions counts as zero."""
 
-CANCELLED: Final = 0.1
+MIN_REMAINDER: Final = 0.1
 """Remaining part of a product below which its orthogonalisation is repeated for the sake of round-off."""
 
 
 def gmres(
-    multiply: Linear, precondition: Linear, right: Array, tolerance: float, most: int = 400
+    multiply: Linear, precondition: Linear, right: Array, tolerance: float, max_products: int = 400
 ) -> tuple[Array, float]:
-    """Return an approximate solution x (k,) of multiply(x) = right, and the norm of its residual.
+    """Return an approximate solution of linear equations by flexible restarted GMRES.
 
-    The solution satisfies |right - multiply(x)| <= tolerance |right|, or comes as near to it as `most` products allow;
-    the norm is that of the iteration, exact up to round-off. The solution is zero where the right-hand side is not
-    finite.
+    The preconditioner acts from the right: the norm is that of the residual itself, and the preconditioner need only be
+    approximately linear, so that it may use single precision.
 
-    Flexible restarted GMRES, preconditioned from the right: the norm is that of the residual itself, and the
-    preconditioner need only be approximately linear, so that it may use single precision.
-    Source: Saad, SIAM J. Sci. Comput. 14 (1993) 461.
+    Parameters
+    ----------
+    multiply : callable
+        Product of the matrix with a vector (k,).
+    precondition : callable
+        Approximate inverse of the matrix times a vector (k,).
+    right : Array
+        (k,), right-hand side.
+    tolerance : float
+        Allowed norm of the residual, relative to that of the right-hand side.
+    max_products : int, optional
+        Largest number of products.
+
+    Returns
+    -------
+    solution : Array
+        (k,); zero where the right-hand side is not finite.
+    norm : float
+        Norm of its residual in the iteration, exact up to round-off. It exceeds the allowed one if `max_products` are
+        not enough or round-off prevents further reduction.
+
+    References
+    ----------
+    Saad, SIAM J. Sci. Comput. 14 (1993) 461.
     """
-    unit = float(np.abs(right).max(initial=0.0))
-    if not 0.0 < unit < np.inf:
-        return np.zeros_like(right), unit
-    right = right / unit  # its squares then stay within the range of single precision
+    scale = float(np.abs(right).max(initial=0.0))
+    if not 0.0 < scale < np.inf:
+        return np.zeros_like(right), scale
+    right = right / scale  # its squares then stay within the range of single precision
     solution, residual = np.zeros_like(right), right
     size = float(np.linalg.norm(residual))
-    goal = tolerance * size
-    while size > goal:
-        change, left, products = _cycle(multiply, precondition, residual, goal, min(RESTART, most))
+    target = tolerance * size
+    while size > target:
+        change, remainder, products = _cycle(multiply, precondition, residual, target, min(RESTART, max_products))
         solution = solution + change
-        most -= products + 1
-        if most <= 0 or not goal < left < LEAST_FALL * size:
-            return unit * solution, unit * left
+        max_products -= products + 1
+        if max_products <= 0 or not target < remainder < MAX_REDUCTION * size:
+            return scale * solution, scale * remainder
         residual = right - multiply(solution)
-        before, size = size, float(np.linalg.norm(residual))
-        if not size < LEAST_FALL * before:  # round-off: the reduction predicted by the cycle is not attained
+        previous_size, size = size, float(np.linalg.norm(residual))
+        if not size < MAX_REDUCTION * previous_size:  # round-off: the reduction predicted by the cycle is not attained
             break
-    return unit * solution, unit * size
+    return scale * solution, scale * size
 
 
-def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float, most: int) -> tuple[Array, float, int]:
-    """Return the change (k,) that minimises the residual (k,) over up to `most` directions.
+def _cycle(
+    multiply: Linear, precondition: Linear, residual: Array, target: float, max_products: int
+) -> tuple[Array, float, int]:
+    """Return the change (k,) that minimises the residual (k,) over up to `max_products` directions.
 
     Also returned are the norm of the remaining residual and the number of products.
     """
     size = float(np.linalg.norm(residual))
     # separate vectors: the memory of all together would be newly allocated by the operating system each time
     basis, directions = [residual / size], list[Array]()
-    hessenberg = np.zeros((most + 1, most))
-    weights, left = np.zeros(0), size
+    hessenberg = np.zeros((max_products + 1, max_products))
+    weights, remainder = np.zeros(0), size
     (axpy,) = scipy.linalg.get_blas_funcs(["axpy"], [residual])
-    for k in range(most):
+    for k in range(max_products):
         directions.append(precondition(basis[k]))
         product = multiply(directions[k]).copy()  # changed in place below
         length = float(np.linalg.norm(product))
-        before, rest = np.inf, length
-        while rest < CANCELLED * before:
+        previous, length_left = np.inf, length
+        while length_left < MIN_REMAINDER * previous:
             for i, vector in enumerate(basis):
-                part = float(vector @ product)
-                hessenberg[i, k] += part
-                product = axpy(vector, product, a=-part)
-            before, rest = rest, float(np.linalg.norm(product))
-        hessenberg[k + 1, k] = rest
-        equations, first = hessenberg[: k + 2, : k + 1], size * np.eye(k + 2)[0]
+                component = float(vector @ product)
+                hessenberg[i, k] += component
+                product = axpy(vector, product, a=-component)
+            previous, length_left = length_left, float(np.linalg.norm(product))
+        hessenberg[k + 1, k] = length_left
+        equations, right = hessenberg[: k + 2, : k + 1], size * np.eye(k + 2)[0]
         if not np.isfinite(equations).all():
             break
-        weights = np.linalg.lstsq(equations, first, rcond=None)[0]
-        left = float(np.linalg.norm(first - equations @ weights))
-        if left <= goal or rest <= BREAKDOWN * np.finfo(product.dtype).eps * length:
+        weights = np.linalg.lstsq(equations, right, rcond=None)[0]
+        remainder = float(np.linalg.norm(right - equations @ weights))
+        if remainder <= target or length_left <= BREAKDOWN_FACTOR * np.finfo(product.dtype).eps * length:
             break
-        basis.append(product / rest)
+        basis.append(product / length_left)
     change = np.zeros_like(residual)
     for weight, direction in zip(weights.tolist(), directions, strict=False):
         change += weight * direction
-    return change, left, len(directions)
+    return change, remainder, len(directions)

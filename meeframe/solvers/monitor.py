@@ -42,8 +42,8 @@ class LoadCycle:
     """
 
     stored: Array | None = None
-    until: int = 0
-    farthest: float = 0.0
+    next_store: int = 0
+    max_distance: float = 0.0
     returns: int = 0
 
     @property
@@ -56,11 +56,11 @@ class LoadCycle:
         if self.stored is None:
             return LoadCycle(loads, 2 * iteration)
         distance = float(np.abs(loads - self.stored).max(initial=0.0))
-        if self.farthest > tolerance and distance <= MAX_RETURN_DISTANCE * self.farthest:
+        if self.max_distance > tolerance and distance <= MAX_RETURN_DISTANCE * self.max_distance:
             return replace(self, returns=self.returns + 1)
-        if iteration >= self.until:
+        if iteration >= self.next_store:
             return LoadCycle(loads, 2 * iteration)
-        return replace(self, farthest=max(self.farthest, distance))
+        return replace(self, max_distance=max(self.max_distance, distance))
 
 
 class ConvergenceMonitor:

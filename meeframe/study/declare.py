@@ -198,20 +198,20 @@ class StudyTable(Table):
     def _quantities_are_known(self) -> "StudyTable":
         names = TOTALS if self.kind == "curves" else schema.nodal(schema.View.STUDY)
         for panel in self.panels:
-            shown = self.shown(panel)
-            if not shown:
+            quantities = self.quantities_of(panel)
+            if not quantities:
                 raise ValueError(f"panel {panel.title!r} shows no quantities")
-            for quantity, reference in shown.items():
+            for quantity, reference in quantities.items():
                 if quantity not in names:
                     raise ValueError(f"quantities: unknown quantity {quantity!r}; {choices(quantity, tuple(names))}")
                 if isinstance(reference, str) and reference not in self.references:
                     known = choices(reference, tuple(self.references))
                     raise ValueError(f"references: unknown reference {reference!r}; {known}")
-        if self.kind == "maps" and len({tuple(self.shown(panel)) for panel in self.panels}) > 1:
+        if self.kind == "maps" and len({tuple(self.quantities_of(panel)) for panel in self.panels}) > 1:
             raise ValueError("maps: all panels must show the same quantities")
         return self
 
-    def shown(self, panel: PanelTable) -> dict[str, str | float]:
+    def quantities_of(self, panel: PanelTable) -> dict[str, str | float]:
         """Return the quantities of a panel and the scales that divide them."""
         return self.quantities if panel.quantities is None else panel.quantities
 

@@ -6,11 +6,11 @@ from typing import Final
 
 from meeframe.common.errors import CaseError
 from meeframe.plugin.validation import choices
-from meeframe.results.output import check_output, replacing
+from meeframe.results.output import open_output, replacing
 from meeframe.results.sweep_files import POINTS
 from meeframe.study.reports.study import Study, study_figure, study_json
 from meeframe.study.solve import solve_study
-from meeframe.study.sweep.engine import Pool
+from meeframe.study.sweep.pool import Pool
 from meeframe.system.reduced import Progress, silent
 
 ALL: Final = "all"
@@ -51,7 +51,7 @@ def reproduce(
     folder
         Folder of the studies.
     out
-        Output folder; created if it does not exist.
+        Output folder; created if it does not exist and locked until the last study is drawn.
     progress
         Called with the stage and the fraction of it that is done.
     pool
@@ -67,15 +67,14 @@ def reproduce(
     CaseError
         For unknown names and for invalid studies or cases.
     ResultError
-        If `out` cannot be written.
+        If `out` cannot be written, or if another process writes there.
     """
     files = choose(names, known_studies(folder))
-    check_output(out, overwrite=True)
-    for file in files:
-        study = solve_study(file, out / CACHE, progress, pool=pool, store=out / POINTS)
-        out.mkdir(parents=True, exist_ok=True)
-        with replacing(out / f"{study.name}.json") as path:
-            path.write_text(study_json(study), encoding="utf-8")
-        with replacing(out / f"{study.name}.png") as path:
-            study_figure(study).savefig(path, dpi=DPI, format="png")
-        yield study
+    with open_output(out, overwrite=True):
+        for file in files:
+            study = solve_study(file, out / CACHE, progress, pool=pool, store=out / POINTS)
+            with replacing(out / f"{study.name}.json") as path:
+                path.write_text(study_json(study), encoding="utf-8")
+            with replacing(out / f"{study.name}.png") as path:
+                study_figure(study).savefig(path, dpi=DPI, format="png")
+            yield study

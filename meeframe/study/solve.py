@@ -15,8 +15,9 @@ from meeframe.results.records import StepResult, Zone, resultants
 from meeframe.study.declare import Changes, PanelTable, StudyTable, changed, load_study
 from meeframe.study.quantities import TOTALS, largest, nodal
 from meeframe.study.reports.study import Panel, Study
-from meeframe.study.sweep.engine import InProcess, Pool, solve_points
+from meeframe.study.sweep.engine import solve_points
 from meeframe.study.sweep.points import Outcome, Point, PointStatus
+from meeframe.study.sweep.pool import InProcess, Pool
 from meeframe.system.reduced import Progress, silent
 
 
@@ -73,7 +74,7 @@ class Runs:
 
     def of(self, study: StudyTable, panel: PanelTable) -> tuple[dict[str, Point], list[Point]]:
         """Return the reference points of a panel by name, and the points of its runs."""
-        names = dict.fromkeys(name for name in study.shown(panel).values() if isinstance(name, str))
+        names = dict.fromkeys(name for name in study.quantities_of(panel).values() if isinstance(name, str))
         references = {name: self.point(f"{panel.title}, {name}", panel.set, study.references[name]) for name in names}
         runs = [self.point(f"{panel.title}, {run.label}", panel.set, run.set) for run in panel.all_runs()]
         return references, runs
@@ -148,16 +149,16 @@ def _run(label: str, outcome: Outcome) -> Run:
 def _panel(
     file: Path, study: StudyTable, panel: PanelTable, references: Mapping[str, Run], runs: Sequence[Run]
 ) -> Panel:
-    shown = study.shown(panel)
+    quantities = study.quantities_of(panel)
     tables = panel.all_runs()
     scales = {
         quantity: _scale(study, quantity, references[scale]) if isinstance(scale, str) else scale
-        for quantity, scale in shown.items()
+        for quantity, scale in quantities.items()
     }
     for quantity, scale in scales.items():
         if scale == 0.0 or not np.isfinite(scale):
             raise CaseError(
-                f"{file}: {panel.title}: {quantity} is divided by {shown[quantity]!r}, where it is {scale:g}; "
+                f"{file}: {panel.title}: {quantity} is divided by {quantities[quantity]!r}, where it is {scale:g}; "
                 "allowed: references in which it is not zero"
             )
     return Panel(
@@ -165,7 +166,7 @@ def _panel(
         axis=panel.axis,
         runs=tuple(run.label for run in tables),
         values=np.array([np.nan if run.value is None else run.value for run in tables]),
-        quantities={name: tuple(_values(study, name, run) / scales[name] for run in runs) for name in shown},
+        quantities={name: tuple(_values(study, name, run) / scales[name] for run in runs) for name in quantities},
         references=scales,
         converged=tuple(run.converged and all(r.converged for r in references.values()) for run in runs),
         messages=tuple(run.step.message for run in runs),

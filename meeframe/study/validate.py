@@ -20,7 +20,7 @@ from typing import Final, get_args
 from meeframe.common.errors import CaseError, MeeframeError, PluginFault, ResultError
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.validation import choices
-from meeframe.results.output import check_output, replacing
+from meeframe.results.output import open_output, replacing
 from meeframe.study.reports.validation import (
     CaseReport,
     Check,
@@ -109,7 +109,7 @@ def validate(
     folder
         Folder of the cases.
     out
-        Output folder; created if it does not exist.
+        Output folder; created if it does not exist and locked until the validation ends.
     names
         Names of the cases to run; by default all.
     quick
@@ -127,7 +127,7 @@ def validate(
     CaseError
         For an unknown name or a folder without cases.
     ResultError
-        If `out` cannot be written.
+        If `out` cannot be written, or if another process writes there.
     MeeframeError
         If plotly, which draws the report, is not installed.
     """
@@ -137,8 +137,13 @@ def validate(
             raise CaseError(f"unknown case {name!r}; {choices(name, tuple(known))}")
     chosen = [path for name, path in known.items() if not names or name in names]
     library = plot_library()
-    check_output(out, overwrite=True)
-    _clear(out)
+    with open_output(out, overwrite=True):
+        _clear(out)
+        return _run_all(chosen, out, quick, library, progress)
+
+
+def _run_all(chosen: Sequence[Path], out: Path, quick: bool, library: str, progress: Progress) -> Validation:
+    """Run the cases into a locked output folder."""
     validation = Validation(quick, _versions(), planned=len(chosen))
     try:
         for path in chosen:

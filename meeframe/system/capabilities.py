@@ -13,7 +13,7 @@ evaluates a solution inside the body.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 AnyArray = NDArray[Any]
 FieldProduct = Callable[[Array, Sequence[int], Sequence[int]], Array]
 """A function as `FieldwiseApply.apply_fields`: displacement (n, k) of (load (n, l), loaded fields, wanted fields)."""
-APPROXIMATE_TOLERANCE: Final = 1e-4
-"""Largest error of `ApproximateApply`, relative to the largest displacement in a field. Where weak couplings cancel,
-errors may be somewhat larger."""
 
 
 class FieldwiseApply(ABC):
@@ -56,18 +53,18 @@ class FieldwiseApply(ABC):
 
     @abstractmethod
     def diagonal(self, fields: Sequence[int]) -> Array:
-        """Return the diagonals of `diagonal_blocks` in k fields, (n, k)."""
+        """Return the diagonals of `ReducedSystem.diagonal_blocks` in some fields.
 
+        Parameters
+        ----------
+        fields : sequence of int
+            Numbers of k fields.
 
-class ApproximateApply(ABC):
-    """Cheaper products, in single precision, that are accurate to `APPROXIMATE_TOLERANCE`.
-
-    Krylov iterations use them for search directions.
-    """
-
-    @abstractmethod
-    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return an approximation of `FieldwiseApply.apply_fields` that is linear in the load."""
+        Returns
+        -------
+        (n, k) array
+            Response of each node to its own unit load in the same field.
+        """
 
 
 class ApproximateInverse(ABC):
@@ -75,19 +72,19 @@ class ApproximateInverse(ABC):
 
     @abstractmethod
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
-        """Return a linear map from displacements (n, k) in k fields to loads (n, k) in these fields that cause them.
+        """Return an approximate inverse of the compliance in some fields.
 
-        None if there is no useful inverse for these fields.
+        Parameters
+        ----------
+        fields : sequence of int
+            Numbers of k fields.
+
+        Returns
+        -------
+        callable or None
+            Linear map from displacements (n, k) to loads (n, k) that cause them; None if there is no useful inverse
+            for these fields.
         """
-
-    def prolongation(self, nodes: Indices) -> "Prolongation | None":
-        """Return a prolongation of displacements from some nodes (f,), each once, to all nodes; None by default.
-
-        It should approximate the displacement with the least energy, that of a load on these nodes alone. Between
-        prolongation and restriction the approximate inverse then approximates the inverse of the compliance restricted
-        to these nodes. From no nodes at all, zeros are prolonged.
-        """
-        return None
 
 
 class Multigrid(ABC):
@@ -95,18 +92,13 @@ class Multigrid(ABC):
 
     @abstractmethod
     def coarsen(self) -> "Coarsening":
-        """Return the next coarser system. On the coarsest division `capability` returns None."""
+        """Return the next coarser system. On the coarsest division `capability` returns None.
 
-
-class LatticeStencil(ABC):
-    """Nodes on a lattice whose responses depend on their distances alone, as on a regular grid on a half space.
-
-    Newton's method uses it to smooth the contact edge and the slip boundary.
-    """
-
-    @abstractmethod
-    def stencil(self, radius: int, fields: Sequence[int]) -> "Stencil | None":
-        """Return the responses in some fields up to `radius` places away; None if the lattice is smaller than that."""
+        Returns
+        -------
+        Coarsening
+            The coarser system and the transfer of values.
+        """
 
 
 class Restriction(ABC):
@@ -114,22 +106,38 @@ class Restriction(ABC):
 
     @abstractmethod
     def restrict(self, nodes: Indices) -> "Subsystem | None":
-        """Return the system on a part of the zone that contains nodes (k,); None if there is no such part.
+        """Return the system on a part of the zone that contains some nodes.
 
-        A part may contain more nodes. None is also returned where the part would be nearly as large as the zone, and
-        if no nodes are given.
+        The part may contain more nodes.
+
+        Parameters
+        ----------
+        nodes : Indices
+            (k,) numbers of the nodes.
+
+        Returns
+        -------
+        Subsystem or None
+            The smaller system. None if there is no such part, if it would be nearly as large as the zone, or if no
+            nodes are given.
         """
 
 
 class Persistence(ABC):
     """A system without a matrix that can be stored as arrays.
 
-    Its formulation is a `meeframe.formulations.base.PersistentFormulation`, which makes the system again.
+    Its formulation is a `meeframe.formulations.base.PersistentFormulation`, which restores the system.
     """
 
     @abstractmethod
     def to_arrays(self) -> Mapping[str, AnyArray]:
-        """Return arrays of numbers, by name, from which `PersistentFormulation.from_arrays` makes the same system."""
+        """Return the arrays from which `PersistentFormulation.from_arrays` restores the system.
+
+        Returns
+        -------
+        dict of str to array
+            Arrays of numbers by name.
+        """
 
 
 class EdgeResolution(ABC):
@@ -137,7 +145,7 @@ class EdgeResolution(ABC):
 
     @abstractmethod
     def edge_correction(self, pressure: Array, indenter_edge: "IndenterEdge | None" = None) -> "EdgeCorrection":
-        """Return how the edge of a contact between the nodes changes the system.
+        """Return the changes of the system due to a contact edge between the nodes.
 
         Parameters
         ----------
@@ -145,6 +153,11 @@ class EdgeResolution(ABC):
             Contact pressure >= 0 [Pa], found with the contact edge at nodes.
         indenter_edge : IndenterEdge, optional
             The edge of the indenter, if it has one in the zone.
+
+        Returns
+        -------
+        EdgeCorrection
+            Extra compliances and area fractions of the nodes near the edge.
         """
 
 
@@ -199,22 +212,6 @@ class PointFields:
 
 
 @dataclass(frozen=True, eq=False)
-class Prolongation:
-    """A linear map from values at some nodes to values at all nodes, and its adjoint; in single precision.
-
-    Attributes
-    ----------
-    prolong
-        Values (n,) from values (f,); the given values are kept at their nodes.
-    restrict
-        Values (f,) from values (n,): the adjoint in inner products weighted by the areas of the nodes.
-    """
-
-    prolong: Callable[[Array], Array]
-    restrict: Callable[[Array], Array]
-
-
-@dataclass(frozen=True, eq=False)
 class Coarsening:
     """A coarser reduced system.
 
@@ -247,26 +244,6 @@ class Subsystem:
 
     system: "ReducedSystem"
     nodes: Indices
-
-
-@dataclass(frozen=True, eq=False)
-class Stencil:
-    """Responses on a lattice, accurate to about six digits.
-
-    Attributes
-    ----------
-    lattice
-        (nx, ny) node at each place.
-    periodic
-        True if the lattice repeats itself.
-    responses
-        (2 r + 1, 2 r + 1, 5, 5): entry [r + i, r + j] is the displacement of a node due to the load on another one,
-        (i, j) places before it; zero in fields that were not asked for.
-    """
-
-    lattice: Indices
-    periodic: bool
-    responses: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,7 +282,24 @@ class IndenterEdge:
 
 
 def apply_fields(system: "ReducedSystem", load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-    """Return `FieldwiseApply.apply_fields` of any system: by `apply` where the system has no such capability."""
+    """Return the displacement in some fields due to a load in some fields, for any system.
+
+    Without the capability `FieldwiseApply` the system computes all fields by `apply`.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The system.
+    load : (n, l) array
+        Load in the fields `loaded`.
+    loaded, fields : sequences of int
+        Numbers of l and k fields.
+
+    Returns
+    -------
+    (n, k) array
+        Columns in the order of `fields`.
+    """
     fieldwise = system.capability(FieldwiseApply)
     if fieldwise is not None:
         return fieldwise.apply_fields(load, loaded, fields)
@@ -322,7 +316,20 @@ def apply_load(system: "ReducedSystem", load: Array, fields: Sequence[int]) -> A
 
 
 def diagonal(system: "ReducedSystem", fields: Sequence[int]) -> Array:
-    """Return the diagonals (n, k) of the diagonal blocks of any system in k fields."""
+    """Return the diagonals of the diagonal blocks of any system in some fields.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The system.
+    fields : sequence of int
+        Numbers of k fields.
+
+    Returns
+    -------
+    (n, k) array
+        Response of each node to its own unit load in the same field.
+    """
     fieldwise = system.capability(FieldwiseApply)
     if fieldwise is not None:
         return fieldwise.diagonal(fields)
@@ -339,6 +346,11 @@ def rescale_inverse(inverse: Callable[[Array], Array], before: Array, after: Arr
         Approximate inverse of the other compliance.
     before, after : (n, k) arrays
         Diagonals of the other compliance and of the new one.
+
+    Returns
+    -------
+    callable
+        Linear map from displacements (n, k) to loads (n, k).
     """
     factor = np.sqrt(np.abs(before / after))
     return lambda displacement: factor * inverse(factor * displacement)

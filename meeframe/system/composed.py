@@ -19,7 +19,6 @@ import numpy as np
 from meeframe.fields import Array, Indices
 from meeframe.system.capabilities import (
     AnyArray,
-    ApproximateApply,
     ApproximateInverse,
     Coarsening,
     EdgeCorrection,
@@ -28,12 +27,9 @@ from meeframe.system.capabilities import (
     FieldwiseApply,
     IndenterEdge,
     InteriorFields,
-    LatticeStencil,
     Multigrid,
     PointFields,
-    Prolongation,
     Restriction,
-    Stencil,
     Subsystem,
     apply_fields,
     diagonal,
@@ -186,10 +182,8 @@ class Term:
 class ComposedSystem(
     ReducedSystem,
     FieldwiseApply,
-    ApproximateApply,
     ApproximateInverse,
     Multigrid,
-    LatticeStencil,
     Restriction,
     EdgeResolution,
     InteriorFields,
@@ -213,9 +207,9 @@ class ComposedSystem(
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself if its bodies allow it to forward a capability, else None.
 
-        Products in some fields and approximate products need one body that has them. The approximate inverse is that
+        Products in some fields need one body that has them. The approximate inverse is that
         of the first body. Coarsening and restriction need all bodies, coarsening on the same nodes and without extra
-        compliance. A stencil needs all bodies, uniform rotations and no extra compliance. Edge resolution needs all
+        compliance. Edge resolution needs all
         bodies, and no correction already in place. Interior fields are those of the first body. Persistence is not
         forwarded: bodies are stored one by one.
         """
@@ -223,10 +217,8 @@ class ComposedSystem(
         has = [system.capability(kind) is not None for system in systems]
         forwarded: dict[type, bool] = {
             FieldwiseApply: any(has),
-            ApproximateApply: any(has),
             ApproximateInverse: has[0],
             Multigrid: all(has) and not corrected,
-            LatticeStencil: all(has) and not corrected,
             Restriction: all(has),
             EdgeResolution: all(has) and not corrected,
             InteriorFields: has[0],
@@ -234,8 +226,6 @@ class ComposedSystem(
         if not forwarded.get(kind, False):
             return None
         if kind is Multigrid and self._coarsening is None:
-            return None
-        if kind is LatticeStencil and not all(term.rotation is None or term.rotation.is_uniform for term in self.terms):
             return None
         return super().capability(kind)
 
@@ -277,10 +267,6 @@ class ComposedSystem(
             return own if self.extra_compliance is None else own + self.extra_compliance[:, list(fields), list(fields)]
         return self.diagonal_blocks()[:, list(fields), list(fields)]
 
-    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return the sum of approximate products, of exact ones for bodies that have no approximate ones."""
-        return self._sum([_approximate_product(term.system) for term in self.terms], load, loaded, fields)
-
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """Return that of the first body, rescaled for the compliance that the others and corrections add at nodes.
 
@@ -297,10 +283,6 @@ class ComposedSystem(
             return inverse
         alone = term.blocks_from_body(term.system.diagonal_blocks())[:, chosen, chosen]
         return rescale_inverse(inverse, alone, self.diagonal(chosen))
-
-    def prolongation(self, nodes: Indices) -> Prolongation | None:
-        """Return that of the first body."""
-        return _required(self.terms[0].system, ApproximateInverse).prolongation(nodes)
 
     def coarsen(self) -> Coarsening:
         """Return the composition of the coarsened bodies, whose nodes coincide."""
@@ -325,34 +307,16 @@ class ComposedSystem(
         system = self._on_nodes(parts)
         return None if system is None else Subsystem(system, parts[0][1])
 
-    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
-        """Return the sum of the stencils of the bodies; None if their lattices differ by more than reflections."""
-        total: Stencil | None = None
-        for term in self.terms:
-            part = _required(term.system, LatticeStencil).stencil(radius, term.closure(fields))
-            if part is None:
-                return None
-            part = _rotated_stencil(term, part, fields)
-            aligned = part if total is None else _aligned_stencil(part, total)
-            if aligned is None:
-                return None
-            total = (
-                aligned
-                if total is None
-                else Stencil(total.lattice, total.periodic, total.responses + aligned.responses)
-            )
-        return total
-
     def edge_correction(self, pressure: Array, indenter_edge: IndenterEdge | None = None) -> EdgeCorrection:
         """Return the sum of the corrections of all bodies, with the area fraction of the first one."""
-        found = [
+        result = [
             _required(term.system, EdgeResolution).edge_correction(
                 term.at_body(pressure),
                 None if indenter_edge is None else term.edge_seen(indenter_edge),
             )
             for term in self.terms
         ]
-        return EdgeCorrection(self._sum_blocks([one.extra_compliance for one in found]), found[0].area_fraction)
+        return EdgeCorrection(self._sum_blocks([one.extra_compliance for one in result]), result[0].area_fraction)
 
     def _sum(
         self, products: Sequence[FieldProduct], load: Array, loaded: Sequence[int], fields: Sequence[int]
@@ -441,34 +405,8 @@ def _in_all_fields(system: ReducedSystem) -> FieldProduct:
     return lambda load, _loaded, _fields: system.apply(load)
 
 
-def _approximate_product(system: ReducedSystem) -> FieldProduct:
-    approximate = system.capability(ApproximateApply)
-    return partial(apply_fields, system) if approximate is None else approximate.approximate_apply
-
-
 def _in_frames(inverse: Callable[[Array], Array], term: Term, fields: Sequence[int]) -> Callable[[Array], Array]:
     """Return an approximate inverse of a body in the frames of the composition."""
     if term.rotation is None:
         return inverse
     return lambda displacement: term.from_body(inverse(term.to_body(displacement, fields, fields)), fields, fields)
-
-
-def _rotated_stencil(term: Term, stencil: Stencil, fields: Sequence[int]) -> Stencil:
-    """Return the stencil of a body at the nodes and in the frames of the composition."""
-    lattice = stencil.lattice if term.nodes is None else np.argsort(term.nodes)[stencil.lattice]
-    if term.rotation is None:
-        return Stencil(lattice, stencil.periodic, stencil.responses)
-    shape = stencil.responses.shape
-    responses = term.rotation.change_blocks(stencil.responses.reshape(-1, *shape[2:])).reshape(shape)
-    others = [field for field in range(term.rotation.n_fields) if field not in fields]
-    responses[..., others, :] = responses[..., others] = 0.0
-    return Stencil(lattice, stencil.periodic, np.ascontiguousarray(responses))
-
-
-def _aligned_stencil(stencil: Stencil, other: Stencil) -> Stencil | None:
-    """Return a stencil on the lattice of another one, reflected where needed; None if that is not possible."""
-    for step in np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]):
-        reflect = slice(None, None, step[0]), slice(None, None, step[1])
-        if stencil.periodic == other.periodic and np.array_equal(stencil.lattice[reflect], other.lattice):
-            return Stencil(other.lattice, other.periodic, stencil.responses[reflect])
-    return None

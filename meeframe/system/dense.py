@@ -20,12 +20,14 @@ class DenseSystem(ReducedSystem):
 
     Attributes
     ----------
-    matrix
-        (n, 5, n, 5), response (node, field) to the load (node, field), signs as in `ReducedSystem`.
-    recovery
-        Function that returns the fields on the whole boundary for a load (n, 5).
-    interior
-        The capability `InteriorFields`, if the formulation has it.
+    points, frames, weights, cells, offset
+        As in `ReducedSystem`.
+    matrix : Array
+        (n, fields, n, fields), response (node, field) to a load (node, field), with the signs of `ReducedSystem`.
+    recovery : callable
+        Function that returns the fields on the whole boundary for a load (n, fields).
+    interior : InteriorFields or None
+        The capability to evaluate fields inside the body, if the formulation has it.
     """
 
     matrix: Array
@@ -37,7 +39,18 @@ class DenseSystem(ReducedSystem):
         return self.interior if isinstance(self.interior, kind) else super().capability(kind)
 
     def apply(self, load: Array) -> Array:
-        """Return compliance(load), (n, 5), for a load (n, 5) by one matrix-vector product."""
+        """Return the displacement due to a load by one matrix-vector product.
+
+        Parameters
+        ----------
+        load : Array
+            (n, fields) load.
+
+        Returns
+        -------
+        Array
+            Compliance(load), (n, fields).
+        """
         size = self.offset.size
         response: Array = self.matrix.reshape(size, size) @ np.ravel(load)
         return response.reshape(load.shape)
@@ -52,7 +65,18 @@ class DenseSystem(ReducedSystem):
         return self.matrix
 
     def recover(self, load: Array) -> NodalFields:
-        """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
+        """Return the fields on the whole boundary.
+
+        Parameters
+        ----------
+        load : Array
+            (n, fields) load on the contact zone.
+
+        Returns
+        -------
+        NodalFields
+            Extended displacements and tractions in SI units and global axes.
+        """
         return self.recovery(load)
 
 
@@ -65,7 +89,9 @@ def in_local_frames(
     compliance: Array,
     fields: Callable[[Array], NodalFields],
 ) -> DenseSystem:
-    """Return the reduced system of a relation in global axes: values (n, 5) = offset + compliance : extended tractions.
+    """Return the reduced system of a linear relation in global axes.
+
+    The relation is values (n, 5) = offset + compliance : extended tractions (n, 5).
 
     Parameters
     ----------
@@ -75,6 +101,11 @@ def in_local_frames(
         Of the extended displacement, potentials not negated.
     fields
         Function that returns the fields on the whole boundary for extended tractions (n, 5) in global axes.
+
+    Returns
+    -------
+    DenseSystem
+        The system, with potentials negated.
     """
     n_fields = offset.shape[1]
     to_load = np.zeros((len(frames), n_fields, n_fields))

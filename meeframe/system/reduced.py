@@ -78,24 +78,68 @@ class ReducedSystem(ABC):
 
     @abstractmethod
     def apply(self, load: Array) -> Array:
-        """Return compliance(load), (n, 5), of a load (n, 5), which must not be changed."""
+        """Return the displacement due to a load, without the offset.
+
+        Parameters
+        ----------
+        load : Array
+            (n, fields) load, which must not be changed.
+
+        Returns
+        -------
+        Array
+            Compliance(load), (n, fields).
+        """
 
     @abstractmethod
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5)."""
+        """Return the response of each node to its own load, (n, 5, 5).
+
+        Returns
+        -------
+        Array
+            Diagonal blocks of the compliance, (n, fields, fields).
+        """
 
     @abstractmethod
     def dense(self) -> Array | None:
-        """Return the compliance as (n, 5, n, 5) if it is stored as a matrix, else None."""
+        """Return the compliance if it is stored as a matrix.
+
+        Returns
+        -------
+        Array or None
+            (n, fields, n, fields), response (node, field) to a load (node, field).
+        """
 
     @abstractmethod
     def recover(self, load: Array) -> NodalFields:
-        """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
+        """Return the fields on the whole boundary.
+
+        Parameters
+        ----------
+        load : Array
+            (n, fields) load on the contact zone.
+
+        Returns
+        -------
+        NodalFields
+            Extended displacements and tractions in SI units and global axes.
+        """
 
     def capability(self, kind: type[C]) -> C | None:
         """Return an object with the methods of a capability; None if the system does not have it.
 
         By default a system has the capabilities that its class inherits. Override this method where a capability
         depends on the instance.
+
+        Parameters
+        ----------
+        kind : type
+            Class of the capability, for example `Multigrid`.
+
+        Returns
+        -------
+        object or None
+            An object of this class.
         """
         return self if isinstance(self, kind) else None

@@ -154,11 +154,11 @@ class PartialSlip:
         a, c = self.hertz.contact_radius, self.stick_radius(force)
         return self.friction * self.hertz.peak_pressure * (_dome(r, a) - c / a * _dome(r, c))
 
-    def turned_force(self, displacement: float, turning: float) -> float:
+    def force_after_reversal(self, displacement: float, turning: float) -> float:
         """Return the tangential force [N] after a reversal at the displacement `turning` [m] > 0, down to -turning."""
         return self.force(turning) - 2.0 * self.force((turning - displacement) / 2.0)
 
-    def turned_traction(self, r: Array, displacement: float, turning: float) -> Array:
+    def traction_after_reversal(self, r: Array, displacement: float, turning: float) -> Array:
         """Return the tangential traction [Pa] after a reversal at the displacement `turning` [m] > 0, to -turning."""
         reversal = self.force((turning - displacement) / 2.0)
         return self.traction(r, self.force(turning)) - 2.0 * self.traction(r, reversal)

@@ -153,7 +153,7 @@ def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> Conta
         translation=problem.translation * displacement[0],
         potentials=problem.potentials * displacement[POTENTIALS],
         prescribed_resultants=tuple(
-            _rescaled_freedom(freedom, displacement, load) for freedom in problem.prescribed_resultants
+            _rescale_resultant(resultant, displacement, load) for resultant in problem.prescribed_resultants
         ),
     )
 
@@ -164,12 +164,14 @@ def _rescaled_law(law: ConductivityLaw, length: float, potential: float, flux: f
     return StepConductivity(law.kappa * flux / potential) if isinstance(law, StepConductivity) else law
 
 
-def _rescaled_freedom(freedom: PrescribedResultant, displacement: Array, load: Array) -> PrescribedResultant:
+def _rescale_resultant(resultant: PrescribedResultant, displacement: Array, load: Array) -> PrescribedResultant:
     """Return a prescribed resultant in the units of work of its fields, which must be equal."""
-    work = (displacement * load)[freedom.mode.any(axis=0)]
+    work = (displacement * load)[resultant.mode.any(axis=0)]
     if not np.allclose(work, work[0], rtol=1e-12, atol=0.0):
-        raise ValueError(f"a freedom moves fields whose work is scaled differently: {work}")
-    return PrescribedResultant(freedom.mode * displacement, freedom.measure * work[0] / load, freedom.total * work[0])
+        raise ValueError(f"a mode moves fields whose work is scaled differently: {work}")
+    return PrescribedResultant(
+        resultant.mode * displacement, resultant.measure * work[0] / load, resultant.total * work[0]
+    )
 
 
 def _check_pressure(problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str) -> None:
@@ -222,12 +224,15 @@ def _problems(friction: bool) -> dict[str, ContactProblem]:
     normal, tangential, charge = ((2, -1.0, 1e4), (0, 1.0, 1.2e3), (4, -1.0, 1e-4))
     prescribed_resultants = (normal, tangential, charge) if friction else (normal, charge)
     problems["resultants"] = replace(
-        base, prescribed_resultants=tuple(_freedom(system.weights, *arguments) for arguments in prescribed_resultants)
+        base,
+        prescribed_resultants=tuple(
+            _prescribe_resultant(system.weights, *arguments) for arguments in prescribed_resultants
+        ),
     )
     return problems
 
 
-def _freedom(weights: Array, field: int, direction: float, total: float) -> PrescribedResultant:
+def _prescribe_resultant(weights: Array, field: int, direction: float, total: float) -> PrescribedResultant:
     """Return the prescribed resultant of a motion along one field."""
     mode = np.zeros((len(weights), 5))
     mode[:, field] = direction

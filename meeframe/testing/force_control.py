@@ -34,7 +34,9 @@ BALANCED: Final = 1e-11
 SAME: Final = 1e-8
 
 
-def freedom(system: ReducedSystem, mode: Array, total: float, measure: Array | None = None) -> PrescribedResultant:
+def prescribe_resultant(
+    system: ReducedSystem, mode: Array, total: float, measure: Array | None = None
+) -> PrescribedResultant:
     """Return a prescribed resultant, positive outwards for charges and fluxes.
 
     Parameters
@@ -101,15 +103,21 @@ def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple
     prescribed_resultants: list[PrescribedResultant] = []
     motions: list[float] = []
     if "approach" in given:
-        prescribed_resultants += [freedom(system, PRESS, -force[2])]
+        prescribed_resultants += [prescribe_resultant(system, PRESS, -force[2])]
         motions += [APPROACH]
         problem = replace(problem, gap=problem.gap + APPROACH)
     if "translation" in given:
-        prescribed_resultants += [freedom(system, SLIDE, force[0]), freedom(system, SLIDE_2, force[1])]
+        prescribed_resultants += [
+            prescribe_resultant(system, SLIDE, force[0]),
+            prescribe_resultant(system, SLIDE_2, force[1]),
+        ]
         motions += [*problem.translation[0]]
         problem = replace(problem, translation=zero)
     if "potentials" in given:
-        prescribed_resultants += [freedom(system, VOLTAGE, charge), freedom(system, MAGNETOMOTIVE, flux)]
+        prescribed_resultants += [
+            prescribe_resultant(system, VOLTAGE, charge),
+            prescribe_resultant(system, MAGNETOMOTIVE, flux),
+        ]
         motions += [*problem.potentials[0]]
         problem = replace(problem, potentials=zero)
     return replace(problem, prescribed_resultants=tuple(prescribed_resultants)), np.array(motions)
@@ -125,7 +133,9 @@ def balanced_solution(
     value = residual(problem, state)
     require(value <= 2.0 * limits.tolerance, f"{solver}: residual of the state handed over", value)
     require(
-        len(state.motion) == len(problem.prescribed_resultants), f"{solver}: one motion for each freedom", state.motion
+        len(state.motion) == len(problem.prescribed_resultants),
+        f"{solver}: one motion for each prescribed resultant",
+        state.motion,
     )
     for error, free in zip(unbalance(problem, state.load), problem.prescribed_resultants, strict=True):
         size = max(abs(free.total), float(np.abs(free.measure * state.load).sum()))

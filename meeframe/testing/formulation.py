@@ -39,13 +39,29 @@ def check_formulation(
     tolerance: float = 1e-3,
     asymmetry: float = 0.05,
 ) -> None:
-    """Form, linearity, exact linear fields, reciprocity, energy and recovery; and closed-form indentation.
+    """Check a formulation: form, linear fields, reciprocity, energy, recovery, capabilities and an indentation.
 
-    body: with a contact zone; field: its exact solution under the tractions that the field has on the zone. Without
-    them a block of rotated orthotropic material under a linear field is taken, and an indentation compared with that of
-    a half space (check_indentation). tolerance: of values of the exact field, relative to the largest; asymmetry: of
-    the work of one smooth load on the displacement of another, relative to their own works.
-    Raises AssertionError.
+    Without a body and a field, a block of rotated orthotropic material under a linear field is used, and an indentation
+    is compared with the closed form of a half space (`check_indentation`).
+
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body, optional
+        Body with a contact zone.
+    field : ExactField, optional
+        Exact solution of the body under the tractions that the field has on the zone.
+    tolerance : float
+        Largest error of the values, relative to the largest value.
+    asymmetry : float
+        Largest asymmetry of the work of one smooth load on the displacement of another, relative to their own
+        works.
+
+    Raises
+    ------
+    AssertionError
+        If a property is violated.
     """
     check_frozen(formulation)
     if body is None or field is None:
@@ -75,7 +91,7 @@ def check_form(system: ReducedSystem, body: Body) -> None:
         require(array.shape == shape and np.isfinite(array).all(), f"{name} is not finite {shape}", array.shape)
     deviation = np.abs(system.frames @ system.frames.transpose(0, 2, 1) - np.eye(3)).max()
     orthonormal = bool(deviation < 1e-12 and (np.linalg.det(system.frames) > 0.0).all())
-    require(orthonormal, "frames are not orthonormal and right-handed, so that tractions turn into others", deviation)
+    require(orthonormal, "frames are not orthonormal and right-handed, so that tractions are rotated", deviation)
     nearest = np.linalg.norm(system.points[:, None] - zone.points, axis=2).argmin(axis=1)
     outward = float(np.einsum("ni,ni->n", system.frames[:, 2], zone.frames[nearest, 2]).min())
     require(outward > 0.5, "a frame's third axis is not the outward normal: pressure would pull", outward)
@@ -86,7 +102,7 @@ def check_form(system: ReducedSystem, body: Body) -> None:
     require(area < 1e-3, "the weights do not add up to the area of the zone, so that forces are wrong", area)
     for name, connectivity in system.cells:
         valid = bool((connectivity >= 0).all() and (connectivity < n).all())
-        require(valid, f"cells of type {name} have numbers that are no points", connectivity)
+        require(valid, f"cells of type {name} refer to points that do not exist", connectivity)
 
 
 def check_linear(formulation: Formulation, body: Body, system: ReducedSystem) -> None:
@@ -124,12 +140,12 @@ def check_persistence(formulation: Formulation, body: Body, system: ReducedSyste
     again = formulation.from_arrays(body, arrays)
     for name in ("points", "frames", "weights", "offset"):
         same = np.array_equal(getattr(again, name), getattr(system, name))
-        require(same, f"{name} changes when made from arrays", name)
+        require(same, f"{name} changes when restored from arrays", name)
     load = np.random.default_rng(0).normal(size=system.offset.shape) * typical_load(system)
     response, expected = again.apply(load), system.apply(load)
-    require(np.array_equal(response, expected), "apply changes when made from arrays", worst(response, expected))
+    require(np.array_equal(response, expected), "apply changes when restored from arrays", worst(response, expected))
     same = np.array_equal(again.diagonal_blocks(), system.diagonal_blocks())
-    require(same, "diagonal_blocks change when made from arrays", len(load))
+    require(same, "diagonal_blocks change when restored from arrays", len(load))
 
 
 def check_edges(formulation: Formulation, system: ReducedSystem) -> None:
@@ -150,7 +166,7 @@ def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> N
     error = np.abs(computed - exact).max(axis=0) / np.abs(exact).max(axis=0)
     names = ("u.e1", "u.e2", "u.nu", "-phi", "-psi")
     worst = int(error.argmax())
-    require(bool(error[worst] <= tolerance), f"a field that is exact is not met in {names[worst]}", error)
+    require(bool(error[worst] <= tolerance), f"an exact field is not reproduced in {names[worst]}", error)
 
 
 def check_reciprocity(system: ReducedSystem, asymmetry: float) -> None:
@@ -218,7 +234,7 @@ def check_refusals(formulation: Formulation, body: Body) -> None:
         try:
             formulation.check(other)
             if other.contact_group == body.contact_group:
-                raise AssertionError(f"check accepts {name}: it would fail after the work is done, or silently")
+                raise AssertionError(f"check accepts {name}: the error would appear late or not at all")
             formulation.reduce(other)
         except MeeframeError:
             continue
@@ -248,7 +264,7 @@ def check_indentation(formulation: Formulation, body: Body | None = None, tolera
     force = -float(system.weights @ solution.state.load[:, 2])
     exact = indent(axisymmetric_compliance(body.stiffness), Sphere(radius), approach).force
     error = abs(force / exact - 1.0)
-    message = f"a sphere pressed {approach:g} m deep meets {force:g} N, in closed form {exact:g} N"
+    message = f"a sphere pressed {approach:g} m deep needs {force:g} N, in closed form {exact:g} N"
     require(error <= tolerance, message, error)
 
 

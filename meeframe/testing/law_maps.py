@@ -233,7 +233,7 @@ def rest(law: ContactLaw, units: Units, random: np.random.Generator, step: float
     size, size_halfway = (np.linalg.norm(history[k][:, :2], axis=1) for k in (-1, _REST_STEPS // 2))
     settled = last <= _SETTLED * (size + ROUND_OFF * units.pressure)
     sticks = (last >= 0.99 * halfway) & (size > size_halfway)
-    each(settled | sticks, "traction under slip comes to no rest", gap, traction)
+    each(settled | sticks, "traction under slip does not become stationary", gap, traction)
     return Rest(slip, normal, traction, settled)
 
 

@@ -6,18 +6,14 @@ from typing import TypeVar, final
 
 from meeframe.fields import Array, Indices
 from meeframe.system.capabilities import (
-    ApproximateApply,
     ApproximateInverse,
     Coarsening,
     EdgeCorrection,
     EdgeResolution,
     FieldwiseApply,
     IndenterEdge,
-    LatticeStencil,
     Multigrid,
-    Prolongation,
     Restriction,
-    Stencil,
     Subsystem,
 )
 from meeframe.system.reduced import NodalFields, ReducedSystem
@@ -30,10 +26,8 @@ C = TypeVar("C")
 class OperationCounter(
     ReducedSystem,
     FieldwiseApply,
-    ApproximateApply,
     ApproximateInverse,
     Multigrid,
-    LatticeStencil,
     Restriction,
     EdgeResolution,
 ):
@@ -89,26 +83,13 @@ class OperationCounter(
         """Return that of the inner system."""
         return self._inner(FieldwiseApply).diagonal(fields)
 
-    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return the product of the inner system, and count it."""
-        self.products.append(None)
-        return self._inner(ApproximateApply).approximate_apply(load, loaded, fields)
-
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """Return that of the inner system."""
         return self._inner(ApproximateInverse).approximate_inverse(fields)
 
-    def prolongation(self, nodes: Indices) -> Prolongation | None:
-        """Return that of the inner system."""
-        return self._inner(ApproximateInverse).prolongation(nodes)
-
     def coarsen(self) -> Coarsening:
         """Return that of the inner system, whose products are not counted."""
         return self._inner(Multigrid).coarsen()
-
-    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
-        """Return that of the inner system."""
-        return self._inner(LatticeStencil).stencil(radius, fields)
 
     def restrict(self, nodes: Indices) -> Subsystem | None:
         """Return that of the inner system, whose products are counted, too."""

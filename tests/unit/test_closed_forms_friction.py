@@ -92,9 +92,9 @@ def test_the_loop_closes_and_its_area_is_its_dissipation(share: float) -> None:
     exact = PartialSlip(hertz(0.2), FRICTION)
     force = share * exact.limit_force
     turning = exact.displacement(force)
-    assert exact.turned_force(turning, turning) == pytest.approx(force)
-    assert exact.turned_force(-turning, turning) == pytest.approx(-force)
-    back, _ = quad(lambda x: exact.turned_force(x, turning), -turning, turning, epsabs=0, epsrel=1e-11)
+    assert exact.force_after_reversal(turning, turning) == pytest.approx(force)
+    assert exact.force_after_reversal(-turning, turning) == pytest.approx(-force)
+    back, _ = quad(lambda x: exact.force_after_reversal(x, turning), -turning, turning, epsabs=0, epsrel=1e-11)
     assert exact.loop_dissipation(force) == pytest.approx(-2 * back, rel=1e-8)
 
 
@@ -102,13 +102,13 @@ def test_turned_tractions_keep_the_law() -> None:
     exact = PartialSlip(hertz(0.0), FRICTION)
     turning = exact.displacement(0.8 * exact.limit_force)
     place, r = 0.2 * turning, np.linspace(0.0, 0.999, 200) * exact.hertz.contact_radius
-    traction, bound = exact.turned_traction(r, place, turning), FRICTION * exact.hertz.pressure(r)
+    traction, bound = exact.traction_after_reversal(r, place, turning), FRICTION * exact.hertz.pressure(r)
     assert (np.abs(traction) <= bound * (1 + 1e-12)).all()
     back = exact.stick_radius(exact.force((turning - place) / 2))
     np.testing.assert_allclose(traction[r > back], -bound[r > back])
     a, turned = exact.hertz.contact_radius, exact.stick_radius(exact.force(turning))
-    total = resultant(lambda s: exact.turned_traction(s, place, turning), a, back, turned)
-    assert total == pytest.approx(exact.turned_force(place, turning), rel=1e-5)
+    total = resultant(lambda s: exact.traction_after_reversal(s, place, turning), a, back, turned)
+    assert total == pytest.approx(exact.force_after_reversal(place, turning), rel=1e-5)
 
 
 def test_bonding_factor() -> None:

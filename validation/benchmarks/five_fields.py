@@ -60,22 +60,22 @@ def conducting(n: int, material: str, potentials: tuple[float, float]) -> Record
         problem = indentation_problem(system, height, contact**2 / radius, Signorini(), (kappa, kappa), given)
         return solve(problem, solver, limits)
 
-    found = {
-        "one product": lambda: apply_load(system, normal, (2,)),
-        "five products": lambda: system.apply(load),
-        "one whole": lambda: whole(0.0, ProjectedCG()),
-        "five whole": lambda: whole(np.inf, ProjectedCG()),
-        "one by auto": lambda: whole(0.0, Auto()),
-        "five by auto": lambda: whole(np.inf, Auto()),
+    result = {
+        "product, one field": lambda: apply_load(system, normal, (2,)),
+        "product, five fields": lambda: system.apply(load),
+        "run, one field": lambda: whole(0.0, ProjectedCG()),
+        "run, five fields": lambda: whole(np.inf, ProjectedCG()),
+        "auto, one field": lambda: whole(0.0, Auto()),
+        "auto, five fields": lambda: whole(np.inf, Auto()),
     }
     turns = [
         {
             name: median_time(action, 9 if "product" in name else 1, warm=False)["processor"]
-            for name, action in found.items()
+            for name, action in result.items()
         }
         for _ in range(TURNS)
     ]
-    record: Record = {name: statistics.median(turn[name] for turn in turns) for name in found}
+    record: Record = {name: statistics.median(turn[name] for turn in turns) for name in result}
     ends = whole(0.0, ProjectedCG()), whole(np.inf, ProjectedCG()), whole(np.inf, Auto())
     return record | {"size": n, "iterations": [end.iterations for end in ends], "residuals": [e.residual for e in ends]}
 
@@ -208,15 +208,15 @@ def section(record: Record, _pictures: Path) -> str:
 
 
 def _conducting(name: str, row: Record) -> list[str]:
-    products, auto = row["five products"] / row["one product"], _by_auto(row)
-    alone, size = row["five whole"] / row["one whole"], row["size"]
+    products, auto = row["product, five fields"] / row["product, one field"], _by_auto(row)
+    alone, size = row["run, five fields"] / row["run, one field"], row["size"]
     times = [f"{products:.1f}", f"{auto:.1f}", f"{alone:.1f}"]
     return [name, f"{size} x {size}", *times, ", ".join(map(str, row["iterations"]))]
 
 
 def _by_auto(row: Record) -> float:
     """Return the ratio of times of a conducting and an insulated contact."""
-    return float(row["five by auto"] / row["one by auto"])
+    return float(row["auto, five fields"] / row["auto, one field"])
 
 
 def _by_newton(rows: Record) -> list[str]:

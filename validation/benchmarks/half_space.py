@@ -95,11 +95,11 @@ def pressed(job: Job, system: ReducedSystem, place: Array) -> ContactProblem:
     """Return the job as a contact problem; place (n * n,): nodes of the system in the order of the heights."""
     press = np.zeros((len(place), 5))
     press[:, 2] = -1.0
-    freedom = PrescribedResultant(press, system.weights[:, None] * press, job.force)
+    resultant = PrescribedResultant(press, system.weights[:, None] * press, job.force)
     gap = np.empty(len(place))
     gap[place] = job.heights.ravel()
     none = np.zeros((len(place), 2))
-    return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (freedom,))
+    return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (resultant,))
 
 
 SOLVERS: dict[str, Callable[[Job], Answer]] = dict(
@@ -133,15 +133,15 @@ def compared(job: Job, repeats: int) -> Record:
         with threads(2):
             answers.setdefault(TWO_THREADS, []).append(ours(job))
     record: Record = {}
-    for code, found in answers.items():
-        times = {name: median(getattr(one, name) for one in found) for name in ("built", "solved", "clock")}
-        record[code] = times | {"iterations": found[-1].iterations} | assess(job, found[-1])
-        record[code]["turns"] = len(found)
+    for code, result in answers.items():
+        times = {name: median(getattr(one, name) for one in result) for name in ("setup", "solution", "solution_wall")}
+        record[code] = times | {"iterations": result[-1].iterations} | assess(job, result[-1])
+        record[code]["repetitions"] = len(result)
     for code in answers:
-        record[code]["apart"] = abs(record[code]["mean_gap"] - record["meeframe"]["mean_gap"]) / job.depth
+        record[code]["gap_difference"] = abs(record[code]["mean_gap"] - record["meeframe"]["mean_gap"]) / job.depth
     if not job.periodic and job.depth == CONTACT**2 / RADIUS:
-        for code, found in answers.items():
-            record[code] |= _against_hertz(found[-1], record[code]["approach"])
+        for code, result in answers.items():
+            record[code] |= _against_hertz(result[-1], record[code]["approach"])
     return record
 
 
@@ -170,7 +170,7 @@ def _turns(name: str, size: int) -> int:
     return TURNS if size < 512 or (size == 512 and name != "rough, free") else 1
 
 
-def speedup(row: Record, parts: tuple[str, ...] = ("solved",)) -> float:
+def speedup(row: Record, parts: tuple[str, ...] = ("solution",)) -> float:
     """Return how many times meeframe is faster than the faster of the other codes, one thread each."""
     seconds = {code: sum(row[code][part] for part in parts) for code in CODES}
     return min(seconds[code] for code in CODES[1:]) / seconds[CODES[0]]
@@ -180,7 +180,7 @@ def highlights(record: Record) -> list[tuple[str, str]]:
     """Return the speed relative to the other codes on large grids, operators included, for each job."""
     rows = []
     for name in JOBS:
-        gains = {size: speedup(row, ("built", "solved")) for size, row in record[name].items() if int(size) >= LARGE}
+        gains = {size: speedup(row, ("setup", "solution")) for size, row in record[name].items() if int(size) >= LARGE}
         rows.append(
             (
                 f"half space, {name}: speed relative to the faster of {CODES[1]} and {CODES[2]}",
@@ -193,7 +193,7 @@ def highlights(record: Record) -> list[tuple[str, str]]:
 def section(record: Record, pictures: Path) -> str:
     """Return the section of the page and draw its figures."""
     gains = {size: [speedup(record[name][size]) for name in JOBS] for size in record["sphere"]}
-    ranges = "; ".join(f"{size}: {min(found):.1f} to {max(found):.1f}" for size, found in gains.items())
+    ranges = "; ".join(f"{size}: {min(result):.1f} to {max(result):.1f}" for size, result in gains.items())
     parts = [
         prose(
             "A rigid body is pressed on an elastic half space with a given force, and the codes compute the pressure."
@@ -220,7 +220,7 @@ def section(record: Record, pictures: Path) -> str:
             parts.append(prose(_published(record[name])))
         rows = record[name]
         curves = {
-            code: ([int(size) for size in rows], [row[code]["solved"] for row in rows.values()]) for code in CODES
+            code: ([int(size) for size in rows], [row[code]["solution"] for row in rows.values()]) for code in CODES
         }
         loglog(pictures / f"{picture}.png", "nodes along a side", f"time [s], {name}", curves)
         parts.append(f"![Time against grid size, {name}](images/{picture}.png)")
@@ -233,11 +233,11 @@ def _figures(record: Record) -> list[tuple[str, str]]:
     for name in JOBS:
         for size, row in record[name].items():
             if int(size) >= LARGE:
-                alone, whole = speedup(row), speedup(row, ("built", "solved"))
+                alone, whole = speedup(row), speedup(row, ("setup", "solution"))
                 what = f"{name}, {size} x {size}: speed relative to the faster of the other codes"
                 rows.append((what, f"{alone:.1f} times; with set-up {whole:.1f} times"))
     runs = [row for name in JOBS for row in record[name].values()]
-    apart = max(row[code]["apart"] for row in runs for code in CODES[1:])
+    gap_difference = max(row[code]["gap_difference"] for row in runs for code in CODES[1:])
     return [
         *rows,
         ("largest residual of meeframe", f"{max(row[CODES[0]]['residual'] for row in runs):.0e}"),
@@ -245,7 +245,7 @@ def _figures(record: Record) -> list[tuple[str, str]]:
             "largest residual of the other codes",
             f"{max(row[code]['residual'] for row in runs for code in CODES[1:]):.0e}",
         ),
-        ("largest difference of mean gaps between codes, relative to the depth", f"{apart:.0e}"),
+        ("largest difference of mean gaps between codes, relative to the depth", f"{gap_difference:.0e}"),
     ]
 
 
@@ -253,7 +253,7 @@ def _threads(record: Record) -> str:
     """Return a paragraph on two threads at the finest grid."""
     size = max(record["sphere"], key=int)
     rows = [record[name][size] for name in JOBS]
-    ratios = [row[TWO_THREADS]["clock"] / row[CODES[0]]["clock"] for row in rows]
+    ratios = [row[TWO_THREADS]["solution_wall"] / row[CODES[0]]["solution_wall"] for row in rows]
     return (
         f"Two threads gain little: at {size} x {size} they take {min(ratios):.2f} to {max(ratios):.2f} times the wall"
         " time of one thread. They share only the products with the compliance, which take little more than half of"
@@ -269,7 +269,7 @@ def _published(rows: Record) -> str:
         for code, by_size in PUBLISHED.items()
     )
     gains = (
-        f"{min(by_size[size] for by_size in PUBLISHED.values() if size in by_size) / row['meeframe']['solved']:.1f}"
+        f"{min(by_size[size] for by_size in PUBLISHED.values() if size in by_size) / row['meeframe']['solution']:.1f}"
         for size, row in rows.items()
         if size in PUBLISHED["Tamaas"]
     )
@@ -291,8 +291,8 @@ def _rows(rows: Record) -> str:
                 if hertz
                 else [f"{100 * one['area']:.3f} %", f"{1e6 * one['mean_gap']:.6f}"]
             )
-            times = [f"{one[part]:.3f}" for part in ("built", "solved", "clock")]
-            counts = [str(one["turns"]), str(one["iterations"])]
+            times = [f"{one[part]:.3f}" for part in ("setup", "solution", "solution_wall")]
+            counts = [str(one["repetitions"]), str(one["iterations"])]
             lines.append([f"{size} x {size}", code, *times, *counts, f"{one['residual']:.0e}", *last])
     return table(heads, lines)
 

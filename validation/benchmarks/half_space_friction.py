@@ -23,7 +23,7 @@ from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
-from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, prescribe_resultant
 from meeframe.testing.operation_counter import OperationCounter
 
 TITLE = "Half space by fast Fourier transforms, with friction"
@@ -51,9 +51,12 @@ def dragged(
 ) -> ContactProblem:
     """Return a sphere under prescribed forces; drag: ratio of tangential and normal force, unused without friction."""
     x, y, _ = system.points.T
-    prescribed_resultants = [freedom(system, PRESS, force)]
+    prescribed_resultants = [prescribe_resultant(system, PRESS, force)]
     if law.tangential_scaling().any():
-        prescribed_resultants += [freedom(system, SLIDE, drag * force), freedom(system, SLIDE_2, 0.0)]
+        prescribed_resultants += [
+            prescribe_resultant(system, SLIDE, drag * force),
+            prescribe_resultant(system, SLIDE_2, 0.0),
+        ]
     none = np.zeros((len(x), 2))
     flux: ConductivityLaw = StepConductivity(np.inf) if conducting else Insulating()
     return ContactProblem(
@@ -100,9 +103,9 @@ def ours(n: int, periodic: bool) -> tuple[Record, ContactProblem, Array]:
     stiffness = Material.isotropic(1.0, EXACT.hertz.poisson).stiffness
     start = process_time()
     problem = mindlin(reduced(n, stiffness, PERIOD, periodic))
-    built = process_time() - start
+    setup = process_time() - start
     solution, record = timed(problem, SemismoothNewton())
-    return record | assess(problem, solution.state.load) | {"built": built}, problem, solution.state.load
+    return record | assess(problem, solution.state.load) | {"setup": setup}, problem, solution.state.load
 
 
 def theirs(kind: str, n: int, cap: int, problem: ContactProblem, expected: Array) -> Record:
@@ -244,7 +247,7 @@ def section(record: Record, pictures: Path) -> str:
 def _free_row(n: str, row: Record) -> list[str]:
     return [
         f"{n} x {n}",
-        f"{row['built']:.2f}",
+        f"{row['setup']:.2f}",
         f"{row['processor']:.2f}",
         str(row["iterations"]),
         str(row["products"]),
@@ -255,8 +258,8 @@ def _free_row(n: str, row: Record) -> list[str]:
 
 
 def _code_row(n: str, code: str, one: Record) -> list[str]:
-    found = [f"{one[name]:.0e}" for name in ("residual", "force")]
-    return [f"{n} x {n}", code, f"{one['processor']:.2f}", *found, f"{100 * one['difference']:.2f} %"]
+    result = [f"{one[name]:.0e}" for name in ("residual", "force")]
+    return [f"{n} x {n}", code, f"{one['processor']:.2f}", *result, f"{100 * one['difference']:.2f} %"]
 
 
 if __name__ == "__main__":

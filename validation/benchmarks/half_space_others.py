@@ -32,14 +32,14 @@ class Job:
 class Answer:
     """Solution of a job: pressure [Pa] and normal displacement [m], (n, n), and times [s].
 
-    built, solved: processor times of the operators and of the solution; clock: wall time of the solution.
+    setup, solution: processor times of the operators and of the solution; solution_wall: wall time of the solution.
     """
 
     pressure: Array
     displacement: Array
-    built: float
-    solved: float
-    clock: float
+    setup: float
+    solution: float
+    solution_wall: float
     iterations: int
 
 
@@ -103,7 +103,7 @@ def contact_mechanics_answer(job: Job) -> Answer:
     built = process_time() - start
     clock, start = perf_counter(), process_time()
     overlap = TOLERANCE * job.depth
-    found = system.minimize_proxy(external_force=job.force, pentol=overlap, thermotol=TOLERANCE)
+    result = system.minimize_proxy(external_force=job.force, pentol=overlap, thermotol=TOLERANCE)
     times = built, process_time() - start, perf_counter() - clock
-    pressure = np.asarray(found.jac)[:n, :n] / (WIDTH / n) ** 2
-    return Answer(pressure, np.asarray(found.x)[:n, :n], *times, int(found.nit))
+    pressure = np.asarray(result.jac)[:n, :n] / (WIDTH / n) ** 2
+    return Answer(pressure, np.asarray(result.x)[:n, :n], *times, int(result.nit))

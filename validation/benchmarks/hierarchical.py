@@ -136,16 +136,16 @@ def errors(divisions: int) -> dict[str, float]:
         (step,) = solve_steps(case, dense)
         load = np.column_stack([step.traction, step.fluxes])
         expected = dense.offset + dense.apply(load)
-        found = {}
+        result = {}
         for tolerance in TOLERANCES:
             system = replace(case.formulation, tolerance=tolerance).reduce(case.body)
-            found[f"{tolerance:g}"] = _difference(system.offset + system.apply(load), expected)
-    return found
+            result[f"{tolerance:g}"] = _difference(system.offset + system.apply(load), expected)
+    return result
 
 
-def _difference(found: Any, expected: Any) -> float:
+def _difference(result: Any, expected: Any) -> float:
     """Return the largest difference of (n, 5), relative to the largest value of its field."""
-    return float((np.abs(found - expected).max(axis=0) / np.abs(expected).max(axis=0)).max())
+    return float((np.abs(result - expected).max(axis=0) / np.abs(expected).max(axis=0)).max())
 
 
 def section(record: Record, pictures: Path) -> str:
@@ -210,7 +210,7 @@ def highlights(record: Record) -> list[tuple[str, str]]:
     unknowns = [run["unknowns"] for run in runs]
     slopes = {SHOWN[name]: slope(unknowns, [run[name] for run in runs]) for name in SLOPES}
     last = runs[-1]
-    shares = [error / float(key) for found in record["against_dense"].values() for key, error in found.items()]
+    shares = [error / float(key) for result in record["against_dense"].values() for key, error in result.items()]
     return [
         (
             f"hierarchical boundary elements, {last['unknowns']} unknowns",
@@ -218,7 +218,7 @@ def highlights(record: Record) -> list[tuple[str, str]]:
         ),
         (
             f"hierarchical boundary elements: slopes, {unknowns[0]} to {unknowns[-1]} unknowns",
-            ", ".join(f"{what} {found:.2f}" for what, found in slopes.items()),
+            ", ".join(f"{what} {result:.2f}" for what, result in slopes.items()),
         ),
         (
             f"hierarchical boundary elements: error against dense, {' and '.join(record['against_dense'])} unknowns",
@@ -260,7 +260,7 @@ def _late(run: Record) -> float:
 
 def _accuracy(errors: Record) -> list[str]:
     """Return the table of errors by size and tolerance."""
-    rows = [[unknowns, *(f"{error:.1e}" for error in found.values())] for unknowns, found in errors.items()]
+    rows = [[unknowns, *(f"{error:.1e}" for error in result.values())] for unknowns, result in errors.items()]
     return [
         prose(
             "The last table shows the largest difference of displacements and potentials from dense-bem with finer"

@@ -1,4 +1,4 @@
-"""Time of load histories with friction: many increments, each of which changes little.
+"""Measure load histories with friction: many increments, each of which changes little.
 
 Contact alone is timed on a reduced system that exists already; the command is a whole `meeframe run` of the smallest
 history in a process of its own, with start-up and files.

@@ -24,8 +24,8 @@ def _interpolate(table: Array, cells: Array, value: Array) -> None:
     """Interpolate G, G_s, G_t in the given cells, all columns, into value (48,)."""
     for cell in cells:
         for column in range(WIDTH):
-            found = horner(table, cell, column, 0.3, -0.4)
-            value[column], value[WIDTH + column], value[2 * WIDTH + column] = found
+            result = horner(table, cell, column, 0.3, -0.4)
+            value[column], value[WIDTH + column], value[2 * WIDTH + column] = result
 
 
 def interpolation(kernel: TabulatedKernel, quick: bool) -> Record:
@@ -37,8 +37,8 @@ def interpolation(kernel: TabulatedKernel, quick: bool) -> Record:
     peak, products = multiply_adds(quick)
     cells = (np.zeros(count, int), 7 * np.arange(count) % len(kernel.table))
     actions = (lambda chosen=chosen: _interpolate(kernel.table, chosen, value) for chosen in cells)
-    whole, one, others = least_times([peak, *actions], turns=5 if quick else 25)
-    return {"peak_products": 1e-9 * products / whole, "one_us": 1e6 * one / count, "others_us": 1e6 * others / count}
+    full, one, others = least_times([peak, *actions], turns=5 if quick else 25)
+    return {"peak_products": 1e-9 * products / full, "one_us": 1e6 * one / count, "others_us": 1e6 * others / count}
 
 
 @njit(cache=True)
@@ -90,13 +90,13 @@ def arithmetic(points: int) -> Record:
     sums = WIDTH * (DEGREE * (DEGREE + 1) // 2 + DEGREE * (DEGREE - 1) // 2 + 3 * DEGREE - 2)
     products = sums - WIDTH * DEGREE
     added, contracted = nodes * 4 * WIDTH, nodes * entries * 15 / points
-    found = {
+    result = {
         "interpolation": (products, sums),
         "pair": (products + entries * (1 + 11 + 17), sums + entries * (8 + 14)),
         "summed": (products + 6 * WIDTH + added + contracted, sums + 2 * WIDTH + added + contracted),
     }
     return {
-        "products": {name: counts[0] for name, counts in found.items()},
-        "operations": {name: sum(counts) for name, counts in found.items()},
+        "products": {name: counts[0] for name, counts in result.items()},
+        "operations": {name: sum(counts) for name, counts in result.items()},
         "bytes": 8 * WIDTH * (DEGREE + 1) * (DEGREE + 2) // 2,
     }

@@ -50,12 +50,12 @@ def multiply_adds(quick: bool) -> tuple[Callable[[], None], float]:
 def reading(quick: bool) -> Record:
     """Return the reading rates of one core [GB/s], the best of several runs by processor time."""
     work = 1e8 if quick else 1e9
-    found = {}
+    result = {}
     for level, kilobytes in READ.items():
         array = aligned(kilobytes * 128)
         passes = max(1, round(work / array.nbytes))
-        found[level] = passes * array.nbytes / least_times([partial(_total, array, passes)])[0] / 1e9
-    return found
+        result[level] = passes * array.nbytes / least_times([partial(_total, array, passes)])[0] / 1e9
+    return result
 
 
 def aligned(size: int) -> np.ndarray:

@@ -29,7 +29,7 @@ def measure(quick: bool) -> Record:
     return {
         "threads": warm[0][1]["threads"],
         "repeats": repeats,
-        "found": {
+        "measurements": {
             "whole run [s]": statistics.median(seconds for seconds, _ in warm),
             "peak memory [MB]": max(summary["peak_memory_mb"] for _, summary in warm),
             "cold first run [s]": cold,
@@ -50,13 +50,13 @@ def whole_run(case: Path, out: Path, caches: Path) -> tuple[float, Record]:
 
 def highlights(record: Record) -> list[tuple[str, str]]:
     """Return the time of the whole process."""
-    return [("main job: whole process, warm caches", f"{record['found']['whole run [s]']:.1f} s")]
+    return [("main job: whole process, warm caches", f"{record['measurements']['whole run [s]']:.1f} s")]
 
 
 def section(record: Record, _pictures: Path) -> str:
     """Return the section of the page."""
-    found, stages = record["found"], dict(record["stages"])
-    stages["start-up and end"] = found["whole run [s]"] - stages.pop("total")
+    result, stages = record["measurements"], dict(record["stages"])
+    stages["start-up and end"] = result["whole run [s]"] - stages.pop("total")
     return "\n\n".join(
         [
             prose(
@@ -65,7 +65,7 @@ def section(record: Record, _pictures: Path) -> str:
                 f" is a new process with {record['threads']} threads; times are medians of {record['repeats']} warm"
                 " runs. The cold run comes first: Python and numba compile everything, once for all later runs."
             ),
-            table(("quantity", "measured"), [[name, f"{value:.4g}"] for name, value in found.items()]),
+            table(("quantity", "measured"), [[name, f"{value:.4g}"] for name, value in result.items()]),
             table(("stage", "time [s]"), [[name, f"{seconds:.2f}"] for name, seconds in stages.items()]),
         ]
     )

@@ -57,7 +57,7 @@ def _assemblies(divisions: int, turns: int) -> Record:
     return {
         "triangles": mesh.n_elements,
         "nodes": len(mesh.points),
-        "turns": turns,
+        "repetitions": turns,
         "bempp": statistics.median(laplace),
         "meeframe": statistics.median(ours),
     }
@@ -131,7 +131,7 @@ def section(record: Record, _pictures: Path) -> str:
             f"{row['meeframe'] / row['bempp']:.1f}",
             f"{1e6 * row['bempp'] / row['nodes'] ** 2:.2f}",
             f"{1e6 * row['meeframe'] / row['nodes'] ** 2 / MATRICES:.3f}",
-            str(row["turns"]),
+            str(row["repetitions"]),
         )
         for row in record["assembly"]
     ]

@@ -27,6 +27,7 @@ PARTS = (
     "half_space_friction",
     "five_fields",
     "histories",
+    "result_files",
     "hierarchical",
     "references",
     "solvers",

@@ -1,9 +1,9 @@
-"""Result files: what it costs to write an increment, early and late in a run, and the size of the file."""
+"""Measure the time to write an increment, early and late in a run, and the size of the file."""
 
 import statistics
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +23,7 @@ _FRICTION = {"name": "isotropic-coulomb", "mu": 0.3}
 
 
 def measure(quick: bool) -> Record:
-    """Processor seconds of writing each increment of a history, and bytes of the file, with and without friction."""
+    """Return processor seconds of writing each increment and bytes of the file, with and without friction."""
     last = 40 if quick else LATE[1]
     return {"nodes": NODES, **{name: _written(_solved(law), last) for name, law in _laws().items()}}
 
@@ -33,7 +33,7 @@ def _laws() -> dict[str, Mapping[str, object]]:
 
 
 def _solved(law: Mapping[str, object]) -> Result:
-    """A sphere pressed and dragged in two increments on a half space."""
+    """Return the result of a sphere pressed and dragged in two increments on a half space."""
     return solve_case(
         case_from_tables(
             {
@@ -55,7 +55,7 @@ def _solved(law: Mapping[str, object]) -> Result:
 
 
 def _written(result: Result, increments: int) -> Record:
-    """Write the increments of a result over and over, as those of a long run."""
+    """Write the increments of a result repeatedly, as those of a long run, and return times and size."""
     seconds = []
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -76,24 +76,37 @@ def _written(result: Result, increments: int) -> Record:
     return {"seconds": seconds, "finish": finished, "read": read, "bytes": size}
 
 
+def highlights(record: Record) -> list[tuple[str, str]]:
+    """Return the ratio of the late to the early times of each law."""
+    return [
+        (f"result files: late increments relative to early ones, {name}", f"{late / early:.2f}")
+        for name in _laws()
+        for early, late in [_medians(record[name]["seconds"])]
+    ]
+
+
+def _medians(seconds: Sequence[float]) -> tuple[float, float]:
+    """Return the medians of early and of late increments."""
+    early, late = seconds[EARLY[0] - 1 : EARLY[1]], seconds[-(LATE[1] - LATE[0] + 1) :]
+    return statistics.median(early), statistics.median(late)
+
+
 def section(record: Record, _pictures: Path) -> str:
-    """The part of the page."""
+    """Return the section of the page."""
     rows = []
     for name in _laws():
-        found = record[name]
-        seconds = found["seconds"]
-        early = statistics.median(seconds[EARLY[0] - 1 : EARLY[1]])
-        late = statistics.median(seconds[-(LATE[1] - LATE[0] + 1) :])
-        count = len(seconds)
+        numbers = record[name]
+        early, late = _medians(numbers["seconds"])
+        count = len(numbers["seconds"])
         rows.append(
             [
                 name,
                 f"{1e3 * early:.1f}",
                 f"{1e3 * late:.1f}",
                 f"{late / early:.2f}",
-                f"{1e3 * found['finish'] / count:.1f}",
-                f"{1e3 * found['read'] / count:.1f}",
-                f"{found['bytes'] / count / 1e3:.0f}",
+                f"{1e3 * numbers['finish'] / count:.1f}",
+                f"{1e3 * numbers['read'] / count:.1f}",
+                f"{numbers['bytes'] / count / 1e3:.0f}",
             ]
         )
     heads = ("case", "early [ms]", "late [ms]", "late / early", "end [ms]", "read [ms]", "size [kB]")
@@ -102,7 +115,7 @@ def section(record: Record, _pictures: Path) -> str:
             prose(
                 f"Writing increments on {record['nodes']} x {record['nodes']} nodes, processor time: medians of "
                 f"increments {EARLY[0]} to {EARLY[1]} and of the last {LATE[1] - LATE[0] + 1} of "
-                f"{len(record['friction']['seconds'])}. At the end all are moved into one file. For each increment:"
+                f"{len(record['friction']['seconds'])}. At the end they are moved into one file. For each increment:"
             ),
             table(heads, rows),
         ]

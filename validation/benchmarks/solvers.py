@@ -117,12 +117,12 @@ def alternatives(problem: ContactProblem, chosen: dict[str, Solver], states: lis
     leave = set()
     for label, solver in chosen.items():
         for state in distinct:
-            found = solve(problem, solver, LIMITS, replace(state, load=NEARBY * state.load))
-            if found.status is not Status.CONVERGED or difference(problem, found.state, state) > AGREEMENT:
+            result = solve(problem, solver, LIMITS, replace(state, load=NEARBY * state.load))
+            if result.status is not Status.CONVERGED or difference(problem, result.state, state) > AGREEMENT:
                 leave.add(label)
     laws = [channel.law for channel in problem.channels]
     jumps = any(isinstance(law, StepConductivity) and law.kappa > 0.0 for law in laws)
-    return {"count": len(distinct), "jumps": jumps, "left by": sorted(leave)}
+    return {"count": len(distinct), "jumps": jumps, "left_by": sorted(leave)}
 
 
 def difference(problem: ContactProblem, state: ContactState, other: ContactState) -> float:
@@ -140,13 +140,13 @@ def profile(rows: list[dict]) -> dict[str, dict]:
     """Return for each solver the times relative to the best one in the cases that it solved, the numbers of solved and
     of all cases, and the median steps."""
     best = [min(run["seconds"] for run in row["runs"].values() if solved(run)) for row in rows]
-    found = {}
+    result = {}
     for name in rows[0]["runs"]:
         runs = [(row["runs"][name], least) for row, least in zip(rows, best, strict=True) if name in row["runs"]]
         ratios = sorted(run["seconds"] / least for run, least in runs if solved(run))
         steps = float(np.median([run["iterations"] for run, _ in runs]))
-        found[name] = {"ratios": ratios, "solved": len(ratios), "cases": len(runs), "median steps": steps}
-    return found
+        result[name] = {"ratios": ratios, "solved": len(ratios), "cases": len(runs), "median steps": steps}
+    return result
 
 
 def within(one: dict, factor: float) -> float:
@@ -170,7 +170,7 @@ def speedups(row: dict) -> dict[str, float]:
 
 def has_several_solutions(row: dict) -> bool:
     """Return True if the conductivities jump and every solver remains at each of the solutions found."""
-    return row["solutions"]["jumps"] and not row["solutions"]["left by"]
+    return row["solutions"]["jumps"] and not row["solutions"]["left_by"]
 
 
 def disagreement(row: dict) -> float:
@@ -199,7 +199,7 @@ def section(record: Record, pictures: Path) -> str:
     apart = [row for row in record["cases"] if disagreement(row) > AGREEMENT]
     several = [row for row in apart if has_several_solutions(row)]
     rows = [
-        (row["case"], f"{disagreement(row):.0e}", str(row["solutions"]["count"]), _names(row["solutions"]["left by"]))
+        (row["case"], f"{disagreement(row):.0e}", str(row["solutions"]["count"]), _names(row["solutions"]["left_by"]))
         for row in apart
     ]
     return "\n\n".join(

@@ -58,19 +58,19 @@ def _process(arguments: tuple[str, ...], environment: dict[str, str]) -> tuple[f
 def _imports(arguments: tuple[str, ...], environment: dict[str, str]) -> dict[str, float]:
     """Return the times [s] of the slowest packages, including their imports."""
     command = [sys.executable, "-X", "importtime", *arguments]
-    told = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stderr
-    found = {name: int(cost) / 1e6 for cost, name in (m.groups() for m in map(IMPORTED.match, told.splitlines()) if m)}
-    return dict(sorted(found.items(), key=lambda item: -item[1])[:SHOWN])
+    lines = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stderr.splitlines()
+    times = {name: int(cost) / 1e6 for cost, name in (m.groups() for m in map(IMPORTED.match, lines) if m)}
+    return dict(sorted(times.items(), key=lambda item: -item[1])[:SHOWN])
 
 
 def _cached(environment: dict[str, str]) -> Record:
     """Run a check in a new process; count the compiled functions that numba loads and saves, and the time [s]."""
     start = time.perf_counter()
     command = [sys.executable, *COMMANDS["meeframe check"]]
-    told = subprocess.run(
+    message = subprocess.run(
         command, check=True, capture_output=True, text=True, env=environment | {"NUMBA_DEBUG_CACHE": "1"}
     ).stdout
-    counts = {what: told.count(f"[cache] data {what}") for what in ("loaded", "saved")}
+    counts = {what: message.count(f"[cache] data {what}") for what in ("loaded", "saved")}
     return counts | {"seconds": time.perf_counter() - start}
 
 
@@ -87,12 +87,10 @@ def section(record: Record, _pictures: Path) -> str:
     seconds, cache = record["seconds"], record["cache"]
     rows = [[name, f"{both['wall']:.2f}", f"{both['processor']:.2f}"] for name, both in seconds.items()]
     imports = [
-        [name, ", ".join(f"{package} {cost:.2f}" for package, cost in found.items())]
-        for name, found in record["imports"].items()
+        [name, ", ".join(f"{package} {cost:.2f}" for package, cost in result.items())]
+        for name, result in record["imports"].items()
     ]
-    compiled = [
-        [name, str(found["loaded"]), str(found["saved"]), f"{found['seconds']:.1f}"] for name, found in cache.items()
-    ]
+    compiled = [[name, str(row["loaded"]), str(row["saved"]), f"{row['seconds']:.1f}"] for name, row in cache.items()]
     return "\n\n".join(
         [
             prose(

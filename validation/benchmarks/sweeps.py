@@ -16,8 +16,6 @@ from meeframe.study.sweep.run import sweep
 
 TITLE = "Sweeps"
 CASE = Path(__file__).parents[1] / "orthotropic_friction" / "emii.toml"
-LABELS = {"one run by itself": "one separate run"}
-"""Labels of the page, where they differ from the keys of the record."""
 COARSE = (("divisions = 16", "divisions = 6"), ("rings = 7", "rings = 2"))
 STUDY = """
 case = "case.toml"
@@ -26,7 +24,7 @@ case = "case.toml"
 "steps[1].approach" = ["25 um", "50 um"]
 """
 POINTS = 20
-ALONE, ONE, TWO, AGAIN = "one run by itself", "sweep, one process", "sweep, two processes", "the same command again"
+ALONE, ONE, TWO, AGAIN = "one separate run", "sweep, one process", "sweep, two processes", "the same command again"
 BOTH = "sweep, one process of two threads"
 OWN_BODIES = """
 case = "case.toml"
@@ -75,10 +73,10 @@ def measure(quick: bool) -> Record:
                 apart[name] = _timed(lambda n=workers, o=folder / f"own{workers}-{of_each}": _run(own, o, n))
         return {
             "elements": case.mesh.n_elements,
-            "turns": turns,
+            "repetitions": turns,
             "seconds": {name: statistics.median(times) for name, times in seconds.items()},
             "systems": {name: max(counts) for name, counts in systems.items()},
-            "own bodies": apart,
+            "distinct bodies": apart,
         }
 
 
@@ -88,9 +86,9 @@ def _lines(file: Path) -> int:
 
 def _run(study: Path, out: Path, workers: int) -> None:
     with pool_of(workers, plugins=[COUNTED]) as pool:
-        found = sweep(study, out, pool, registry=load(COUNTED))
-    if not (found.status == "converged").all():
-        raise SystemExit(f"{out}: {', '.join(found.message.ravel())}")
+        result = sweep(study, out, pool, registry=load(COUNTED))
+    if not (result.status == "converged").all():
+        raise SystemExit(f"{out}: {', '.join(result.message.ravel())}")
 
 
 def _timed(action: Callable[[], object]) -> float:
@@ -108,9 +106,9 @@ def highlights(record: Record) -> list[tuple[str, str]]:
 
 def section(record: Record, _pictures: Path) -> str:
     """Return the section of the page."""
-    seconds, apart = record["seconds"], record["own bodies"]
+    seconds, apart = record["seconds"], record["distinct bodies"]
     alone = seconds[ALONE]
-    rows = [[LABELS.get(name, name), f"{time:.1f}", f"{POINTS * alone / time:.1f}"] for name, time in seconds.items()]
+    rows = [[name, f"{time:.1f}", f"{POINTS * alone / time:.1f}"] for name, time in seconds.items()]
     rows[0][2] = ""
     return "\n\n".join(
         [
@@ -125,9 +123,9 @@ def section(record: Record, _pictures: Path) -> str:
             prose(
                 f"The sweep has {POINTS} cases, ten coefficients of friction at two depths, on figure 7's block with "
                 f"{record['elements']} elements. Each process has one thread unless stated otherwise; times are "
-                f"medians of {record['turns']} repetitions and include the start of processes. While two processes "
-                "wait for the shared system, its computation uses the threads of both. The finished sweep, repeated, "
-                "only collects and draws the results."
+                f"medians of {record['repetitions']} repetitions and include the start of processes. While two "
+                "processes wait for the shared system, its computation uses the threads of both. The finished sweep, "
+                "repeated, only collects and draws the results."
             ),
             table(("", "time [s]", f"speed relative to {POINTS} separate runs"), rows),
             prose("Four blocks of different heights, which share nothing, measured once:"),

@@ -19,11 +19,11 @@ ANGLE = 0.02
 def run(quick: bool) -> Iterator[Item]:
     """Check force and contact radius on 64 cells, then the order of convergence."""
     case = Run(STIFFNESS, elastic_response(), Cone(ANGLE), APPROACH)
-    found = case.at(64)
+    result = case.at(64)
     exact = 2.0 / np.pi * MODULUS * APPROACH**2 / np.tan(ANGLE)
     radius = 2.0 * APPROACH / (np.pi * np.tan(ANGLE))
-    yield Check("force, 64 cells", found.force, exact, 1e-3, "N")
-    yield Check("contact radius, 64 cells", np.sqrt(found.contact_area / np.pi), radius, 0.01, "m")
+    yield Check("force, 64 cells", result.force, exact, 1e-3, "N")
+    yield Check("contact radius, 64 cells", np.sqrt(result.contact_area / np.pi), radius, 0.01, "m")
     yield from totals_of(Path(__file__).with_name("cone.toml"), {"force": exact})
     yield pressure_plot(case, 32, "cone")
     yield from convergence(case, (12, 24, 48) if quick else (12, 24, 48, 96), 2.0, 0.4, "cone")

@@ -70,32 +70,32 @@ def run(quick: bool) -> Iterator[Item]:
     totals = {"force": exact.force, "max_pressure": exact.peak}
     yield from totals_of(Path(__file__).with_name("paraboloid.toml"), totals)
     for ratio in RATIOS[::2] if quick else RATIOS:
-        exact, found = contact(ratio), pressed(ratio, 64)
+        exact, result = contact(ratio), pressed(ratio, 64)
         name = f"radii 1 to {ratio:g}, ellipse 1 to {exact.a / exact.b:.3g}"
-        yield Check(f"{name}: force, 64 cells", found.force, exact.force, 1e-3, "N")
-        yield Check(f"{name}: largest pressure", float(found.pressure.max()), exact.peak, 1e-3, "Pa")
-        yield Check(f"{name}: contact area", found.contact_area, np.pi * exact.a * exact.b, 0.02, "m^2")
-        x, y, _ = found.system.points.T
+        yield Check(f"{name}: force, 64 cells", result.force, exact.force, 1e-3, "N")
+        yield Check(f"{name}: largest pressure", float(result.pressure.max()), exact.peak, 1e-3, "Pa")
+        yield Check(f"{name}: contact area", result.contact_area, np.pi * exact.a * exact.b, 0.02, "m^2")
+        x, y, _ = result.system.points.T
         for axis, other, true, label in ((x, y, exact.a, "a"), (y, x, exact.b, "b")):
             # second moment of the pressure: a^2/5 of the force
-            semi = np.sqrt(5.0 * (found.system.weights * found.pressure) @ axis**2 / found.force)
+            semi = np.sqrt(5.0 * (result.system.weights * result.pressure) @ axis**2 / result.force)
             yield Check(f"{name}: semi-axis {label} of the pressure's moments", float(semi), true, 2e-3, "m")
-            yield _section(name, found, exact, (axis, other), label)
-    yield _map(found, name)
+            yield _section(name, result, exact, (axis, other), label)
+    yield _map(result, name)
 
 
-def _section(name: str, found: Pressed, exact: Ellipse, axes: tuple[Array, Array], label: str) -> Plot:
+def _section(name: str, result: Pressed, exact: Ellipse, axes: tuple[Array, Array], label: str) -> Plot:
     along, across = axes
     line = np.flatnonzero(np.abs(across) == np.abs(across).min())
     line = line[np.argsort(along[line])]
-    x, y, _ = found.system.points[line].T
+    x, y, _ = result.system.points[line].T
     curves = (
         Curve("closed form", along[line] * 1e3, exact.pressure(x, y) / 1e6),
-        Curve("nodes", along[line] * 1e3, found.pressure[line] / 1e6, points=True),
+        Curve("nodes", along[line] * 1e3, result.pressure[line] / 1e6, points=True),
     )
     return Plot(f"{name}: pressure along {label}", "distance [mm]", "pressure [MPa]", curves)
 
 
-def _map(found: Pressed, name: str) -> Map:
-    x, y, values = on_grid(found.system.points, found.pressure)
+def _map(result: Pressed, name: str) -> Map:
+    x, y, values = on_grid(result.system.points, result.pressure)
     return Map(f"{name}: pressure", "x [mm]", "y [mm]", "MPa", x * 1e3, y * 1e3, {"": values / 1e6})

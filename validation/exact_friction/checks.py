@@ -36,7 +36,7 @@ EXACT, COUPLED = (0.0, True), (0.5, False)
 def run(quick: bool) -> Iterator[Item]:
     """Check partial slip on 32 x 32 cells, the rest on coarser grids; boundary elements if not `quick`."""
     shares = (0.6,) if quick else (0.3, 0.6, 0.8, 0.9)
-    slips = [found for body in ((EXACT,) if quick else (EXACT, COUPLED)) for found in cattaneo(*body, 32, shares)]
+    slips = [result for body in ((EXACT,) if quick else (EXACT, COUPLED)) for result in cattaneo(*body, 32, shares)]
     for row, _ in slips:
         yield from _slip(f"Cattaneo-Mindlin, nu = {row.poisson:g}, Q = {row.share:g} mu P", row, 0.005)
     yield _tractions([state for _, state in slips[: len(shares)]], shares)

@@ -62,7 +62,7 @@ def main() -> None:
 
 def partial_slip(grids: tuple[int, ...], out: Path) -> dict[str, list]:
     """Run Cattaneo-Mindlin, for increasing load and in a loop."""
-    slips = [found for grid in grids for found in cattaneo(*EXACT, grid, LOADS)]
+    slips = [result for grid in grids for result in cattaneo(*EXACT, grid, LOADS)]
     coupled = cattaneo(*COUPLED, grids[-1], LOADS)
     save(partial_slip_picture(slips[-len(LOADS) :], SHOWN), out, "partial_slip")
     loops = [hysteresis(*EXACT, grid, TURNING, INCREMENTS) for grid in grids]
@@ -75,13 +75,13 @@ def sticking(grids: tuple[int, ...], finest: int, out: Path) -> dict[str, list]:
     """Run full stick: flat punch, sphere and cone."""
     punches = [bonded_punch(poisson, grid) for poisson in POISSON for grid in (*grids, finest)]
     pressed = [full_stick(power, poisson, grid, grid) for power in (2, 1) for poisson in POISSON for grid in grids[:3]]
-    save(full_stick_picture([found for found in pressed if found.cells == grids[2]], punches), out, "full_stick")
-    return {"bonded_punch": punches, "full_stick": [page.stick_row(found) for found in pressed]}
+    save(full_stick_picture([result for result in pressed if result.cells == grids[2]], punches), out, "full_stick")
+    return {"bonded_punch": punches, "full_stick": [page.stick_row(result) for result in pressed]}
 
 
 def twisting(grids: tuple[int, ...], finest: int, out: Path) -> dict[str, list]:
     """Run torsion of a sphere."""
-    twisted = [found for grid in grids for found in torsion(*COUPLED, grid, STICKS)]
+    twisted = [result for grid in grids for result in torsion(*COUPLED, grid, STICKS)]
     save(torsion_picture(twisted[-len(STICKS) :], SHOWN_STICKS), out, "torsion")
     stiffness = [page.TwistRow(grid, twist_stiffness(*COUPLED, grid)) for grid in (*grids, finest)]
     return {"torsion": [row for row, _ in twisted], "twist_stiffness": stiffness}

@@ -137,7 +137,7 @@ def cattaneo(poisson: float, goodman: bool, cells: int, shares: Iterable[float])
     gap = r**2 / (2 * RADIUS) - APPROACH
     forces = [share * exact.limit_force for share in shares]
     path = [uniform(system, gap, exact.displacement(force)) for force in (0.0, *forces)]
-    found = []
+    result = []
     for share, force, step in zip(shares, forces, list(follow(system, _law(), path))[1:], strict=True):
         traction = step.state.load[:, :3]
         state = SlipState(
@@ -152,8 +152,8 @@ def cattaneo(poisson: float, goodman: bool, cells: int, shares: Iterable[float])
             FRICTION,
         )
         row = slip_row(state, share, step.force[0] / force - 1.0, poisson, goodman, cells)
-        found.append((replace(row, stick_moment=state.stick_moment_difference()), state))
-    return found
+        result.append((replace(row, stick_moment=state.stick_moment_difference()), state))
+    return result
 
 
 def _law() -> ContactLaw:
@@ -192,7 +192,7 @@ def hysteresis(poisson: float, goodman: bool, cells: int, share: float, incremen
     places = turning * np.cos(np.pi * np.arange(2 * increments + 1) / increments)
     _, *steps = follow(system, _law(), [uniform(system, gap, place) for place in (0.0, *places)])
     force = np.array([step.force[0] for step in steps])
-    back = np.array([exact.turned_force(place, turning) for place in places[: increments + 1]])
+    back = np.array([exact.force_after_reversal(place, turning) for place in places[: increments + 1]])
     true = exact.loop_dissipation(share * exact.limit_force)
     # trapezoidal rule in the phase: of high order on a closed loop, where a polygon would cut the corners
     phase = np.pi * np.arange(1, 2 * increments + 1) / increments
@@ -286,7 +286,7 @@ def torsion(poisson: float, goodman: bool, cells: int, shares: Iterable[float]) 
     system = cells_under(a, poisson, cells, goodman)
     r = distance(system)
     twists = [exact.twist(share) for share in shares]
-    found = []
+    result = []
     for share, twist, step in zip(shares, twists, _twisted(system, _law(), twists), strict=True):
         around = _around(system, step)
         state = SlipState(
@@ -301,8 +301,8 @@ def torsion(poisson: float, goodman: bool, cells: int, shares: Iterable[float]) 
             FRICTION,
         )
         torque = float(system.weights @ (r * around)) / exact.torque(twist)
-        found.append((slip_row(state, share, torque - 1.0, poisson, goodman, cells), state))
-    return found
+        result.append((slip_row(state, share, torque - 1.0, poisson, goodman, cells), state))
+    return result
 
 
 def twist_stiffness(poisson: float, goodman: bool, cells: int) -> float:

@@ -70,13 +70,13 @@ def siconos_solves(path: Path, solver: str) -> SiconosSolution:
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=one_thread)
         if done.returncode != 0:
             raise RuntimeError(f"Siconos failed: {done.stderr}")
-        found = np.load(target)
+        result = np.load(target)
         return SiconosSolution(
-            found["r"] * (length / compliance),
-            found["u"] * length,
-            int(found["info"]) == 0,
-            int(found["iterations"]),
-            float(found["seconds"]),
+            result["r"] * (length / compliance),
+            result["u"] * length,
+            int(result["info"]) == 0,
+            int(result["iterations"]),
+            float(result["seconds"]),
         )
 
 

@@ -104,8 +104,8 @@ def compare(bodies: tuple[Body, ...], solvers: tuple[str, ...] = SOLVERS) -> Ite
                     write_local(path, local)
                     ours = natural_residual(local, solution.r)
                     for solver in solvers:
-                        found = siconos_solves(path, solver)
-                        state, their_state = _state(solution), _state(LocalSolution(found.u, found.r))
+                        result = siconos_solves(path, solver)
+                        state, their_state = _state(solution), _state(LocalSolution(result.u, result.r))
                         yield Comparison(
                             body=body.name,
                             divisions=body.divisions,
@@ -115,19 +115,19 @@ def compare(bodies: tuple[Body, ...], solvers: tuple[str, ...] = SOLVERS) -> Ite
                             contacts=len(local.mu),
                             pressed=int((state > 0).sum()),
                             slipping=int((state == 2).sum()),
-                            reaction=_difference(found.r, solution.r),
-                            gap=_difference(found.u, solution.u),
+                            reaction=_difference(result.r, solution.r),
+                            gap=_difference(result.u, solution.u),
                             alike=bool(np.array_equal(state, their_state)),
                             ours=ours,
-                            theirs=natural_residual(local, found.r),
-                            iterations=found.iterations,
-                            seconds=found.seconds,
-                            converged=found.converged and step.status == "converged",
+                            theirs=natural_residual(local, result.r),
+                            iterations=result.iterations,
+                            seconds=result.seconds,
+                            converged=result.converged and step.status == "converged",
                         )
 
 
-def _difference(found: Array, ours: Array) -> float:
-    return float(np.abs(found - ours).max() / np.abs(ours).max())
+def _difference(result: Array, ours: Array) -> float:
+    return float(np.abs(result - ours).max() / np.abs(ours).max())
 
 
 def _state(solution: LocalSolution) -> Array:

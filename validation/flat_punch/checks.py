@@ -21,8 +21,8 @@ def run(quick: bool) -> Iterator[Item]:
     """Check the force on grids 64 cells wide, the pressure away from the singular edge, and first order."""
     case = Run(STIFFNESS, elastic_response(), FlatPunch(RADIUS), APPROACH)
     exact = 2.0 * RADIUS * MODULUS * APPROACH
-    found = case.at(64)
-    yield Check("force, 64 cells", found.force, exact, 1e-3, "N")
+    result = case.at(64)
+    yield Check("force, 64 cells", result.force, exact, 1e-3, "N")
     yield from totals_of(Path(__file__).with_name("punch.toml"), {"force": exact})
     mean = exact * (1.0 + float(np.mean(force_errors(case, 64))))
     yield Check("force, mean of four grids of 64 to 65 cells", mean, exact, 1e-2, "N")
@@ -36,9 +36,9 @@ def run(quick: bool) -> Iterator[Item]:
         "",
         True,
     )
-    inner = found.r < 0.8 * RADIUS
-    true = exact / (2.0 * np.pi * RADIUS * np.sqrt(RADIUS**2 - found.r[inner] ** 2))
-    error = float(np.abs(found.pressure[inner] / true - 1.0).max())
+    inner = result.r < 0.8 * RADIUS
+    true = exact / (2.0 * np.pi * RADIUS * np.sqrt(RADIUS**2 - result.r[inner] ** 2))
+    error = float(np.abs(result.pressure[inner] / true - 1.0).max())
     yield Check("pressure within 0.8 a, largest relative error", error, 0.0, 0.02, "", True)
     yield pressure_plot(case, 32, "flat punch")
     yield from convergence(case, (12, 24, 48) if quick else (12, 24, 48, 96), 1.0, 0.5, "flat punch")

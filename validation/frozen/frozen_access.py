@@ -71,27 +71,27 @@ def run_to_folder(file: Path, folder: Path) -> list[State]:
 
 def run_comparison(file: Path, folder: Path, options: Mapping[str, list[str]]) -> list[State]:
     """Run all combinations of a case; return the increments of each."""
-    found = compare(file, options, folder)
-    return [state for run in found.runs for state in _states(run.zone, run.steps, f"{run.label}, ")]
+    result = compare(file, options, folder)
+    return [state for run in result.runs for state in _states(run.zone, run.steps, f"{run.label}, ")]
 
 
 def run_sweep(file: Path, folder: Path) -> list[State]:
     """Run a sweep in this process; return one state for the whole of it."""
-    found = sweep(file, folder)
+    result = sweep(file, folder)
     known = {
         name: np.asarray(values, float).ravel()
-        for name, values in {**found.quantities, **found.fields}.items()
+        for name, values in {**result.quantities, **result.fields}.items()
         if name not in ("iterations", "seconds", "residual")
     }
-    values = {name: found for name, found in known.items() if not np.isnan(found).all()}
-    scales = {name: _largest(found) for name, found in values.items()}
+    values = {name: result for name, result in known.items() if not np.isnan(result).all()}
+    scales = {name: _largest(result) for name, result in values.items()}
     force = scales["normal_force"]
     for name in ("force_x", "force_y", "tangential_force_1", "tangential_force_2"):
         scales[name] = force
     for name in ("moment_1", "moment_2", "torque"):
-        scales[name] = force * float(np.ptp(found.nodes["x"]))
-    status = ", ".join(found.status.ravel().tolist())
-    return [State("all points", status, values, scales, int(found.quantities["iterations"].sum()))]
+        scales[name] = force * float(np.ptp(result.nodes["x"]))
+    status = ", ".join(result.status.ravel().tolist())
+    return [State("all points", status, values, scales, int(result.quantities["iterations"].sum()))]
 
 
 def run_verification(file: Path, folder: Path, formulations: list[str]) -> list[State]:
@@ -118,25 +118,25 @@ def _state(zone: Any, step: Any, label: str) -> State:
 
 def _totals(zone: Any, step: Any) -> Iterator[tuple[str, Any, float]]:
     """Totals, and what they would be if their parts did not cancel."""
-    found = meeframe.resultants(zone, step)
+    result = meeframe.resultants(zone, step)
     force = zone.weights @ np.linalg.norm(step.traction, axis=1)
     width = np.ptp(zone.points, axis=0).max()
     area = zone.weights.sum()
     peak = _largest(step.traction)
     charge, flux = np.abs(zone.weights) @ np.abs(step.fluxes)
-    yield "force", found.force, force
-    yield "normal force", found.normal_force, force
-    yield "tangential force", found.tangential_force, force
-    yield "moment", found.moment, force * width
-    yield "torque", found.torque, force * width
-    yield "charge", found.charge, charge
-    yield "magnetic flux", found.magnetic_flux, flux
+    yield "force", result.force, force
+    yield "normal force", result.normal_force, force
+    yield "tangential force", result.tangential_force, force
+    yield "moment", result.moment, force * width
+    yield "torque", result.torque, force * width
+    yield "charge", result.charge, charge
+    yield "magnetic flux", result.magnetic_flux, flux
     work = SMALL * force * _largest(step.displacement)
-    yield "dissipated energy", found.dissipated_energy, max(found.dissipated_energy, work)
-    yield "areas", [found.contact_area, found.stick_area, found.slip_area], area
-    yield "extreme pressure", [found.max_pressure, found.max_tension], peak
-    yield "largest electric potential", found.max_abs_electric_potential, found.max_abs_electric_potential
-    yield "largest magnetic potential", found.max_abs_magnetic_potential, found.max_abs_magnetic_potential
+    yield "dissipated energy", result.dissipated_energy, max(result.dissipated_energy, work)
+    yield "areas", [result.contact_area, result.stick_area, result.slip_area], area
+    yield "extreme pressure", [result.max_pressure, result.max_tension], peak
+    yield "largest electric potential", result.max_abs_electric_potential, result.max_abs_electric_potential
+    yield "largest magnetic potential", result.max_abs_magnetic_potential, result.max_abs_magnetic_potential
 
 
 def _motions(zone: Any, step: Any) -> Iterator[tuple[str, Any, float]]:

@@ -477,12 +477,12 @@ SOLVERS = {
     for name in ("newton", "uzawa", "uzawa-bb", "uzawa-nesterov")
 } | {
     "solver-projected-cg": FrozenCase(
-        "conjugate gradients without a matrix and friction, with conduction",
+        "recorded with conjugate gradients, which accept no conduction any more: no matrix, no friction, conduction",
         {
             **half_space(60, matrix_up_to=0),
             "conductivity": {"electric": BY_PRESSURE},
             "indenter": {**SPHERE, "electric_potential": "2 kV"},
-            "solver": solver("projected-cg"),
+            "solver": solver("newton"),
         },
     ),
     "solver-auto-matrix-free": FrozenCase(

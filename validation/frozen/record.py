@@ -105,15 +105,15 @@ def compare(states: Sequence[State], recorded: Mapping[str, Any], seconds: float
         problems.append(f"quantities only here or only in the record: {', '.join(odd)}")
     for name in sorted(names & recorded["values"].keys()):
         scale, *rows = recorded["values"][name]
-        for state, kept in zip(states, rows, strict=False):
-            if state.values.get(name) is None and kept is None:
+        for state, retained in zip(states, rows, strict=False):
+            if state.values.get(name) is None and retained is None:
                 continue
-            found = in_units(state.values.get(name, np.empty(0)), scale)
-            before = np.array([] if kept is None else kept, float)
-            if found.shape != before.shape or not np.array_equal(np.isnan(found), np.isnan(before)):
+            result = in_units(state.values.get(name, np.empty(0)), scale)
+            before = np.array([] if retained is None else retained, float)
+            if result.shape != before.shape or not np.array_equal(np.isnan(result), np.isnan(before)):
                 problems.append(f"{state.label}: {name}: other nodes or points")
                 continue
-            relative = UNIT * float(np.nanmax(np.abs(found - before), initial=0.0))
+            relative = UNIT * float(np.nanmax(np.abs(result - before), initial=0.0))
             if relative > difference:
                 difference, where = relative, f"{name}, {state.label}"
     iterations = sum(state.iterations for state in states)
@@ -186,7 +186,7 @@ def write(cases: Mapping[str, FrozenCase]) -> int:
         record[name] = to_record(states, case.about, seconds)
     ordered = {name: record[name] for name in CASES if name in record}
     lines = ",\n".join(
-        f"{json.dumps(name)}:{json.dumps(kept, separators=(',', ':'))}" for name, kept in ordered.items()
+        f"{json.dumps(name)}:{json.dumps(retained, separators=(',', ':'))}" for name, retained in ordered.items()
     )
     RECORD.write_text("{\n" + lines + "\n}\n", encoding="utf-8")
     print(f"{RECORD.name}: {len(ordered)} cases, {RECORD.stat().st_size / 1e3:.0f} kB")
@@ -214,14 +214,14 @@ def check(cases: Mapping[str, FrozenCase], solver: str | None = None) -> int:
             print(f"{name:32s} has no record")
             failed.append(name)
             continue
-        found = check_one(name, record, solver)
-        if not found.passed:
+        result = check_one(name, record, solver)
+        if not result.passed:
             failed.append(name)
-        steps = f"{found.recorded_iterations} -> {found.iterations}"
-        spent = f"{record[name]['seconds']:.1f} -> {found.seconds:.1f}"
-        mark = "" if found.passed else "FAILED  "
-        print(f"{name:32s} {found.difference:10.1e} {steps:>11s} {spent:>12s}  {mark}{found.where}", flush=True)
-        for problem in found.problems:
+        steps = f"{result.recorded_iterations} -> {result.iterations}"
+        spent = f"{record[name]['seconds']:.1f} -> {result.seconds:.1f}"
+        mark = "" if result.passed else "FAILED  "
+        print(f"{name:32s} {result.difference:10.1e} {steps:>11s} {spent:>12s}  {mark}{result.where}", flush=True)
+        for problem in result.problems:
             print(f"    {problem}")
     print(f"{len(cases)} cases, {len(failed)} differ: {', '.join(failed)}" if failed else f"{len(cases)} cases agree")
     return int(bool(failed))

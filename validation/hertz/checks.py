@@ -29,13 +29,13 @@ def run(quick: bool) -> Iterator[Item]:
     yield from convergence(case, (12, 24, 48) if quick else (12, 24, 48, 96), 2.0, 0.3, "sphere")
 
 
-def _on_64_cells(found: Pressed) -> Iterator[Item]:
-    yield Check("force, 64 cells", found.force, EXACT.force, 1e-3, "N")
-    yield Check("largest pressure, 64 cells", float(found.pressure.max()), EXACT.peak_pressure, 1e-3, "Pa")
-    yield Check("contact radius, 64 cells", np.sqrt(found.contact_area / np.pi), EXACT.contact_radius, 0.01, "m")
-    error = np.abs(found.pressure - EXACT.pressure(found.r)) / EXACT.peak_pressure
+def _on_64_cells(result: Pressed) -> Iterator[Item]:
+    yield Check("force, 64 cells", result.force, EXACT.force, 1e-3, "N")
+    yield Check("largest pressure, 64 cells", float(result.pressure.max()), EXACT.peak_pressure, 1e-3, "Pa")
+    yield Check("contact radius, 64 cells", np.sqrt(result.contact_area / np.pi), EXACT.contact_radius, 0.01, "m")
+    error = np.abs(result.pressure - EXACT.pressure(result.r)) / EXACT.peak_pressure
     # centres of cells on the contact edge are up to a diagonal inside it
-    inner = found.r < EXACT.contact_radius - np.sqrt(2.0) * found.spacing
+    inner = result.r < EXACT.contact_radius - np.sqrt(2.0) * result.spacing
     largest, mean = float(error[inner].max()), float(np.sqrt(np.mean(error[error > 0.0] ** 2)))
     yield Check(
         "pressure, largest error relative to the peak, without cells on the contact edge", largest, 0.0, 0.01, "", True

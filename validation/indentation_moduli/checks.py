@@ -59,8 +59,8 @@ def facing_up(material: Material, normal: tuple[float, float, float]) -> Materia
 def modulus_of_run(stiffness: Array) -> float:
     """Return 3 P/(4 sqrt(R) g^(3/2)) [Pa] of a sphere."""
     width = 2.0 * np.sqrt(RADIUS * APPROACH)
-    found = press(stiffness, lambda x, y: (x**2 + y**2) / (2.0 * RADIUS), APPROACH, width, CELLS)
-    return 0.75 * found.force / (np.sqrt(RADIUS) * APPROACH**1.5)
+    result = press(stiffness, lambda x, y: (x**2 + y**2) / (2.0 * RADIUS), APPROACH, width, CELLS)
+    return 0.75 * result.force / (np.sqrt(RADIUS) * APPROACH**1.5)
 
 
 def run(quick: bool) -> Iterator[Item]:
@@ -74,8 +74,8 @@ def run(quick: bool) -> Iterator[Item]:
             if not quick or name == "Cu":
                 # the contact on (110) is elliptic, and the mean over directions is only a first approximation
                 tolerance = 5e-3 if face == "110" else 1.5e-3
-                found = modulus_of_run(facing_up(material, normal).stiffness)
-                yield Check(f"{name} ({face}), sphere, {CELLS} cells", found, published * 1e9, tolerance, "Pa")
+                result = modulus_of_run(facing_up(material, normal).stiffness)
+                yield Check(f"{name} ({face}), sphere, {CELLS} cells", result, published * 1e9, tolerance, "Pa")
             plotted["computed"].append(mean)
             plotted["published"].append(published)
     for name, (c11, c12, c13, c33, c44) in HEXAGONAL.items():

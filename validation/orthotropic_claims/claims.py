@@ -19,7 +19,7 @@ BLOCK = 0.05
 def claims(figure: Figure) -> list[Claim]:
     """Return the claims about a figure; an empty list if there are none."""
     evaluate = EVALUATIONS.get(figure.name)
-    return [] if evaluate is None else [claim(figure.name, *found) for found in evaluate(figure)]
+    return [] if evaluate is None else [claim(figure.name, *result) for result in evaluate(figure)]
 
 
 def _fig_03(figure: Figure) -> Found:

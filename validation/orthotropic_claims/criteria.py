@@ -47,7 +47,7 @@ not to hold also the reason, and whether the values agree with it."""
 def claim(
     figure: str,
     paper: str,
-    found: str,
+    result: str,
     criterion: str,
     verdict: Decision,
     explained: str = "",
@@ -56,7 +56,7 @@ def claim(
     """Return a claim from the items of Found."""
     if not isinstance(verdict, Verdict):
         verdict = Verdict.HOLDS if verdict else Verdict.DIFFERS
-    return Claim(figure, paper, found, criterion, verdict, explained, bool(as_explained))
+    return Claim(figure, paper, result, criterion, verdict, explained, bool(as_explained))
 
 
 def percent(value: float) -> str:

@@ -43,16 +43,16 @@ def main() -> None:
         figures.append(read_figure(arguments.work / f"{study.name}.json"))
         with Image.open(arguments.work / f"{study.name}.png") as picture:  # fewer colours, a fraction of the size
             picture.convert("RGB").quantize(COLOURS).save(arguments.out / f"{PAGE}_{study.name}.png", optimize=True)
-    found = {figure.name: claims(figure) for figure in figures}
-    (arguments.out / f"{PAGE}.md").write_text(page(figures, found), encoding="utf-8")
-    numbers = [asdict(claim) for group in found.values() for claim in group]
+    result = {figure.name: claims(figure) for figure in figures}
+    (arguments.out / f"{PAGE}.md").write_text(page(figures, result), encoding="utf-8")
+    numbers = [asdict(claim) for group in result.values() for claim in group]
     text = json.dumps(numbers, indent=1, ensure_ascii=False) + "\n"
     (arguments.out / f"{PAGE}.json").write_text(text, encoding="utf-8")
 
 
-def page(figures: list[Figure], found: dict[str, list[Claim]]) -> str:
+def page(figures: list[Figure], result: dict[str, list[Claim]]) -> str:
     """Return the page: the written text and the computed sections."""
-    every = [claim for group in found.values() for claim in group]
+    every = [claim for group in result.values() for claim in group]
     counts = ", ".join(f"{sum(c.verdict is v for c in every)} {words}" for v, words in COUNTED.items())
     summary = ["## Summary", "", f"Of {len(every)} claims, {counts}.", ""]
     for verdict, heading in LISTED.items():
@@ -61,7 +61,7 @@ def page(figures: list[Figure], found: dict[str, list[Claim]]) -> str:
         summary += [heading, "", *lines, ""] if lines else []
     head = (HERE / "head.md").read_text(encoding="utf-8")
     tail = (HERE / "differences.md").read_text(encoding="utf-8")
-    sections = [line for figure in figures for line in _section(figure, found[figure.name])]
+    sections = [line for figure in figures for line in _section(figure, result[figure.name])]
     return "\n".join([head, *summary, tail, *sections]).rstrip() + "\n"
 
 
@@ -70,7 +70,7 @@ def _name(name: str) -> str:
     return f"Fig. {int(number)}" + (f", {variant}" if variant else "")
 
 
-def _section(figure: Figure, found: list[Claim]) -> list[str]:
+def _section(figure: Figure, result: list[Claim]) -> list[str]:
     """Return the section of a figure: the figure, the statements of the paper, and the computed values."""
     lines = [
         f"## {_name(figure.name)}",
@@ -84,7 +84,7 @@ def _section(figure: Figure, found: list[Claim]) -> list[str]:
         "| the paper says | computed | criterion | |",
         "| --- | --- | --- | --- |",
     ]
-    for claim in found:
+    for claim in result:
         verdict = claim.verdict if claim.verdict is Verdict.HOLDS else f"**{claim.verdict}**"
         lines.append(f"| {claim.paper} | {claim.found} | {claim.criterion} | {verdict} |")
     return [*lines, "", *(f"Message of the run: {remark}." for remark in figure.remarks), ""]

@@ -85,17 +85,17 @@ def maps_under_load(figure: Figure) -> Found:
 
 def directions(figure: Figure) -> Found:
     for name in ("electric_potential", "magnetic_potential"):
-        found, tops, places = [], [], []
+        result, tops, places = [], [], []
         for panel in figure.panels:
             place, top = panel.position_of_largest(name, "full slip"), float(panel.of(name, "full slip").max())
             x, y = (round(value, 2) + 0.0 for value in place)
-            found.append(f"{panel.title}: {top:.3f} at ({x:.2f}, {y:.2f}) mm")
+            result.append(f"{panel.title}: {top:.3f} at ({x:.2f}, {y:.2f}) mm")
             tops.append(top)
             places.append(place)
         apart = max(float(np.linalg.norm(one - other)) for one in places for other in places)
         yield (
             f"the direction of the load changes intensity and shape of the {name.replace('_', ' ')}",
-            "; ".join(found),
+            "; ".join(result),
             "largest values differ by more than 1 %, their positions by more than one element",
             np.ptp(tops) > 0.01 and apart > 0.3125,
         )

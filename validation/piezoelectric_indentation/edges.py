@@ -38,9 +38,9 @@ def errors(run: Run, grids: Sequence[float]) -> Array:
     return np.array([run.at(cells).totals[:2] for cells in grids]) / [exact.force, exact.charge or np.inf] - 1.0
 
 
-def row(head: str, found: Sequence[Array]) -> str:
+def row(head: str, result: Sequence[Array]) -> str:
     """Return a row of largest errors: sphere P and Q, cone P and Q, and punch, whose P and Q are equal."""
-    sphere, cone, punch = (np.abs(of_grids).max(axis=0) for of_grids in found)
+    sphere, cone, punch = (np.abs(of_grids).max(axis=0) for of_grids in result)
     return f"| {head} | {' | '.join(f'{error:.1e}' for error in (*sphere, *cone, punch.max()))} |"
 
 
@@ -51,18 +51,18 @@ def tables() -> Iterator[str]:
     for edges in kinds:
         sizes = []
         for cells in GRIDS:
-            found = [errors(run_of(name, edges), [cells + part for part in OFFSETS]) for name in SHAPES]
-            sizes.append([np.sqrt((of_grids**2).mean(axis=0)) for of_grids in found])
-            yield row(f"{cells}, {edges}", found)
+            result = [errors(run_of(name, edges), [cells + part for part in OFFSETS]) for name in SHAPES]
+            sizes.append([np.sqrt((of_grids**2).mean(axis=0)) for of_grids in result])
+            yield row(f"{cells}, {edges}", result)
         orders = [
             f"{name} {' and '.join(f'{observed_order(list(GRIDS), list(total)):.1f}' for total in of_shape)}"
             for name, of_shape in zip(SHAPES, np.transpose(sizes, (1, 2, 0)), strict=True)
         ]
         yield f"observed orders of P and Q, edges {edges}, by root mean squares: {', '.join(orders)}"
     for edges in kinds:
-        found = errors(run_of("punch", edges, None), ON_GRIDS)[:, 0]
-        told = ", ".join(f"{error:+.1e} ({cells:.1f})" for cells, error in zip(ON_GRIDS, found, strict=True))
-        yield f"insulated punch, error of P by cells under it, edges {edges}: {told}"
+        result = errors(run_of("punch", edges, None), ON_GRIDS)[:, 0]
+        message = ", ".join(f"{error:+.1e} ({cells:.1f})" for cells, error in zip(ON_GRIDS, result, strict=True))
+        yield f"insulated punch, error of P by cells under it, edges {edges}: {message}"
 
 
 if __name__ == "__main__":

@@ -72,13 +72,13 @@ def ours(system: ReducedSystem, heights: Array, mean_pressure: float) -> Contact
     press = np.zeros((len(system.points), 5))
     press[:, 2] = -1.0
     area = float(system.weights.sum())
-    freedom = PrescribedResultant(press, system.weights[:, None] * press, mean_pressure * area)
+    resultant = PrescribedResultant(press, system.weights[:, None] * press, mean_pressure * area)
     place = np.lexsort((system.points[:, 1], system.points[:, 0]))  # nodes in the order of the heights
     gap = np.empty(len(place))
     gap[place] = heights.ravel()
     none = np.zeros((len(gap), 2))
     problem = ContactProblem(
-        system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (freedom,)
+        system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (resultant,)
     )
     state = converged(solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10))).state
     opening = contact_gap(problem, state.displacement, state.motion)[:, 2]
@@ -106,7 +106,7 @@ def run(quick: bool) -> Iterator[Item]:
     try:
         import tamaas
     except ImportError:
-        yield Skip("Tamaas", "not installed; pip install tamaas (group judges of meeframe's pyproject.toml)")
+        yield Skip("Tamaas", "not installed; pip install tamaas (group references of meeframe's pyproject.toml)")
         return
     yield from _same_densities(tamaas, 64 if quick else 128)
     yield from _case_file(tamaas)
@@ -118,19 +118,19 @@ def _same_densities(tamaas: Any, samples: int) -> Iterator[Item]:
     system, heights = reduced(samples, "trigonometric"), heights_of(surface(samples, 8 * PERIOD / samples))
     for share in PRESSURES:
         mean = share * MODULUS * SLOPE
-        found, judge = ours(system, heights, mean), theirs(tamaas, heights, mean, "pressure")
+        result, judge = ours(system, heights, mean), theirs(tamaas, heights, mean, "pressure")
         name = f"{samples} x {samples} nodes, mean pressure {share:g} E* h'"
-        yield _pressures(name, found, judge, np.ones_like(found.pressure, bool))
-        yield Check(f"{name}: largest pressure", float(found.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
-        yield Check(f"{name}: fraction of the area in contact", found.area, judge.area, 0.01)
-        yield _at_same_gap(name, tamaas, heights, found, mean)
+        yield _pressures(name, result, judge, np.ones_like(result.pressure, bool))
+        yield Check(f"{name}: largest pressure", float(result.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
+        yield Check(f"{name}: fraction of the area in contact", result.area, judge.area, 0.01)
+        yield _at_same_gap(name, tamaas, heights, result, mean)
     places = (np.arange(samples) + 0.5) / samples * PERIOD * 1e3
-    fields = {"meeframe": found.pressure.T / 1e9, "Tamaas": judge.pressure.T / 1e9}
+    fields = {"meeframe": result.pressure.T / 1e9, "Tamaas": judge.pressure.T / 1e9}
     yield Map("Pressure", "x [mm]", "y [mm]", "GPa", places, places, fields)
-    line = int(np.argmax(found.pressure.max(axis=1)))
+    line = int(np.argmax(result.pressure.max(axis=1)))
     curves = (
         Curve("Tamaas", places, judge.pressure[line] / 1e9),
-        Curve("meeframe", places, found.pressure[line] / 1e9, points=True),
+        Curve("meeframe", places, result.pressure[line] / 1e9, points=True),
     )
     yield Plot("Pressure on the line through its maximum", "y [mm]", "pressure [GPa]", curves)
 
@@ -156,30 +156,30 @@ def _bilinear(tamaas: Any, samples: int, shares: tuple[float, ...]) -> Iterator[
             (ours(system, above, mean), theirs(tamaas, above, mean, "pressure"))
             for system, above in zip(systems, heights, strict=True)
         ]
-        found, judge = pairs[-1]
+        result, judge = pairs[-1]
         name = f"bilinear, {samples} x {samples} nodes, mean pressure {share:g} E* h'"
-        difference = np.abs(found.pressure - judge.pressure) / judge.pressure.max()
+        difference = np.abs(result.pressure - judge.pressure) / judge.pressure.max()
         yield Check(f"{name}: pressures, r.m.s. difference relative to the peak", _rms(difference), 0.0, 0.01, "", True)
-        yield _pressures(f"{name}, without contact edges", found, judge, _inner(found, judge))
-        yield Check(f"{name}: largest pressure", float(found.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
+        yield _pressures(f"{name}, without contact edges", result, judge, _inner(result, judge))
+        yield Check(f"{name}: largest pressure", float(result.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
         ours_area, their_area = (2.0 * fine.area - coarse.area for coarse, fine in zip(*pairs, strict=True))
         yield Check(f"{name}: fraction of the area in contact, extrapolated", ours_area, their_area, 0.01)
-        yield _at_same_gap(name, tamaas, heights[-1], found, mean)
+        yield _at_same_gap(name, tamaas, heights[-1], result, mean)
 
 
-def _pressures(name: str, found: Contact, judge: Contact, where: NDArray[np.bool_]) -> Check:
-    difference = np.abs(found.pressure - judge.pressure)[where].max() / judge.pressure.max()
+def _pressures(name: str, result: Contact, judge: Contact, where: NDArray[np.bool_]) -> Check:
+    difference = np.abs(result.pressure - judge.pressure)[where].max() / judge.pressure.max()
     return Check(f"{name}: pressures, largest difference relative to the peak", float(difference), 0.0, 0.01, "", True)
 
 
-def _at_same_gap(name: str, tamaas: Any, heights: Array, found: Contact, mean: float) -> Check:
-    at_gap = theirs(tamaas, heights, float(found.gap.mean()), "gap", 1e-8)  # slow under this constraint
+def _at_same_gap(name: str, tamaas: Any, heights: Array, result: Contact, mean: float) -> Check:
+    at_gap = theirs(tamaas, heights, float(result.gap.mean()), "gap", 1e-8)  # slow under this constraint
     return Check(f"{name}: mean pressure at the same mean gap", mean, float(at_gap.pressure.mean()), 1e-3, "Pa")
 
 
-def _inner(found: Contact, judge: Contact) -> NDArray[np.bool_]:
+def _inner(result: Contact, judge: Contact) -> NDArray[np.bool_]:
     """Return nodes whose neighbours up to the second are under pressure in both; the surface is periodic."""
-    pressed = (found.pressure > 0.0) & (judge.pressure > 0.0)
+    pressed = (result.pressure > 0.0) & (judge.pressure > 0.0)
     return minimum_filter(pressed, size=5, mode="wrap")
 
 

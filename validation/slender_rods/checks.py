@@ -89,12 +89,12 @@ QUICK = (*RODS[:2], RODS[3], RODS[5])
 def displacements(formulation: Formulation, rod: Rod) -> tuple[float, float]:
     """Return the mean displacements [m] of the free end across and along the rod under such tractions."""
     system = formulation.reduce(rod.body)
-    found = []
+    result = []
     for component in (0, 2):
         load = np.zeros((len(system.points), 5))
         load[:, component] = TRACTION
-        found.append(float(system.weights @ system.apply(load)[:, component] / system.weights.sum()))
-    return found[0], found[1]
+        result.append(float(system.weights @ system.apply(load)[:, component] / system.weights.sum()))
+    return result[0], result[1]
 
 
 def compliance(n: int) -> Array:
@@ -126,8 +126,8 @@ def run(quick: bool) -> Iterator[Item]:
         ratios = []
         for rod in QUICK if quick else RODS:
             across, along = displacements(formulation, rod)
-            found = (("bending", across, deflection(rod.length)), ("tension", along, elongation(rod.length)))
-            for (way, computed, reference), error in zip_longest(found, rod.errors.get(name, ())):
+            result = (("bending", across, deflection(rod.length)), ("tension", along, elongation(rod.length)))
+            for (way, computed, reference), error in zip_longest(result, rod.errors.get(name, ())):
                 if error == inf:
                     yield Skip(f"{name}: {way}, {rod.name}", "truncation at this tolerance leaves no correct digit")
                     continue

@@ -40,9 +40,9 @@ def run(quick: bool) -> Iterator[Item]:
     yield Check("cells that stick in full slip", float(sticking.sum()), 0.0, 0.5, "", True)
     along, across = displacement(x, y)
     inner = np.hypot(x, y) < a
-    for name, found, true in (("along", moved[:, 0], along), ("across", moved[:, 1], across)):
+    for name, result, true in (("along", moved[:, 0], along), ("across", moved[:, 1], across)):
         # the displacement along the motion contains the rigid motion: both errors are relative to its largest value
-        error = float(np.abs(found - true)[inner].max() / np.abs(along).max())
+        error = float(np.abs(result - true)[inner].max() / np.abs(along).max())
         yield Check(f"surface displacement {name} the motion, largest error", error, 0.0, 5e-3, "", True)
     yield _plot(x, y, moved[:, 0], a)
 
@@ -55,7 +55,7 @@ def displacement(x: Array, y: Array) -> tuple[Array, Array]:
     return along, unit * 2.0 * nu * x * y
 
 
-def _plot(x: Array, y: Array, found: Array, a: float) -> Plot:
+def _plot(x: Array, y: Array, result: Array, a: float) -> Plot:
     curves = []
     for name, coordinate, other in (("x", x, y), ("y", y, x)):
         line = np.flatnonzero((np.abs(other) == np.abs(other).min()) & (other > 0.0) & (np.abs(coordinate) < a))
@@ -63,6 +63,6 @@ def _plot(x: Array, y: Array, found: Array, a: float) -> Plot:
         exact, _ = displacement(x[line], y[line])
         curves += [
             Curve(f"closed form along {name}", coordinate[line] * 1e3, exact * 1e6),
-            Curve(f"cells along {name}", coordinate[line] * 1e3, found[line] * 1e6, points=True),
+            Curve(f"cells along {name}", coordinate[line] * 1e3, result[line] * 1e6, points=True),
         ]
     return Plot("Full slip: displacement along the motion", "x or y [mm]", "u_x [µm]", tuple(curves))

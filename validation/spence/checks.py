@@ -97,18 +97,18 @@ def run(quick: bool) -> Iterator[Item]:
         yield Check(name, state.stick_share, exact, tolerance, absolute=True)
         shares.append((friction * 2.0 * (1.0 - poisson) / (1.0 - 2.0 * poisson), state.stick_share))
     friction, poisson = 0.2, 0.3
-    coarse, found = (sphere(friction, poisson, cells, steps) for steps in (cells, 2 * cells))
+    coarse, result = (sphere(friction, poisson, cells, steps) for steps in (cells, 2 * cells))
     exact = stick_share(friction, poisson)
-    radii = np.array([a for a, _ in found])
-    computed = np.array([state.stick_share for _, state in found])
+    radii = np.array([a for a, _ in result])
+    computed = np.array([state.stick_share for _, state in result])
     name = f"sphere, mu = {friction:g}, nu = {poisson:g}"
-    mean = 2.0 * _mean_share(found) - _mean_share(coarse)
+    mean = 2.0 * _mean_share(result) - _mean_share(coarse)
     words = f"{name}: c/a, mean over the second half of the path, from {cells} and {2 * cells} steps"
     yield Check(words, mean, exact, tolerance / 2.0, absolute=True)
     yield Check(
         f"{name}: c/a at the end, {cells} x {cells} cells", float(computed[-1]), exact, tolerance, absolute=True
     )
-    yield from _plots(shares, radii, computed, exact, found[-1][1], name)
+    yield from _plots(shares, radii, computed, exact, result[-1][1], name)
 
 
 def _mean_share(path: list[tuple[float, State]]) -> float:

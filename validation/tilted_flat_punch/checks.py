@@ -25,24 +25,24 @@ TILT = APPROACH / (4.0 * RADIUS)
 def run(quick: bool) -> Iterator[Item]:
     """Check force, moment and pressure on 64 cells, and means over grids."""
     force, moment = 2.0 * RADIUS * MODULUS * APPROACH, 4.0 / 3.0 * MODULUS * RADIUS**3 * TILT
-    found = tilted(64)
-    yield Check("force, 64 cells", found.force, force, 1e-3, "N")
-    yield Check("moment, 64 cells", moment_of(found), moment, 5e-3, "N m")
+    result = tilted(64)
+    yield Check("force, 64 cells", result.force, force, 1e-3, "N")
+    yield Check("moment, 64 cells", moment_of(result), moment, 5e-3, "N m")
     totals = solved(Path(__file__).with_name("punch.toml"))
     yield Check("punch.toml, with meeframe run: force", -float(totals.force[2]), force, 1e-3, "N")
     yield Check("punch.toml, with meeframe run: moment", float(totals.moment[1]), moment, 5e-3, "N m")
     forces, moments = zip(*((one.force, moment_of(one)) for one in map(tilted, 64 + np.array(OFFSETS))), strict=True)
     yield Check("force, mean of four grids of 64 to 65 cells", float(np.mean(forces)), force, 1e-2, "N")
     yield Check("moment, mean of four grids of 64 to 65 cells", float(np.mean(moments)), moment, 1e-2, "N m")
-    inner = found.r < 0.8 * RADIUS
-    x = found.system.points[:, 0]
-    error = np.abs(found.pressure / pressure(x, found.r) - 1.0)[inner].max()
+    inner = result.r < 0.8 * RADIUS
+    x = result.system.points[:, 0]
+    error = np.abs(result.pressure / pressure(x, result.r) - 1.0)[inner].max()
     yield Check("pressure within 0.8 a, largest relative error", float(error), 0.0, 0.02, "", True)
-    line, along = found.section()
+    line, along = result.section()
     fine = np.linspace(-0.999, 0.999, 400) * RADIUS
     curves = (
         Curve("closed form", fine * 1e3, pressure(fine, np.abs(fine)) / 1e6),
-        Curve("nodes", along * 1e3, found.pressure[line] / 1e6, points=True),
+        Curve("nodes", along * 1e3, result.pressure[line] / 1e6, points=True),
     )
     yield Plot("tilted punch: pressure through the centre", "x [mm]", "pressure [MPa]", curves)
 
@@ -56,9 +56,9 @@ def tilted(cells: float) -> Pressed:
     return press(STIFFNESS, height, APPROACH, 2.0 * RADIUS, cells, divisions=2 * round(0.6 * cells) + 1)
 
 
-def moment_of(found: Pressed) -> float:
+def moment_of(result: Pressed) -> float:
     """Return the moment of the pressure about y [N m]."""
-    return float(found.system.weights @ (found.pressure * found.system.points[:, 0]))
+    return float(result.system.weights @ (result.pressure * result.system.points[:, 0]))
 
 
 def pressure(x: Array, r: Array) -> Array:

@@ -44,16 +44,16 @@ def run(quick: bool) -> Iterator[Item]:
         for condition in ("ECMII", "EIMCI"):
             yield _sweep(case, sweep(case, system, condition, np.logspace(-3, 3, 9)))
         (half_space,) = refinements(case, [(np.inf, 24)])
-        for condition, found in half_space.totals.items():
+        for condition, result in half_space.totals.items():
             yield from _totals(
-                f"{condition}, half space of 24 x 24 elements", found, closed_form(case, condition), 3e-3
+                f"{condition}, half space of 24 x 24 elements", result, closed_form(case, condition), 3e-3
             )
 
 
-def _totals(name: str, found: dict[str, float], exact: Indentation, tolerance: float) -> Iterator[Check]:
+def _totals(name: str, result: dict[str, float], exact: Indentation, tolerance: float) -> Iterator[Check]:
     for total, true in exact_totals(exact).items():
         if true:
-            yield Check(f"{name}: {total.replace('_', ' ')}", found[total], true, tolerance, UNITS[total])
+            yield Check(f"{name}: {total.replace('_', ' ')}", result[total], true, tolerance, UNITS[total])
 
 
 def _section(condition: str, solved: Solved, exact: Indentation) -> Iterator[Plot]:
@@ -69,16 +69,16 @@ def _section(condition: str, solved: Solved, exact: Indentation) -> Iterator[Plo
         yield Plot(f"{condition}: {label.split(' [')[0]} along x", "x [mm]", label, curves)
 
 
-def _sweep(case: Case, found: Sweep) -> Plot:
+def _sweep(case: Case, result: Sweep) -> Plot:
     """Plot Fig. 3: from insulating to conducting."""
     insulated = closed_form(case, "EMII").force
-    flux = "charge" if found.condition == "ECMII" else "magnetic_flux"
-    force = np.array([-solved.totals.force[2] for solved in found.solved]) / insulated
-    total = np.array([totals(solved)[flux] for solved in found.solved]) / exact_totals(found.limit)[flux]
-    ends = found.kappa[[0, -1]]
+    flux = "charge" if result.condition == "ECMII" else "magnetic_flux"
+    force = np.array([-solved.totals.force[2] for solved in result.solved]) / insulated
+    total = np.array([totals(solved)[flux] for solved in result.solved]) / exact_totals(result.limit)[flux]
+    ends = result.kappa[[0, -1]]
     curves = (
-        Curve("force relative to insulating", found.kappa, force, points=True),
-        Curve(f"{flux.replace('_', ' ')} relative to conducting", found.kappa, total, points=True),
-        Curve("half space, conducting: force", ends, np.full(2, found.limit.force / insulated)),
+        Curve("force relative to insulating", result.kappa, force, points=True),
+        Curve(f"{flux.replace('_', ' ')} relative to conducting", result.kappa, total, points=True),
+        Curve("half space, conducting: force", ends, np.full(2, result.limit.force / insulated)),
     )
-    return Plot(f"Fig. 3: {found.condition}", "conductivity, times |xi_cc| a", "relative", curves, log_x=True)
+    return Plot(f"Fig. 3: {result.condition}", "conductivity, times |xi_cc| a", "relative", curves, log_x=True)

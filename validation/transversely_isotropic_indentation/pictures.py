@@ -20,17 +20,17 @@ def sweep_picture(case: Case, sweeps: list[Sweep]) -> Figure:
     """Draw Fig. 3: force relative to the insulated half space, charge or flux relative to the conducting one."""
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
     insulated = closed_form(case, "EMII").force
-    for axis, found, name in zip(axes, sweeps, ("electric", "magnetic"), strict=True):
+    for axis, result, name in zip(axes, sweeps, ("electric", "magnetic"), strict=True):
         flux = "charge" if name == "electric" else "magnetic_flux"
-        force = [-s.totals.force[2] / insulated for s in found.solved]
-        total = [getattr(s.totals, flux) / getattr(found.limit, flux) for s in found.solved]
-        axis.semilogx(found.kappa, force, "o-", color=COLOURS[0], label="force P / P_EMII")
+        force = [-s.totals.force[2] / insulated for s in result.solved]
+        total = [getattr(s.totals, flux) / getattr(result.limit, flux) for s in result.solved]
+        axis.semilogx(result.kappa, force, "o-", color=COLOURS[0], label="force P / P_EMII")
         axis.semilogx(
-            found.kappa, total, "s-", color=COLOURS[1], label=f"{flux.replace('_', ' ')}, of the conducting one"
+            result.kappa, total, "s-", color=COLOURS[1], label=f"{flux.replace('_', ' ')}, of the conducting one"
         )
-        axis.axhline(found.limit.force / insulated, color=COLOURS[0], ls="--", lw=1)
+        axis.axhline(result.limit.force / insulated, color=COLOURS[0], ls="--", lw=1)
         axis.axhline(1.0, color=COLOURS[1], ls="--", lw=1)
-        axis.set(xlabel=f"{name} conductivity, times |ξ_cc| a", title=found.condition)
+        axis.set(xlabel=f"{name} conductivity, times |ξ_cc| a", title=result.condition)
         axis.grid(alpha=0.3)
         axis.legend()
     return figure
@@ -44,18 +44,18 @@ def section_picture(case: Case, sections: list[Sweep]) -> Figure:
     fields = ("pressure", "electric_potential", "magnetic_potential")
     scales = [float(getattr(insulated, name)(origin)[0]) for name in fields]
     fine = np.linspace(-2.5e-3, 2.5e-3, 401)
-    for column, found in enumerate(sections):
+    for column, result in enumerate(sections):
         for row, (name, scale) in enumerate(zip(fields, scales, strict=True)):
             axis = axes[row, column]
-            for exact, style in ((insulated, "-"), (found.limit, "--")):
+            for exact, style in ((insulated, "-"), (result.limit, "--")):
                 axis.plot(fine / a, getattr(exact, name)(np.abs(fine)) / scale, style, color="0.4", lw=1)
-            for kappa, solved, colour in zip(found.kappa, found.solved, COLOURS, strict=False):
+            for kappa, solved, colour in zip(result.kappa, result.solved, COLOURS, strict=False):
                 x, pressure, potentials = solved.section()
                 values = pressure if row == 0 else potentials[:, row - 1]
                 axis.plot(x / a, values / scale, "o", ms=4, color=colour, label=f"{kappa:g}")
             axis.set_ylabel(f"{name.replace('_', ' ')} / insulated")
             axis.grid(alpha=0.3)
-        axes[0, column].set_title(found.condition)
+        axes[0, column].set_title(result.condition)
         axes[2, column].set_xlabel("x / a")
     axes[0, 0].legend(title="conductivity × |ξ_cc| a", fontsize=8)
     return figure
@@ -76,7 +76,7 @@ def convergence_picture(case: Case, meshes: list[Refinement]) -> Figure:
         for (condition, key), colour in zip(CURVES, COLOURS, strict=False):
             exact = exact_totals(closed_form(case, condition))
             true = [exact if reference is None else reference[condition] for _, reference in pairs]
-            y = [100 * abs(found[condition][key] / t[key] - 1) for (found, _), t in zip(pairs, true, strict=True)]
+            y = [100 * abs(result[condition][key] / t[key] - 1) for (result, _), t in zip(pairs, true, strict=True)]
             axis.loglog(x, y, "o-", color=colour, label=f"{condition}, {key.replace('_', ' ')}")
         start = max(line.get_ydata()[0] for line in axis.lines)
         axis.loglog(x, [1.5 * start * x[0] / v for v in x], ":", color="0.5", label="first order")

@@ -93,13 +93,13 @@ def _grounding(case: Case, system: ReducedSystem) -> dict[str, dict[str, float]]
     """Return the differences under EMCI for other choices of the grounded faces."""
     base_only = tuple(c for c in case.conditions if c.group == "base")
     sides_only = tuple(c for c in case.conditions if c.group != "base" or c.field < 3)
-    found = {}
+    result = {}
     for name, conditions in (("base only", base_only), ("sides only", sides_only), ("base and sides", None)):
         variant = case if conditions is None else replace(case, conditions=conditions)
         reduced = system if conditions is None else variant.formulation.reduce(variant.body)
         solved = solve(conducting(variant, np.inf, np.inf), reduced)
-        found[name] = differences(solved, closed_form(case, "EMCI"))
-    return found
+        result[name] = differences(solved, closed_form(case, "EMCI"))
+    return result
 
 
 def _percent(value: float | None) -> str:
@@ -172,10 +172,10 @@ def _figures(sweeps: list[Sweep]) -> list[str]:
         f"Dashed: half space. At {KAPPA[-1]:g} times the characteristic conductivity 1/(|ξ_cc| a):",
         "",
     ]
-    for found in sweeps:
-        d = differences(found.solved[-1], found.limit)
+    for result in sweeps:
+        d = differences(result.solved[-1], result.limit)
         named = ", ".join(f"{key.replace('_', ' ')} {_percent(value)} %" for key, value in d.items())
-        lines.append(f"- {found.condition}: {named} of the perfectly conducting half space.")
+        lines.append(f"- {result.condition}: {named} of the perfectly conducting half space.")
     return [
         *lines,
         "",
@@ -214,10 +214,10 @@ def _convergence(case: Case, meshes: list[Refinement]) -> str:
     radius = closed_form(case, "EMII").contact_radius
     worst = 0.0
     for mesh in meshes:
-        found = {name: relative(mesh.totals[name], exact[name]) for name in CONDITIONS}
-        worst = max(abs(value) for values in found.values() for value in values.values())
+        result = {name: relative(mesh.totals[name], exact[name]) for name in CONDITIONS}
+        worst = max(abs(value) for values in result.values() for value in values.values())
         size = "half space" if np.isinf(mesh.enlargement) else f"{mesh.half_width / radius:.0f}"
-        cells = [_percent(found[condition][key]) for condition, key in names]
+        cells = [_percent(result[condition][key]) for condition, key in names]
         head = f"{size} | {radius * mesh.divisions / 0.005:.1f} | {mesh.elements}"
         lines.append(f"| {head} | " + " | ".join(cells) + " |")
     block = relative(meshes[0].totals["EIMCI"], exact["EIMCI"])["magnetic_flux"]

@@ -62,8 +62,8 @@ def solve(case: Case, system: ReducedSystem) -> Solved:
 
 def totals(solved: Solved) -> dict[str, float]:
     """Return force of the indenter [N], charge [C] and magnetic flux [Wb]."""
-    found = solved.totals
-    return {"force": float(-found.force[2]), "charge": found.charge, "magnetic_flux": found.magnetic_flux}
+    result = solved.totals
+    return {"force": float(-result.force[2]), "charge": result.charge, "magnetic_flux": result.magnetic_flux}
 
 
 def exact_totals(exact: Indentation) -> dict[str, float]:
@@ -88,12 +88,12 @@ def section_differences(solved: Solved, exact: Indentation, insulated: Indentati
     """
     x, pressure, potentials = solved.section()
     element = np.diff(x).max()
-    kept = np.abs(np.abs(x) - exact.contact_radius) > element
-    r, origin = np.abs(x[kept]), np.zeros(1)
+    inner = np.abs(np.abs(x) - exact.contact_radius) > element
+    r, origin = np.abs(x[inner]), np.zeros(1)
     columns = {
-        "pressure": (pressure[kept], exact.pressure(r), exact.pressure(origin)),
-        "electric potential": (potentials[kept, 0], exact.electric_potential(r), insulated.electric_potential(origin)),
-        "magnetic potential": (potentials[kept, 1], exact.magnetic_potential(r), insulated.magnetic_potential(origin)),
+        "pressure": (pressure[inner], exact.pressure(r), exact.pressure(origin)),
+        "electric potential": (potentials[inner, 0], exact.electric_potential(r), insulated.electric_potential(origin)),
+        "magnetic potential": (potentials[inner, 1], exact.magnetic_potential(r), insulated.magnetic_potential(origin)),
     }
     return {
         name: float(np.abs(computed - true).max() / np.abs(scale).max())
@@ -164,9 +164,9 @@ def refinements(case: Case, meshes: list[tuple[float, int]]) -> Iterator[Refinem
     for enlargement, divisions in meshes:
         larger = refined(case, enlargement, divisions)
         system = larger.formulation.reduce(larger.body)
-        found = {}
+        result = {}
         for condition, potentials in CONDITIONS.items():
             electric, magnetic = (np.inf if potential is not None else 0.0 for potential in potentials)
-            found[condition] = totals(solve(conducting(larger, electric, magnetic), system))
+            result[condition] = totals(solve(conducting(larger, electric, magnetic), system))
         half_width = float(np.ptp(larger.mesh.points[:, 0]) / 2)
-        yield Refinement(enlargement, half_width, divisions, larger.mesh.n_elements, found)
+        yield Refinement(enlargement, half_width, divisions, larger.mesh.n_elements, result)

@@ -25,10 +25,10 @@ def run(quick: bool) -> Iterator[Item]:
     """Check elastic bodies against Hertz, poled bodies against joined half spaces, and exchanged roles."""
     if not quick:
         for name in ("equal", "unlike_elastic"):
-            found = hertz(name)
-            yield Check(f"{found.title}: force", found.force, found.exact, 0.015, "N")
+            result = hertz(name)
+            yield Check(f"{result.title}: force", result.force, result.exact, 0.015, "N")
             yield Check(
-                f"{found.title}: pressure, largest error relative to the peak", found.pressure, 0.0, 0.03, "", True
+                f"{result.title}: pressure, largest error relative to the peak", result.pressure, 0.0, 0.03, "", True
             )
     yield from _opposite(quick)
     yield from _exchanged(quick)
@@ -45,11 +45,11 @@ def _opposite(quick: bool) -> Iterator[Item]:
     for condition in ("EMII", "EMCI") if quick else CONDITIONS:
         variant = conducting(case, condition)
         solved, exact = solve(variant, system), closed_form(case, condition)
-        found = solved.totals
+        result = solved.totals
         pairs = (
-            ("force", "N", -float(found.force[2]), exact.force),
-            ("charge", "C", found.charge, exact.charge),
-            ("magnetic flux", "Wb", found.magnetic_flux, exact.magnetic_flux),
+            ("force", "N", -float(result.force[2]), exact.force),
+            ("charge", "C", result.charge, exact.charge),
+            ("magnetic flux", "Wb", result.magnetic_flux, exact.magnetic_flux),
         )
         for name, unit, computed, true in pairs:
             if true:
@@ -68,13 +68,13 @@ def _section(condition: str, solved: Solved, exact: Indentation) -> Plot:
 
 
 def _exchanged(quick: bool) -> Iterator[Check]:
-    found = roles(_coarse(load("roles")) if quick else load("roles"))
-    largest = float(found.differences.max())
+    result = roles(_coarse(load("roles")) if quick else load("roles"))
+    largest = float(result.differences.max())
     yield Check("exchanged roles: load, largest difference relative to its largest value", largest, 0.0, 1e-8, "", True)
-    one, two = found.totals
+    one, two = result.totals
     forces = float(np.abs(two.force - one.force * [-1, 1, 1]).max() / np.abs(one.force).max())
     yield Check("exchanged roles: forces, largest difference", forces, 0.0, 1e-8, "", True)
-    yield Check("exchanged roles: same stick and slip at all nodes (1: yes)", float(found.alike), 1.0, 0.0)
+    yield Check("exchanged roles: same stick and slip at all nodes (1: yes)", float(result.alike), 1.0, 0.0)
 
 
 def _coarse(case: Case) -> Case:

@@ -46,8 +46,8 @@ def main() -> None:
     print(page)
 
 
-def _percent(found: float, exact: float) -> str:
-    return f"{100 * (found / exact - 1):+.2f}" if exact else ""
+def _percent(result: float, exact: float) -> str:
+    return f"{100 * (result / exact - 1):+.2f}" if exact else ""
 
 
 def _hertz(rows: list[Hertz], share: float) -> list[str]:
@@ -96,15 +96,15 @@ def _joined(rows: list[Joined]) -> list[str]:
     largest = [max(abs(row.exact[i]) for row in rows) for i in range(3)]
     for row in rows:
         cells = []
-        for found, exact, size in zip(row.found, row.exact, largest, strict=True):
-            nothing = abs(found) < 1e-12 * size
-            cells += ["0" if nothing else f"{found:.5g}", _percent(found, exact)]
+        for result, exact, size in zip(row.found, row.exact, largest, strict=True):
+            nothing = abs(result) < 1e-12 * size
+            cells += ["0" if nothing else f"{result:.5g}", _percent(result, exact)]
         lines.append(f"| {row.poling} | {row.condition} | " + " | ".join(cells) + " |")
     return [*lines, "", "0: less than 10⁻¹² of the largest value in the column."]
 
 
-def _roles(found: Roles) -> list[str]:
-    one, two = found.totals
+def _roles(result: Roles) -> list[str]:
+    one, two = result.totals
     rows = [
         ("force along x1 [N]", one.force[0], two.force[0]),
         ("force along x2 [N]", one.force[1], two.force[1]),
@@ -114,7 +114,7 @@ def _roles(found: Roles) -> list[str]:
         ("dissipated energy of the second step [J]", one.dissipated_energy, two.dissipated_energy),
     ]
     names = ("t·e1", "t·e2", "t·ν", "q", "s")
-    differences = ", ".join(f"{name} {value:.0e}" for name, value in zip(names, found.differences, strict=True))
+    differences = ", ".join(f"{name} {value:.0e}" for name, value in zip(names, result.differences, strict=True))
     return [
         "",
         "## Exchange of roles",
@@ -128,8 +128,8 @@ def _roles(found: Roles) -> list[str]:
         "| --- | --- | --- |",
         *(f"| {name} | {first:.6g} | {second:.6g} |" for name, first, second in rows),
         "",
-        f"{found.pressed} nodes are in contact, {found.stuck} of them stick"
-        + ("; both descriptions have the same sticking nodes. " if found.alike else "; THE STICKING NODES DIFFER. ")
+        f"{result.pressed} nodes are in contact, {result.stuck} of them stick"
+        + ("; both descriptions have the same sticking nodes. " if result.alike else "; THE STICKING NODES DIFFER. ")
         + "Largest differences of the nodal",
         f"loads, relative to the largest value of each: {differences}.",
     ]

@@ -76,8 +76,8 @@ def pressure_difference(solved: Solved, exact: Indentation) -> float:
     points = solved.zone.points
     r = np.hypot(points[:, 0], points[:, 1])
     element = np.diff(np.unique(np.round(points[:, 0], 12))).max()
-    kept = np.abs(r - exact.contact_radius) > np.sqrt(2.0) * element  # the diagonal
-    difference = -solved.step.traction[kept, 2] - exact.pressure(r[kept])
+    retained = np.abs(r - exact.contact_radius) > np.sqrt(2.0) * element  # the diagonal
+    difference = -solved.step.traction[retained, 2] - exact.pressure(r[retained])
     return float(np.abs(difference).max() / exact.pressure(np.zeros(1))[0])
 
 
@@ -138,8 +138,8 @@ def joined() -> list[Joined]:
             )
         system = reduce(case)
         for condition in CONDITIONS:
-            found, exact = solve(conducting(case, condition), system).totals, closed_form(case, condition)
-            totals = -float(found.force[2]), found.charge, found.magnetic_flux
+            result, exact = solve(conducting(case, condition), system).totals, closed_form(case, condition)
+            totals = -float(result.force[2]), result.charge, result.magnetic_flux
             rows.append(Joined(poling, condition, totals, (exact.force, exact.charge, exact.magnetic_flux)))
     return rows
 

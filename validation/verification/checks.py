@@ -108,21 +108,21 @@ def run(quick: bool) -> Iterator[Item]:
         for section in SECTIONS[:1] if quick else SECTIONS:
             family = QUICK if quick else QUADRATIC
             task = block_task(section, Path(scratch), family)
-            found = verify(task.file, task.file.with_suffix(""), task.formulations, task.meshes, cache=task.cache)
-            yield converged(f"section {section.name}, {family.element}", found)
-            yield from agreement(f"section {section.name}, {family.element}", found, section.nodal)
+            result = verify(task.file, task.file.with_suffix(""), task.formulations, task.meshes, cache=task.cache)
+            yield converged(f"section {section.name}, {family.element}", result)
+            yield from agreement(f"section {section.name}, {family.element}", result, section.nodal)
             if section.body:
                 yield from bodies(section.name, task, bool(section.nodal), quick)
             if not quick:
-                yield from finest(section.name, found)
-                yield from extrapolated(section.name, found, section.explained)
+                yield from finest(section.name, result)
+                yield from extrapolated(section.name, result, section.explained)
         if not quick:
             both = ("dense-bem", "half-space")
-            found = verify(HERE / "half_space.toml", Path(scratch) / "half-space", both, Meshes(factor=2.0))
-            yield converged("half space", found)
-            yield from agreement("half space", found)
-            yield from finest("half space", found)
-            yield from extrapolated("half space", found)
+            result = verify(HERE / "half_space.toml", Path(scratch) / "half-space", both, Meshes(factor=2.0))
+            yield converged("half space", result)
+            yield from agreement("half space", result)
+            yield from finest("half space", result)
+            yield from extrapolated("half space", result)
     yield from large_blocks(quick)
 
 
@@ -152,8 +152,8 @@ def bodies(name: str, task: Task, strong: bool, quick: bool) -> Iterator[Item]:
     chosen = [Choice.read("formulation", text) for text in task.formulations]
     planned, _ = planned_runs(task.file, chosen, task.meshes, plugins.load())
     systems = [cached_reduce(run.case, task.cache) for run in planned]
-    found = under_given_pressure(planned, systems, task.meshes.order)
-    yield from agreement(f"body of section {name}", found)
+    result = under_given_pressure(planned, systems, task.meshes.order)
+    yield from agreement(f"body of section {name}", result)
     least = short_waves(*systems[-2:])
     words, criterion = ("stiff", "less than 0.1") if strong else ("accurate within a factor of 2", "more than 0.5")
     yield Claim(
@@ -163,15 +163,15 @@ def bodies(name: str, task: Task, strong: bool, quick: bool) -> Iterator[Item]:
         least < 0.1 if strong else least > 0.5,
     )
     if not quick:
-        yield from extrapolated(f"body of section {name}", found)
+        yield from extrapolated(f"body of section {name}", result)
 
 
 def under_given_pressure(planned: Sequence[Planned], systems: Sequence[ReducedSystem], order: float) -> Verification:
     """Return compliances in the form of totals of cases."""
     runs = []
     for run, system in zip(planned, systems, strict=True):
-        found = {name: compliance(system, pressure) for name, pressure in PRESSURES.items()}
-        steps = {1: {name: Measured(value, abs(value)) for name, value in found.items()}}
+        result = {name: compliance(system, pressure) for name, pressure in PRESSURES.items()}
+        steps = {1: {name: Measured(value, abs(value)) for name, value in result.items()}}
         runs.append(VerifiedRun(run.formulation, run.size, run.case.mesh.n_elements, Status.CONVERGED, steps=steps))
     return Verification("compliances", "", {}, {}, order, len(runs), tuple(runs))
 
@@ -197,8 +197,8 @@ def short_waves(boundary: ReducedSystem, volume: ReducedSystem) -> float:
     return float(eigvalsh(*works)[0])
 
 
-def _compared(found: Verification) -> Iterator[tuple[str, Agreement]]:
-    for pair in found.agreements:
+def _compared(result: Verification) -> Iterator[tuple[str, Agreement]]:
+    for pair in result.agreements:
         if pair.first.quantity in COMPARED:
             yield pair.first.quantity.replace("_", " "), pair
 
@@ -207,17 +207,17 @@ def _unit(pair: Agreement) -> str:
     return "m/N" if pair.first.quantity in PRESSURES else unit_of(pair.first.quantity)
 
 
-def finest(name: str, found: Verification) -> Iterator[Check]:
+def finest(name: str, result: Verification) -> Iterator[Check]:
     """Check resultants on the finest meshes."""
-    for quantity, pair in _compared(found):
+    for quantity, pair in _compared(result):
         one, other = pair.first.limit.finest, pair.second.limit.finest
         yield Check(f"{name}: {quantity}, finest meshes", other, one, FINEST, _unit(pair))
 
 
-def extrapolated(name: str, found: Verification, explained: str = "") -> Iterator[Check]:
+def extrapolated(name: str, result: Verification, explained: str = "") -> Iterator[Check]:
     """Check limits extrapolated with the theoretical order from the last two meshes; common scatter cancels."""
-    for quantity, pair in _compared(found):
-        one, other = (of_order(each.sizes, each.values, found.order) for each in (pair.first, pair.second))
+    for quantity, pair in _compared(result):
+        one, other = (of_order(each.sizes, each.values, result.order) for each in (pair.first, pair.second))
         yield Check(
             f"{name}: {quantity}, extrapolated",
             other,
@@ -229,9 +229,9 @@ def extrapolated(name: str, found: Verification, explained: str = "") -> Iterato
         )
 
 
-def agreement(name: str, found: Verification, nodal: str = "") -> Iterator[Item]:
+def agreement(name: str, result: Verification, nodal: str = "") -> Iterator[Item]:
     """Check that methods agree within their errors; nodal: reason why values at nodes may differ by twice as much."""
-    for pair in found.agreements:
+    for pair in result.agreements:
         quantity = f"{name}: {pair.first.quantity.replace('_', ' ')}"
         words = f"{quantity}: methods agree within their errors"
         why = nodal if pair.first.quantity.startswith(COUNTED) else ""
@@ -241,10 +241,10 @@ def agreement(name: str, found: Verification, nodal: str = "") -> Iterator[Item]
             yield _convergence(quantity, (pair.first, pair.second))
 
 
-def converged(name: str, found: Verification) -> Claim:
+def converged(name: str, result: Verification) -> Claim:
     """Check that all runs converged."""
-    holds = all(run.status == "converged" for run in found.runs)
-    return Claim(f"{name}: runs", str(found.verdict), "all converge", holds)
+    holds = all(run.status == "converged" for run in result.runs)
+    return Claim(f"{name}: runs", str(result.verdict), "all converge", holds)
 
 
 def _share(pair: Agreement) -> str:
@@ -280,9 +280,9 @@ def large_blocks(quick: bool) -> Iterator[Item]:
     zone = half_space_mesh(0.1, 0.005, divisions, 1, Quad4())
     exact = _totals(replace(case, mesh=zone, formulation=HalfSpace()))
     sizes = np.array([1.0, 2.0, 4.0])
-    found = [_totals(_block(case, float(size), divisions, first + int(np.log2(size)))) for size in sizes]
+    result = [_totals(_block(case, float(size), divisions, first + int(np.log2(size)))) for size in sizes]
     for name, true in exact.items():
-        values = [totals[name] for totals in found]
+        values = [totals[name] for totals in result]
         limit = richardson(1.0 / sizes, values, 1.0)
         tolerance = FINEST if quick else EXTRAPOLATED
         text = f"blocks of increasing size, extrapolated to the half space: {name.replace('_', ' ')}"

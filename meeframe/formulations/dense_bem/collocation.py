@@ -49,7 +49,20 @@ class Sources:
 
 
 def collocate(mesh: SurfaceMesh, layout: Layout) -> Sources:
-    """Return the collocation points of a layout, with each row from 0 to n_unknowns - 1 once."""
+    """Return the collocation points of a layout.
+
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        The mesh.
+    layout : Layout
+        Numbers of the unknowns.
+
+    Returns
+    -------
+    Sources
+        Collocation points, in which each row from 0 to n_unknowns - 1 occurs once.
+    """
     patches = layout.patches
     n_flux_unknowns = np.zeros((len(mesh.points), layout.flux_column.shape[1]), int)
     np.add.at(n_flux_unknowns, patches.point, layout.flux_column != NONE)

@@ -36,19 +36,63 @@ class Units:
     scaling: FieldScaling
 
     def values(self, values: Array) -> Array:
-        """Convert values (..., fields) from SI units to units of the system."""
+        """Convert values from SI units to units of the system.
+
+        Parameters
+        ----------
+        values : Array
+            Extended displacements, (..., fields), SI units.
+
+        Returns
+        -------
+        Array
+            The same in units of the system.
+        """
         return self.scaling.scale_values(values)
 
     def fluxes(self, fluxes: Array) -> Array:
-        """Convert fluxes (..., fields) from SI units to units of the system."""
+        """Convert fluxes from SI units to units of the system.
+
+        Parameters
+        ----------
+        fluxes : Array
+            Extended tractions, (..., fields), SI units.
+
+        Returns
+        -------
+        Array
+            The same in units of the system.
+        """
         return self.scaling.scale_fluxes(fluxes) * self.length
 
     def values_si(self, values: Array) -> Array:
-        """Convert values (..., fields) from units of the system to SI units."""
+        """Convert values from units of the system to SI units.
+
+        Parameters
+        ----------
+        values : Array
+            Extended displacements, (..., fields), in units of the system.
+
+        Returns
+        -------
+        Array
+            The same in SI units.
+        """
         return self.scaling.unscale_values(values)
 
     def fluxes_si(self, fluxes: Array) -> Array:
-        """Convert fluxes (..., fields) from units of the system to SI units."""
+        """Convert fluxes from units of the system to SI units.
+
+        Parameters
+        ----------
+        fluxes : Array
+            Extended tractions, (..., fields), in units of the system.
+
+        Returns
+        -------
+        Array
+            The same in SI units.
+        """
         return self.scaling.unscale_fluxes(fluxes) / self.length
 
 
@@ -97,6 +141,11 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
         Flux nodes of its mesh.
     units : Units
         Units of the system.
+
+    Returns
+    -------
+    Layout
+        Numbers and known data of all values, fluxes and loads.
 
     Raises
     ------
@@ -161,6 +210,11 @@ def boundary_fields(
         The unknowns, (u,) each, in units of values and of fluxes of the system.
     loads : Array
         Loads on the zone, (f n,), in units of fluxes of the system.
+
+    Returns
+    -------
+    NodalFields
+        Values and fluxes at the nodes of all patches.
     """
     all_values = _fill(layout.value_data, layout.value_column, values)
     all_fluxes = _fill(layout.flux_data, layout.flux_column, fluxes)

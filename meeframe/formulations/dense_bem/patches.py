@@ -68,6 +68,11 @@ def find_patches(mesh: SurfaceMesh, edge_angle: float) -> Patches:
         The mesh.
     edge_angle : float
         Elements whose normals at a point differ by more than this [rad] belong to different patches.
+
+    Returns
+    -------
+    Patches
+        Flux nodes, grouped into patches with continuous normals.
     """
     corners = mesh_corners(mesh)
     corner_patch = _number_patches(corners, np.cos(edge_angle))

@@ -101,7 +101,18 @@ def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
 
 
 def characteristic_length(body: Body) -> float:
-    """Return the unit of length of the system [m]: the size of the contact zone, or of a body without one."""
+    """Return the unit of length of the system.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+
+    Returns
+    -------
+    float
+        Diagonal of the box around the contact zone, or around a body without one [m].
+    """
     group = body.contact_group
     points = body.mesh.points if group is None else body.mesh.points[body.mesh.group_points(group)]
     return float(np.linalg.norm(np.ptp(points, axis=0)))

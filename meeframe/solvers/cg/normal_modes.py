@@ -15,27 +15,34 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.conduction import Mask
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array, Indices
 
 NORMAL: Final = 2
-ROUNDS: Final = 30
+MAX_ROUNDS: Final = 30
 """Largest number of rounds in the search for the nodes that overlap when the indenter is at rest."""
-SINGULAR: Final = 1e12
+MAX_CONDITION_NUMBER: Final = 1e12
 """Condition number beyond which the equations of the motions, which may have different units, count as singular."""
-PROPORTIONAL: Final = 1e-9
-ROUND_OFF: Final = 1e-10
+CONJUGACY_TOLERANCE: Final = 1e-9
+RESULTANT_ROUND_OFF: Final = 1e-10
 """Largest relative remainder that counts as round-off where the resultants determine all values."""
 
 
 @dataclass(frozen=True, eq=False)
 class NormalModes:
-    """Normal parts of the mechanical freedoms.
+    """Normal parts of the free motions of the indenter.
 
-    numbers: (k,) among the problem's freedoms; mode, measure: (k, f), zero where there is no indenter above; nodes:
-    (f,) to which they belong, all n of them at first.
+    Attributes
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    numbers : Indices
+        (k,), numbers among the problem's prescribed resultants.
+    mode, measure : Array
+        (k, f), normal parts, zero where there is no indenter above.
+    nodes : Indices
+        (f,), nodes to which they belong, all n of them at first.
     """
 
     problem: ContactProblem
@@ -55,25 +62,27 @@ class NormalModes:
         above = np.isfinite(problem.gap)
         mode, measure = np.zeros((2, len(numbers), len(problem.gap)))
         for k, number in enumerate(numbers):
-            freedom = problem.prescribed_resultants[number]
-            np.copyto(mode[k], freedom.mode[:, NORMAL], where=above)
-            np.copyto(measure[k], freedom.measure[:, NORMAL], where=above)
+            resultant = problem.prescribed_resultants[number]
+            np.copyto(mode[k], resultant.mode[:, NORMAL], where=above)
+            np.copyto(measure[k], resultant.measure[:, NORMAL], where=above)
             work = problem.system.weights * mode[k]
             factor = (measure[k] @ work) / ((work @ work) or 1.0)
-            if np.abs(measure[k] - factor * work).max(initial=0.0) > PROPORTIONAL * np.abs(measure[k]).max(initial=0.0):
+            if np.abs(measure[k] - factor * work).max(initial=0.0) > CONJUGACY_TOLERANCE * np.abs(measure[k]).max(
+                initial=0.0
+            ):
                 raise CaseError(
-                    f"solver 'projected-cg' cannot find freedom {number} of the indenter: its resultant is not the "
+                    f"solver 'projected-cg' cannot find free motion {number} of the indenter: its resultant is not the "
                     "force or moment along its motion; allowed: measures whose normal part is weights * mode up to a "
                     "factor. Use 'newton', 'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto'"
                 )
         return cls(problem, numbers, mode, measure, np.arange(len(problem.gap)))
 
-    def on(self, free: Indices) -> "NormalModes":
+    def restrict(self, free: Indices) -> "NormalModes":
         """Return the modes restricted to the free nodes (f,), numbered among the present ones."""
         mode, measure = (np.take(values, free, axis=1) for values in (self.mode, self.measure))
         return NormalModes(self.problem, self.numbers, mode, measure, self.nodes[free])
 
-    def amounts(self, values: Array, along: Array | None = None) -> Array:
+    def balance_amounts(self, values: Array, along: Array | None = None) -> Array:
         """Return amounts (k,) with which values (f,) + amounts @ along have no resultants.
 
         along: (k, f), by default the modes. Where the nodes do not determine the amounts, the smallest ones in scaled
@@ -87,7 +96,7 @@ class NormalModes:
             return np.asarray(right * np.sign(scaled[0]) / size)
         return np.asarray(np.linalg.pinv(scaled) @ right / size)
 
-    def without(self, values: Array, along: Array | None = None) -> Array:
+    def remove_resultants(self, values: Array, along: Array | None = None) -> Array:
         """Return values (f,) with their resultants removed along (k, f), by default along the modes.
 
         Where the nodes are so few that the resultants determine all values, the result is zero and not its round-off.
@@ -95,76 +104,74 @@ class NormalModes:
         if self.numbers.size == 0:
             return values
         along = self.mode if along is None else along
-        rest = _moved(values, self.amounts(values, along), along)
-        return rest if np.linalg.norm(rest) > ROUND_OFF * np.linalg.norm(values) else np.zeros_like(rest)
+        remainder = _add_modes(values, self.balance_amounts(values, along), along)
+        return (
+            remainder
+            if np.linalg.norm(remainder) > RESULTANT_ROUND_OFF * np.linalg.norm(values)
+            else np.zeros_like(remainder)
+        )
 
-    def rested(
-        self, pressure: Array, gap: Array, motion: Array, near: "NormalModes", held: Mask | None = None
+    def bring_to_rest(
+        self, pressure: Array, gap: Array, motion: Array, guess: "NormalModes"
     ) -> tuple[Array, Array, "NormalModes"]:
         """Return gap (n,), motion (m,) and the modes on the nodes with pressure or overlap, with the indenter at rest.
 
-        pressure: (n,); gap: (n,) at a motion (m,); near: modes on an estimate of those nodes, with which the search
-        begins; held: (n,) nodes that are excluded although they overlap.
+        pressure: (n,); gap: (n,) at a motion (m,); guess: modes on an estimate of those nodes, with which the search
+        begins.
         """
         pressed = pressure > 0.0
         if self.numbers.size == 0:
-            return gap, motion, self.on(_touching(pressed, gap, held))
-        here = near if near.nodes.size else self.on(np.flatnonzero(pressed))
-        if not here.nodes.size:
-            here = self.on(np.flatnonzero(gap < 0.0))
-        for _ in range(ROUNDS):
-            amounts = here.amounts(gap[here.nodes])
-            moved = _moved(gap, amounts, self.mode)
-            following = _touching(pressed, moved, held)
-            if np.array_equal(following, here.nodes):
+            return gap, motion, self.restrict(np.flatnonzero(pressed | (gap < 0.0)))
+        modes = guess if guess.nodes.size else self.restrict(np.flatnonzero(pressed))
+        if not modes.nodes.size:
+            modes = self.restrict(np.flatnonzero(gap < 0.0))
+        for _ in range(MAX_ROUNDS):
+            amounts = modes.balance_amounts(gap[modes.nodes])
+            moved_gap = _add_modes(gap, amounts, self.mode)
+            touching = np.flatnonzero(pressed | (moved_gap < 0.0))
+            if np.array_equal(touching, modes.nodes):
                 break
-            here = self.on(following)
+            modes = self.restrict(touching)
         motion = motion.copy()
         motion[self.numbers] += amounts
-        return moved, motion, here
+        return moved_gap, motion, modes
 
-    def balanced(self, pressure: Array) -> Array:
+    def balance(self, pressure: Array) -> Array:
         """Return the compression (f,) with the prescribed resultants that is nearest to pressures (f,)."""
         if self.numbers.size == 0:
             return np.maximum(pressure, 0.0)
-        found = self._balanced(pressure)
-        return self._searched(pressure) if found is None else found
+        balanced = self._balance_by_newton(pressure)
+        return self._balance_by_damping(pressure) if balanced is None else balanced
 
-    def _balanced(self, pressure: Array) -> Array | None:
+    def _balance_by_newton(self, pressure: Array) -> Array | None:
         """Balance by Newton's method on the motions, piecewise linear and so exact; return None if that fails."""
         totals = np.array([self.problem.prescribed_resultants[number].total for number in self.numbers])
         pressed = pressure > 0.0
-        for _ in range(ROUNDS):
+        for _ in range(MAX_ROUNDS):
             measure = np.where(pressed, self.measure, 0.0)
             gram = measure @ self.mode.T
-            if not pressed.any() or np.linalg.cond(gram) > SINGULAR:
+            if not pressed.any() or np.linalg.cond(gram) > MAX_CONDITION_NUMBER:
                 return None
-            moved = pressure - np.linalg.solve(gram, measure @ pressure + totals) @ self.mode
-            following = moved > 0.0
-            if np.array_equal(following, pressed):
-                return np.maximum(moved, 0.0)
-            pressed = following
+            shifted = pressure - np.linalg.solve(gram, measure @ pressure + totals) @ self.mode
+            next_pressed = shifted > 0.0
+            if np.array_equal(next_pressed, pressed):
+                return np.maximum(shifted, 0.0)
+            pressed = next_pressed
         return None
 
-    def _searched(self, pressure: Array) -> Array:
+    def _balance_by_damping(self, pressure: Array) -> Array:
         """Balance by the damped method, for any law and modes."""
-        traction, apart = np.zeros((2, len(self.problem.gap), 3))
-        apart[:, NORMAL] = np.inf
-        apart[self.nodes, NORMAL] = 0.0
+        traction, gap = np.zeros((2, len(self.problem.gap), 3))
+        gap[:, NORMAL] = np.inf
+        gap[self.nodes, NORMAL] = 0.0
         traction[self.nodes, NORMAL] = -pressure
-        found = balanced_projection(self.problem, traction, apart, (1.0, 1.0))
-        return np.asarray(-found.traction[self.nodes, NORMAL])
+        projection = balanced_projection(self.problem, traction, gap, (1.0, 1.0))
+        return np.asarray(-projection.traction[self.nodes, NORMAL])
 
 
-def _moved(values: Array, amounts: Array, along: Array) -> Array:
+def _add_modes(values: Array, amounts: Array, along: Array) -> Array:
     """Return values (f,) + amounts (k,) @ along (k, f); with few modes and many nodes faster than a matrix product."""
-    moved = values
+    total = values
     for amount, mode in zip(amounts, along, strict=True):
-        moved = moved + amount * mode
-    return moved
-
-
-def _touching(pressed: Mask, gap: Array, held: Mask | None) -> Indices:
-    """Return the nodes (t,) that have pressure, (n,), or overlap at a gap (n,) and are not held (n,)."""
-    touching = gap < 0.0 if held is None else (gap < 0.0) & ~held
-    return np.flatnonzero(touching | pressed)
+        total = total + amount * mode
+    return total

@@ -21,13 +21,23 @@ from meeframe.contact.problem import ContactProblem
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.solvers.conduction.floating import Floating
 
-EXACT: Final = 1e-13
+DEFAULT_TOLERANCE: Final = 1e-13
 """Default relative tolerance of iterations for the flux equations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Flux (n, channels), displacement (n, 3), and the floating potentials (j,) or their change."""
+    """Response of a body to tractions, or its change.
+
+    Attributes
+    ----------
+    flux : Array
+        (n, channels), flux densities.
+    displacement : Array
+        (n, 3), displacement [m].
+    potential : Array
+        (j,), potentials of the floating conductors [V], [A].
+    """
 
     flux: Array
     displacement: Array
@@ -38,19 +48,25 @@ class Response:
 class Conductors:
     """Contact with given resistances, prepared for repeated responses.
 
-    resistance: (n, channels) 1/kappa, inf where insulated; floating: see there; parts: further data that the
-    elimination stores for later use.
+    Attributes
+    ----------
+    resistance : Array
+        (n, channels), 1/kappa, inf where insulated.
+    floating : Floating
+        Floating conductors.
+    data : object
+        Further data that the elimination stores for later use.
     """
 
     resistance: Array
     floating: Floating
-    parts: Any
+    data: Any
 
-    def fixed(self, flux: Array, potential: Array) -> Array:
+    def without_floating(self, flux: Array, potential: Array) -> Array:
         """Return the flux (n, channels) less the contribution of potentials (j,) of the floating conductors."""
         if potential.size == 0:
             return flux
-        return flux - filled(np.isfinite(self.resistance), self.floating.flux @ potential)
+        return flux - scatter_flux(np.isfinite(self.resistance), self.floating.flux @ potential)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +81,34 @@ class Elimination(ABC):
 
     @abstractmethod
     def respond(
-        self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
+        self,
+        traction: Array,
+        conductors: Conductors,
+        guess: Array,
+        reduction: float = 0.0,
+        allowed_error: float = DEFAULT_TOLERANCE,
     ) -> Response:
-        """Return the response to tractions (n, 3) alone.
+        """Return the response to tractions alone.
 
-        guess: (n, channels), a flux near the answer, as of Conductors.fixed; rest: part of the guess's error that may
-        be left: iterations whose guesses improve need no more; enough: allowed error of the potential, relative to the
-        displacement with the guess where something conducts, both in roots of the nodes' own responses.
-        Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above. With
-        tractions in single precision the response may be in single precision.
-        Displacements that no contact condition needs may be left zero.
+        Parameters
+        ----------
+        traction : Array
+            (n, 3) [Pa], admissible: tangential only if the law has some, none where there is no indenter above. With
+            tractions in single precision the response may be in single precision.
+        conductors : Conductors
+            Conductors in force.
+        guess : Array
+            (n, channels), approximate flux, as from Conductors.without_floating.
+        reduction : float, optional
+            Part of the guess's error that may remain: iterations whose guesses improve need no more.
+        allowed_error : float, optional
+            Allowed error of the potential, relative to the displacement with the guess where something conducts, both
+            in square roots of the nodes' self-compliances.
+
+        Returns
+        -------
+        Response
+            Displacements that no contact condition needs may be left zero.
         """
 
     @abstractmethod
@@ -84,14 +118,26 @@ class Elimination(ABC):
         conductors: Conductors,
         flux: Array,
         potential: Array,
-        rest: float = 0.0,
-        enough: float = 0.0,
+        reduction: float = 0.0,
+        allowed_error: float = 0.0,
     ) -> Response:
         """Return the total response, including offset, potentials of the indenter and prescribed totals.
 
-        The arguments are those of `respond`, except flux: (n, channels), potential: (j,) of the floating conductors,
-        near those to be found; enough: allowed norm of the error of the potential, divided by roots of the nodes' own
-        responses.
+        Parameters
+        ----------
+        traction, conductors, reduction
+            As in `respond`.
+        flux : Array
+            (n, channels), approximate flux.
+        potential : Array
+            (j,), approximate potentials of the floating conductors.
+        allowed_error : float, optional
+            Allowed norm of the error of the potential, divided by square roots of the nodes' self-compliances.
+
+        Returns
+        -------
+        Response
+            As in `respond`.
         """
 
 
@@ -99,13 +145,14 @@ class Elimination(ABC):
 class _Blocks:
     """Blocks of the compliance between the tractions and the fluxes that conduct.
 
-    pairs: (a,) flat numbers of the conducting (node, field) pairs; to_flux: (a, k); from_flux: (k, a); own: (a, a).
+    pairs: (a,) flat numbers of the conducting (node, field) pairs; to_flux: (a, k); from_flux: (k, a);
+    self_compliance: (a, a).
     """
 
     pairs: Indices
     to_flux: Array
     from_flux: Array
-    own: Array
+    self_compliance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +174,10 @@ class _Factor:
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """Factorised equations, None if nothing conducts; alone: the state without tractions."""
+    """Factorised equations, None if nothing conducts; unloaded: the state without tractions."""
 
     factor: _Factor | None
-    alone: Response
+    unloaded: Response
 
 
 @final
@@ -153,37 +200,42 @@ class DenseElimination(Elimination):
         """
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
-        factor = self._factor(resistance, None if previous is None else previous.parts.factor)
+        factor = self._factor(resistance, None if previous is None else previous.data.factor)
         conducts = np.isfinite(resistance)
         floating = Floating.of(self.problem, conducts, factor.solve if factor else np.zeros_like)
-        flux, moved = np.zeros((2, *self.problem.system.offset.shape))
+        flux, displacement = np.zeros((2, *self.problem.system.offset.shape))
         potential = np.zeros(0)
         if factor is not None:
-            due = factor.solve(difference(self.problem)[conducts])
-            balanced, potential = floating.balance(due, floating.totals)
+            unloaded_flux = factor.solve(difference(self.problem)[conducts])
+            balanced, potential = floating.balance(unloaded_flux, floating.totals)
             flux.flat[factor.blocks.pairs] = balanced
-            moved.flat[self.dofs] = factor.blocks.from_flux @ balanced
-        moved += self.problem.system.offset
-        alone = Response(flux[:, POTENTIALS], moved[:, MECHANICAL], potential)
-        return Conductors(resistance, floating, _Prepared(factor, alone))
+            displacement.flat[self.dofs] = factor.blocks.from_flux @ balanced
+        displacement += self.problem.system.offset
+        unloaded = Response(flux[:, POTENTIALS], displacement[:, MECHANICAL], potential)
+        return Conductors(resistance, floating, _Prepared(factor, unloaded))
 
     def respond(
-        self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
+        self,
+        traction: Array,
+        conductors: Conductors,
+        guess: Array,
+        reduction: float = 0.0,
+        allowed_error: float = DEFAULT_TOLERANCE,
     ) -> Response:
         """Return the response to tractions, as in Elimination; the guess is not used."""
-        factor: _Factor | None = conductors.parts.factor
+        factor: _Factor | None = conductors.data.factor
         potential = np.zeros(0)
-        load, flux, moved = np.zeros((3, *self.problem.system.offset.shape))
+        load, flux, displacement = np.zeros((3, *self.problem.system.offset.shape))
         load[:, MECHANICAL] = traction
         active = load.flat[self.dofs]
         response = self.mechanical @ active
         if factor is not None:
-            alone = factor.solve(-(factor.blocks.to_flux @ active))
-            balanced, potential = conductors.floating.balance(alone, 0.0)
+            fixed_flux = factor.solve(-(factor.blocks.to_flux @ active))
+            balanced, potential = conductors.floating.balance(fixed_flux, 0.0)
             flux.flat[factor.blocks.pairs] = balanced
             response += factor.blocks.from_flux @ balanced
-        moved.flat[self.dofs] = response
-        return Response(flux[:, POTENTIALS], moved[:, MECHANICAL], potential)
+        displacement.flat[self.dofs] = response
+        return Response(flux[:, POTENTIALS], displacement[:, MECHANICAL], potential)
 
     def state(
         self,
@@ -191,13 +243,13 @@ class DenseElimination(Elimination):
         conductors: Conductors,
         flux: Array,
         potential: Array,
-        rest: float = 0.0,
-        enough: float = 0.0,
+        reduction: float = 0.0,
+        allowed_error: float = 0.0,
     ) -> Response:
         """Return the total response, as in Elimination; the initial guesses are not used."""
-        found, alone = self.respond(traction, conductors, flux), conductors.parts.alone
-        displacement, potential = found.displacement + alone.displacement, found.potential + alone.potential
-        return Response(found.flux + alone.flux, displacement, potential)
+        change, unloaded = self.respond(traction, conductors, flux), conductors.data.unloaded
+        displacement, potential = change.displacement + unloaded.displacement, change.potential + unloaded.potential
+        return Response(change.flux + unloaded.flux, displacement, potential)
 
     def _factor(self, resistance: Array, previous: _Factor | None) -> _Factor | None:
         full = np.full(self.problem.system.offset.shape, np.inf)
@@ -206,7 +258,7 @@ class DenseElimination(Elimination):
         if pairs.size == 0:
             return None
         blocks = previous.blocks if previous and np.array_equal(previous.blocks.pairs, pairs) else self._blocks(pairs)
-        equations = blocks.own + np.diag(full.flat[pairs])
+        equations = blocks.self_compliance + np.diag(full.flat[pairs])
         scale = np.diag(equations) ** -0.5
         lu = lu_factor(scale[:, None] * equations * scale, overwrite_a=True, check_finite=False)
         return _Factor(blocks, scale, lu)
@@ -220,11 +272,11 @@ class DenseElimination(Elimination):
         )
 
 
-def filled(conducts: Mask, flux: Array) -> Array:
+def scatter_flux(conducts: Mask, flux: Array) -> Array:
     """Return the flux (n, channels) of the pairs (n, channels) that conduct (a of them), zero elsewhere."""
-    filled = np.zeros(conducts.shape)
-    filled[conducts] = flux
-    return filled
+    scattered = np.zeros(conducts.shape)
+    scattered[conducts] = flux
+    return scattered
 
 
 def difference(problem: ContactProblem) -> Array:

@@ -21,8 +21,18 @@ from meeframe.fields import POTENTIALS, Array, Indices
 class Floating:
     """Potentials of the indenter that prescribed total fluxes determine.
 
-    numbers: (j,) among the problem's prescribed resultants; totals: (j,) SI units; flux: (a, j) densities on the
-    conducting pairs due to unit potentials; measure: (j, a); elastance: (j, j) potentials due to unit totals.
+    Attributes
+    ----------
+    numbers : Indices
+        (j,), numbers among the problem's prescribed resultants.
+    totals : Array
+        (j,), prescribed totals, SI units.
+    flux : Array
+        (a, j), flux densities on the conducting pairs due to unit potentials.
+    measure : Array
+        (j, a), weights of the totals.
+    elastance : Array
+        (j, j), potentials due to unit totals.
     """
 
     numbers: Indices
@@ -40,16 +50,16 @@ class Floating:
         modes = {i: problem.prescribed_resultants[i].mode[:, POTENTIALS][conducts] for i in potentials(problem)}
         numbers = np.array([i for i, mode in modes.items() if mode.any()], int)
         if numbers.size == 0:
-            nothing = np.zeros((0, 0))
-            return cls(numbers, np.zeros(0), nothing, nothing, nothing)
-        prescribed_resultants = [problem.prescribed_resultants[i] for i in numbers]
+            empty = np.zeros((0, 0))
+            return cls(numbers, np.zeros(0), empty, empty, empty)
+        resultants = [problem.prescribed_resultants[i] for i in numbers]
         flux = np.column_stack([solve(modes[i]) for i in numbers])
-        measure = np.stack([freedom.measure[:, POTENTIALS][conducts] for freedom in prescribed_resultants])
+        measure = np.stack([resultant.measure[:, POTENTIALS][conducts] for resultant in resultants])
         capacitance = measure @ flux
         size = np.sqrt(np.abs(np.diag(capacitance)))
         size[size == 0.0] = 1.0
         elastance = np.linalg.pinv(capacitance / size[:, None] / size) / size[:, None] / size
-        return cls(numbers, np.array([freedom.total for freedom in prescribed_resultants]), flux, measure, elastance)
+        return cls(numbers, np.array([resultant.total for resultant in resultants]), flux, measure, elastance)
 
     def balance(self, flux: Array, totals: Array | float) -> tuple[Array, Array]:
         """Return flux densities (a,) with the totals (j,), and the potentials (j,).

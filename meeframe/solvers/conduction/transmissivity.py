@@ -1,7 +1,7 @@
 """Transmissivity of a contact's conduction at contact size, and its derivatives by pressure, gap and drop.
 
-T = own / (own + R), with the resistance R of a node and the response `own` of its potentials to their own flux: from 0,
-insulated, to 1, a perfect conductor.
+T = d / (d + R), with the resistance R of a node and its self-compliance d, the response of its potentials to their own
+flux: from 0, insulated, to 1, a perfect conductor.
 """
 
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.conduction import follows_gap, resistances, unloaded
+from meeframe.contact.conduction import depends_on_gap, resistances, unloaded
 from meeframe.contact.problem import ContactProblem
 from meeframe.contact.scales import Scales
 from meeframe.fields import POTENTIALS, Array
 from meeframe.laws.base import contact_conductivity
 
-WIDTH: Final = 6e-6
+DIFFERENCE_WIDTH: Final = 6e-6
 """Width of differences on a logarithmic scale of pressure."""
-LOWEST: Final = 1e-9
+MIN_PRESSURE_RATIO: Final = 1e-9
 """Fraction of the characteristic pressure below which the slope of a conductivity is not resolved."""
-NEAREST: Final = 1e-4
+MIN_WIDTH_RATIO: Final = 1e-4
 """Least widths of differences, as a fraction of the characteristic gap and drop; bounded by round-off."""
 
 
@@ -28,82 +28,103 @@ NEAREST: Final = 1e-4
 class Transmissivity:
     """Conduction transmissivity at each contact node.
 
-    scales: of the problem's data; own: (n, channels), response of each node's potentials to their own flux.
+    Attributes
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    scales : Scales
+        Characteristic magnitudes of its data.
+    self_compliance : Array
+        (n, channels), response of each node's potentials to their own flux.
     """
 
     problem: ContactProblem
     scales: Scales
-    own: Array
+    self_compliance: Array
 
-    def __call__(self, pressing: Array, ahead: Array, contact_fraction: float) -> Array:
-        """Return T, (n, channels), at contact tractions (n,) and relative positions (n, fields).
+    def __call__(self, normal_traction: Array, relative_displacement: Array, contact_fraction: float) -> Array:
+        """Return T, (n, channels), with one contact fraction at all nodes.
 
-        All nodes have one closed fraction.
+        normal_traction: (n,) of the contact [Pa]; relative_displacement: (n, fields), as from `unloaded`.
         """
-        fraction = np.full_like(pressing, contact_fraction)
-        across = ahead if follows_gap(self.problem) else None
-        return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, across)))
+        fraction = np.full_like(normal_traction, contact_fraction)
+        displacement = relative_displacement if depends_on_gap(self.problem) else None
+        return np.asarray(
+            self.self_compliance
+            / (
+                self.self_compliance
+                + resistances(self.problem, normal_traction, fraction, self.self_compliance, displacement)
+            )
+        )
 
-    def unloaded(self, ahead: Array, flux: Array) -> Array:
-        """Return the indenter's position relative to the body (n, fields) without the nodes' own fluxes (n, channels).
+    def unloaded(self, relative_displacement: Array, flux: Array) -> Array:
+        """Return the relative displacement (n, fields) without the effect of each node's own fluxes (n, channels).
 
         The fluxes are removed only if a law depends on the gap or the drop.
         """
-        return unloaded(ahead, flux, self.own) if follows_gap(self.problem) else ahead
+        return (
+            unloaded(relative_displacement, flux, self.self_compliance)
+            if depends_on_gap(self.problem)
+            else relative_displacement
+        )
 
-    def open(self, pressing: Array, ahead: Array) -> Array:
+    def open(self, normal_traction: Array, relative_displacement: Array) -> Array:
         """Return T, (n, channels), with all contacts open, which usually is the same in all states."""
-        return self(pressing, ahead, 0.0) if self._open is None else self._open
+        return self(normal_traction, relative_displacement, 0.0) if self._open is None else self._open
 
     @cached_property
     def _open(self) -> Array | None:
         """Transmissivity of open contacts, (n, channels); None if it depends on the state."""
-        if follows_gap(self.problem) or self.problem.area_fraction is not None:
+        if depends_on_gap(self.problem) or self.problem.area_fraction is not None:
             return None
-        nothing = np.zeros((len(self.own), self.problem.fields.size))
-        return self(nothing[:, 2], nothing, 0.0)
+        zero = np.zeros((len(self.self_compliance), self.problem.fields.size))
+        return self(zero[:, 2], zero, 0.0)
 
-    def slope(self, pressing: Array, answered: Array, ahead: Array) -> Array:
+    def slope(self, normal_traction: Array, projected: Array, relative_displacement: Array) -> Array:
         """Return dT/dp_nu of closed contacts, (n, channels) [1/Pa], by central differences of the conductivity.
 
-        pressing: tractions (n,) of the contact; answered: (n,) those that the law returns for them. Power laws are
-        steepest without pressure: there the slope at `answered` is used, if it is the smaller one and there is no
+        normal_traction: tractions (n,) of the contact; projected: (n,) those that the law returns for them. Power laws
+        are steepest without pressure: there the slope at `projected` is used, if it is the smaller one and there is no
         matrix. With a matrix the gradient steps to which the steepest slopes lead are cheap, and where a coarse contact
         has several solutions they find the one with the largest contact.
         """
-        least = -LOWEST * self.scales.pressure
-        slope = self._slope(np.minimum(pressing, least), ahead)
+        highest = -MIN_PRESSURE_RATIO * self.scales.pressure
+        slope = self._slope(np.minimum(normal_traction, highest), relative_displacement)
         if not slope.any() or self.problem.system.dense() is not None:
             return slope
-        there = self._slope(np.minimum(np.where(pressing < least, pressing, answered), least), ahead)
-        return np.where(np.abs(there) < np.abs(slope), there, slope)
+        projected_slope = self._slope(
+            np.minimum(np.where(normal_traction < highest, normal_traction, projected), highest), relative_displacement
+        )
+        return np.where(np.abs(projected_slope) < np.abs(slope), projected_slope, slope)
 
-    def _slope(self, here: Array, ahead: Array) -> Array:
-        above, below = here * (1.0 + WIDTH), here * (1.0 - WIDTH)
-        if not follows_gap(self.problem):  # most laws are steps, without a slope: this test is cheaper
+    def _slope(self, traction: Array, relative_displacement: Array) -> Array:
+        above, below = traction * (1.0 + DIFFERENCE_WIDTH), traction * (1.0 - DIFFERENCE_WIDTH)
+        if not depends_on_gap(self.problem):  # most laws are steps, without a slope: this test is cheaper
             laws = [channel.law for channel in self.problem.channels]
             kappas = ((contact_conductivity(law, above), contact_conductivity(law, below)) for law in laws)
             if all(np.array_equal(more, less) for more, less in kappas):
-                return np.zeros_like(self.own)
-        more, less = (self(end, ahead, 1.0) for end in (above, below))
-        return np.asarray((more - less) / (2.0 * WIDTH * here)[:, None])
+                return np.zeros_like(self.self_compliance)
+        more, less = (self(end, relative_displacement, 1.0) for end in (above, below))
+        return np.asarray((more - less) / (2.0 * DIFFERENCE_WIDTH * traction)[:, None])
 
-    def across(self, pressing: Array, ahead: Array, contact_fraction: Array) -> tuple[Array, Array]:
+    def gap_slopes(
+        self, normal_traction: Array, relative_displacement: Array, contact_fraction: Array
+    ) -> tuple[Array, Array]:
         """Return dT/dgap [1/m] and dT/ddrop [1/V], [1/A], (n, channels) each, by central differences.
 
         contact_fraction: (n,). For conductivities that depend on the gap or the drop. Widths are fractions of the gap
         and the drop themselves: a breakdown happens within a small fraction of a drop that may be far below the others.
         """
-        by_gap, by_drop = np.zeros((2, *self.own.shape))
+        by_gap, by_drop = np.zeros((2, *self.self_compliance.shape))
 
-        def mixed(moved: Array) -> Array:
-            shut, apart = (self(pressing, moved, fraction) for fraction in (1.0, 0.0))
-            return np.asarray(contact_fraction[:, None] * shut + (1.0 - contact_fraction[:, None]) * apart)
+        def mixed(shifted: Array) -> Array:
+            closed, open_ = (self(normal_traction, shifted, fraction) for fraction in (1.0, 0.0))
+            return np.asarray(contact_fraction[:, None] * closed + (1.0 - contact_fraction[:, None]) * open_)
 
-        size = np.abs(np.where(np.isfinite(ahead), ahead, 0.0))
-        widths = WIDTH * np.maximum(size, NEAREST * self.scales.displacement)
+        size = np.abs(np.where(np.isfinite(relative_displacement), relative_displacement, 0.0))
+        widths = DIFFERENCE_WIDTH * np.maximum(size, MIN_WIDTH_RATIO * self.scales.displacement)
         for fields, slope in ((slice(2, 3), by_gap), (POTENTIALS, by_drop)):
-            more, less = ahead.copy(), ahead.copy()
+            more, less = relative_displacement.copy(), relative_displacement.copy()
             more[:, fields] += widths[:, fields]
             less[:, fields] -= widths[:, fields]
             slope += (mixed(more) - mixed(less)) / (2.0 * widths[:, fields])

@@ -18,19 +18,19 @@ from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solv
 from meeframe.fields import POTENTIALS, Array
 from meeframe.solvers.conduction.elimination import Conductors
 from meeframe.solvers.gradient.spectrum import Spectrum
-from meeframe.solvers.gradient.steps import Conduction, Ground, Slope, start_load, traction_of
+from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Slope, start_load, traction_of
 
 PLAIN_STEP: Final = 1.6
 """Plain step times the largest eigenvalue; the limit of stability is 2."""
 WINDOW: Final = 12
-RISE: Final = 2.0
+MAX_RISE: Final = 2.0
 """Largest allowed growth of the violation over its largest value in the window."""
-CAUTION: Final = 12
+PLAIN_STEPS: Final = 12
 """Number of plain steps after a larger growth."""
-IDLE: Final = 200
+MAX_IDLE_STEPS: Final = 200
 """Number of steps without a decrease of the violation after which plain steps follow, three times as many each time."""
-SHORTENING: Final = 0.8
-SHORTEST: Final = 0.1
+SHORTENING_FACTOR: Final = 0.8
+MIN_SHORTENING: Final = 0.1
 STEP_LIMITS: Final = (0.2, 1e3)
 """Limits of Barzilai-Borwein steps in units of the plain one; each is the inverse of some mean eigenvalue."""
 
@@ -39,36 +39,52 @@ STEP_LIMITS: Final = (0.2, 1e3)
 class _Guard:
     """Monitor of the violation of the contact law.
 
-    seen: violations at the last steps; best, idle: the smallest one so far and the number of steps since; plain: plain
-    steps still to be made; dose: number of plain steps the next time, in units of CAUTION; wary: whether a rise of the
-    violation increases it too; shortening: factor on the plain steps, 1 at first.
+    violations: violations at the last steps; best, idle: the smallest one so far and the number of steps since;
+    plain_steps: plain steps still to be made; plain_rounds: number of plain steps the next time, in units of
+    PLAIN_STEPS; lengthens_on_rise: whether a rise of the violation increases it too; shortening: factor on the plain
+    steps, 1 at first.
     """
 
-    seen: tuple[float, ...] = ()
+    violations: tuple[float, ...] = ()
     best: float = np.inf
     idle: int = 0
-    plain: int = 0
-    dose: int = 1
-    wary: bool = False
+    plain_steps: int = 0
+    plain_rounds: int = 1
+    lengthens_on_rise: bool = False
     shortening: float = 1.0
 
     def next(self, violation: float) -> "_Guard":
         """Return the monitor after a further violation."""
-        shorter = max(SHORTENING * self.shortening, SHORTEST)
+        shorter = max(SHORTENING_FACTOR * self.shortening, MIN_SHORTENING)
         best = min(violation, self.best)
-        if self.idle >= IDLE:
-            return _Guard((violation,), best, 0, CAUTION * self.dose, 3 * self.dose, self.wary, shorter)
-        if self.seen and violation > RISE * max(self.seen):
-            dose = 2 * self.dose if self.wary else self.dose
-            plain = CAUTION * self.dose if self.wary else CAUTION
-            return replace(self, seen=(violation,), best=best, plain=plain, dose=dose, shortening=shorter)
+        if self.idle >= MAX_IDLE_STEPS:
+            return _Guard(
+                (violation,),
+                best,
+                0,
+                PLAIN_STEPS * self.plain_rounds,
+                3 * self.plain_rounds,
+                self.lengthens_on_rise,
+                shorter,
+            )
+        if self.violations and violation > MAX_RISE * max(self.violations):
+            plain_rounds = 2 * self.plain_rounds if self.lengthens_on_rise else self.plain_rounds
+            plain_steps = PLAIN_STEPS * self.plain_rounds if self.lengthens_on_rise else PLAIN_STEPS
+            return replace(
+                self,
+                violations=(violation,),
+                best=best,
+                plain_steps=plain_steps,
+                plain_rounds=plain_rounds,
+                shortening=shorter,
+            )
         better = violation < self.best
         return replace(
             self,
-            seen=(*self.seen, violation)[-WINDOW:],
+            violations=(*self.violations, violation)[-WINDOW:],
             best=best,
-            idle=0 if better or self.plain else self.idle + 1,
-            plain=max(self.plain - 1, 0),
+            idle=0 if better or self.plain_steps else self.idle + 1,
+            plain_steps=max(self.plain_steps - 1, 0),
         )
 
 
@@ -76,12 +92,12 @@ class _Guard:
 class _Memory:
     """State of both iterations between steps.
 
-    ground, conduction, guard: see their classes; conductors, spectrum: of the last step; base: (n, 3) tractions from
+    stepper, conduction, guard: see their classes; conductors, spectrum: of the last step; base: (n, 3) tractions from
     which the last step was made (with extrapolation, from which the next will be made), gap: (n, 3) the gap there;
-    momentum: of the extrapolation; turn: number of the step.
+    momentum: of the extrapolation; iteration: number of the step.
     """
 
-    ground: Ground
+    stepper: GradientStepper
     conduction: Conduction
     base: Array
     conductors: Conductors | None = None
@@ -89,7 +105,7 @@ class _Memory:
     guard: _Guard = _Guard()
     gap: Array | None = None
     momentum: float = 1.0
-    turn: int = 0
+    iteration: int = 0
 
 
 @final
@@ -105,19 +121,19 @@ class BarzilaiBorwein(Solver):
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, or no load at all."""
-        return _init(problem, start, wary=False)
+        return _init(problem, start, lengthens_on_rise=False)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Take one projected step; its length is the ratio of the last changes of tractions and gap."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
-        memory, slope, plain, violation = _measured(memory, iterate, traction)
+        memory, slope, plain_step, violation = _evaluate(memory, iterate, traction)
         guard = memory.guard.next(violation)
-        r = plain * guard.shortening
-        if guard.plain == 0 and memory.gap is not None:
+        r = plain_step * guard.shortening
+        if guard.plain_steps == 0 and memory.gap is not None:
             change = traction - memory.base, memory.gap - slope.gap
-            r = _secant_step(problem.contact_law.tangential_scaling(), *change, memory.turn % 2 == 1, r)
-        memory = replace(memory, guard=guard, base=traction, gap=slope.gap, turn=memory.turn + 1)
-        return _stepped(memory, traction, traction, slope, r)[0]
+            r = _secant_step(problem.contact_law.tangential_scaling(), *change, memory.iteration % 2 == 1, r)
+        memory = replace(memory, guard=guard, base=traction, gap=slope.gap, iteration=memory.iteration + 1)
+        return _take_step(memory, traction, traction, slope, r)[0]
 
 
 @final
@@ -133,30 +149,32 @@ class Nesterov(Solver):
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, or no load at all."""
-        return _init(problem, start, wary=True)
+        return _init(problem, start, lengthens_on_rise=True)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Take one projected step from the extrapolated tractions."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
-        ahead = memory.base
-        memory, slope, plain, violation = _measured(memory, iterate, ahead)
-        rises = bool(memory.guard.seen) and violation > memory.guard.seen[-1]
+        extrapolated = memory.base
+        memory, slope, plain_step, violation = _evaluate(memory, iterate, extrapolated)
+        rises = bool(memory.guard.violations) and violation > memory.guard.violations[-1]
         guard = memory.guard.next(violation)
-        r = guard.shortening * plain / PLAIN_STEP
-        stepped, moved = _stepped(replace(memory, guard=guard), traction, ahead, slope, r)
+        r = guard.shortening * plain_step / PLAIN_STEP
+        next_iterate, next_traction = _take_step(replace(memory, guard=guard), traction, extrapolated, slope, r)
         momentum, weight = 1.0, 0.0
-        overshoots = float(((ahead - moved) * (moved - traction)).sum()) > 0.0
-        if guard.plain == 0 and not overshoots and not rises:
+        overshoots = float(((extrapolated - next_traction) * (next_traction - traction)).sum()) > 0.0
+        if guard.plain_steps == 0 and not overshoots and not rises:
             momentum = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * memory.momentum**2))
             weight = (memory.momentum - 1.0) / momentum
-        ahead = moved + weight * (moved - traction)
-        return replace(stepped, memory=replace(_memory(stepped), momentum=momentum, base=ahead))
+        extrapolated = next_traction + weight * (next_traction - traction)
+        return replace(next_iterate, memory=replace(_memory(next_iterate), momentum=momentum, base=extrapolated))
 
 
-def _init(problem: ContactProblem, start: ContactState | None, wary: bool) -> Iterate:
+def _init(problem: ContactProblem, start: ContactState | None, lengthens_on_rise: bool) -> Iterate:
     n = len(problem.gap)
     conduction, load = Conduction.of(start, n), start_load(problem, start)
-    memory = _Memory(Ground.of(problem), conduction, traction_of(load), guard=_Guard(wary=wary))
+    memory = _Memory(
+        GradientStepper.of(problem), conduction, traction_of(load), guard=_Guard(lengthens_on_rise=lengthens_on_rise)
+    )
     return Iterate(load, conduction.contact_fraction, memory, start_motion(problem, start))
 
 
@@ -166,50 +184,50 @@ def _memory(iterate: Iterate) -> _Memory:
     return iterate.memory
 
 
-def _measured(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memory, Slope, float, float]:
+def _evaluate(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memory, Slope, float, float]:
     """Return the state for the present contact, the slope at tractions (n, 3), the plain step and the violation.
 
     The slope includes the motions of a plain step. Changes of gaps are then those of the compliance less their part
     that is a free motion: with it, a secant would be that of a body that the indenter cannot follow. The violation is
     the size of the plain step [Pa].
     """
-    ground = memory.ground
-    conduction, conductors = ground.conductors(iterate, memory.conduction, memory.conductors)
-    slope = ground.slope(traction, conductors, iterate.load[:, POTENTIALS], iterate.motion)
-    spectrum = ground.spectrum(ground.touching(traction, slope.gap), conductors, memory.spectrum)
-    plain = PLAIN_STEP / ground.largest(spectrum)
-    step = ground.projected(traction, slope, (plain, plain))
+    stepper = memory.stepper
+    conduction, conductors = stepper.conductors(iterate, memory.conduction, memory.conductors)
+    slope = stepper.slope(traction, conductors, iterate.load[:, POTENTIALS], iterate.motion)
+    spectrum = stepper.spectrum(stepper.touching(traction, slope.gap), conductors, memory.spectrum)
+    plain_step = PLAIN_STEP / stepper.largest(spectrum)
+    step = stepper.project(traction, slope, (plain_step, plain_step))
     violation = float(np.linalg.norm(traction - step.traction))
     memory = replace(memory, conduction=conduction, conductors=conductors, spectrum=spectrum)
-    return memory, step.slope, plain, violation
+    return memory, step.slope, plain_step, violation
 
 
-def _stepped(memory: _Memory, traction: Array, base: Array, slope: Slope, r: float) -> tuple[Iterate, Array]:
+def _take_step(memory: _Memory, traction: Array, base: Array, slope: Slope, r: float) -> tuple[Iterate, Array]:
     """Return the iterate after a step of length r from a base (n, 3) with its slope, and its tractions (n, 3)."""
-    step = memory.ground.projected(base, slope, (r, r))
-    moved = step.traction
-    conduction = memory.ground.conducted(memory.conduction, traction, slope, step)
-    load = np.concatenate([moved, slope.flux], axis=1)
+    step = memory.stepper.project(base, slope, (r, r))
+    next_traction = step.traction
+    conduction = memory.stepper.update_conduction(memory.conduction, traction, slope, step)
+    load = np.concatenate([next_traction, slope.flux], axis=1)
     iterate = Iterate(load, conduction.contact_fraction, replace(memory, conduction=conduction), step.slope.motion)
-    return iterate, moved
+    return iterate, next_traction
 
 
-def _secant_step(scaling: Array, change: Array, response: Array, short: bool, plain: float) -> float:
+def _secant_step(scaling: Array, change: Array, response: Array, short: bool, plain_step: float) -> float:
     """Return the long or short Barzilai-Borwein step [Pa/m].
 
     change: (n, 3) of the tractions; response: (n, 3) to it [m]; scaling: (2, 2) the law's tangential scaling S. The
-    long step is <s, S^-1 s>/<s, y>, the short one <s, y>/<y, S y>, with y on the nodes that moved: the others are held
-    by the law.
+    long step is <s, S^-1 s>/<s, y>, the short one <s, y>/<y, S y>, with y on the nodes that changed: the others are
+    held by the law.
     """
-    moved = change.any(axis=1)
-    change, response = change[moved], response[moved]
+    changed = change.any(axis=1)
+    change, response = change[changed], response[changed]
     product = float((change * response).sum())
     if product <= 0.0:
-        return plain
+        return plain_step
     metric = np.eye(3)
     metric[:2, :2] = scaling if short else np.linalg.pinv(scaling)
     if short:
         r = product / float((response * (response @ metric)).sum())
     else:
         r = float((change * (change @ metric)).sum()) / product
-    return float(np.clip(r, STEP_LIMITS[0] * plain, STEP_LIMITS[1] * plain))
+    return float(np.clip(r, STEP_LIMITS[0] * plain_step, STEP_LIMITS[1] * plain_step))

@@ -12,30 +12,36 @@ from meeframe.solvers.conduction.elimination import Conductors, Elimination
 
 TOLERANCE: Final = 5e-3
 MAX_ITERATIONS: Final = 60
-GROWTH: Final = 0.1
-SHRINKAGE: Final = 0.9
+MAX_GROWTH: Final = 0.1
+MIN_REMAINING: Final = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Largest eigenvalue [m/Pa] of the compliance on the exposed nodes.
+    """Largest eigenvalue of the compliance on the exposed nodes.
 
-    largest: eigenvalue in the law's metric with the potentials eliminated; exposure: (n, 1 + channels) in [0, 1],
-    mechanical (in contact or about to be) and of each channel (share of the flux that a perfect conductor would draw)
-    at which it was computed; vector: (n, 3) its eigenvector, where the next computation starts.
+    Attributes
+    ----------
+    largest : float
+        Eigenvalue in the law's metric with the potentials eliminated [m/Pa].
+    exposure : Array
+        (n, 1 + channels) in [0, 1] at which it was computed: mechanical (in contact or about to be) and of each channel
+        (share of the flux that a perfect conductor would draw).
+    vector : Array
+        (n, 3), its eigenvector, where the next computation starts.
     """
 
     largest: float
     exposure: Array
     vector: Array
 
-    def holds(self, exposure: Array) -> bool:
+    def is_valid(self, exposure: Array) -> bool:
         """Return whether the eigenvalue applies to another exposure.
 
         It grows with the exposure, and a slight overestimate costs little.
         """
-        grown = (exposure > self.exposure + GROWTH).any()
-        shrunk = (exposure.sum(axis=0) < SHRINKAGE * self.exposure.sum(axis=0)).any()
+        grown = (exposure > self.exposure + MAX_GROWTH).any()
+        shrunk = (exposure.sum(axis=0) < MIN_REMAINING * self.exposure.sum(axis=0)).any()
         return not (grown or shrunk)
 
 
@@ -64,7 +70,7 @@ def largest_eigenvalue(
     for _ in range(MAX_ITERATIONS):
         vector = vector / norm
         response = elimination.respond(vector @ root, conductors, guess, TOLERANCE)
-        guess = conductors.fixed(response.flux, response.potential)
+        guess = conductors.without_floating(response.flux, response.potential)
         vector = weight * (response.displacement @ root)
         previous, norm = largest, float(np.linalg.norm(vector))
         largest = norm

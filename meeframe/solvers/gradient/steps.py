@@ -5,20 +5,20 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.conduction import Mask, Switches, follows_gap, potential_diagonal, resistances, unloaded
+from meeframe.contact.conduction import Mask, Switches, depends_on_gap, potential_diagonal, resistances, unloaded
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
 from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array
-from meeframe.laws.base import attraction, attracts, contact_traction
+from meeframe.laws.base import attraction, contact_traction, is_adhesive
 from meeframe.solvers.conduction.elimination import Conductors, Elimination
 from meeframe.solvers.conduction.krylov_elimination import eliminate
 from meeframe.solvers.gradient.spectrum import Spectrum, contact_exposure, largest_eigenvalue
 
-FOLLOW_GROWTH: Final = 1.1
-FOLLOW_FALL: Final = 0.5
-LEAST_FOLLOW: Final = 1e-3
-FOLLOWED: Final = 1e-3
+RELAXATION_GROWTH: Final = 1.1
+RELAXATION_SHRINKAGE: Final = 0.5
+MIN_RELAXATION: Final = 1e-3
+FLUX_REDUCTION: Final = 1e-3
 """Part of the fluxes' change in a step that may be left for the next one where fluxes are found by iteration."""
 
 
@@ -26,8 +26,14 @@ FOLLOWED: Final = 1e-3
 class Slope:
     """Gap at given tractions.
 
-    gap: (n, 3) as of contact_gap; flux: (n, channels); motion: (m,) of the prescribed resultants: potentials as the
-    flux equations determine them, motions as given.
+    Attributes
+    ----------
+    gap : Array
+        (n, 3), as from `contact_gap` [m].
+    flux : Array
+        (n, channels), flux densities.
+    motion : Array
+        (m,), motions as given, and potentials as the flux equations determine them.
     """
 
     gap: Array
@@ -39,8 +45,14 @@ class Slope:
 class Step:
     """Projected step.
 
-    Tractions (n, 3) and the trial (n, 3) that was projected; slope: at the tractions before the step, with the motions
-    by which the resultants after it balance.
+    Attributes
+    ----------
+    traction : Array
+        (n, 3), tractions after the step [Pa].
+    trial : Array
+        (n, 3), trial tractions that were projected [Pa].
+    slope : Slope
+        Slope at the tractions before the step, with the motions by which the resultants after it balance.
     """
 
     traction: Array
@@ -49,16 +61,28 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
-    """Constant data of an iteration: elimination, responses of nodes to their own fluxes (n, channels), and scales."""
+class GradientStepper:
+    """Operators of a gradient iteration, constant during it.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    elimination : Elimination
+        Elimination of the potentials.
+    self_compliance : Array
+        (n, channels), response of each node's potentials to their own flux.
+    scales : Scales
+        Characteristic magnitudes of the problem.
+    """
 
     problem: ContactProblem
     elimination: Elimination
-    own: Array
+    self_compliance: Array
     scales: Scales
 
     @classmethod
-    def of(cls, problem: ContactProblem) -> "Ground":
+    def of(cls, problem: ContactProblem) -> "GradientStepper":
         """Return the data of a problem."""
         return cls(problem, eliminate(problem), potential_diagonal(problem), problem_scales(problem))
 
@@ -66,17 +90,21 @@ class Ground:
         self, iterate: Iterate, conduction: "Conduction", previous: Conductors | None
     ) -> tuple["Conduction", Conductors]:
         """Return the conduction at the gap and the drop of an iterate, and the conductors."""
-        problem, pressing, ahead = self.problem, iterate.load[:, 2], None
-        if follows_gap(problem) or attracts(problem.contact_law):
+        problem, normal_traction, relative_displacement = self.problem, iterate.load[:, 2], None
+        if depends_on_gap(problem) or is_adhesive(problem.contact_law):
             displacement = problem.system.offset + problem.system.apply(iterate.load)
-            ahead = indenter_position(problem, iterate.motion) - displacement
-            pressing = contact_traction(problem.contact_law, pressing, ahead[:, 2])
-            ahead = unloaded(ahead, iterate.load[:, POTENTIALS], self.own)
-        resistance = resistances(problem, pressing, conduction.contact_fraction, self.own, ahead)
-        if follows_gap(problem):
-            conduction, transmissivity = conduction.followed(self.own / (self.own + resistance))
+            relative_displacement = indenter_position(problem, iterate.motion) - displacement
+            normal_traction = contact_traction(problem.contact_law, normal_traction, relative_displacement[:, 2])
+            relative_displacement = unloaded(relative_displacement, iterate.load[:, POTENTIALS], self.self_compliance)
+        resistance = resistances(
+            problem, normal_traction, conduction.contact_fraction, self.self_compliance, relative_displacement
+        )
+        if depends_on_gap(problem):
+            conduction, transmissivity = conduction.relax(self.self_compliance / (self.self_compliance + resistance))
             with np.errstate(divide="ignore"):
-                resistance = np.where(np.isfinite(resistance), self.own * (1.0 / transmissivity - 1.0), np.inf)
+                resistance = np.where(
+                    np.isfinite(resistance), self.self_compliance * (1.0 / transmissivity - 1.0), np.inf
+                )
         return conduction, self.elimination.prepare(resistance, previous)
 
     def touching(self, traction: Array, gap: Array) -> Mask:
@@ -84,33 +112,35 @@ class Ground:
         attracted = attraction(self.problem.contact_law, gap[:, 2]) > 0.0
         return np.asarray((traction[:, 2] < 0.0) | (gap[:, 2] < 0.0) | attracted)
 
-    def conducted(self, conduction: "Conduction", before: Array, slope: "Slope", step: "Step") -> "Conduction":
+    def update_conduction(self, conduction: "Conduction", before: Array, slope: "Slope", step: "Step") -> "Conduction":
         """Return the conduction after a step from tractions (n, 3) with a slope."""
         law, gap = self.problem.contact_law, slope.gap[:, 2]
         earlier, later = (contact_traction(law, traction[:, 2], gap) for traction in (before, step.traction))
         return conduction.next(earlier, later, step.trial[:, 2], self.scales)
 
-    def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array, left: float = 0.0) -> Slope:
+    def slope(
+        self, traction: Array, conductors: Conductors, flux: Array, motion: Array, allowed_error: float = 0.0
+    ) -> Slope:
         """Return the gap at tractions (n, 3) and motion (m,).
 
-        flux: (n, channels), an initial guess; left: see Elimination.
+        flux: (n, channels), an initial guess; allowed_error: see Elimination.
         """
         floating = conductors.floating.numbers
-        found = self.elimination.state(traction, conductors, flux, motion[floating], FOLLOWED, left)
+        response = self.elimination.state(traction, conductors, flux, motion[floating], FLUX_REDUCTION, allowed_error)
         if floating.size:
             motion = motion.copy()
-            motion[floating] = found.potential
-        return Slope(contact_gap(self.problem, found.displacement, motion), found.flux, motion)
+            motion[floating] = response.potential
+        return Slope(contact_gap(self.problem, response.displacement, motion), response.flux, motion)
 
-    def projected(self, traction: Array, slope: Slope, r: tuple[float, float]) -> Step:
+    def project(self, traction: Array, slope: Slope, r: tuple[float, float]) -> Step:
         """Return the tractions after a step r, normal and tangential [Pa/m], from tractions (n, 3) and their slope."""
         balanced = balanced_projection(self.problem, traction, slope.gap, r)
-        moving = motions(self.problem)
-        if moving.size == 0:
+        numbers = motions(self.problem)
+        if numbers.size == 0:
             return Step(balanced.traction, balanced.trial, slope)
         motion, gap = slope.motion.copy(), slope.gap.copy()
-        motion[moving] += balanced.motion
-        for number, amount in zip(moving, balanced.motion, strict=True):
+        motion[numbers] += balanced.motion
+        for number, amount in zip(numbers, balanced.motion, strict=True):
             gap += amount * self.problem.prescribed_resultants[number].mode[:, MECHANICAL]
         return Step(balanced.traction, balanced.trial, replace(slope, gap=gap, motion=motion))
 
@@ -123,7 +153,7 @@ class Ground:
         if not touching.any():
             return previous
         exposure = contact_exposure(touching, conductors.resistance, self.scales)
-        if previous is not None and previous.holds(exposure):
+        if previous is not None and previous.is_valid(exposure):
             return previous
         scaling = self.problem.contact_law.tangential_scaling()
         start = None if previous is None else previous.vector
@@ -134,32 +164,48 @@ class Ground:
 class Conduction:
     """Conduction of the nodes during an iteration.
 
-    closed: fractions (n,), and the switches that change them; transmissivity: (n, channels), in [0, 1], of laws that
-    depend on the gap or the drop; None at first. It is relaxed: it advances by only a part, `follow` (n, channels), of
-    the way to the value of these laws, a smaller part where the direction reverses at the next step, which would
-    otherwise oscillate; way: (n, channels) sign of the last change.
+    The transmissivity of laws that depend on the gap or the drop is relaxed: it advances by only a part of the way to
+    the value of these laws, a smaller part where the direction reverses at the next step, which would otherwise
+    oscillate.
+
+    Attributes
+    ----------
+    contact_fraction : Array
+        (n,), contact fractions.
+    switches : Switches
+        Rules that change them.
+    transmissivity : Array, optional
+        (n, channels) in [0, 1], of laws that depend on the gap or the drop; None at first.
+    relaxation : Array or float
+        (n, channels), part of the way that the transmissivity advances.
+    direction : Array or float
+        (n, channels), sign of its last change.
     """
 
     contact_fraction: Array
     switches: Switches
     transmissivity: Array | None = None
-    follow: Array | float = 1.0
-    way: Array | float = 0.0
+    relaxation: Array | float = 1.0
+    direction: Array | float = 0.0
 
     @classmethod
     def of(cls, start: ContactState | None, n: int) -> "Conduction":
         """Return the conduction of a start, or that of n open nodes."""
         return cls(np.zeros(n) if start is None else start.contact_fraction, Switches.unused(n))
 
-    def followed(self, asked: Array) -> tuple["Conduction", Array]:
+    def relax(self, target: Array) -> tuple["Conduction", Array]:
         """Return the conduction after a relaxed change to a transmissivity (n, channels), and the value reached."""
         if self.transmissivity is None:
-            return replace(self, transmissivity=asked), asked
-        change = asked - self.transmissivity
-        way = np.sign(change)
-        follow = np.clip(self.follow * np.where(way * self.way < 0.0, FOLLOW_FALL, FOLLOW_GROWTH), LEAST_FOLLOW, 1.0)
-        reached = self.transmissivity + follow * change
-        return replace(self, transmissivity=reached, follow=follow, way=way), reached
+            return replace(self, transmissivity=target), target
+        change = target - self.transmissivity
+        direction = np.sign(change)
+        relaxation = np.clip(
+            self.relaxation * np.where(direction * self.direction < 0.0, RELAXATION_SHRINKAGE, RELAXATION_GROWTH),
+            MIN_RELAXATION,
+            1.0,
+        )
+        relaxed = self.transmissivity + relaxation * change
+        return replace(self, transmissivity=relaxed, relaxation=relaxation, direction=direction), relaxed
 
     def next(self, before: Array, after: Array, trial: Array, scales: Scales) -> "Conduction":
         """Return the conduction after a normal traction step from `before` to `after` (n,) with the trial (n,)."""

@@ -12,13 +12,13 @@ from meeframe.fields import POTENTIALS, Array
 from meeframe.fields.units import Quantity
 from meeframe.solvers.conduction.elimination import Conductors
 from meeframe.solvers.gradient.spectrum import Spectrum
-from meeframe.solvers.gradient.steps import Conduction, Ground, start_load, traction_of
+from meeframe.solvers.gradient.steps import Conduction, GradientStepper, start_load, traction_of
 
 STEP_FRACTION: Final = 1.6
 """Automatic step times the largest eigenvalue; the limit of stability is 2."""
-STREAK: Final = 10
+MAX_STREAK: Final = 10
 """Number of successive increases of the change after which the automatic step is shortened."""
-SHORTENING: Final = 0.7
+SHORTENING_FACTOR: Final = 0.7
 
 _STEP = Quantity("Pa/m", gt=0, lt=float("inf"))
 
@@ -27,11 +27,11 @@ _STEP = Quantity("Pa/m", gt=0, lt=float("inf"))
 class _Memory:
     """State between steps.
 
-    ground, conduction: see their classes; conductors, spectrum: of the last step; damping: of the automatic step, 1 at
+    stepper, conduction: see their classes; conductors, spectrum: of the last step; damping: of the automatic step, 1 at
     first; change, streak: last relative change of the tractions and the number of its successive increases.
     """
 
-    ground: Ground
+    stepper: GradientStepper
     conduction: Conduction
     conductors: Conductors | None = None
     spectrum: Spectrum | None = None
@@ -45,15 +45,22 @@ class _Memory:
 class Uzawa(Solver):
     """Uzawa's method with the paper's fixed step or an automatic one.
 
-    step_normal, step_tangential: r_nu and r_tau of eqs. (31), (32) [Pa/m], or 'auto'. The paper's r_nu = 5e3 is in
-    GPa/m: 5e12 Pa/m. In eq. (32) r_tau is multiplied by M^2, here by M^2 / max(mu)^2, so that step_tangential is r_tau
-    max(mu)^2. 'auto' is 1.6 over the largest eigenvalue of the compliance on the nodes in contact, potentials
-    eliminated, in the metric of the contact law; it follows the contact as that grows and conducts, and is shortened if
-    the tractions begin to diverge.
-
     Gaps are those of u^(n+1), from p^(n) (docs/theory.md, Departures). A node that opens and closes repeatedly because
-    it conducts in contact only is treated as biactive (meeframe.contact.conduction). Raises CaseError for a step that
-    is not positive.
+    it conducts in contact only is treated as biactive (meeframe.contact.conduction).
+
+    Parameters
+    ----------
+    step_normal, step_tangential : float or 'auto', optional
+        Steps r_nu and r_tau of eqs. (31), (32) [Pa/m]. The paper's r_nu = 5e3 is in GPa/m: 5e12 Pa/m. In eq. (32) r_tau
+        is multiplied by M^2, here by M^2 / max(mu)^2, so that step_tangential is r_tau max(mu)^2. 'auto' is 1.6 over
+        the largest eigenvalue of the compliance on the nodes in contact, potentials eliminated, in the metric of the
+        contact law; it follows the contact as that grows and conducts, and is shortened if the tractions begin to
+        diverge.
+
+    Raises
+    ------
+    CaseError
+        If a step is not positive.
     """
 
     check_interval: ClassVar[int] = 10
@@ -74,27 +81,27 @@ class Uzawa(Solver):
         """Return the converged state of the previous load step, or no load at all."""
         n = len(problem.gap)
         conduction = Conduction.of(start, n)
-        memory = _Memory(Ground.of(problem), conduction)
+        memory = _Memory(GradientStepper.of(problem), conduction)
         return Iterate(start_load(problem, start), conduction.contact_fraction, memory, start_motion(problem, start))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Apply eq. (30) for the displacement, then eqs. (31), (32) for the tractions."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
-        ground = memory.ground
-        conduction, conductors = ground.conductors(iterate, memory.conduction, memory.conductors)
-        slope = ground.slope(traction, conductors, iterate.load[:, POTENTIALS], iterate.motion)
+        stepper = memory.stepper
+        conduction, conductors = stepper.conductors(iterate, memory.conduction, memory.conductors)
+        slope = stepper.slope(traction, conductors, iterate.load[:, POTENTIALS], iterate.motion)
         memory = replace(memory, conductors=conductors)
         if "auto" in (self.step_normal, self.step_tangential):
-            touching = ground.touching(traction, slope.gap)
-            memory = replace(memory, spectrum=ground.spectrum(touching, conductors, memory.spectrum))
-        step = ground.projected(traction, slope, self._steps(memory))
-        conduction = ground.conducted(conduction, traction, slope, step)
-        memory = _watched(replace(memory, conduction=conduction), step.traction - traction)
+            touching = stepper.touching(traction, slope.gap)
+            memory = replace(memory, spectrum=stepper.spectrum(touching, conductors, memory.spectrum))
+        step = stepper.project(traction, slope, self._steps(memory))
+        conduction = stepper.update_conduction(conduction, traction, slope, step)
+        memory = _monitor_change(replace(memory, conduction=conduction), step.traction - traction)
         load = np.concatenate([step.traction, slope.flux], axis=1)
         return Iterate(load, conduction.contact_fraction, memory, step.slope.motion)
 
     def _steps(self, memory: _Memory) -> tuple[float, float]:
-        auto = STEP_FRACTION * memory.damping / memory.ground.largest(memory.spectrum)
+        auto = STEP_FRACTION * memory.damping / memory.stepper.largest(memory.spectrum)
         normal = auto if self.step_normal == "auto" else float(self.step_normal)
         tangential = auto if self.step_tangential == "auto" else float(self.step_tangential)
         return normal, tangential
@@ -106,13 +113,13 @@ def _memory(iterate: Iterate) -> _Memory:
     return iterate.memory
 
 
-def _watched(memory: _Memory, change: Array) -> _Memory:
+def _monitor_change(memory: _Memory, change: Array) -> _Memory:
     """Return the state after a change (n, 3) of the tractions.
 
     A change that grows at many successive steps means that the step is too long.
     """
-    size = float(np.abs(change).max(initial=0.0)) / memory.ground.scales.pressure
+    size = float(np.abs(change).max(initial=0.0)) / memory.stepper.scales.pressure
     streak = memory.streak + 1 if size > memory.change else 0
-    if streak < STREAK:
+    if streak < MAX_STREAK:
         return replace(memory, change=size, streak=streak)
-    return replace(memory, change=size, streak=0, damping=SHORTENING * memory.damping)
+    return replace(memory, change=size, streak=0, damping=SHORTENING_FACTOR * memory.damping)

@@ -1,18 +1,17 @@
 """Linearised equations of Newton's method, restricted to the rows that involve more than their own unknown."""
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
-from meeframe.solvers._kernels.node_products import spread
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.node_blocks import NodeBlocks, NodeProducts
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, Linearization
-from meeframe.system.capabilities import ApproximateApply, apply_fields, apply_load
+from meeframe.system.capabilities import apply_fields, apply_load
 
 TANGENTIAL: Final = (0, 1)
 """Tangential components of the load."""
@@ -22,16 +21,30 @@ TANGENTIAL: Final = (0, 1)
 class ReducedJacobian:
     """Linearised equations on c nodes in r of their components, with unknowns in characteristic units.
 
-    nodes: (c,) that have coupled rows; components: the r that are coupled anywhere; fields: the l of them that are
-    loads; asked: the f fields of the displacement that take part; coupled: (r, c) where they are; a: blocks (r, r) of
-    the unknowns and b: (r, f) of the displacement, zero in rows that are not coupled; precision: of vectors, which are
-    (r c,) with zeros where nothing is coupled.
+    Vectors are (r c,), with zeros where nothing is coupled.
+
+    Attributes
+    ----------
+    equation : ContactResidual
+        Equation of n nodes.
+    nodes : Indices
+        (c,), nodes that have coupled rows.
+    components : list of int
+        The r components that are coupled anywhere; those that are loads are `fields`.
+    displacement_fields : list of int
+        The f fields of the displacement that take part.
+    coupled : Mask
+        (r, c), coupled rows.
+    a, b : NodeBlocks
+        Blocks (r, r) of the unknowns and (r, f) of the displacement, zero in rows that are not coupled.
+    precision : dtype
+        Precision of vectors.
     """
 
     equation: ContactResidual
     nodes: Indices
     components: list[int]
-    asked: list[int]
+    displacement_fields: list[int]
     coupled: Mask
     a: NodeBlocks
     b: NodeBlocks
@@ -44,16 +57,18 @@ class ReducedJacobian:
         """Return the coupled rows of the blocks of an equation; coupled: (n, fields + 1)."""
         nodes = np.flatnonzero(coupled.any(axis=1))
         components = np.flatnonzero(coupled.any(axis=0)).tolist()
-        where = coupled.T.take(nodes, axis=1)[components]
-        asking = {field for _, field in blocks.b.entries}
-        asked = sorted(asking | {component for component in components if component < equation.problem.fields.size})
-        a = _entries(blocks.a, components, components, nodes, where)
-        b = _entries(blocks.b, components, asked, nodes, where)
+        selected = coupled.T.take(nodes, axis=1)[components]
+        uses_displacement = {field for _, field in blocks.b.entries}
+        displacement_fields = sorted(
+            uses_displacement | {component for component in components if component < equation.problem.fields.size}
+        )
+        a = _entries(blocks.a, components, components, nodes, selected)
+        b = _entries(blocks.b, components, displacement_fields, nodes, selected)
         units = np.append(equation.scales.load, 1.0)[components].tolist()
         for (_, column), entry in a.items():
             entry *= units[column]
-        of_unknowns, of_displacement = (NodeBlocks.of(part, where.shape) for part in (a, b))
-        return cls(equation, nodes, components, asked, where, of_unknowns, of_displacement, precision)
+        of_unknowns, of_displacement = (NodeBlocks.of(entries, selected.shape) for entries in (a, b))
+        return cls(equation, nodes, components, displacement_fields, selected, of_unknowns, of_displacement, precision)
 
     @property
     def units(self) -> Array:
@@ -65,78 +80,51 @@ class ReducedJacobian:
         """Components that are loads."""
         return [component for component in self.components if component < self.equation.problem.fields.size]
 
-    def like(self, other: "ReducedJacobian") -> bool:
-        """Return true if the same rows are coupled, in the same precision, and the same nodes stick."""
-        return (
-            self.components == other.components
-            and self.precision == other.precision
-            and np.array_equal(self.nodes, other.nodes)
-            and np.array_equal(self.coupled, other.coupled)
-            and np.array_equal(self._slipping, other._slipping)
-        )
-
-    @property
-    def _slipping(self) -> Mask:
-        """Nodes (c,) whose tangential rows involve loads as well as displacements."""
-        asking = np.zeros(len(self.nodes), bool)
-        for (row, _), entry in self.a.entries.items():
-            if self.components[row] in TANGENTIAL:
-                asking |= entry != 0.0
-        return asking
-
-    def chosen(self, whole: Array) -> Array:
+    def select(self, rows: Array) -> Array:
         """Return the coupled rows (r c,) of all rows (n, fields + 1)."""
-        return np.where(self.coupled, whole[self.nodes].T[self.components], 0.0).ravel()
+        return np.where(self.coupled, rows[self.nodes].T[self.components], 0.0).ravel()
 
-    def step(self, values: Array, given: Array) -> Array:
-        """Return the step (n, fields + 1) with unknowns (r c,) in the coupled rows and `given` values elsewhere.
+    def step(self, values: Array, prescribed: Array) -> Array:
+        """Return the step (n, fields + 1) with unknowns (r c,) in the coupled rows and `prescribed` values elsewhere.
 
-        given: (n, fields + 1), zero in the coupled rows.
+        prescribed: (n, fields + 1), zero in the coupled rows.
         """
-        step = given.copy(order="F")
-        for component, unit, part in zip(self.components, self.units, values.reshape(self.coupled.shape), strict=True):
-            step[self.nodes, component] += unit * part
+        step = prescribed.copy(order="F")
+        for component, unit, block in zip(self.components, self.units, values.reshape(self.coupled.shape), strict=True):
+            step[self.nodes, component] += unit * block
         return step
 
-    def image(self, blocks: Linearization, given: Array, values: Array) -> Array:
-        """Return the product (r c,) of the equations with unknowns (r c,) and the given step (n, fields + 1) elsewhere.
+    def image(self, blocks: Linearization, prescribed: Array) -> Array:
+        """Return the product (r c,) of the equations with a step (n, fields + 1) that is zero in the coupled rows.
 
         blocks: of all rows.
         """
         if not self.nodes.size:  # all is open
             return np.zeros(0, self.precision)
-        unknowns = values.reshape(self.coupled.shape)
-        load = given[:, :FRACTION].astype(self.precision, order="F")
-        for field, unit, unknown in zip(self.fields, self.units.tolist(), unknowns, strict=False):
-            load[self.nodes, field] += unit * unknown
-        image = self.of_unknowns.times(unknowns)
-        self.of_displacement.add_at(apply_load(self.equation.problem.system, load, self.asked).T, self.nodes, image)
-        some = np.flatnonzero(given.T.take(self.nodes, axis=1).any(axis=0))
-        there = self.nodes[some]
+        image = np.zeros(self.coupled.shape, self.precision)
+        load = prescribed[:, :FRACTION].astype(self.precision, order="F")
+        response = apply_load(self.equation.problem.system, load, self.displacement_fields)
+        self.of_displacement.add(response[self.nodes].T, image)
+        local = prescribed[self.nodes]
         for (row, column), entry in blocks.a.entries.items():
             if row in self.components:
-                place = self.components.index(row)
-                own = entry.take(there) * given[there, column]
-                image[place, some] += np.where(self.coupled[place, some], own, 0.0)
+                position = self.components.index(row)
+                image[position] += np.where(self.coupled[position], entry[self.nodes] * local[:, column], 0.0)
         return image.ravel()
 
-    def multiplication(self, roughly: bool = False) -> Linear:
-        """Return the function that multiplies the equations by unknowns (r c,), giving (r c,).
-
-        roughly: use approximate products of the system.
-        """
+    def multiplication(self) -> Linear:
+        """Return the function that multiplies the equations by unknowns (r c,), giving (r c,)."""
         a, b = self.of_unknowns, self.of_displacement
         fields, system, n = self.fields, self.equation.problem.system, len(self.equation.blocks)
-        approximate = system.capability(ApproximateApply) if roughly else None
-        response = partial(apply_fields, system) if approximate is None else approximate.approximate_apply
         units = self.units[: len(fields)].astype(self.precision)
         load = np.zeros((len(fields), n), self.precision)
 
         def multiply(values: Array) -> Array:
             unknowns = values.reshape(self.coupled.shape)
-            spread(unknowns, units, self.nodes, load)
+            for field_load, unit, unknown in zip(load, units, unknowns, strict=False):
+                field_load[self.nodes] = unit * unknown
             product = a.times(unknowns)
-            b.add_at(response(load.T, fields, self.asked).T, self.nodes, product)
+            b.add(apply_fields(system, load.T, fields, self.displacement_fields)[self.nodes].T, product)
             return product.ravel()
 
         return multiply
@@ -151,19 +139,19 @@ class ReducedJacobian:
         """Contribution of displacements (f, c) to the rows (r, c)."""
         return self.b.products(self.precision)
 
-    def lifted(self, displacement: Array) -> Array:
+    def motion_columns(self, displacement: Array) -> Array:
         """Return the contribution (m, r c) of indenter displacements (n, fields, m) to the right-hand side."""
         motions = displacement.transpose(2, 1, 0)
-        lifted = np.zeros((len(motions), *self.coupled.shape), self.precision)
-        for motion, of_motion in zip(motions, lifted, strict=True):
-            moved = self._moved(motion, self.asked)
-            of = self.of_displacement
-            for row, column, entry in zip(of.rows, of.columns, of.entries, strict=True):
-                if column in moved:
-                    of_motion[row] += entry * moved[column]
-        return lifted.reshape(len(motions), self.coupled.size)
+        motion_columns = np.zeros((len(motions), *self.coupled.shape), self.precision)
+        for motion, column in zip(motions, motion_columns, strict=True):
+            field_values = self._nonzero_fields(motion, self.displacement_fields)
+            products = self.of_displacement
+            for row, field, entry in zip(products.rows, products.columns, products.entries, strict=True):
+                if field in field_values:
+                    column[row] += entry * field_values[field]
+        return motion_columns.reshape(len(motions), self.coupled.size)
 
-    def combined(self, measures: Array) -> list[dict[int, Array]]:
+    def to_unknowns(self, measures: Array) -> list[dict[int, Array]]:
         """Return measures (m, n, fields) of loads as measures of the unknowns.
 
         Each is a dictionary of its nonzero parts (c,) by the row of unknowns.
@@ -171,21 +159,21 @@ class ReducedJacobian:
         units = self.units.tolist()
         return [
             {
-                place: units[place] * part * self.coupled[place]
-                for place, part in self._moved(measure, self.fields).items()
+                row: units[row] * values * self.coupled[row]
+                for row, values in self._nonzero_fields(measure, self.fields).items()
             }
             for measure in measures.transpose(0, 2, 1)
         ]
 
-    def _moved(self, whole: Array, fields: list[int]) -> dict[int, Array]:
+    def _nonzero_fields(self, motion: Array, fields: list[int]) -> dict[int, Array]:
         """Return the nonzero fields of a motion (fields, n) at the nodes of the rows, (c,) by their place in `fields`.
 
         Most motions have one such field.
         """
         return {
-            place: whole[field].take(self.nodes).astype(self.precision)
-            for place, field in enumerate(fields)
-            if whole[field].any()
+            index: motion[field].take(self.nodes).astype(self.precision)
+            for index, field in enumerate(fields)
+            if motion[field].any()
         }
 
 
@@ -196,6 +184,6 @@ def _entries(
     entries = dict[tuple[int, int], Array]()
     for (row, column), entry in blocks.entries.items():
         if row in rows and column in columns:
-            place = rows.index(row), columns.index(column)
-            entries[place] = np.where(coupled[place[0]], entry.take(nodes), 0.0)
+            position = rows.index(row), columns.index(column)
+            entries[position] = np.where(coupled[position[0]], entry.take(nodes), 0.0)
     return entries

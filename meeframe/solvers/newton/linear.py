@@ -1,179 +1,319 @@
-"""Matrix-free Newton steps: Krylov iteration, with the free motions as unknowns beside the loads.
+"""Newton steps of the nonsmooth equation: by factorisation at contact size, or by Krylov iteration.
 
-The resistance of the contact to the motions is part of the preconditioner. Components come before nodes: numpy is much
-faster along the longer axis. A step of which a few digits are required is computed in single precision; the residual
-that decides on its quality is not.
+Rows that determine one unknown of a single node (open nodes, insulated potentials, contact fractions of nodes that are
+not biactive) are eliminated beforehand: the remaining system has the size of the contact.
+
+Where the compliance is not stored as a matrix, the free motions are unknowns beside the loads, and the resistance of
+the contact to them is part of the preconditioner. Components come before nodes: numpy is much faster along the longer
+axis. A step of which a few digits are required is computed in single precision; the residual that decides on its
+quality is not.
 """
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.linalg import LinAlgError
+from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 from meeframe.contact.conduction import Mask
-from meeframe.fields import Array
-from meeframe.solvers.krylov import Linear, gmres
+from meeframe.fields import Array, Indices
+from meeframe.solvers.krylov import gmres
 from meeframe.solvers.newton.jacobian import ReducedJacobian
 from meeframe.solvers.newton.preconditioner import preconditioner
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, Linearization
 
-UNRESISTED: Final = 1e-12
+DEFAULT_TOLERANCE: Final = 1e-10
+"""Fraction of the residual that linear iterations leave by default."""
+MIN_STIFFNESS_RATIO: Final = 1e-12
 """Largest stiffness against a motion, relative to the largest one, that counts as zero."""
-ROUND_OFF: Final = 10.0
+ROUND_OFF_FACTOR: Final = 10.0
 """Bound on the round-off of products of a vector, in units of the round-off of the vector."""
-SINGLE: Final = 3e-5
+MIN_SINGLE_TOLERANCE: Final = 3e-5
 """Smallest tolerance for which single precision suffices."""
-ROUGHLY: Final = 5e-4
-"""Smallest tolerance for which approximate responses of the system suffice."""
-LEAST_BESIDE: Final = 1e-3
-"""Smallest factor by which a large given part of a step reduces the tolerance of the solution.
-
-It applies to right-hand sides far below the given part.
-"""
-UNNOTICED: Final = 0.1
-"""Largest given part of a step, relative to the residual that may be left, that is negligible elsewhere."""
+MIN_TOLERANCE_FACTOR: Final = 1e-3
+"""Smallest factor by which a large prescribed part of a step reduces the tolerance of the solution."""
 
 
 @dataclass(frozen=True, eq=False)
-class Inverse:
-    """Approximate inverse of the equations of some rows, with its responses (m, r c) to the motions.
+class Step:
+    """Newton step of the loads, the contact fractions and the free motions.
 
-    It remains useful as long as the same rows are coupled, and the same nodes stick: all other changes are small.
+    Attributes
+    ----------
+    local : Array
+        (n, fields + 1), step of the load and the contact fraction.
+    motion : Array
+        (m,), step of the free motions.
     """
 
-    rows: ReducedJacobian
-    precondition: Linear
-    responses: Array
+    local: Array
+    motion: Array
 
-    @classmethod
-    def of(cls, rows: ReducedJacobian, columns: Array, before: "Inverse | None") -> "Inverse":
-        """Return the approximate inverse of rows, or `before` if that still serves.
-
-        columns: (m, r c) contribution of the motions to the right-hand side.
-        """
-        if before is not None and before.rows.like(rows):
-            return before
-        precondition = preconditioner(rows)
-        responses = np.empty_like(columns)
-        for response, column in zip(responses, columns, strict=True):
-            response[:] = precondition(column)
-        return cls(rows, precondition, responses)
+    @property
+    def finite(self) -> bool:
+        """True if the equations were regular."""
+        return bool(np.isfinite(self.local).all() and np.isfinite(self.motion).all())
 
 
-def krylov_step(
+def newton_step(
+    equation: ContactResidual,
+    blocks: Linearization,
+    tolerance: float = DEFAULT_TOLERANCE,
+) -> Step:
+    """Return the step that solves the linearised equations; it is not finite if they are singular.
+
+    Rows that determine one unknown of a single node (open nodes, insulated potentials, contact fractions of nodes that
+    are not biactive) are eliminated beforehand: the remaining system has the size of the contact. A motion without
+    resistance is left unchanged.
+
+    Parameters
+    ----------
+    equation : ContactResidual
+        Equation of n nodes.
+    blocks : Linearization
+        Its linearisation.
+    tolerance : float, optional
+        Fraction of the residual that may be left where there is no matrix.
+
+    Returns
+    -------
+    Step
+        Step of all unknowns.
+    """
+    coupled = coupled_rows(blocks)
+    prescribed = decoupled_rows(blocks, coupled)
+    matrix = equation.problem.system.dense()
+    if matrix is None:
+        try:
+            local, amounts = _krylov_step(equation, blocks, coupled, prescribed, tolerance)
+        except LinAlgError:  # tangents that are not finite
+            local, amounts = np.full_like(prescribed, np.nan), np.full(blocks.balance.shape, np.nan)
+    else:
+        size = equation.problem.system.offset.size
+        local, amounts = _direct_step(equation, blocks, coupled, prescribed, matrix.reshape(size, size))
+    return Step(local, equation.units * amounts)
+
+
+def _direct_step(
+    equation: ContactResidual, blocks: Linearization, coupled: Mask, prescribed: Array, matrix: Array
+) -> tuple[Array, Array]:
+    """Return the step (n, fields + 1) and the amounts (m,) of the motions by factorisation.
+
+    The step with the indenter at rest comes first, then the responses to each motion. Free motions are eliminated,
+    which leaves the stiffness of the contact against them. prescribed: (n, fields + 1), determined by the decoupled
+    rows; matrix: (n fields, n fields) compliance.
+    """
+    right = -blocks.residual - (_product(equation, blocks, prescribed) if prescribed.any() else 0.0)
+    rights = np.concatenate([right[:, :, None], blocks.b.dense(equation.problem.fields.size) @ equation.modes], axis=2)[
+        coupled
+    ]
+    responses = np.zeros((*coupled.shape, rights.shape[1]))
+    responses[:, :, 0] = prescribed
+    if rights.size:
+        responses[coupled] = _direct(equation, blocks, coupled, rights, matrix)
+    amounts = _amounts(equation, blocks, responses)
+    return responses[:, :, 0] + responses[:, :, 1:] @ amounts, amounts
+
+
+def _product(equation: ContactResidual, blocks: Linearization, step: Array) -> Array:
+    """Return (A + B C) step, (n, fields + 1)."""
+    displacement = equation.problem.system.apply(step[:, :FRACTION])
+    product = blocks.a.products(step.dtype).times(step.T)
+    blocks.b.products(step.dtype).add(displacement.T, product)
+    return product.T
+
+
+def _amounts(equation: ContactResidual, blocks: Linearization, responses: Array) -> Array:
+    """Return the motions (m,), in units of the equation, that restore the balance, limited to the largest step allowed.
+
+    responses: (n, fields + 1, 1 + m), the step at rest followed by the responses to the motions.
+    """
+    if blocks.balance.size == 0 or not np.isfinite(responses).all():
+        return np.full(blocks.balance.shape, np.nan)
+    resultants = np.einsum("kni,nil->kl", equation.measures, responses[:, :FRACTION])
+    right = -blocks.balance - resultants[:, 0]
+    amounts = np.linalg.lstsq(resultants[:, 1:], right, rcond=MIN_STIFFNESS_RATIO)[0]
+    return np.asarray(amounts * blocks.max_motion / np.abs(amounts).max(initial=blocks.max_motion))
+
+
+def coupled_rows(blocks: Linearization) -> Mask:
+    """Return the rows (n, fields + 1) that involve more than their own unknown.
+
+    The row of the pressure is included where that of the contact fraction is, as the two belong together.
+    """
+    coupled = np.zeros(blocks.a.shape, bool)
+    off_diagonal = [(row, entry) for (row, column), entry in blocks.a.entries.items() if row != column]
+    for row, entry in [*off_diagonal, *((row, entry) for (row, _), entry in blocks.b.entries.items())]:
+        coupled[row] |= entry != 0.0
+    coupled[2] |= coupled[FRACTION]
+    return coupled.T
+
+
+def decoupled_rows(blocks: Linearization, coupled: Mask) -> Array:
+    """Return the step (n, fields + 1) that the decoupled rows determine, zero on the coupled ones (n, fields + 1)."""
+    step = np.zeros(coupled.shape[::-1]).T
+    for row in range(coupled.shape[1]):
+        diagonal = np.where(coupled[:, row], 1.0, blocks.a.entry(row, row))
+        step[:, row] = np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / diagonal)
+    return step
+
+
+def _unit(equation: ContactResidual, unknown: Indices) -> Array:
+    """Return the characteristic magnitudes of unknowns, given their numbers; they make the equations dimensionless."""
+    return np.append(equation.scales.load, 1.0)[unknown]
+
+
+def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rights: Array, matrix: Array) -> Array:
+    """Return the solutions by LU factorisation; matrix: (n fields, n fields) compliance."""
+    # loads before contact fractions, so that the compliance fills a block
+    n_fields = equation.problem.fields.size
+    node, row = np.nonzero(coupled)
+    order = np.argsort(row == n_fields, kind="stable")
+    node, row = node[order], row[order]
+    number = np.full(coupled.shape, -1)
+    number[node, row] = np.arange(len(node))
+    columns = np.flatnonzero(coupled[:, :FRACTION])
+    jacobian = np.zeros((len(node), len(node)))
+    by_unknown, by_displacement = blocks.a.dense(n_fields + 1), blocks.b.dense(n_fields)
+    for field in range(n_fields):
+        factor = by_displacement[node, row, field]
+        rows = np.flatnonzero(factor)
+        response = matrix.take(node[rows] * n_fields + field, axis=0).take(columns, axis=1)
+        jacobian[rows, : len(columns)] += factor[rows, None] * response
+    for unknown in range(n_fields + 1):
+        rows = np.flatnonzero(coupled[node, unknown])
+        jacobian[rows, number[node[rows], unknown]] += by_unknown[node[rows], row[rows], unknown]
+    unit = _unit(equation, row)
+    solved = np.empty_like(rights)
+    try:
+        factors = lu_factor(jacobian * unit, overwrite_a=True, check_finite=False)
+    except LinAlgError:
+        return np.full_like(rights, np.nan)
+    solved[order] = unit[:, None] * lu_solve(factors, rights[order], check_finite=False)
+    return solved
+
+
+def _krylov_step(
     equation: ContactResidual,
     blocks: Linearization,
     coupled: Mask,
-    given: Array,
+    prescribed: Array,
     tolerance: float,
-    before: Inverse | None = None,
-) -> tuple[Array, Array, Inverse]:
-    """Return the step (n, fields + 1), the amounts (m,) of the motions and the approximate inverse for the next step.
+) -> tuple[Array, Array]:
+    """Return the Newton step by Krylov iteration.
 
-    given: (n, fields + 1) step in the decoupled rows; tolerance: fraction of the residual that may be left; before: the
-    approximate inverse of the last step. Raises LinAlgError if the equations are not finite.
+    Parameters
+    ----------
+    equation : ContactResidual
+        Equation of n nodes.
+    blocks : Linearization
+        Its linearisation.
+    coupled : Mask
+        (n, fields + 1), coupled rows.
+    prescribed : Array
+        (n, fields + 1), step in the decoupled rows.
+    tolerance : float
+        Fraction of the residual that may be left.
+
+    Returns
+    -------
+    step : Array
+        (n, fields + 1).
+    amounts : Array
+        (m,), amounts of the free motions, in characteristic units.
+
+    Raises
+    ------
+    LinAlgError
+        If the equations are not finite.
     """
-    rows = ReducedJacobian.of(equation, blocks, coupled, np.dtype(np.float32 if tolerance >= SINGLE else np.float64))
-    right = rows.chosen(-blocks.residual).astype(rows.precision)
-    if not (np.isfinite(given).all() and rows.a.finite and rows.b.finite and np.isfinite(right).all()):
+    rows = ReducedJacobian.of(
+        equation, blocks, coupled, np.dtype(np.float32 if tolerance >= MIN_SINGLE_TOLERANCE else np.float64)
+    )
+    residual = rows.select(-blocks.residual).astype(rows.precision)
+    right = residual - rows.image(blocks, prescribed) if prescribed.any() else residual
+    if not (np.isfinite(prescribed).all() and rows.a.finite and rows.b.finite and np.isfinite(right).all()):
         raise LinAlgError("equations of what is no number")
-    multiplication, columns = rows.multiplication(tolerance >= ROUGHLY), rows.lifted(equation.modes)
-    inverse = Inverse.of(rows, columns, before)
-    precondition, border = inverse.precondition, BorderedSystem.of(rows, inverse.responses)
-    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :FRACTION])
+    multiplication, columns = rows.multiplication(), rows.motion_columns(equation.modes)
+    precondition = preconditioner(rows)
+    responses = np.empty_like(columns)
+    for response, column in zip(responses, columns, strict=True):
+        response[:] = precondition(column)
+    border = BorderedSystem.of(rows, responses)
+    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, prescribed[:, :FRACTION])
     weight = np.sqrt(equation.count, dtype=rows.precision)  # as the merit weighs the balance
     size = len(right)
 
-    def bordered(product: Linear) -> Linear:
-        def multiply(values: Array) -> Array:
-            loads, amounts, whole = values[:size], values[size:], np.empty_like(values)
-            np.subtract(product(loads), (border.motions @ amounts) @ columns, out=whole[:size])
-            whole[size:] = weight * border.resultants(loads)
-            return whole
-
-        return multiply
+    def multiply(values: Array) -> Array:
+        loads, amounts, product = values[:size], values[size:], np.empty_like(values)
+        np.subtract(multiplication(loads), (border.motions @ amounts) @ columns, out=product[:size])
+        product[size:] = weight * border.resultants(loads)
+        return product
 
     def solve(values: Array) -> Array:
-        loads, whole = precondition(values[:size]), np.empty_like(values)
-        whole[size:] = (values[size:] / weight - border.resultants(loads)) / border.stiffness
-        np.add(loads, (border.motions @ whole[size:]) @ inverse.responses, out=whole[:size])
-        return whole
+        loads, solution = precondition(values[:size]), np.empty_like(values)
+        solution[size:] = (values[size:] / weight - border.resultants(loads)) / border.stiffness
+        np.add(loads, (border.motions @ solution[size:]) @ responses, out=solution[:size])
+        return solution
 
-    product = bordered(multiplication)
-    image: Linear | None = None
-    if _counts(rows, given, tolerance * float(np.linalg.norm(right))):
-        image = partial(rows.image, blocks, given)
-    whole = np.concatenate([right, weight * border.rotated(balance)]).astype(rows.precision)
-    found = _solution(product, bordered(image) if image else None, solve, whole, tolerance)
-    amounts = (border.motions @ found[size:]).astype(float)
-    farthest = float(np.abs(amounts).max(initial=0.0))
-    if farthest > blocks.farthest:
-        amounts *= blocks.farthest / farthest
-        moved = (amounts @ columns).astype(rows.precision)
-        found = _solution(multiplication, image, precondition, right + moved, tolerance)
-    return rows.step(found[:size], given), amounts, inverse
-
-
-def _counts(rows: ReducedJacobian, given: Array, asked: float) -> bool:
-    """Return true if the given part of the step (n, fields + 1) is not negligible beside the residual `asked`."""
-    units = np.append(rows.equation.scales.load, 1.0)
-    return float(np.linalg.norm(given / units)) > UNNOTICED * asked
-
-
-def _solution(multiply: Linear, image: Linear | None, precondition: Linear, right: Array, tolerance: float) -> Array:
-    """Return the unknowns (k,) of a right-hand side (k,), of which the fraction `tolerance` may be left.
-
-    image: of unknowns together with the given part of the step, None if that is negligible; multiply: without it. The
-    product that the given part costs provides a first guess, too.
-    """
-    if image is None:
-        return gmres(multiply, precondition, right, tolerance)[0]
-    first = precondition(right)
-    left = right - image(first)
-    before, after = (float(np.linalg.norm(part)) for part in (right, left))
-    if after <= tolerance * before:
-        return first
-    return first + gmres(multiply, precondition, left, tolerance * max(before / after, LEAST_BESIDE))[0]
+    bordered = np.concatenate([right, weight * border.combine(balance)]).astype(rows.precision)
+    # the tolerance refers to the residual, to which a large prescribed part adds
+    before, after = float(np.linalg.norm(residual)), float(np.linalg.norm(right))
+    tolerance *= max(before / after, MIN_TOLERANCE_FACTOR) if after > before else 1.0
+    solution = gmres(multiply, solve, bordered, tolerance)[0]
+    amounts = (border.motions @ solution[size:]).astype(float)
+    largest_motion = float(np.abs(amounts).max(initial=0.0))
+    if largest_motion > blocks.max_motion:
+        amounts *= blocks.max_motion / largest_motion
+        motion_right = (amounts @ columns).astype(rows.precision)
+        solution = gmres(multiplication, precondition, right + motion_right, tolerance)[0]
+    return rows.step(solution[:size], prescribed), amounts
 
 
 @dataclass(frozen=True, eq=False)
 class BorderedSystem:
     """Bordered part of the system: q combinations of motions with resistance, and of resultants that they change.
 
-    motions: (m, q) amounts in them; left: (m, q) resultants in them, of loads by totals: see Rows.combined; stiffness:
-    (q,) approximate stiffness of the contact against them.
+    Attributes
+    ----------
+    motions : Array
+        (m, q), amounts of the motions in the combinations.
+    combinations : Array
+        (m, q), resultants in the combinations.
+    totals : list
+        Measures of the unknowns, as from ReducedJacobian.to_unknowns.
+    stiffness : Array
+        (q,), approximate stiffness of the contact against the combinations.
     """
 
     motions: Array
-    left: Array
+    combinations: Array
     totals: list[dict[int, Array]]
     stiffness: Array
 
     @classmethod
     def of(cls, rows: ReducedJacobian, responses: Array) -> "BorderedSystem":
         """Return the border of rows; responses: (m, r c) approximate responses to each motion."""
-        totals = rows.combined(rows.equation.measures)
+        totals = rows.to_unknowns(rows.equation.measures)
         matrix = np.array([_resultants(totals, response) for response in responses]).T
-        left, stiffness, right = np.linalg.svd(matrix.reshape(len(totals), len(totals)))
-        smallest = max(UNRESISTED, ROUND_OFF * np.finfo(rows.precision).eps)
-        resisted = stiffness > smallest * stiffness.max(initial=0.0)
-        return cls(right[resisted].T, left[:, resisted], totals, stiffness[resisted])
+        combinations, stiffness, right = np.linalg.svd(matrix.reshape(len(totals), len(totals)))
+        min_ratio = max(MIN_STIFFNESS_RATIO, ROUND_OFF_FACTOR * np.finfo(rows.precision).eps)
+        is_resisted = stiffness > min_ratio * stiffness.max(initial=0.0)
+        return cls(right[is_resisted].T, combinations[:, is_resisted], totals, stiffness[is_resisted])
 
     def resultants(self, loads: Array) -> Array:
         """Return the combinations (q,) of the resultants of loads (r c,)."""
-        return self.rotated(_resultants(self.totals, loads))
+        return self.combine(_resultants(self.totals, loads))
 
-    def rotated(self, resultants: Array) -> Array:
+    def combine(self, resultants: Array) -> Array:
         """Return the combinations (q,) of resultants (m,)."""
-        return np.asarray(self.left.T @ resultants)
+        return np.asarray(self.combinations.T @ resultants)
 
 
 def _resultants(totals: list[dict[int, Array]], loads: Array) -> Array:
     """Return the resultants (m,) of loads (r c,)."""
     resultants = np.zeros(len(totals), loads.dtype)
     for number, total in enumerate(totals):
-        for place, part in total.items():
-            resultants[number] += part @ loads[place * len(part) : (place + 1) * len(part)]
+        for row, weights in total.items():
+            resultants[number] += weights @ loads[row * len(weights) : (row + 1) * len(weights)]
     return resultants

@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.conduction import Mask, follows_gap
-from meeframe.contact.nested import on_nodes, same_everywhere
+from meeframe.contact.conduction import Mask, depends_on_gap
+from meeframe.contact.nested import is_uniform, restrict_problem
 from meeframe.contact.problem import ContactProblem, indenter_field
 from meeframe.fields import Array, Indices
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
@@ -14,7 +14,7 @@ from meeframe.system.capabilities import AnyArray, Restriction, apply_fields
 
 MARGIN: Final = 2.0
 """Width of the margin around the contact, in spacings of nodes."""
-SLENDER: Final = 0.5
+MIN_ASPECT_RATIO: Final = 0.5
 """Smallest ratio of the other sides of the neighbourhood to the longest one.
 
 Approximate inverses on slender parts may be poor.
@@ -25,38 +25,45 @@ Approximate inverses on slender parts may be poor.
 class ContactNeighbourhood:
     """Equation of a problem on m of its n nodes alone, in the scales of the whole problem.
 
-    whole: the problem; nodes: (m,) its nodes.
+    Attributes
+    ----------
+    problem : ContactProblem
+        Problem on all n nodes.
+    nodes : Indices
+        (m,), nodes of the neighbourhood.
+    equation : ContactResidual
+        Equation on these nodes.
     """
 
-    whole: ContactProblem
+    problem: ContactProblem
     nodes: Indices
     equation: ContactResidual
 
-    def spread(self, values: AnyArray) -> AnyArray:
+    def scatter(self, values: AnyArray) -> AnyArray:
         """Return values (m, ...) of the neighbourhood on all nodes, zero outside it."""
-        spread = np.zeros((*values.shape[:0:-1], len(self.whole.gap)), values.dtype).T
-        spread[self.nodes] = values
-        return spread
+        scattered = np.zeros((*values.shape[:0:-1], len(self.problem.gap)), values.dtype).T
+        scattered[self.nodes] = values
+        return scattered
 
     def has_contact_outside(self, point: ResidualState) -> bool:
         """Return true if the indenter overlaps the body outside the neighbourhood, at a point of its equation."""
-        beside = np.isfinite(self.whole.gap)
-        beside[self.nodes] = False
-        if not beside.any():
+        outside = np.isfinite(self.problem.gap)
+        outside[self.nodes] = False
+        if not outside.any():
             return False
         # tractions of a law without tangential scaling are loads, too
-        loaded, system = sorted({2, *np.flatnonzero(point.load.any(axis=0)).tolist()}), self.whole.system
-        load = self.spread(point.load[:, loaded].astype(np.float32))
-        moved: Array = apply_fields(system, load, loaded, (2,))[:, 0] + system.offset[:, 2]
-        return bool((indenter_field(self.whole, 2, point.motion) < moved)[beside].any())
+        loaded, system = sorted({2, *np.flatnonzero(point.load.any(axis=0)).tolist()}), self.problem.system
+        load = self.scatter(point.load[:, loaded].astype(np.float32))
+        displacement: Array = apply_fields(system, load, loaded, (2,))[:, 0] + system.offset[:, 2]
+        return bool((indenter_field(self.problem, 2, point.motion) < displacement)[outside].any())
 
 
-def neighbourhood_nodes(problem: ContactProblem, part: ContactNeighbourhood | None) -> Indices:
+def neighbourhood_nodes(problem: ContactProblem, neighbourhood: ContactNeighbourhood | None) -> Indices:
     """Return the nodes of a problem's zone in a neighbourhood; all of them if there is none."""
-    return np.arange(len(problem.gap)) if part is None else part.nodes
+    return np.arange(len(problem.gap)) if neighbourhood is None else neighbourhood.nodes
 
 
-def has_parts(problem: ContactProblem) -> bool:
+def can_restrict(problem: ContactProblem) -> bool:
     """Return true if the problem may have a neighbourhood for some other contact.
 
     That requires that the law is the same at all nodes, and that the system can be restricted to a node.
@@ -64,32 +71,34 @@ def has_parts(problem: ContactProblem) -> bool:
     restriction = problem.system.capability(Restriction)
     return (
         restriction is not None
-        and same_everywhere(problem.contact_law, len(problem.gap))
+        and is_uniform(problem.contact_law, len(problem.gap))
         and restriction.restrict(np.arange(1)) is not None
     )
 
 
-def inset(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
+def contact_neighbourhood(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
     """Return the problem on a neighbourhood of the nodes (n,) in contact, or None.
 
     It includes a margin and all nodes that may be loaded while they are open. The result is None if the system cannot
     be restricted in this way, or if the law is not the same at all nodes.
     """
-    if not contact.any() or not same_everywhere(problem.contact_law, len(problem.gap)):
+    if not contact.any() or not is_uniform(problem.contact_law, len(problem.gap)):
         return None
-    if follows_gap(problem):
+    if depends_on_gap(problem):
         contact = np.isfinite(problem.gap)
     elif problem.area_fraction is not None:
         contact = contact | (problem.area_fraction > 0.0)
-    points, reach = problem.system.points, MARGIN * np.sqrt(problem.system.weights.max())
+    points, margin = problem.system.points, MARGIN * np.sqrt(problem.system.weights.max())
     lowest, highest = points[contact].min(axis=0), points[contact].max(axis=0)
-    reach = reach + 0.5 * np.maximum(SLENDER * (highest - lowest).max() - (highest - lowest), 0.0)
-    near = ((points >= lowest - reach) & (points <= highest + reach)).all(axis=1)
+    margin = margin + 0.5 * np.maximum(MIN_ASPECT_RATIO * (highest - lowest).max() - (highest - lowest), 0.0)
+    near = ((points >= lowest - margin) & (points <= highest + margin)).all(axis=1)
     restriction = problem.system.capability(Restriction)
-    part = None if restriction is None else restriction.restrict(np.flatnonzero(near & np.isfinite(problem.gap)))
-    if part is None:
+    subsystem = None if restriction is None else restriction.restrict(np.flatnonzero(near & np.isfinite(problem.gap)))
+    if subsystem is None:
         return None
-    kept = part.nodes
-    if not all(freedom.mode[kept].any() for freedom in problem.prescribed_resultants):
+    nodes = subsystem.nodes
+    if not all(resultant.mode[nodes].any() for resultant in problem.prescribed_resultants):
         return None
-    return ContactNeighbourhood(problem, kept, ContactResidual.of(on_nodes(problem, part.system, kept), problem))
+    return ContactNeighbourhood(
+        problem, nodes, ContactResidual.of(restrict_problem(problem, subsystem.system, nodes), problem)
+    )

@@ -9,9 +9,8 @@ import numpy as np
 
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
-from meeframe.solvers._kernels.node_products import add_products, add_products_at, spread_products, turn
 
-SINGULAR: Final = 1e12
+MAX_CONDITION_NUMBER: Final = 1e12
 """Condition number of a node's block beyond which its pseudo-inverse is used."""
 
 SAMPLE_STRIDE: Final = 101
@@ -34,7 +33,8 @@ class NodeBlocks:
         """Return the blocks with entries (c,), dropping those that are zero everywhere."""
         # a sample of the nodes is tested first
         return cls(
-            {place: entry for place, entry in entries.items() if entry[::SAMPLE_STRIDE].any() or entry.any()}, shape
+            {position: entry for position, entry in entries.items() if entry[::SAMPLE_STRIDE].any() or entry.any()},
+            shape,
         )
 
     @property
@@ -44,8 +44,8 @@ class NodeBlocks:
 
     def entry(self, row: int, column: int) -> Array:
         """Return the entry (c,) of a row and a column."""
-        found = self.entries.get((row, column))
-        return np.zeros(self.shape[1]) if found is None else found
+        values = self.entries.get((row, column))
+        return np.zeros(self.shape[1]) if values is None else values
 
     def dense(self, columns: int) -> Array:
         """Return the blocks as matrices (c, rows, columns)."""
@@ -56,76 +56,78 @@ class NodeBlocks:
 
     def products(self, precision: np.dtype[Any]) -> "NodeProducts":
         """Return the data for products with vectors of a precision."""
-        places = np.array(list(self.entries), np.intp).reshape(-1, 2).T
+        positions = np.array(list(self.entries), np.intp).reshape(-1, 2).T
         entries = np.empty((len(self.entries), self.shape[1]), precision)
-        for rounded, entry in zip(entries, self.entries.values(), strict=True):
-            rounded[:] = entry
-        return NodeProducts(places[0], places[1], entries, self.shape)
+        for converted, entry in zip(entries, self.entries.values(), strict=True):
+            converted[:] = entry
+        return NodeProducts(positions[0], positions[1], entries, self.shape)
 
-    def after(self, other: "NodeBlocks") -> "NodeBlocks":
+    def compose(self, other: "NodeBlocks") -> "NodeBlocks":
         """Return the products (rows, columns) with other blocks, which act first."""
-        found = dict[tuple[int, int], Array]()
-        for (row, through), entry in self.entries.items():
-            for (there, column), first in other.entries.items():
-                if there == through:
-                    found[row, column] = found.get((row, column), 0.0) + entry * first
-        return NodeBlocks.of(found, self.shape)
+        products = dict[tuple[int, int], Array]()
+        for (row, shared), entry in self.entries.items():
+            for (inner, column), first in other.entries.items():
+                if inner == shared:
+                    products[row, column] = products.get((row, column), 0.0) + entry * first
+        return NodeBlocks.of(products, self.shape)
 
     def plus(self, other: "NodeBlocks") -> "NodeBlocks":
         """Return the sums with other blocks."""
         both = {
-            place: self.entries[place] + other.entries[place] for place in self.entries.keys() & other.entries.keys()
+            position: self.entries[position] + other.entries[position]
+            for position in self.entries.keys() & other.entries.keys()
         }
         return NodeBlocks.of({**self.entries, **other.entries, **both}, self.shape)
 
-    def changed(self, row: int, column: int, nodes: Indices, values: Array | float) -> "NodeBlocks":
+    def with_entries(self, row: int, column: int, nodes: Indices, values: Array | float) -> "NodeBlocks":
         """Return the blocks with other values (k,) of an entry at k nodes."""
         entry = self.entry(row, column).copy()
         entry[nodes] = values
-        others = {place: other for place, other in self.entries.items() if place != (row, column)}
+        others = {position: other for position, other in self.entries.items() if position != (row, column)}
         return NodeBlocks({**others, **NodeBlocks.of({(row, column): entry}, self.shape).entries}, self.shape)
 
-    def exchanged(self, one: int, other: int, nodes: Indices) -> "NodeBlocks":
+    def swap_rows(self, one: int, other: int, nodes: Indices) -> "NodeBlocks":
         """Return the blocks with two rows exchanged at k nodes (k,)."""
         blocks = self
         for column in {column for row, column in self.entries if row in (one, other)}:
             for row, from_row in ((one, other), (other, one)):
-                blocks = blocks.changed(row, column, nodes, self.entry(from_row, column)[nodes])
+                blocks = blocks.with_entries(row, column, nodes, self.entry(from_row, column)[nodes])
         return blocks
 
-    def rotated(self, cosine: Array, sine: Array) -> "NodeBlocks":
+    def rotate(self, cosine: Array, sine: Array) -> "NodeBlocks":
         """Return the blocks in axes of the first two components rotated by angles of these cosines and sines (c,)."""
         entries, none = dict(self.entries), np.zeros(self.shape[1])
         for axis in (0, 1):
-            for other in {place[1 - axis] for place in entries if place[axis] < 2}:
-                places = ((0, other), (1, other)) if axis == 0 else ((other, 0), (other, 1))
-                first, second = (entries.get(place, none) for place in places)
-                entries.update(zip(places, turn(first, second, cosine, sine), strict=True))
+            for other in {position[1 - axis] for position in entries if position[axis] < 2}:
+                positions = ((0, other), (1, other)) if axis == 0 else ((other, 0), (other, 1))
+                first, second = (entries.get(position, none) for position in positions)
+                entries[positions[0]] = cosine * first + sine * second
+                entries[positions[1]] = cosine * second - sine * first
         return NodeBlocks.of(entries, self.shape)
 
     def inverses(self, which: Mask) -> "NodeBlocks":
         """Return the inverses on some rows and columns (rows, c) of square blocks, zero elsewhere; see `_inverse`."""
-        found, beside = dict[tuple[int, int], Array](), np.zeros(self.shape, bool)
-        for row, some in enumerate(which):
+        inverses, off_diagonal = dict[tuple[int, int], Array](), np.zeros(self.shape, bool)
+        for row, mask in enumerate(which):
             diagonal = self.entry(row, row)
-            found[row, row] = np.divide(1.0, diagonal, out=np.zeros(len(diagonal)), where=some & (diagonal != 0.0))
+            inverses[row, row] = np.divide(1.0, diagonal, out=np.zeros(len(diagonal)), where=mask & (diagonal != 0.0))
         for i, j in permutations(range(len(which)), 2):
             if (i, j) in self.entries:
                 linked = which[i] & which[j] & (self.entries[i, j] != 0.0)
-                beside[i] |= linked
-                beside[j] |= linked
-        nodes, rows = np.flatnonzero(beside.any(axis=0)), np.flatnonzero(beside.any(axis=1)).tolist()
+                off_diagonal[i] |= linked
+                off_diagonal[j] |= linked
+        nodes, rows = np.flatnonzero(off_diagonal.any(axis=0)), np.flatnonzero(off_diagonal.any(axis=1)).tolist()
         blocks = np.empty((len(rows), len(rows), len(nodes)))
-        for place in np.ndindex(blocks.shape[:2]):
-            i, j = (rows[k] for k in place)
+        for position in np.ndindex(blocks.shape[:2]):
+            i, j = (rows[k] for k in position)
             both = which[i, nodes] & which[j, nodes]
-            blocks[place] = np.where(both, self.entry(i, j)[nodes], float(i == j))
+            blocks[position] = np.where(both, self.entry(i, j)[nodes], float(i == j))
         inverse = _inverse(blocks) if nodes.size else blocks
-        for place in np.ndindex(blocks.shape[:2]):
-            i, j = (rows[k] for k in place)
-            entry = found.setdefault((i, j), np.zeros(self.shape[1]))
-            entry[nodes] = np.where(which[i, nodes] & which[j, nodes], inverse[place], 0.0)
-        return NodeBlocks.of(found, self.shape)
+        for position in np.ndindex(blocks.shape[:2]):
+            i, j = (rows[k] for k in position)
+            entry = inverses.setdefault((i, j), np.zeros(self.shape[1]))
+            entry[nodes] = np.where(which[i, nodes] & which[j, nodes], inverse[position], 0.0)
+        return NodeBlocks.of(inverses, self.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,15 +144,8 @@ class NodeProducts:
 
     def add(self, vectors: Array, to: Array) -> None:
         """Add the products with vectors (columns, c) to other ones (rows, c)."""
-        add_products(self.rows, self.columns, self.entries, vectors, to)
-
-    def add_at(self, vectors: Array, nodes: Indices, to: Array) -> None:
-        """Add the products with vectors (columns, n) of n nodes, taken at c nodes (c,), to other ones (rows, c)."""
-        add_products_at(self.rows, self.columns, self.entries, vectors, nodes, to)
-
-    def spread(self, vectors: Array, nodes: Indices, to: Array) -> None:
-        """Store the products with vectors (columns, c) at c nodes (c,) among the n of other ones (rows, n)."""
-        spread_products(self.rows, self.columns, self.entries, vectors, nodes, to)
+        for row, column, entry in zip(self.rows, self.columns, self.entries, strict=True):
+            to[row] += entry * vectors[column]
 
     def times(self, vectors: Array) -> Array:
         """Return the products (rows, c) with vectors (columns, c)."""
@@ -161,18 +156,18 @@ class NodeProducts:
 
 def _inverse(blocks: Array) -> Array:
     """Return the inverses of blocks (s, s, c), pseudo-inverses of singular ones, and NaN for non-finite ones."""
-    rotated = blocks.transpose(2, 0, 1)
+    matrices = blocks.transpose(2, 0, 1)
     with np.errstate(all="ignore"):
         if len(blocks) == 2:  # the two directions in which nodes slip, at many of them
             (a, b), (c, d) = blocks
-            found = (np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1)
+            inverses = (np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1)
         else:
             try:
-                found = np.asarray(np.linalg.inv(rotated), float)
+                inverses = np.asarray(np.linalg.inv(matrices), float)
             except np.linalg.LinAlgError:  # one of them is singular, and nothing is known of the others
-                found = np.full(rotated.shape, np.inf)
-        size, bound = (np.abs(part).max(axis=(1, 2), initial=0.0) for part in (rotated, found))
-        singular = ~(size * bound < SINGULAR) & np.isfinite(size)
-    found[~np.isfinite(size)] = np.nan
-    found[singular] = np.linalg.pinv(rotated[singular])
-    return np.asarray(found.transpose(1, 2, 0))
+                inverses = np.full(matrices.shape, np.inf)
+        size, bound = (np.abs(values).max(axis=(1, 2), initial=0.0) for values in (matrices, inverses))
+        singular = ~(size * bound < MAX_CONDITION_NUMBER) & np.isfinite(size)
+    inverses[~np.isfinite(size)] = np.nan
+    inverses[singular] = np.linalg.pinv(matrices[singular])
+    return np.asarray(inverses.transpose(1, 2, 0))

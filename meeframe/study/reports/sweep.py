@@ -20,10 +20,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
+PlotAxes = tuple[SweepAxis, SweepAxis | None]
+"""Axis of abscissae, and axis of lines or ordinates if there is one."""
 DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", "max_abs_electric_potential")
 """Quantities shown by default."""
 _MARKERS: Final = "osD^vPX*"
-_REACHES_EDGE: Final = "reaches_edge"
+_AT_BOUNDARY: Final = "contact_at_zone_boundary"
 _LABEL_CHARACTERS: Final = 42
 """Characters of horizontal labels that fit below a picture."""
 _LABEL_GAP: Final = 2
@@ -63,7 +65,7 @@ class SweepPlot:
     scale: Literal["linear", "log"] = "linear"
     at: Mapping[str, str] = field(default_factory=dict)
 
-    def shown(self, axes: Sequence[SweepAxis]) -> tuple[SweepAxis, SweepAxis | None]:
+    def plot_axes(self, axes: Sequence[SweepAxis]) -> PlotAxes:
         """Return the axis of abscissae and the axis of lines of the plot.
 
         Parameters
@@ -88,7 +90,7 @@ class SweepPlot:
             raise CaseError(f"scale = 'log': needs positive numbers; {x.name} has {', '.join(x.labels[:3])} ...")
         return x, lines
 
-    def _chosen(self, axes: Sequence[SweepAxis]) -> tuple[SweepAxis, SweepAxis | None]:
+    def _chosen(self, axes: Sequence[SweepAxis]) -> PlotAxes:
         named = {axis.name: axis for axis in axes}
         free = [axis for axis in axes if axis.name not in (self.x, self.lines, *self.at)]
         several = [axis for axis in free if len(axis.labels) > 1]
@@ -106,7 +108,7 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
     widest = 0.0
     for row, plot in zip(figure.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
         line = row.subplots(1, columns, squeeze=False)[0]
-        x, lines = plot.shown(sweep.axes)
+        x, lines = plot.plot_axes(sweep.axes)
         for axes, quantity in zip(line, plot.quantities, strict=False):
             values, unit = _scaled(_section(sweep, plot, quantity, x, lines), sweep.units[quantity])
             draw = _map if plot.kind == "map" else _curves
@@ -138,9 +140,9 @@ def _at(plot: SweepPlot, axis: SweepAxis) -> int:
     return axis.labels.index(plot.at[axis.name]) if axis.name in plot.at else 0
 
 
-def _fixed(sweep: SweepResult, plot: SweepPlot, shown: Sequence[SweepAxis | None]) -> str:
+def _fixed(sweep: SweepResult, plot: SweepPlot, plot_axes: Sequence[SweepAxis | None]) -> str:
     """Return the values of all other axes in words."""
-    others = (axis for axis in sweep.axes if axis not in shown and len(axis.labels) > 1)
+    others = (axis for axis in sweep.axes if axis not in plot_axes and len(axis.labels) > 1)
     return ", ".join(f"{axis.name} = {axis.labels[_at(plot, axis)]}" for axis in others)
 
 
@@ -155,8 +157,8 @@ def _scaled(values: Array, unit: str) -> tuple[Array, str]:
     return values, "" if unit == "1" else f"[{unit}]"
 
 
-def _curves(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array, label: str) -> None:
-    x, lines = shown
+def _curves(axes: Any, plot: SweepPlot, over: PlotAxes, values: Array, label: str) -> None:
+    x, lines = over
     coordinates, labelled = _coordinates(x)
     columns = values[:, None] if lines is None else values
     for number, column in enumerate(columns.T):
@@ -186,8 +188,8 @@ def _legend(row: Any, axes: Any, lines: SweepAxis) -> float:
     return float(legend.get_window_extent().width / row.dpi)
 
 
-def _map(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array, label: str) -> None:
-    x, y = shown
+def _map(axes: Any, plot: SweepPlot, over: PlotAxes, values: Array, label: str) -> None:
+    x, y = over
     assert y is not None
     (horizontal, _), (vertical, _) = _coordinates(x), _coordinates(y)
     columns, rows = np.argsort(horizontal), np.argsort(vertical)
@@ -239,9 +241,9 @@ def sweep_table(sweep: SweepResult) -> RenderableType:
     for name in names:
         unit = sweep.units[name]
         table.add_column(f"{schema.label_of(name)} [{unit}]" if unit != "1" else schema.label_of(name), justify="right")
-    shown = {name: sweep.last(name) for name in names}
+    numbers_by_name = {name: sweep.last(name) for name in names}
     for index in list(np.ndindex(sweep.shape))[:_MAX_TABLE_ROWS]:
-        numbers = (f"{shown[name][index]:.6g}" for name in names)
+        numbers = (f"{numbers_by_name[name][index]:.6g}" for name in names)
         table.add_row(*_labels(sweep, index), _status(sweep, index), *(n if n != "nan" else "-" for n in numbers))
     rest = math.prod(sweep.shape) - _MAX_TABLE_ROWS
     more = [Text(f"and {rest} more")] if rest > 0 else []
@@ -250,7 +252,7 @@ def sweep_table(sweep: SweepResult) -> RenderableType:
 
 def _status(sweep: SweepResult, index: tuple[int, ...]) -> str:
     """Return the status of a point, and whether the contact extends to the boundary of its zone in any increment."""
-    at_edge = np.any(sweep.quantities[_REACHES_EDGE][index] > 0.0) if _REACHES_EDGE in sweep.quantities else False
+    at_edge = np.any(sweep.quantities[_AT_BOUNDARY][index] > 0.0) if _AT_BOUNDARY in sweep.quantities else False
     return f"{sweep.status[index]}{', at the zone boundary' * bool(at_edge)}"
 
 

@@ -296,7 +296,7 @@ def _check_shape(what: str, name: str, values: Any, shape: tuple[int, ...]) -> N
 class Row:
     """An outcome, and the seconds since the previous item."""
 
-    found: Check | Claim | Skip
+    item: Check | Claim | Skip
     seconds: float
 
 
@@ -332,7 +332,7 @@ class CaseReport:
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Outcomes of the rows, and ERROR if the case failed."""
-        return (*(row.found.verdict for row in self.rows), *([Verdict.ERROR] if self.error else []))
+        return (*(row.item.verdict for row in self.rows), *([Verdict.ERROR] if self.error else []))
 
 
 @dataclass(frozen=True, eq=False)

@@ -102,7 +102,7 @@ def _case(case: CaseReport) -> Iterator[str]:
     yield "<table>\n<tr><th>check</th><th>computed</th><th>reference</th><th>difference</th><th>tolerance</th>"
     yield "<th>time [s]</th><th></th></tr>"
     for row in case.rows:
-        verdict, words, explained = row.found.verdict, words_of(row), reason_of(row.found)
+        verdict, words, explained = row.item.verdict, words_of(row), reason_of(row.item)
         reason = f'<br><span class="source">{escape(explained)}</span>' if explained else ""
         kinds = ['<td class="words">' if len(word) > 24 else "<td>" for word in words[1:]]
         rest = "".join(f"{kind}{escape(word)}</td>" for kind, word in zip(kinds, words[1:], strict=True))

@@ -28,33 +28,33 @@ class Words(NamedTuple):
 
 def words_of(row: Row) -> Words:
     """Return the cells of a row: values and criterion of a claim, numbers of a check, reason of a skipped check."""
-    found, seconds = row.found, f"{row.seconds:.1f}"
-    match found:
+    result, seconds = row.item, f"{row.seconds:.1f}"
+    match result:
         case Claim():
-            return Words(found.name, found.found, "", "", found.criterion, seconds)
+            return Words(result.name, result.found, "", "", result.criterion, seconds)
         case Skip():
-            return Words(found.name, found.reason, "", "", "", seconds)
+            return Words(result.name, result.reason, "", "", "", seconds)
         case Check():
-            return Words(found.name, *_numbers(found), seconds)
+            return Words(result.name, *_numbers(result), seconds)
 
 
-def reason_of(found: Check | Claim | Skip) -> str:
+def reason_of(result: Check | Claim | Skip) -> str:
     """Return the explanation if the outcome is DIFFERS, else an empty text."""
-    return found.explained if found.verdict is Verdict.DIFFERS and not isinstance(found, Skip) else ""
+    return result.explained if result.verdict is Verdict.DIFFERS and not isinstance(result, Skip) else ""
 
 
-def _numbers(found: Check) -> tuple[str, str, str, str]:
+def _numbers(result: Check) -> tuple[str, str, str, str]:
     """Return computed value, reference, difference and tolerance, without prefixes if the check is absolute."""
-    if found.absolute:
-        values = (found.computed, found.reference, found.difference, found.tolerance)
-        computed, reference, difference, tolerance = (f"{value:.6g} {found.unit}".strip() for value in values)
+    if result.absolute:
+        values = (result.computed, result.reference, result.difference, result.tolerance)
+        computed, reference, difference, tolerance = (f"{value:.6g} {result.unit}".strip() for value in values)
         return computed, reference, difference, tolerance
     # a prefix would be squared with its unit
-    scale, unit = (
-        (1.0, found.unit) if "^" in found.unit or not found.unit else prefixed(np.array([found.reference]), found.unit)
-    )
-    computed, reference = (f"{value / scale:.6g} {unit}".strip() for value in (found.computed, found.reference))
-    return computed, reference, f"{100 * found.difference:+.3g} %", f"{100 * found.tolerance:.3g} %"
+    scale, unit = 1.0, result.unit
+    if unit and "^" not in unit:
+        scale, unit = prefixed(np.array([result.reference]), unit)
+    computed, reference = (f"{value / scale:.6g} {unit}".strip() for value in (result.computed, result.reference))
+    return computed, reference, f"{100 * result.difference:+.3g} %", f"{100 * result.tolerance:.3g} %"
 
 
 _MAX_WIDTH: Final = 80
@@ -75,12 +75,12 @@ def validation_table(validation: Validation) -> RenderableType:
     remarks = []
     for case in validation.cases:
         for number, row in enumerate(case.rows):
-            verdict = row.found.verdict
+            verdict = row.item.verdict
             name = "" if number else case.name
             words = (shorten(word, _MAX_WIDTH, placeholder=" ...") for word in words_of(row))
             table.add_row(name, *words, Text(str(verdict), style=_STYLES.get(verdict, "")))
-            if reason_of(row.found):
-                remarks.append(Text(f"{case.name}, {row.found.name}: {reason_of(row.found)}"))
+            if reason_of(row.item):
+                remarks.append(Text(f"{case.name}, {row.item.name}: {reason_of(row.item)}"))
         if case.error:
             last = shorten(case.error.strip().splitlines()[-1], _MAX_WIDTH, placeholder=" ...")
             table.add_row("" if case.rows else case.name, "", last, *[""] * 4, Text("error", style="bold red"))
@@ -114,10 +114,10 @@ def validation_json(validation: Validation) -> str:
 
 def _rows(case: CaseReport) -> Iterator[dict[str, Any]]:
     for row in case.rows:
-        found = row.found
-        values = vars(found) | ({"difference": found.difference} if isinstance(found, Check) else {})
+        result = row.item
+        values = vars(result) | ({"difference": result.difference} if isinstance(result, Check) else {})
         plain = {key: _plain(value) for key, value in values.items() if value != ""}
-        yield {"kind": type(found).__name__.lower(), **plain, "verdict": str(found.verdict), "seconds": row.seconds}
+        yield {"kind": type(result).__name__.lower(), **plain, "verdict": str(result.verdict), "seconds": row.seconds}
 
 
 def _plain(value: Any) -> Any:

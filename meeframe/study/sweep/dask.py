@@ -21,8 +21,8 @@ from meeframe.model.cache import cached_body, code_key
 from meeframe.model.solve import reduce_body, reduce_for_contact
 from meeframe.model.threads import limited
 from meeframe.plugin.sources import load_source, source_name
-from meeframe.study.sweep.engine import Keyed, Pool, grouped
 from meeframe.study.sweep.points import Outcome, Point, PointStatus, solved
+from meeframe.study.sweep.pool import Keyed, Pool, grouped
 from meeframe.study.sweep.processes import environment, undisturbed
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem

@@ -115,7 +115,7 @@ class SweepTable(Table):
         axes = self.result_axes()
         for number, plot in enumerate(self.plots, 1):
             try:
-                plot.over(axes).shown(axes)
+                plot.over(axes).plot_axes(axes)
             except (ValueError, CaseError) as error:
                 raise ValueError(f"plots[{number}].{error}") from None
         return self

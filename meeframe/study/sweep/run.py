@@ -24,9 +24,10 @@ from meeframe.results.sweep_records import SweepResult
 from meeframe.study.declare import changed, checked
 from meeframe.study.reports.sweep import sweep_figure
 from meeframe.study.sweep.declare import SweepTable
-from meeframe.study.sweep.engine import InProcess, Pool, solve_points
+from meeframe.study.sweep.engine import solve_points
 from meeframe.study.sweep.numbers import field_units, numbers_of, units
 from meeframe.study.sweep.points import Outcome, Point
+from meeframe.study.sweep.pool import InProcess, Pool
 from meeframe.system.reduced import Progress, silent
 
 FIGURE_FILE: Final = "sweep.png"

@@ -94,8 +94,8 @@ def far_tables(
         most = max(1, TABLES // (8 * nx * (middle + ny)))
         for some in (of_kind[first : first + most] for first in range(0, len(of_kind), most)):
             series = np.zeros((len(some), max(len(coefficients) for _, coefficients in some), 2))
-            for whole, (_, coefficients) in zip(series, some, strict=True):
-                whole[: len(coefficients)] = coefficients
+            for full, (_, coefficients) in zip(series, some, strict=True):
+                full[: len(coefficients)] = coefficients
             parts = np.empty((len(some), nx, middle + ny))
             share_out(partial(_fill_far, steps, series, odd, weights, middle, parts), nx)
             yield from zip((entry for entry, _ in some), parts, strict=True)

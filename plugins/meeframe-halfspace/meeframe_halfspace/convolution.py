@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, final
+from typing import Any, Final, final
 
 import numba
 import numpy as np
@@ -16,9 +16,6 @@ from meeframe.plugin import Array, Indices
 from meeframe_halfspace.entries import entry_layout
 from meeframe_halfspace.grid_response import DOUBLE
 from meeframe_halfspace.kernels import multiply_waves
-
-if TYPE_CHECKING:
-    from meeframe_halfspace.two_grids import TwoGrids
 
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
@@ -70,18 +67,18 @@ class Symbol:
         with _MAKING:
             asked, places = set(numbers), self._places.setdefault(precision, {})
             missing = [number for number in self.numbers if number in asked and number not in places]
-            known = found = self._kept.get(precision, np.empty((0, 0, 0), precision))
+            known = result = self._kept.get(precision, np.empty((0, 0, 0), precision))
             if missing:
                 made: dict[int, int] = {}
                 for place, (number, entry) in enumerate(self._made(missing, precision), len(known)):
-                    if found is known:  # the first tells how large they are
-                        found = np.empty((len(known) + len(missing), *entry.shape), precision)
+                    if result is known:  # the first tells how large they are
+                        result = np.empty((len(known) + len(missing), *entry.shape), precision)
                         if len(known):
-                            found[: len(known)] = known
-                    found[place], made[number] = entry, place
-                self._kept[precision] = found  # and their places: all or, if this was interrupted, none
+                            result[: len(known)] = known
+                    result[place], made[number] = entry, place
+                self._kept[precision] = result  # and their places: all or, if this was interrupted, none
                 places.update(made)
-            return found, places
+            return result, places
 
     def _made(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterable[tuple[int, Array]]:
         """Return these entries; in single precision they are rounded from double precision if available."""
@@ -114,8 +111,6 @@ class Convolution:
         Padded with zeros to twice its size, the grid stands free.
     scale
         (fields, fields) factors of the response in each field to a load in each field.
-    approximate
-        The same convolution to a few digits where that takes less time, else None.
 
     Notes
     -----
@@ -127,7 +122,6 @@ class Convolution:
     size: tuple[int, int]
     padded: tuple[int, int]
     scale: Array
-    approximate: "TwoGrids | None" = None
     _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:

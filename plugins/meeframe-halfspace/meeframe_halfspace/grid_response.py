@@ -39,7 +39,7 @@ class GridResponse(ABC):
 
     @property
     @abstractmethod
-    def own(self) -> Array:
+    def diagonal(self) -> Array:
         """Response (entries,) of a node to the density around it."""
 
     @abstractmethod
@@ -98,7 +98,7 @@ class FreeGrid(GridResponse):
             yield number, free_symbol(table, self.response, number, self.padded)
 
     @property
-    def own(self) -> Array:
+    def diagonal(self) -> Array:
         """Response (entries,) of a node to the density around it."""
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
         values[self.response.layout.n_symmetric :] = 0.0  # odd functions vanish at zero
@@ -168,7 +168,7 @@ class PeriodicGrid(GridResponse):
         return symbol
 
     @property
-    def own(self) -> Array:
+    def diagonal(self) -> Array:
         """Response (entries,) of a node to the density around it."""
         nx, ny = self.size
         multiplicity = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, except real ones

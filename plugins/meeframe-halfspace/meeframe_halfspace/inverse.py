@@ -56,8 +56,8 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
         for number, part, sign in halves:
             if layout.sign[field, other] >= sign and np.abs(part).max() > NONE * alone[row] * alone[column]:
                 there[int(number[field, other])] = part
-    found = Symbol.of(np.array(list(there.values())), list(there), parities)
-    return Convolution(found, convolution.size, padded, 1.0 / convolution.scale.T)
+    result = Symbol.of(np.array(list(there.values())), list(there), parities)
+    return Convolution(result, convolution.size, padded, 1.0 / convolution.scale.T)
 
 
 def _between(entry: Array, parity: float) -> Array:

@@ -72,8 +72,8 @@ class PointResponse:
             half = count // 2  # rows 0 .. half are the harmonics from zero on
             lost = np.finfo(float).eps * size.max()  # of a compliance that is large beside the stiffness, as of rubber
             if size[half // 2 : half + 1].max() <= max(_CONVERGED, lost) * size.max():
-                kept = int(np.flatnonzero(size[: half // 2] > max(_NEGLIGIBLE, lost) * size.max()).max())
-                return cls(*_series(harmonics[: kept + 1]), factors)
+                retained = int(np.flatnonzero(size[: half // 2] > max(_NEGLIGIBLE, lost) * size.max()).max())
+                return cls(*_series(harmonics[: retained + 1]), factors)
             if count == _MOST_ANGLES:
                 break
             y = np.stack([y, _over_half(stiffness, frame, half, 0.5)], axis=1).reshape(-1, *y.shape[1:])
@@ -106,11 +106,11 @@ class PointResponse:
 
         The plane of symmetry contains the normal and the first axis.
         """
-        found = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
+        result = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
         for signs in product((1, -1), repeat=self.layout.n_fields - 1):
             of_fields = np.outer((1, *signs), (1, *signs))
             parities = np.concatenate([of_fields[self.layout.upper], of_fields[self.layout.strict]])
-            if (found == parities[self.numbers]).all():
+            if (result == parities[self.numbers]).all():
                 return parities
         return None
 
@@ -125,9 +125,9 @@ def series_entry(even: Array, odd: Array, number: int) -> tuple[Array, bool]:
     """One entry of a series laid out as that of PointResponse: see PointResponse.entry."""
     n_symmetric = even.shape[2]
     antisymmetric = number >= n_symmetric
-    whole = odd[:, :, number - n_symmetric] if antisymmetric else even[:, :, number]
-    count = int(np.flatnonzero(whole.any(axis=1)).max(initial=-1)) + 1
-    return np.ascontiguousarray(whole[:count]), antisymmetric
+    full = odd[:, :, number - n_symmetric] if antisymmetric else even[:, :, number]
+    count = int(np.flatnonzero(full.any(axis=1)).max(initial=-1)) + 1
+    return np.ascontiguousarray(full[:count]), antisymmetric
 
 
 def mirrored(coefficients: Array) -> int:

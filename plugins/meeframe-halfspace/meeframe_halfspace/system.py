@@ -10,7 +10,6 @@ import numpy as np
 from meeframe.plugin import (
     MECHANICAL,
     POTENTIALS,
-    ApproximateApply,
     ApproximateInverse,
     Array,
     Coarsening,
@@ -20,24 +19,19 @@ from meeframe.plugin import (
     IndenterEdge,
     Indices,
     InteriorFields,
-    LatticeStencil,
     Multigrid,
     NodalFields,
-    Prolongation,
     ReducedSystem,
     Restriction,
-    Stencil,
     Subsystem,
 )
 from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
 from meeframe_halfspace.entries import entries_to_matrix
-from meeframe_halfspace.extension import MultilevelExtension
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
 from meeframe_halfspace.inverse import wave_inverse
-from meeframe_halfspace.two_grids import TwoGrids, two_grids
 
 C = TypeVar("C")
 
@@ -53,10 +47,8 @@ one before."""
 class HalfSpaceSystem(
     ReducedSystem,
     FieldwiseApply,
-    ApproximateApply,
     ApproximateInverse,
     Multigrid,
-    LatticeStencil,
     Restriction,
     EdgeResolution,
 ):
@@ -90,14 +82,12 @@ class HalfSpaceSystem(
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself unless the capability is absent.
 
-        Approximate products are absent where they would take no less time, coarsening on the coarsest grid, restriction
-        on periodic grids, and edge resolution unless it is switched on. Fields inside the half space are absent on
-        coarser grids and parts of the zone.
+        Coarsening is absent on the coarsest grid, restriction on periodic grids, and edge resolution unless it is
+        switched on. Fields inside the half space are absent on coarser grids and parts of the zone.
         """
         if isinstance(self.interior, kind):
             return self.interior
         absent: dict[type, bool] = {
-            ApproximateApply: self.convolution.approximate is None,
             Multigrid: kind is Multigrid and self._coarsening is None,
             Restriction: self.convolution.periodic,
             EdgeResolution: self.edge_waves is None,
@@ -117,20 +107,14 @@ class HalfSpaceSystem(
         """Return the displacement in k fields by one transform for each of them and for each loaded field."""
         return self._response(load.T, loaded, fields)
 
-    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return the displacement with far responses on a coarser grid."""
-        return self._response(load.T, loaded, fields, self.convolution.approximate)
-
-    def _response(
-        self, load: Array, loaded: Sequence[int], fields: Sequence[int], approximate: TwoGrids | None = None
-    ) -> Array:
+    def _response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement (n, k) due to a load (l, n) in l fields."""
         precision = np.result_type(load, np.float32)
         if self.convolution.periodic or self._inside:
             load = load.astype(precision, copy=False)
         else:
             load = np.multiply(load, self.shares.astype(precision, copy=False), dtype=precision, order="C")
-        return self.grid.scatter((approximate or self.convolution).response(self.grid.place(load), loaded, fields))
+        return self.grid.scatter(self.convolution.response(self.grid.place(load), loaded, fields))
 
     @cached_property
     def _inside(self) -> bool:
@@ -151,7 +135,7 @@ class HalfSpaceSystem(
     @cached_property
     def _block(self) -> Array:
         """Response (5, 5) of a node to the density around it."""
-        block: Array = entries_to_matrix(self.grid_response.own) * self.convolution.scale
+        block: Array = entries_to_matrix(self.grid_response.diagonal) * self.convolution.scale
         return block
 
     def dense(self) -> Array | None:
@@ -182,39 +166,6 @@ class HalfSpaceSystem(
             return load
 
         return inverse
-
-    def prolongation(self, nodes: Indices) -> Prolongation:
-        """Return the extension of `meeframe_halfspace.extension`."""
-        size, places = self.grid.flat
-        extension = MultilevelExtension.of(size, nodes if places is None else places[nodes])
-        shares = None if self.convolution.periodic else self.shares.astype(np.float32)
-
-        def prolong(values: Array) -> Array:
-            whole = extension.prolong(values).ravel()
-            return whole if places is None else whole[places]
-
-        def restrict(whole: Array) -> Array:
-            whole = whole if shares is None else whole * shares
-            values = extension.restrict(whole.reshape(size) if places is None else whole[self.grid.nodes])
-            return values if shares is None else values / shares[nodes]
-
-        return Prolongation(prolong, restrict)
-
-    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
-        """Return responses to the load of a node in the middle of the grid, or of the smallest sufficient part."""
-        if min(self.grid.size) <= 2 * radius:
-            return None
-        part = self.grid_response.restrict((2 * radius + 1, 2 * radius + 1))
-        convolution = self.convolution if part is None else convolution_of(part)
-        middle, load = [n // 2 for n in convolution.size], np.zeros((1, *convolution.size), np.float32)
-        load[0, *middle] = 1.0
-        around = tuple(slice(place - radius, place + radius + 1) for place in middle)
-        responses = np.zeros((self.n_fields, self.n_fields, 2 * radius + 1, 2 * radius + 1))
-        for loaded in fields:
-            responses[list(fields), loaded] = convolution.response(load, [loaded], fields)[:, *around]
-        return Stencil(
-            self.grid.nodes, self.convolution.periodic, np.ascontiguousarray(responses.transpose(2, 3, 0, 1))
-        )
 
     def coarsen(self) -> Coarsening:
         """Return the system on every second node along both axes."""
@@ -249,9 +200,9 @@ class HalfSpaceSystem(
         response = self._response_on(size) if places.size <= MAX_PART * len(self.points) else None
         if response is None:
             return None
-        kept, grid = places.ravel(), numbered(self.grid, size)
-        parts = self.points[kept], self.frames[kept], self.weights[kept], coarse_cells(grid), self.offset[kept]
-        return Subsystem(HalfSpaceSystem(*parts, grid, *response, self.shares[kept]), kept)
+        inner, grid = places.ravel(), numbered(self.grid, size)
+        arrays = self.points[inner], self.frames[inner], self.weights[inner], coarse_cells(grid), self.offset[inner]
+        return Subsystem(HalfSpaceSystem(*arrays, grid, *response, self.shares[inner]), inner)
 
     def _response_on(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
         """Return the response on parts of that size, at any place; None if they have none. The latest are stored."""
@@ -288,7 +239,7 @@ def convolution_of(response: GridResponse) -> Convolution:
     factors = response.response.factors
     scale = np.outer(factors * potential_signs(len(factors)), factors)
     symbol = Symbol(response.symbol, response.response.numbers, response.response.parities)
-    return Convolution(symbol, response.size, response.padded, scale, two_grids(response, scale))
+    return Convolution(symbol, response.size, response.padded, scale)
 
 
 def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:

@@ -111,9 +111,9 @@ def test_chosen_fields_are_those_of_the_matrix(fields: tuple[int, ...]) -> None:
 def contact(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
     press = np.zeros((len(gap), 5))
     press[:, 2] = -1.0
-    freedom = PrescribedResultant(press, system.weights[:, None] * press, force)
+    resultant = PrescribedResultant(press, system.weights[:, None] * press, force)
     none = np.zeros((len(gap), 2))
-    return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (freedom,))
+    return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (resultant,))
 
 
 def hertz(n: int) -> ContactProblem:

@@ -1,4 +1,4 @@
-"""Conducting contact without friction, also where nodes at the edge graze."""
+"""Conducting contact without friction, also with biactive nodes at the contact edge."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def sphere(n: int, kappa: float, potentials: tuple[float, float] = (0.0, 0.0), m
 
 
 @pytest.mark.parametrize(("n", "potentials"), [(128, (5.0, 1.0)), (80, (50.0, 5.0))])
-def test_many_grazing_nodes(n: int, potentials: tuple[float, float]):
+def test_many_biactive_nodes(n: int, potentials: tuple[float, float]):
     solution = solve(sphere(n, np.inf, potentials, "orthotropic-mee"), ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert ((solution.state.contact_fraction > 0.0) & (solution.state.contact_fraction < 1.0)).sum() >= 20
@@ -34,7 +34,7 @@ def test_many_grazing_nodes(n: int, potentials: tuple[float, float]):
 
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
-    ("kappa", "potentials", "material", "graze"),
+    ("kappa", "potentials", "material", "has_biactive"),
     [
         (np.inf, (2.0, 0.5), "batio3-cofe2o4", False),
         (1e-5, (2e4, 0.0), "batio3-cofe2o4", True),
@@ -43,14 +43,14 @@ def test_many_grazing_nodes(n: int, potentials: tuple[float, float]):
         (np.inf, (0.0, 30.0), "orthotropic-mee", True),
     ],
 )
-def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material, graze):
+def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material, has_biactive):
     """The same holds at biactive nodes."""
     problem = sphere(48, kappa, potentials, material)
     limits = StoppingCriteria(tolerance=1e-9)
     ours, theirs = (solve(problem, solver, limits) for solver in (ProjectedCG(), SemismoothNewton()))
     assert ours.status is Status.CONVERGED
     assert theirs.status is Status.CONVERGED
-    assert ((ours.state.contact_fraction > 0.0) & (ours.state.contact_fraction < 1.0)).any() == graze
+    assert ((ours.state.contact_fraction > 0.0) & (ours.state.contact_fraction < 1.0)).any() == has_biactive
     forces = [problem.system.weights @ solution.state.load[:, 2] for solution in (ours, theirs)]
     assert forces[0] == pytest.approx(forces[1], rel=1e-6)
 

@@ -63,7 +63,7 @@ def pressed(system, height, approach, potentials=(None, None), kappa=np.inf, off
         problem,
         solver,
         StoppingCriteria(tolerance=1e-8),
-        rim=lambda: find_indenter_edge(above, system.points, system.frames, reach),
+        indenter_edge=lambda: find_indenter_edge(above, system.points, system.frames, reach),
     )
     assert solution.status == "converged", solution.message
     return system.weights @ solution.state.load[:, 2:] * [-1.0, 1.0, 1.0]
@@ -301,7 +301,7 @@ def test_an_end_that_the_contact_does_not_reach(beyond):
     problem = indentation_problem(system, above(system.points, None) + APPROACH, APPROACH)
     end = find_indenter_edge(above, system.points, system.frames, 2.0 * h)
     assert end is not None
-    _, same = solve_to_edges(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8), rim=lambda: end)
+    _, same = solve_to_edges(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8), indenter_edge=lambda: end)
     assert same is problem
 
 

@@ -18,7 +18,7 @@ from meeframe.mesh.body import Body
 from meeframe.solvers import BarzilaiBorwein, SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.system.capabilities import Multigrid
 from meeframe.system.reduced import ReducedSystem
-from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, prescribe_resultant
 from meeframe.testing.operation_counter import OperationCounter
 
 MEDIUM = library_material("orthotropic-mee")
@@ -36,7 +36,8 @@ def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem
     """A sphere pressed on and dragged by half of what friction bears, both as forces."""
     x, y, _ = system.points.T
     prescribed_resultants = tuple(
-        freedom(system, mode, total) for mode, total in ((PRESS, FORCE), (SLIDE, 0.5 * MU * FORCE), (SLIDE_2, 0.0))
+        prescribe_resultant(system, mode, total)
+        for mode, total in ((PRESS, FORCE), (SLIDE, 0.5 * MU * FORCE), (SLIDE_2, 0.0))
     )
     none = np.zeros((len(x), 2))
     problem = ContactProblem(

@@ -23,17 +23,13 @@ from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import ProjectedCG, SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.system.capabilities import (
-    ApproximateApply,
     ApproximateInverse,
     Coarsening,
     EdgeResolution,
     FieldwiseApply,
-    LatticeStencil,
     Multigrid,
     Persistence,
-    Prolongation,
     Restriction,
-    Stencil,
     Subsystem,
     diagonal,
 )
@@ -42,7 +38,7 @@ from meeframe.system.reduced import NodalFields, ReducedSystem
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies
 from meeframe.testing.capabilities import check_capabilities, check_restriction
-from meeframe.testing.force_control import PRESS, freedom
+from meeframe.testing.force_control import PRESS, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
 from meeframe.testing.operation_counter import OperationCounter
@@ -70,7 +66,7 @@ def grid(n: int) -> ReducedSystem:
 
 def pressed_by(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
     """An indenter that moves freely down."""
-    return replace(held(system, gap), prescribed_resultants=(freedom(system, PRESS, force),))
+    return replace(held(system, gap), prescribed_resultants=(prescribe_resultant(system, PRESS, force),))
 
 
 def held(system: ReducedSystem, gap: Array) -> ContactProblem:
@@ -303,7 +299,7 @@ def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
     assert not solution.state.load.any()
 
 
-FORWARDED = {FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, LatticeStencil, Restriction}
+FORWARDED = {FieldwiseApply, ApproximateInverse, Multigrid, Restriction}
 
 
 def capabilities_of(system: ReducedSystem) -> set[type]:
@@ -318,17 +314,17 @@ def test_capabilities_of_composed_systems() -> None:
     alike = rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1)))
     radial = rotate_frames(system, system.points - system.points.mean(axis=0))
     corrected = correct_edge(system, edge * system.diagonal_blocks())
-    own = FORWARDED - {ApproximateApply}  # the grid is too small for approximate products
+    own = FORWARDED
     assert capabilities_of(system) == own
     for whole, has in (
         (combine_bodies(system, system), own),
-        (combine_bodies(radial, alike), own - {LatticeStencil}),
+        (combine_bodies(radial, alike), own),
         (combine_bodies(system, MatrixFree.of(system)), {FieldwiseApply, ApproximateInverse}),
         (combine_bodies(MatrixFree.of(system), system), {FieldwiseApply}),
         (alike, own),
-        (radial, own - {LatticeStencil}),
-        (corrected, own - {Multigrid, LatticeStencil}),
-        (rotate_frames(corrected, radial.frames[:, 0]), own - {Multigrid, LatticeStencil}),
+        (radial, own),
+        (corrected, own - {Multigrid}),
+        (rotate_frames(corrected, radial.frames[:, 0]), own - {Multigrid}),
         (OperationCounter.of(system), own),
         (OperationCounter.of(system, accelerated=False), {FieldwiseApply}),
         (MatrixFree.of(system), set()),
@@ -378,9 +374,7 @@ def test_two_bodies_start_from_a_coarser_grid() -> None:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Wrong(
-    ReducedSystem, FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, LatticeStencil, Restriction
-):
+class Wrong(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restriction):
     """A half space one of whose capabilities is wrong."""
 
     inner: HalfSpaceSystem
@@ -414,30 +408,9 @@ class Wrong(
     def diagonal(self, fields: Sequence[int]) -> Array:
         return self.inner.diagonal(sorted(fields) if self.wrong == "diagonal" else fields)
 
-    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        return self.inner.apply_fields(load, loaded, fields) * (1.001 if self.wrong == "approximate_apply" else 1.0)
-
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         inverse = self.inner.approximate_inverse(fields)
         return (lambda displacement: -inverse(displacement)) if self.wrong == "approximate_inverse" else inverse
-
-    def prolongation(self, nodes: Indices) -> Prolongation:
-        right = self.inner.prolongation(nodes)
-        if self.wrong == "values":
-            return replace(right, prolong=lambda values: 0.5 * right.prolong(values))
-        if self.wrong == "kinked":
-            return replace(right, prolong=lambda values: _kinked(right.prolong(values), nodes))
-        if self.wrong == "double precision":
-            return replace(right, prolong=lambda values: right.prolong(values).astype(float))
-        if self.wrong == "no node":
-            return replace(right, prolong=lambda values: right.prolong(values) + (not len(nodes)))
-        return replace(right, restrict=lambda whole: whole[nodes]) if self.wrong == "adjoint" else right
-
-    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
-        right = self.inner.stencil(radius, fields)
-        if right is None or self.wrong != "stencil":
-            return right
-        return replace(right, responses=right.responses[:, ::-1])
 
     def coarsen(self) -> Coarsening:
         coarse = self.inner.coarsen()
@@ -454,22 +427,13 @@ class Wrong(
         return replace(part, nodes=part.nodes[::-1]) if part is not None and self.wrong == "nodes of a part" else part
 
 
-def _kinked(prolonged: Array, nodes: Indices) -> Array:
-    """The same at the nodes, not below zero at others."""
-    kinked = np.maximum(prolonged, np.float32(0.0))
-    kinked[nodes] = prolonged[nodes]
-    return kinked
-
-
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
-    + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal", "stencil")]
+    + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal")]
     + [("single precision", "apply_fields of loads float32")]
-    + [("values", "prolongation changes the values"), ("adjoint", "is not the adjoint of prolong")]
-    + [("kinked", "prolongation is not linear"), ("double precision", "the precision"), ("no node", "from no node")]
-    + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")],
+    + [("part", "lacks some of the requested nodes"), ("nodes of a part", "points of a subsystem are not")],
 )
 def test_wrong_capabilities_are_caught(wrong: str, message: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)

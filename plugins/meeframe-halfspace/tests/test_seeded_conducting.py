@@ -14,7 +14,7 @@ from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.cg import normal_response
-from meeframe.testing.force_control import PRESS, freedom
+from meeframe.testing.force_control import PRESS, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
 
 WIDTH, RADIUS = 1e-2, 0.1
@@ -43,7 +43,7 @@ def seeded(seed: int) -> ContactProblem:
         return problem
     insulated = solve(indentation_problem(system, height, approach), ProjectedCG(), StoppingCriteria(tolerance=1e-6))
     force = -float(system.weights @ insulated.state.load[:, 2])
-    return replace(problem, gap=height, prescribed_resultants=(freedom(system, PRESS, force),))
+    return replace(problem, gap=height, prescribed_resultants=(prescribe_resultant(system, PRESS, force),))
 
 
 @pytest.mark.full(except_for=1)
@@ -54,14 +54,14 @@ def test_it_is_the_contact_of_newtons_method(seed: int, monkeypatch: pytest.Monk
     newton = solve(problem, SemismoothNewton(), limits)
     assert newton.status is Status.CONVERGED
     for following in (1e-3, 3e-3, 1e-2, 3e-2):
-        monkeypatch.setattr(normal_response, "FOLLOWING", following)
+        monkeypatch.setattr(normal_response, "UPDATE_REDUCTION", following)
         found = solve(problem, ProjectedCG(), limits)
         assert found.status is Status.CONVERGED, (following, found.message)
         assert_same_load(found.state, newton.state)
 
 
 def test_where_conjugate_gradients_do_not_close_in_auto_goes_on() -> None:
-    """Most of the contact of seed 192 grazes."""
+    """Most of the contact of seed 192 is biactive."""
     problem, limits = seeded(192), StoppingCriteria(tolerance=1e-10, max_iterations=100)
     newton = solve(problem, SemismoothNewton(), limits).state
     assert ((newton.contact_fraction > 0.0) & (newton.contact_fraction < 1.0)).sum() > (
@@ -76,7 +76,7 @@ def test_conduction_that_draws_nodes_into_contact_lets_them_lie_on_either_side()
     """A dozen nodes or more of seed 54, on the way that a method goes, are pressed where they conduct and apart where
     they do not: each method finds solutions.
 
-    With potentials of the other sign nodes graze instead, and there is one solution.
+    With potentials of the other sign nodes are biactive instead, and there is one solution.
     """
     problem, limits = seeded(54), StoppingCriteria(tolerance=1e-10, max_iterations=200)
     methods = (SemismoothNewton(), ProjectedCG())
@@ -99,7 +99,7 @@ def test_conduction_that_draws_nodes_into_contact_lets_them_lie_on_either_side()
 @pytest.mark.parametrize("following", [1e-3, 3e-3, 1e-2, 3e-2])
 def test_no_node_stays_closed_against_its_own_trial(following: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two nodes of seed 24 lie on either side, too: the trial of a closed one vanishes beyond the wrong end."""
-    monkeypatch.setattr(normal_response, "FOLLOWING", following)
+    monkeypatch.setattr(normal_response, "UPDATE_REDUCTION", following)
     problem = seeded(24)
     found = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10, max_iterations=200))
     assert found.status is Status.CONVERGED, found.message
@@ -108,12 +108,14 @@ def test_no_node_stays_closed_against_its_own_trial(following: float, monkeypatc
 
 def assert_strictly_lawful(problem: ContactProblem, state: ContactState) -> None:
     """Pressed and at the potentials of the indenter, or apart and without load: no node is near to both."""
-    ahead = indenter_position(problem, state.motion) - problem.system.offset - problem.system.apply(state.load)
+    relative_displacement = (
+        indenter_position(problem, state.motion) - problem.system.offset - problem.system.apply(state.load)
+    )
     largest, touching = np.abs(state.load).max(axis=0), state.contact_fraction == 1.0
-    pressed, apart = state.load[touching, 2], ahead[~touching, 2]
+    pressed, apart = state.load[touching, 2], relative_displacement[~touching, 2]
     assert (pressed < -1e-3 * largest[2]).all()
     assert (apart > 1e-3 * np.abs(state.displacement[:, 2]).max()).all()
-    off = np.abs(ahead[touching, 2:]) / np.abs(state.displacement[:, 2:]).max(axis=0)
+    off = np.abs(relative_displacement[touching, 2:]) / np.abs(state.displacement[:, 2:]).max(axis=0)
     assert off.max() < 1e-8
     assert not state.load[~touching].any()
 

@@ -54,18 +54,18 @@ def with_product(update: AccumulatedUpdate, first: Block, second: Block) -> Accu
 
 
 def _child(block: Block, row: int, column: int) -> Block:
-    return block.parts[row][column] if isinstance(block, Split) else block
+    return block.children[row][column] if isinstance(block, Split) else block
 
 
 def _inner_count(first: Block, second: Block) -> int:
     if isinstance(first, Split):
-        return len(first.parts[0])
-    return len(second.parts) if isinstance(second, Split) else 1
+        return len(first.children[0])
+    return len(second.children) if isinstance(second, Split) else 1
 
 
 def restrict_update(update: AccumulatedUpdate, block: Split, row: int, column: int) -> AccumulatedUpdate:
     """Return the update of one block of a divided block."""
-    child = block.parts[row][column]
+    child = block.children[row][column]
     rows, columns = relative_range(child.rows, block.rows), relative_range(child.columns, block.columns)
     restricted = AccumulatedUpdate(tuple((left[rows], right[:, columns]) for left, right in update.terms))
     for first, second in update.products:
@@ -121,7 +121,7 @@ def _outer_products(first: Block, second: Block) -> Iterator[Outer]:
     elif isinstance(first, Dense) and isinstance(second, Dense):
         yield first.rows, second.columns, first.array, second.array
     else:
-        rows = len(first.parts) if isinstance(first, Split) else 1
-        columns = len(second.parts[0]) if isinstance(second, Split) else 1
+        rows = len(first.children) if isinstance(first, Split) else 1
+        columns = len(second.children[0]) if isinstance(second, Split) else 1
         for row, column, inner in np.ndindex(rows, columns, _inner_count(first, second)):
             yield from _outer_products(_child(first, row, inner), _child(second, inner, column))

@@ -123,22 +123,22 @@ class Triangle:
     ----------
     order
         Numbers of the diagonal blocks in this order.
-    parts
+    diagonal
         The diagonal blocks in this order.
     coupling
         Block by which the solution of the first enters the equations of the second.
     """
 
     order: tuple[int, int]
-    parts: tuple[Factors, Factors]
+    diagonal: tuple[Factors, Factors]
     coupling: Block
 
 
 def _triangle(factors: EliminatedSplit, form: Form) -> Triangle:
-    parts = factors.first, factors.second
+    diagonal = factors.first, factors.second
     if form is Form.UPPER:
-        return Triangle((1, 0), parts[::-1], factors.upper)
-    return Triangle((0, 1), parts, factors.lower if form is Form.LOWER else factors.upper_transposed)
+        return Triangle((1, 0), diagonal[::-1], factors.upper)
+    return Triangle((0, 1), diagonal, factors.lower if form is Form.LOWER else factors.upper_transposed)
 
 
 def eliminate(block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING) -> Factors:
@@ -148,17 +148,17 @@ def eliminate(block: Block, truncation: Truncation, update: AccumulatedUpdate = 
         assert isinstance(remainder, Dense)
         return Eliminated(block.rows, block.columns, np.linalg.inv(remainder.array))
     assert isinstance(block, Split)
-    first = eliminate(block.parts[0][0], truncation, restrict_update(update, block, 0, 0))
+    first = eliminate(block.children[0][0], truncation, restrict_update(update, block, 0, 0))
 
     def solve_below() -> Block:
-        return solve_from_right(first, block.parts[1][0], truncation, restrict_update(update, block, 1, 0))
+        return solve_from_right(first, block.children[1][0], truncation, restrict_update(update, block, 1, 0))
 
     def solve_right() -> Block:
-        return solve(first, Form.LOWER, block.parts[0][1], truncation, restrict_update(update, block, 0, 1))
+        return solve(first, Form.LOWER, block.children[0][1], truncation, restrict_update(update, block, 0, 1))
 
     lower, upper = truncation.run_all([solve_below, solve_right])
     remaining = with_product(restrict_update(update, block, 1, 1), lower, upper)
-    second = eliminate(block.parts[1][1], truncation, remaining)
+    second = eliminate(block.children[1][1], truncation, remaining)
     return EliminatedSplit(block.rows, block.columns, first, upper, lower, second)
 
 
@@ -171,7 +171,7 @@ def solve(
         if isinstance(remainder, Dense):
             return Dense(remainder.rows, remainder.columns, solution(factors, form, remainder.array))
         return LowRank(remainder.rows, remainder.columns, solution(factors, form, remainder.left), remainder.right)
-    numbers = range(len(block.parts[0]))
+    numbers = range(len(block.children[0]))
     columns = truncation.run_all(
         [partial(_column, factors, form, block, number, truncation, update) for number in numbers]
     )
@@ -182,16 +182,16 @@ def _column(
     factors: Factors, form: Form, block: Split, column: int, truncation: Truncation, update: AccumulatedUpdate
 ) -> list[Block]:
     """Return the blocks of a solution in one of its columns."""
-    parts = [line[column] for line in block.parts]
-    updates = [restrict_update(update, block, row, column) for row in range(len(parts))]
+    pieces = [line[column] for line in block.children]
+    updates = [restrict_update(update, block, row, column) for row in range(len(pieces))]
     if isinstance(factors, Eliminated):
-        return [solve(factors, form, parts[0], truncation, updates[0])]
+        return [solve(factors, form, pieces[0], truncation, updates[0])]
     triangle = _triangle(factors, form)
     first, second = triangle.order
-    parts[first] = solve(triangle.parts[0], form, parts[first], truncation, updates[first])
-    block_update = with_product(updates[second], triangle.coupling, parts[first])
-    parts[second] = solve(triangle.parts[1], form, parts[second], truncation, block_update)
-    return parts
+    pieces[first] = solve(triangle.diagonal[0], form, pieces[first], truncation, updates[first])
+    block_update = with_product(updates[second], triangle.coupling, pieces[first])
+    pieces[second] = solve(triangle.diagonal[1], form, pieces[second], truncation, block_update)
+    return pieces
 
 
 def solve_from_right(
@@ -214,12 +214,12 @@ def solution(factors: Factors, form: Form, x: Array) -> Array:
         solved: Array = inverse @ x
         return solved
     n_first = factors.first.rows.stop - factors.rows.start
-    parts = [x[:n_first], x[n_first:]]
+    pieces = [x[:n_first], x[n_first:]]
     triangle = _triangle(factors, form)
     first, second = triangle.order
-    parts[first] = solution(triangle.parts[0], form, parts[first])
-    parts[second] = solution(triangle.parts[1], form, parts[second] - multiply(triangle.coupling, parts[first]))
-    return np.concatenate(parts)
+    pieces[first] = solution(triangle.diagonal[0], form, pieces[first])
+    pieces[second] = solution(triangle.diagonal[1], form, pieces[second] - multiply(triangle.coupling, pieces[first]))
+    return np.concatenate(pieces)
 
 
 def solved(factors: Factors, x: Array) -> Array:

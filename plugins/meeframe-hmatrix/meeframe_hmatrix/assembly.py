@@ -93,8 +93,8 @@ def _partition(integrals: Integrals, row: Cluster, column: Cluster, far: list[Pa
     if extent < ADMISSIBLE * distance(row.row_box, column.column_box) and reachable(integrals, row, column):
         far.append((row, column))
     elif row.children or column.children:
-        for child in row.parts:
-            for other in column.parts:
+        for child in row.divisions:
+            for other in column.divisions:
                 _partition(integrals, child, other, far, near)
     else:
         near.append((row, column))
@@ -184,7 +184,9 @@ def _tree(pair: Pair, blocks_by_pair: dict[tuple[int, int, int, int], Block]) ->
     if block is not None:
         return block
     row, column = pair
-    children = tuple(tuple(_tree((child, other), blocks_by_pair) for other in column.parts) for child in row.parts)
+    children = tuple(
+        tuple(_tree((child, other), blocks_by_pair) for other in column.divisions) for child in row.divisions
+    )
     first, last = children[0], children[-1]
     rows = slice(first[0].rows.start, last[0].rows.stop)
     return Split(rows, slice(first[0].columns.start, first[-1].columns.stop), children)

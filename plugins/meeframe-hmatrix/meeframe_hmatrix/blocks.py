@@ -39,11 +39,11 @@ class LowRank:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """A block divided into blocks `parts[row][column]`, one or two in each direction."""
+    """A block divided into blocks `children[row][column]`, one or two in each direction."""
 
     rows: slice
     columns: slice
-    parts: tuple[tuple["Block", ...], ...]
+    children: tuple[tuple["Block", ...], ...]
 
     @cached_property
     def dtype(self) -> np.dtype[Any]:
@@ -54,7 +54,7 @@ class Split:
     @cached_property
     def table(self) -> Indices:
         """Table of its undivided blocks, for `add_products`."""
-        return np.concatenate([_table(part, self.dtype) for line in self.parts for part in line])
+        return np.concatenate([_table(child, self.dtype) for line in self.children for child in line])
 
     def __getstate__(self) -> dict[str, Any]:
         return {
@@ -83,9 +83,9 @@ def relative_range(inner: slice, outer: slice) -> slice:
 def leaves(block: Block) -> Iterator[Dense | LowRank]:
     """Yield the undivided blocks of a tree."""
     if isinstance(block, Split):
-        for line in block.parts:
-            for part in line:
-                yield from leaves(part)
+        for line in block.children:
+            for child in line:
+                yield from leaves(child)
     else:
         yield block
 
@@ -150,8 +150,8 @@ def transpose(block: Block) -> Block:
         return Dense(block.columns, block.rows, block.array.T)
     if isinstance(block, LowRank):
         return LowRank(block.columns, block.rows, block.right.T, block.left.T)
-    parts = tuple(tuple(transpose(part) for part in column) for column in zip(*block.parts, strict=True))
-    return Split(block.columns, block.rows, parts)
+    children = tuple(tuple(transpose(child) for child in column) for column in zip(*block.children, strict=True))
+    return Split(block.columns, block.rows, children)
 
 
 def convert(block: Block, dtype: DTypeLike) -> Block:
@@ -161,7 +161,9 @@ def convert(block: Block, dtype: DTypeLike) -> Block:
     if isinstance(block, LowRank):
         left, right = (factor.astype(dtype, copy=False) for factor in (block.left, block.right))
         return LowRank(block.rows, block.columns, left, right)
-    return Split(block.rows, block.columns, tuple(tuple(convert(part, dtype) for part in line) for line in block.parts))
+    return Split(
+        block.rows, block.columns, tuple(tuple(convert(child, dtype) for child in line) for line in block.children)
+    )
 
 
 def to_dense(block: Block) -> Array:
@@ -171,7 +173,7 @@ def to_dense(block: Block) -> Array:
     if isinstance(block, LowRank):
         product: Array = block.left @ block.right
         return product
-    return np.block([[to_dense(part) for part in line] for line in block.parts])
+    return np.block([[to_dense(child) for child in line] for line in block.children])
 
 
 def truncated_rank(values: Array, tolerance: float) -> int:

@@ -31,7 +31,7 @@ def in_fields(compliance: Block, to_load: Array, to_displacement: Array) -> Bloc
         rows = slice(fields * row_nodes.start, fields * row_nodes.stop)
         columns = slice(loaded * column_nodes.start, loaded * column_nodes.stop)
         if isinstance(block, Split):
-            return Split(rows, columns, tuple(tuple(select(part) for part in line) for line in block.parts))
+            return Split(rows, columns, tuple(tuple(select(child) for child in line) for line in block.children))
         if isinstance(block, LowRank) and row_nodes != column_nodes:
             return LowRank(rows, columns, _multiply_nodes(left, block.left), _multiply_nodes(right.mT, block.right.T).T)
         half = _multiply_nodes(left, to_dense(block))
@@ -40,20 +40,20 @@ def in_fields(compliance: Block, to_load: Array, to_displacement: Array) -> Bloc
     return select(compliance)
 
 
-def _multiply_nodes(parts: Array, array: Array) -> Array:
+def _multiply_nodes(children: Array, array: Array) -> Array:
     """Return matrices (n, f, 5) of each node times its five rows of an array (5 n, k)."""
-    nodes, fields, _ = parts.shape
+    nodes, fields, _ = children.shape
     width = array.shape[1]  # may be zero
-    product: Array = parts @ array.reshape(nodes, N_FIELDS, width)
+    product: Array = children @ array.reshape(nodes, N_FIELDS, width)
     return product.reshape(nodes * fields, width)
 
 
 def merged(block: Block) -> Block:
     """Return an equal block with fewer blocks where that makes products with a vector faster."""
     if isinstance(block, Split):
-        parts = tuple(tuple(merged(part) for part in line) for line in block.parts)
-        block = Split(block.rows, block.columns, parts)
-        cost = sum(stored(part) + CALL * (not isinstance(part, Split)) for line in parts for part in line)
+        children = tuple(tuple(merged(child) for child in line) for line in block.children)
+        block = Split(block.rows, block.columns, children)
+        cost = sum(stored(child) + CALL * (not isinstance(child, Split)) for line in children for child in line)
     elif isinstance(block, LowRank):
         cost = stored(block)
     else:

@@ -38,7 +38,7 @@ class Cluster:
     children: tuple["Cluster", ...]
 
     @property
-    def parts(self) -> tuple["Cluster", ...]:
+    def divisions(self) -> tuple["Cluster", ...]:
         """The children, or a leaf itself."""
         return self.children or (self,)
 

@@ -48,7 +48,7 @@ from meeframe_hmatrix.system import (
     ARRAYS,
     BoundarySystem,
     HierarchicalSystem,
-    Whole,
+    LazyBoundary,
     condense,
     diagonal_of,
     factorise,
@@ -130,14 +130,15 @@ class HierarchicalBEM(PersistentFormulation):
         zone = find_contact_zone(body.mesh, body.contact_group or "")
         order = boundary.tree.loads[::N_FIELDS] // N_FIELDS
         to_load, to_displacement = frames_to_units(zone.frames, boundary.units)
-        own = np.einsum("naj,njk,nkb->nab", to_displacement, diagonal_of(compliance, order), to_load)
+        node_compliance = np.einsum("naj,njk,nkb->nab", to_displacement, diagonal_of(compliance, order), to_load)
         values = boundary.layout.value_column[boundary.layout.zone]
         constant, _ = boundary.solve(boundary.system.rhs)
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
-        whole = Whole(partial(self.boundary, body), [boundary])
+        boundary_system = LazyBoundary(partial(self.boundary, body), [boundary])
         compliance = unpacked(*packed(compliance))  # in memory as a system from arrays
-        parts = order, to_load, to_displacement, own, compliance, whole, self._representation(body)
-        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *parts)
+        representation = self._representation(body)
+        arrays = order, to_load, to_displacement, node_compliance, compliance, boundary_system, representation
+        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *arrays)
 
     def from_arrays(self, body: Body, arrays: Mapping[str, AnyArray]) -> ReducedSystem:
         """Return a system from its arrays; `recover` then needs assembly and elimination again."""
@@ -147,21 +148,22 @@ class HierarchicalBEM(PersistentFormulation):
                 f"a hierarchical system has the arrays {', '.join(names)}, not {', '.join(arrays) or 'none'}"
             )
         zone = find_contact_zone(body.mesh, body.contact_group or "")
-        own, n = {name: arrays[name] for name in ARRAYS}, len(zone.points)
-        compliance, whole = unpacked(arrays["table"], arrays["numbers"]), Whole(partial(self.boundary, body))
-        found = {name: array.shape for name, array in own.items()} | {"table": shape(compliance)}
+        stored, n = {name: arrays[name] for name in ARRAYS}, len(zone.points)
+        compliance = unpacked(arrays["table"], arrays["numbers"])
+        boundary_system = LazyBoundary(partial(self.boundary, body))
+        shapes = {name: array.shape for name, array in stored.items()} | {"table": shape(compliance)}
         right = {name: (n, *rest) for name, rest in ARRAYS.items()} | {"table": (N_FIELDS * n, N_FIELDS * n)}
-        if found != right:
-            raise ValueError(f"{n} nodes of a hierarchical system have arrays of the shapes {right}, not {found}")
+        if shapes != right:
+            raise ValueError(f"{n} nodes of a hierarchical system have arrays of the shapes {right}, not {shapes}")
         return HierarchicalSystem(
             zone.points,
             zone.frames,
             zone.weights,
             zone.cells,
             compliance=compliance,
-            whole=whole,
+            boundary_system=boundary_system,
             representation=self._representation(body),
-            **own,
+            **stored,
         )
 
     def boundary(self, body: Body, progress: Progress = silent) -> BoundarySystem:

@@ -58,8 +58,8 @@ def unpacked(table: Indices, numbers: Array) -> Block:
 def _rows(block: Block) -> Iterator[tuple[int, ...]]:
     bounds = block.rows.start, block.rows.stop, block.columns.start, block.columns.stop
     if isinstance(block, Split):
-        yield (*bounds, DIVIDED, len(block.parts), len(block.parts[0]))
-        for line in block.parts:
+        yield (*bounds, DIVIDED, len(block.children), len(block.children[0]))
+        for line in block.children:
             for child in line:
                 yield from _rows(child)
     else:

@@ -47,7 +47,7 @@ MOST_PRODUCTS: Final = 8
 """Between fields of load and displacement, that a system keeps."""
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
 
-ARRAYS: Final = {"offset": (5,), "order": (), "to_load": (5, 5), "to_displacement": (5, 5), "own": (5, 5)}
+ARRAYS: Final = {"offset": (5,), "order": (), "to_load": (5, 5), "to_displacement": (5, 5), "node_compliance": (5, 5)}
 """Stored arrays of a system besides its compliance, with their shapes after the axis of the nodes."""
 
 Fields = tuple[int, ...]
@@ -103,7 +103,7 @@ class BoundarySystem:
         preconditioner = LinearOperator(size, precondition, dtype=float)
         solution, unjudged = gcrotmk(
             matrix, rhs, rtol=RESIDUAL, maxiter=MOST_CYCLES, M=preconditioner, m=CYCLE, k=1
-        )  # SciPy judges where a cycle begins
+        )  # SciPy decides where a cycle begins
         if unjudged and not np.linalg.norm(rhs - matrix @ solution) <= RESIDUAL * np.linalg.norm(rhs):  # NaN, too
             raise CaseError(
                 f"the boundary element system is not solved after {iterations} iterations: it is nearly singular, or "
@@ -138,7 +138,7 @@ def condense(system: System, factors: Factors, tolerance: float, progress: Progr
     with truncation(tolerance) as how:
         reduced = solve(factors, Form.LOWER, system.load_matrix, how)
         assert isinstance(reduced, Split)
-        compliance = solve(factors.second, Form.UPPER, reduced.parts[1][0], how)
+        compliance = solve(factors.second, Form.UPPER, reduced.children[1][0], how)
     progress("compliance", 1.0)
     return compliance
 
@@ -151,7 +151,7 @@ def truncation(tolerance: float) -> Iterator[Truncation]:
 
 
 @dataclass(frozen=True, eq=False)
-class Whole:
+class LazyBoundary:
     """System of the whole boundary, created on demand; copies in other processes create it again.
 
     Attributes
@@ -192,12 +192,12 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         (n,) node of each five rows of the compliance.
     to_load, to_displacement
         (n, 5, 5) from local frames to units of the system in global axes, and back.
-    own
+    node_compliance
         (n, 5, 5) response of each node to its own load, in local frames and SI units.
     compliance
         The matrix of `condense`.
-    whole
-        The system of the whole boundary; as products and inverses it is made again in other processes.
+    boundary_system
+        The system of the whole boundary; like products and inverses, it is computed again in other processes.
     representation
         The interior representation of the body.
     products
@@ -209,9 +209,9 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     order: Indices
     to_load: Array
     to_displacement: Array
-    own: Array
+    node_compliance: Array
     compliance: Block
-    whole: Whole
+    boundary_system: LazyBoundary
     representation: InteriorRepresentation
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, TruncatedInverse | None] = field(default_factory=dict)
@@ -221,8 +221,8 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
 
     @property
     def boundary(self) -> BoundarySystem:
-        """The system of the whole boundary, made again where it has been let go."""
-        return self.whole()
+        """The system of the whole boundary, computed again if it has been released."""
+        return self.boundary_system()
 
     def to_arrays(self) -> dict[str, AnyArray]:
         """Return the compliance and the data that do not follow from the body."""
@@ -254,7 +254,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         key = tuple(fields)
         if key not in self.inverses:
             chosen = list(key)
-            unit = 1.0 / np.sqrt(np.einsum("naa->na", self.own).mean(axis=0)[chosen])
+            unit = 1.0 / np.sqrt(np.einsum("naa->na", self.node_compliance).mean(axis=0)[chosen])
             to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
             scaled = to_load[:, :, chosen] * unit, unit[:, None] * to_displacement[:, chosen]
             self.inverses[key] = truncated_inverse(in_fields(self.compliance, *scaled), unit, self.order)
@@ -277,11 +277,11 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
 
     def diagonal_blocks(self) -> Array:
         """Return the response of each node to its own load, (n, 5, 5)."""
-        return self.own
+        return self.node_compliance
 
     def diagonal(self, fields: Sequence[int]) -> Array:
         """Return the diagonals of `diagonal_blocks` in k fields, (n, k)."""
-        return self.own[:, list(fields), list(fields)]
+        return self.node_compliance[:, list(fields), list(fields)]
 
     def dense(self) -> Array | None:
         """Return None: the matrix is hierarchical."""

@@ -131,7 +131,7 @@ def test_nothing_that_waits_is_begun_after_an_error(monkeypatch):
 
 def test_blocks_of_two_precisions_and_vectors_of_other_lengths_are_refused(matrices):
     _, _, block, _ = matrices
-    ((first, second), (third, fourth)) = block.parts
+    ((first, second), (third, fourth)) = block.children
     mixed = Split(block.rows, block.columns, ((first, second), (convert(third, np.float32), fourth)))
     with pytest.raises(ValueError, match="float32 in one of float64"):
         multiply(mixed, np.zeros((block.columns.stop, 1)))

@@ -186,7 +186,7 @@ def test_kept_arrays_give_the_same_system_and_its_fields(make_block, smooth_load
     assert np.array_equal(again.offset, system.offset)
     inverses = (one.approximate_inverse((0, 1, 2))(load[:, :3]) for one in (again, system))
     assert np.array_equal(*inverses)
-    assert not again.whole.made
+    assert not again.boundary_system.made
     assert np.array_equal(again.recover(load).values, system.recover(load).values)
 
 
@@ -204,7 +204,11 @@ def test_arrays_that_are_no_tree_are_refused(make_block, systems):
     ):
         with pytest.raises(ValueError, match=message):
             unpacked(table, numbers)
-    for changes in ({"more": kept["own"]}, {"numbers": kept["numbers"][1:]}, {"offset": kept["offset"][:2]}):
+    for changes in (
+        {"more": kept["node_compliance"]},
+        {"numbers": kept["numbers"][1:]},
+        {"offset": kept["offset"][:2]},
+    ):
         arrays = {**kept, **changes}
         with pytest.raises(ValueError, match=r"arrays|reshape"):
             HierarchicalBEM().from_arrays(make_block(8), arrays)

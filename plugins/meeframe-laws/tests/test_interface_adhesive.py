@@ -14,7 +14,7 @@ from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.closed_forms_adhesion import Maugis, bradley_force, hertz_gap, quarter_half_space, weak_attraction
 from meeframe.testing.elastic_half_space import elastic_half_space
-from meeframe.testing.force_control import PRESS, balanced_solution, check_same, freedom
+from meeframe.testing.force_control import PRESS, balanced_solution, check_same, prescribe_resultant
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 W, R, MODULUS = 0.05, 1e-6, 4e9
@@ -201,7 +201,8 @@ def test_a_free_indenter_is_pulled_to_where_it_is_held(law):
     start = ContactState(held.load, held.displacement, held.contact_fraction, np.array([1e-9]))
     for total in (1.0, 0.0, -0.8):
         free = replace(
-            indentation_problem(system, height, 0.0, law), prescribed_resultants=(freedom(system, PRESS, total * unit),)
+            indentation_problem(system, height, 0.0, law),
+            prescribed_resultants=(prescribe_resultant(system, PRESS, total * unit),),
         )
         start = balanced_solution(free, SemismoothNewton(), start=start).state
         near = replace(start, load=0.999 * start.load, motion=1.001 * start.motion)

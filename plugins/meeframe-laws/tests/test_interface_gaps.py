@@ -11,7 +11,7 @@ from meeframe.model.laws import gap_of_law
 from meeframe.plugin.registry import Kind, load
 from meeframe.solvers import SemismoothNewton
 from meeframe.system.dense import DenseSystem
-from meeframe.testing.force_control import PRESS, balanced_solution, freedom
+from meeframe.testing.force_control import PRESS, balanced_solution, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
 
 
@@ -47,7 +47,7 @@ def test_waves_against_westergaard(share):
     full = np.pi * modulus * amplitude / wavelength
     mean = full * np.sin(0.5 * np.pi * share) ** 2
     problem = indentation_problem(system, gap_of_law(law, system.points), 0.0, law)
-    problem = replace(problem, prescribed_resultants=(freedom(system, PRESS, mean),))
+    problem = replace(problem, prescribed_resultants=(prescribe_resultant(system, PRESS, mean),))
     pressure = -balanced_solution(problem, SemismoothNewton()).state.load[:, 2]
     assert (pressure > 0.0).mean() == pytest.approx(share, abs=2.0 / cells)
     half = 0.5 * share * wavelength

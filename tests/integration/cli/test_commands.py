@@ -132,7 +132,7 @@ def test_contact_that_its_zone_cuts_off_is_warned_of(case_file, tmp_path):
     case_file.write_text(case_file.read_text().replace('"40 um"', '"1 mm"'))
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "beyond")
     assert status == 0
-    assert "warning: the contact reaches the edge of its zone, where it is cut off" in err
+    assert "warning: the contact reaches the boundary of its zone and is cut off there" in err
 
 
 def test_status_1_if_a_step_does_not_converge(case_file, tmp_path):
@@ -288,7 +288,7 @@ def test_a_mesh_too_large_for_the_memory(case_file, tmp_path, monkeypatch, comma
     arguments = ["--out", tmp_path / "out"] if command == "run" else []
     status, _, err = meeframe_command(command, case_file, *arguments)
     assert status == 2
-    assert f"error: {case_file}: mesh: needs more memory than there is: " in err
+    assert f"error: {case_file}: mesh: needs more memory than is available: " in err
     assert not (tmp_path / "out").exists()
 
 

@@ -417,6 +417,6 @@ def test_an_interruption_says_where_the_finished_increments_are(case_file, tmp_p
     monkeypatch.setattr("meeframe.study.compare.solve_steps", stopped)
     status, _, err = invoke("compare", case_file, "--solver", "newton", "--out", tmp_path / "o")
     assert status == 130
-    assert err.splitlines()[-1] == f"interrupted; what was found so far is in {tmp_path / 'o' / 'compare.json'}"
+    assert err.splitlines()[-1] == f"interrupted; results so far are in {tmp_path / 'o' / 'compare.json'}"
     (run,) = json.loads((tmp_path / "o" / "compare.json").read_text())["runs"]
     assert run["status"] == "unfinished"

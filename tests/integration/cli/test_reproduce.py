@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from meeframe.cli import app
 from meeframe.model import solve
+from meeframe.results.output import LOCK_FILE, locked
 
 STUDIES = Path(__file__).parents[3] / "validation"
 
@@ -86,6 +87,16 @@ def test_an_unwritable_folder(studies, tmp_path):
     status, _, complained = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "file")
     assert status == 2
     assert "cannot be written" in complained
+
+
+def test_a_folder_in_use_is_refused_before_anything_is_solved(studies, tmp_path):
+    out = tmp_path / "out"
+    with locked(out):
+        status, _, complained = reproduce("fig-07", "--validation", studies, "--out", out)
+        assert [path.name for path in out.iterdir()] == [LOCK_FILE]
+    assert status == 2
+    assert f"folder {out} is in use: another process writes there" in complained
+    assert not out.exists()
 
 
 def test_a_wrong_key_is_named_with_its_study_and_run(studies, tmp_path):

@@ -226,7 +226,7 @@ def test_the_numbers_so_far_are_kept_if_it_is_stopped(write_case, registry, tmp_
     monkeypatch.setattr(study, "solve_steps", stopping)
     with pytest.raises(KeyboardInterrupt) as stopped:
         verified(write_case(FINE), registry, tmp_path / "o")
-    assert stopped.value.__notes__ == [f"what was found so far is in {tmp_path / 'o' / 'verify.json'}"]
+    assert stopped.value.__notes__ == [f"results so far are in {tmp_path / 'o' / 'verify.json'}"]
     found = numbers(tmp_path / "o")
     assert found["verdict"] == "unfinished"
     assert [run["status"] for run in found["runs"]] == ["converged"] * 3

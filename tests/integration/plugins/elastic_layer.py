@@ -23,14 +23,12 @@ from meeframe.plugin import (
     FieldwiseApply,
     Formulation,
     Indices,
-    LatticeStencil,
     MeshError,
     Multigrid,
     NodalFields,
     Progress,
     Record,
     ReducedSystem,
-    Stencil,
     check_conditions,
     hookimpl,
     silent,
@@ -96,7 +94,7 @@ def grid_symbol(stiffness: Array, thickness: float, size: tuple[int, int], spaci
 
 @final
 @dataclass(frozen=True, eq=False)
-class LayerSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, LatticeStencil):
+class LayerSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid):
     """A layer on a grid that repeats itself; nodes along the second axis first.
 
     Attributes
@@ -186,16 +184,6 @@ class LayerSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, 
         fine[1::2, ::2] = 0.5 * (coarse + np.roll(coarse, -1, axis=0))
         fine[:, 1::2] = 0.5 * (fine[:, ::2] + np.roll(fine[:, ::2], -1, axis=1))
         return fine.reshape(len(self.points), -1)
-
-    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
-        """Return the responses around a node."""
-        if min(self.size) <= 2 * radius:
-            return None
-        around = np.roll(self._response_to_first_node(), (radius, radius), axis=(0, 1))
-        responses = np.zeros((2 * radius + 1, 2 * radius + 1, N_FIELDS, N_FIELDS))
-        some = np.ix_(range(2 * radius + 1), range(2 * radius + 1), list(fields), list(fields))
-        responses[some] = around[some]
-        return Stencil(np.arange(len(self.points)).reshape(self.size), True, responses)
 
 
 def grid_cells(size: tuple[int, int]) -> tuple[tuple[str, Indices], ...]:

@@ -26,6 +26,6 @@ def test_quick(name, tmp_path):
     (case,) = validate(FOLDER, tmp_path, [name], quick=True).cases
     assert not case.error
     assert case.rows
-    assert case.figures or any(row.found.verdict == "skipped" for row in case.rows)
+    assert case.figures or any(row.item.verdict == "skipped" for row in case.rows)
     for row in case.rows:
-        assert row.found.verdict not in BAD, row.found
+        assert row.item.verdict not in BAD, row.item

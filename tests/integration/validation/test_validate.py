@@ -19,7 +19,8 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from meeframe.cli import app
-from meeframe.common.errors import CaseError
+from meeframe.common.errors import CaseError, ResultError
+from meeframe.results.output import locked
 from meeframe.study.reports.validation import CaseReport, Row, Validation
 from meeframe.study.reports.validation_page import page
 from meeframe.study.reports.validation_table import validation_json, validation_table
@@ -259,7 +260,7 @@ def test_modules_of_one_case_are_not_those_of_another(tmp_path, monkeypatch):
     cases = make_case(tmp_path / "cases", "a", value="1.001")
     make_case(cases, "b", value="1.002")
     found = validate(cases, tmp_path / "out")
-    assert [case.rows[0].found.computed for case in found.cases] == [1.001, 1.002]
+    assert [case.rows[0].item.computed for case in found.cases] == [1.001, 1.002]
     assert sys.modules["beside"] == "of somebody else"
     assert "shared" not in sys.modules
     assert sys.path == path
@@ -274,6 +275,15 @@ def test_bad_input_names_what_is_allowed(tmp_path):
     with pytest.raises(CaseError, match=r"no \*/checks.py"):
         validate(tmp_path / "cases" / "hertz", tmp_path / "out")
     assert command("--validation", cases, "--only", "herz", "--out", tmp_path / "out")[0] == 2
+
+
+def test_a_folder_in_use_is_refused_and_its_files_stay(tmp_path):
+    cases, out = make_case(tmp_path / "cases"), tmp_path / "out"
+    validate(cases, out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    with locked(out), pytest.raises(ResultError, match="out is in use: another process writes there"):
+        validate(cases, out)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
 def test_without_plotly_the_message_says_what_to_install(tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ from meeframe.model.load import load_case
 from meeframe.results.records import Region
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
-SLIDING = "everything slips under the prescribed force or torque"
+SLIDING = "the whole contact slips under the prescribed force or torque"
 
 
 @pytest.mark.parametrize(
@@ -121,11 +121,11 @@ def test_sides_at_the_edge_are_counted_in_the_right_number(synthetic):
     region[[0, 1]] = Region.STICK
     step = replace(step, region=region)
     (told,) = diagnostics(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
-    assert re.fullmatch(r"the contact reaches the edge of its zone at 1 element side", told)
+    assert re.fullmatch(r"the contact reaches the boundary of its zone at 1 element side", told)
 
 
-ONE_INCREMENT = "of the contact came about in one increment"
-AREA = "its area is known to about"
+ONE_INCREMENT = "of the contact formed in one increment"
+AREA = "its area is uncertain by about"
 
 
 def pressed(bed, rubbing, *steps, poisson=0.3, cells=24, **changes):
@@ -180,7 +180,7 @@ def test_the_area_of_a_coarse_contact_is_as_uncertain_as_told(bed, rubbing, cell
 
 def test_a_single_node_in_contact(bed, rubbing):
     (message,), _ = pressed(bed, rubbing, meeframe.Step(approach=1e-6), cells=9)
-    assert "the contact has one node: its area is known to about 50%" in message
+    assert "the contact has one node: its area is uncertain by about 50%" in message
 
 
 def test_a_system_without_cells_has_no_rim(bed, rubbing):

@@ -103,7 +103,7 @@ AXES = ("mu = 0.3}\n", "mu = 0.3}\naxes = {direction = [0, 1, 0]}\n")
 def test_other_friction_axes_are_refused(write_case, registry):
     path = continued(write_case)
     path.write_text(path.read_text().replace(*AXES))
-    text = "the local axis e1 of that run points elsewhere on the contact zone, by up to 90 deg; allowed: the same [co"
+    text = "the local axis e1 of that run differs on the contact zone by up to 90 deg; allowed: the same [co"
     refused(path, registry, text)
 
 

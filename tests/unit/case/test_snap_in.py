@@ -12,7 +12,7 @@ from meeframe.laws import Signorini
 from meeframe.laws.base import ContactLaw
 from meeframe.model.diagnostics import snap_in, steepest_fall
 
-SNAP = "they snap into contact one by one"
+SNAP = "nodes snap into contact one by one"
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def test_the_elements_that_are_named_do(bed):
     step = SimpleNamespace(gap=np.zeros(1), traction=np.full((1, 3), -1e6))
     (told,) = snap_in(coarse, law, step)
     here = bed.side / 8
-    assert re.search(r"elements of (\S+) m at most, which are (\S+) m here", told).groups() == (
+    assert re.search(r"elements of at most (\S+) m \(here (\S+) m\)", told).groups() == (
         f"{here / 2:.2g}",
         f"{here:.2g}",
     )

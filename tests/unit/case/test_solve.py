@@ -172,4 +172,4 @@ def test_contact_at_the_edge_of_the_zone_is_remarked(case):
         dataclasses.replace(case, steps=(meeframe.Step(1e-6), meeframe.Step(1e-3)))
     ).steps
     assert "edge of its zone" not in inner.message
-    assert "the contact reaches the edge of its zone at 16 element sides" in outer.message
+    assert "the contact reaches the boundary of its zone at 16 element sides" in outer.message

@@ -51,7 +51,7 @@ def test_one_that_keeps_it_is_taken(case):
         ("weights", np.full(N, np.nan), "weights .* has numbers that are not finite"),
         ("matrix", np.full((N, 5, N, 5), -np.inf), "matrix .* has numbers that are not finite"),
         ("points", np.zeros(()), r"points .* has shape \(\); allowed: \(0, 3\)"),
-        ("offset", np.zeros((N, 5)).tolist(), "offset .* is a list; allowed: an array"),
+        ("offset", np.zeros((N, 5)).tolist(), "offset .* is a list; allowed: a NumPy array"),
         ("offset", np.zeros((N, 5), object), "offset .* is an array of object"),
         ("offset", np.zeros((N, 5), complex), "offset .* is an array of complex128"),
         ("weights", np.resize([np.inf, -np.inf], N), "weights .* has numbers that are not finite"),

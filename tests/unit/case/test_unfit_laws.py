@@ -88,7 +88,7 @@ class Careless(Signorini):
 
 
 def test_a_law_that_changes_what_it_is_given_is_refused(case):
-    with pytest.raises(CaseError, match="project of the contact law Careless changes the array that it is given"):
+    with pytest.raises(CaseError, match="project of the contact law Careless changes its argument"):
         replace(case, contact_law=Careless())
 
 
@@ -117,13 +117,13 @@ class Overwriting(Signorini, ConductivityLaw):
 @pytest.mark.parametrize(("method", "argument"), [("resolve", 0), ("resolve", 1), ("tangent", 0)])
 def test_no_method_may_change_what_it_is_given(case, method, argument):
     assert replace(case, contact_law=Overwriting()).contact_law == Overwriting()
-    with pytest.raises(CaseError, match=f"{method} of the contact law Overwriting changes the array"):
+    with pytest.raises(CaseError, match=f"{method} of the contact law Overwriting changes its argument"):
         replace(case, contact_law=Overwriting(method, argument))
 
 
 @pytest.mark.parametrize("argument", [0, 1, 2])
 def test_conductivities_leave_alone_what_they_are_given(case, argument):
-    with pytest.raises(CaseError, match="conductivity of the conductivity law Overwriting changes the arrays"):
+    with pytest.raises(CaseError, match="conductivity of the conductivity law Overwriting changes its arguments"):
         replace(case, conductivity={"electric": Overwriting("conductivity", argument)})
 
 

@@ -55,9 +55,9 @@ def test_contact_that_is_cut_off_is_flagged(case, how):
     result = meeframe.solve_case(replace(case, **changes))
     cut = how in ("too small a zone", "tilted over it")
     assert result.steps[-1].touching.all()
-    assert [step.reaches_edge for step in result.steps] == [False, cut]
-    assert ("reaches the edge" in result.steps[-1].message) == cut
-    assert summary(result)["reaches_edge"] == summary(result)["steps"][1]["reaches_edge"] == cut
+    assert [step.contact_at_zone_boundary for step in result.steps] == [False, cut]
+    assert ("reaches the boundary" in result.steps[-1].message) == cut
+    assert summary(result)["contact_at_zone_boundary"] == summary(result)["steps"][1]["contact_at_zone_boundary"] == cut
 
 
 def test_contact_of_an_iteration_that_did_not_converge_is_not_flagged(case):
@@ -67,6 +67,6 @@ def test_contact_of_an_iteration_that_did_not_converge_is_not_flagged(case):
     (step,) = meeframe.solve_case(deep).steps
     assert step.status is not Status.CONVERGED
     assert step.touching.all()
-    assert not step.reaches_edge
-    assert "reaches the edge" not in step.message
+    assert not step.contact_at_zone_boundary
+    assert "reaches the boundary" not in step.message
     assert "overlaps the undeformed body on the whole contact zone" in step.message

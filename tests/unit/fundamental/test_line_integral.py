@@ -5,6 +5,7 @@ from meeframe.common.errors import CaseError, MaterialError
 from meeframe.greens import LineIntegral
 from meeframe.greens._kernels.line_integral import line_integrals
 from meeframe.greens._kernels.modulation import triads
+from meeframe.greens.directions import spread_directions
 from meeframe.testing.fundamental import relative_error, unit_vectors
 
 
@@ -55,6 +56,28 @@ def test_adds_points_for_extreme_anisotropy(isotropic, random):
     # Laplace's equation in stretched coordinates.
     stretched = np.sqrt(a * a * offset[:, 2] ** 2 + a * c * (offset[:, 0] ** 2 + offset[:, 1] ** 2))
     np.testing.assert_allclose(u[:, 3, 3], -1.0 / (4.0 * np.pi * stretched), rtol=1e-11)
+
+
+def test_a_small_change_by_accident_does_not_end_the_rule(isotropic):
+    """A decoupled anisotropic potential, whose integrand has one harmonic: its change vanishes in some directions."""
+    permittivity = np.array([[3.0, 0.4, 0.0], [0.4, 2.0, 0.3], [0.0, 0.3, 5.0]])
+    stiffness = isotropic.copy()
+    stiffness[:, 3, 3, :] = -permittivity
+    _, triad = triads(spread_directions(20_000))
+    # directions in which n nodes, n = 4, 8 or 16, see no change: the phase of the harmonic is a quarter of a period
+    form = np.einsum("nai,ij,nbj->nab", triad[:, :2], permittivity, triad[:, :2])
+    phase = np.arctan2(2.0 * form[:, 0, 1], form[:, 0, 0] - form[:, 1, 1])
+    angles = np.concatenate([0.5 * phase - np.pi / (4 * count) for count in (4, 8, 16)])
+    triad = np.tile(triad, (3, 1, 1))
+    n, m = triad[:, 0].copy(), triad[:, 1].copy()
+    cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    triad[:, 0], triad[:, 1] = cosine * n + sine * m, cosine * m - sine * n
+    modulation, converged = line_integrals(stiffness, triad, 16, 1 << 14, 1e-8, False)
+    stretched = np.einsum("ni,ij,nj->n", triad[:, 2], np.linalg.inv(permittivity), triad[:, 2])
+    assert converged
+    np.testing.assert_allclose(
+        modulation[:, 0, 12], -1.0 / np.sqrt(np.linalg.det(permittivity) * stretched), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("points", [0, 2, 7, -4, 1 << 20])

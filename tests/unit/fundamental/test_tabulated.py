@@ -40,6 +40,22 @@ def test_boundaries_of_cells_and_faces(stiffness, random):
     assert_equals_line_integral(stiffness, np.vstack([corners, -corners, corners + nudges, np.eye(3)]), random)
 
 
+def test_a_decoupled_anisotropic_potential(isotropic, random):
+    """Against Laplace's equation in stretched coordinates."""
+    permittivity = np.array([[3.0, 0.4, 0.0], [0.4, 2.0, 0.3], [0.0, 0.3, 5.0]])
+    stiffness = isotropic.copy()
+    stiffness[:, 3, 3, :] = -permittivity
+    kernel = Tabulated().bind(stiffness)
+    offset, normal = random.normal(size=(20_000, 3)), unit_vectors(random, 20_000)
+    u, t = kernel.evaluate(offset, normal)
+    stretched = np.einsum("ni,ij,nj->n", offset, np.linalg.inv(permittivity), offset)
+    exact = -1.0 / (4.0 * np.pi * np.sqrt(np.linalg.det(permittivity) * stretched))
+    np.testing.assert_allclose(u[:, 3, 3], exact, rtol=TOLERANCE)
+    # K n . grad u = -(n . x) u / (x . K^-1 x), and the sign of T follows from that of the stiffness
+    flux = np.einsum("ni,ni->n", normal, offset) * exact / stretched
+    assert np.abs(t[:, 3, 3] - flux).max() <= TOLERANCE * np.abs(flux).max()
+
+
 def test_sums_over_plane_pieces(stiffness, random):
     """Pieces of 0 to 40 points, each with a normal of its own, against sums of the line integral."""
     sizes = np.append(random.integers(1, 40, 60), [1, 0, 5])

@@ -211,7 +211,7 @@ def test_slip_and_friction_are_opposite():
     local = local_solution(problem, solve(problem, Auto()).state)
     pressing = local.r[::3] > 0
     r, u = (part.reshape(-1, 3)[pressing] for part in (local.r, local.u))
-    assert (u[:, 1] > 0).all()  # the indenter is ahead of the body ...
+    assert (u[:, 1] > 0).all()  # the indenter moves farther than the body ...
     assert (r[:, 1] < 0).all()  # ... and drags it along: -r is the force on the body
     np.testing.assert_allclose(np.hypot(r[:, 1], r[:, 2]), 0.3 * r[:, 0], rtol=1e-7)
 
@@ -246,8 +246,8 @@ def test_potentials_are_eliminated_at_the_resistances_of_the_state(kappa):
 def test_free_motions_are_held_where_the_state_has_them():
     mode = np.zeros((CELLS**2, 5))
     mode[:, 2] = -1.0
-    freedom = PrescribedResultant(mode, mode * SYSTEM.weights[:, None], 2000.0)
-    problem = replace(pressed(translation=(0.0, 0.0)), prescribed_resultants=(freedom,))
+    resultant = PrescribedResultant(mode, mode * SYSTEM.weights[:, None], 2000.0)
+    problem = replace(pressed(translation=(0.0, 0.0)), prescribed_resultants=(resultant,))
     with pytest.raises(CaseError, match="1 motions or potentials of the indenter are free"):
         local_problem(problem)
     found = solve(problem, Auto())
@@ -292,7 +292,7 @@ def test_orthotropic_law_with_equal_coefficients_is_isotropic():
 
 
 def test_compliance_that_is_no_matrix():
-    with pytest.raises(CaseError, match="not held as a matrix"):
+    with pytest.raises(CaseError, match="not stored as a matrix"):
         local_problem(pressed(system=MatrixFree.of(SYSTEM)))
 
 

@@ -81,8 +81,8 @@ BROKEN = {
     "row out of range": ({"W/i": np.array([0, 1, 3])}, r"an entry of its matrix is at row 3, column 2 of \(3, 3\)"),
     "negative row": ({"W/i": np.array([0, 1, -1])}, "an entry of its matrix is at row -1, column 2"),
     "pointers too short": ({"W/p": np.array([0, 1, 2])}, "3 pointers for 3 columns or rows"),
-    "pointers too long": ({"W/p": np.array([0, 1, 2, 9])}, "is no whole problem"),
-    "pointers that go back": ({"W/p": np.array([0, 2, 1, 3])}, "is no whole problem"),
+    "pointers too long": ({"W/p": np.array([0, 1, 2, 9])}, "is not a complete FCLIB problem"),
+    "pointers that go back": ({"W/p": np.array([0, 2, 1, 3])}, "is not a complete FCLIB problem"),
     "q too short": ({"vectors/q": np.zeros(2)}, r"q \(2,\)"),
     "negative mu": ({"vectors/mu": np.array([-0.1])}, "mu of the FCLIB problem is -0.1 at contact 0; allowed"),
     "not a number": ({"vectors/q": np.array([0, np.nan, 0])}, "q of the FCLIB problem is not finite"),
@@ -128,7 +128,7 @@ def test_damaged_chunks(tmp_path):
     with pytest.raises(ResultError, match=r"a\.hdf5: its solution cannot be read"):
         read_solution(path)
     damage(path, "fclib_local/W/x")
-    with pytest.raises(CaseError, match=r"a\.hdf5: is no whole problem of FCLIB"):
+    with pytest.raises(CaseError, match=r"a\.hdf5: is not a complete FCLIB problem"):
         read_local(path)
 
 
@@ -166,7 +166,7 @@ def test_files_of_something_else(tmp_path):
         read_local(path)
     with h5py.File(path, "r+") as file:
         del file["fclib_local/V"], file["fclib_local/vectors/mu"]
-    with pytest.raises(CaseError, match="no whole problem of FCLIB"):
+    with pytest.raises(CaseError, match="not a complete FCLIB problem"):
         read_local(path)
     with h5py.File(path, "r+") as file:
         file["solution/u"] = np.zeros(3)

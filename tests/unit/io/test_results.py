@@ -56,11 +56,13 @@ def test_what_few_results_have_comes_back(tmp_path, synthetic):
     area_fraction = np.linspace(0.0, 1.0, 25)
     write(
         tmp_path,
-        synthetic.result(dataclasses.replace(synthetic.step(1e-6), area_fraction=area_fraction, reaches_edge=True)),
+        synthetic.result(
+            dataclasses.replace(synthetic.step(1e-6), area_fraction=area_fraction, contact_at_zone_boundary=True)
+        ),
     )
     (step,) = files.read_result(str(tmp_path)).steps
     np.testing.assert_array_equal(step.area_fraction, area_fraction)
-    assert step.reaches_edge
+    assert step.contact_at_zone_boundary
 
 
 def test_without_boundary_fields(tmp_path, synthetic):
@@ -187,9 +189,13 @@ def test_nothing_to_read(tmp_path):
     with pytest.raises(ResultError, match="'something else' is unknown"):
         files.read_result(tmp_path)
     with h5py.File(tmp_path / RESULT_FILE, "w") as file:
+        file.attrs["format"] = "meeframe-result 5"
+    with pytest.raises(ResultError, match="reaches_edge is now called contact_at_zone_boundary"):
+        files.read_result(tmp_path)
+    with h5py.File(tmp_path / RESULT_FILE, "w") as file:
         file.attrs.update({"format": "meeframe-result 4", "case": ""})  # not compressed
     with pytest.raises(
-        ResultError, match="'meeframe-result 4' is unknown; this version reads 'meeframe-result 5': run"
+        ResultError, match="'meeframe-result 4' is unknown; this version reads 'meeframe-result 6': run"
     ):
         files.read_result(tmp_path)
 

@@ -12,7 +12,7 @@ INF = np.inf
 
 
 def fixed_point(law: ContactLaw, slip: np.ndarray, pressure: float) -> np.ndarray:
-    """Tangential traction at rest with a given slip of the indenter ahead of the body."""
+    """Tangential traction at rest with a given slip of the indenter relative to the body."""
     traction = np.array([[0.0, 0.0, -pressure]])
     for _ in range(4000):
         traction[:, :2] += 0.5 * slip @ law.tangential_scaling()

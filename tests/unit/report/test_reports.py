@@ -21,7 +21,7 @@ STEP_KEYS = {
     "max_abs_magnetic_potential", "iterations", "residual", "status", "step", "increment", "prescribed", "approach",
     "translation", "tilt", "twist", "electric_potential", "magnetic_potential", "normal_force", "tangential_force",
     "moment", "torque", "dissipated_energy", "stick_area", "slip_area", "max_tension", "duration",
-    "reaches_edge",
+    "contact_at_zone_boundary",
 }  # fmt: skip
 
 

@@ -110,7 +110,7 @@ def table(sweep):
 def test_contact_that_its_zone_cuts_off_is_marked(sweep):
     edge = np.zeros((3, 2, 4))
     edge[2, 1, 3] = 1.0
-    found = table(dataclasses.replace(sweep, quantities=sweep.quantities | {"reaches_edge": edge}))
+    found = table(dataclasses.replace(sweep, quantities=sweep.quantities | {"contact_at_zone_boundary": edge}))
     (marked,) = (line for line in found.splitlines() if "converged, at the zone boundary" in line)
     assert "6e-06" in marked
     assert "edge" not in table(sweep)

@@ -30,24 +30,24 @@ def problem(factor: float, cells: int = 16) -> ContactProblem:
 
 
 def test_without_resolution_it_flips_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(conduction, "FLIPS", np.inf)
+    monkeypatch.setattr(conduction, "MAX_FLIPS", np.inf)
     solution = solve(problem(1.0), Uzawa(), StoppingCriteria(max_iterations=6000))
     assert solution.status in (Status.CYCLING, Status.STALLED)
     assert solution.residual > 1e-4
 
 
-def test_with_resolution_it_grazes() -> None:
+def test_with_resolution_nodes_are_biactive() -> None:
     case = problem(1.0)
     solution = solve(case, Uzawa())
     state = solution.state
     assert solution.status is Status.CONVERGED
     assert residual(case, state) <= 1e-10
-    grazing = (state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)
-    assert grazing.any()
+    biactive = (state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)
+    assert biactive.any()
     pressure = np.abs(state.load[:, 2]).max()
-    assert np.abs(state.load[grazing, 2]).max() < 1e-9 * pressure
-    assert np.abs(contact_gap(case, state.displacement)[grazing, 2]).max() < 1e-9 * 5e-5
-    assert ((state.contact_fraction == 1.0) == (state.load[:, 2] < -1e-9 * pressure))[~grazing].all()
+    assert np.abs(state.load[biactive, 2]).max() < 1e-9 * pressure
+    assert np.abs(contact_gap(case, state.displacement)[biactive, 2]).max() < 1e-9 * 5e-5
+    assert ((state.contact_fraction == 1.0) == (state.load[:, 2] < -1e-9 * pressure))[~biactive].all()
 
 
 @pytest.mark.full(except_for=1)
@@ -95,13 +95,13 @@ def test_resistances() -> None:
 
 
 def test_graph_as_a_fixed_point() -> None:
-    """Fraction one under pressure, zero across a gap, anything where the node grazes; whatever it was before."""
+    """Fraction one under pressure, zero across a gap, anything where the node is biactive; whatever it was before."""
     for before, trial, after in ((1.0, -2.0, 1.0), (0.3, -2.0, 1.0), (0.3, 2.0, 0.0), (0.0, 2.0, 0.0), (0.4, 0.0, 0.4)):
         assert conduction.switch(np.array([before]), np.array([trial]), 1.0)[0] == after
 
 
 def test_law_without_conductivity_across_the_gap_insulates_open_nodes() -> None:
-    assert contact_conductivity(StepConductivity(np.inf), np.array([conduction.TOUCHING, 0.0])).tolist() == [
+    assert contact_conductivity(StepConductivity(np.inf), np.array([conduction.MIN_TRACTION, 0.0])).tolist() == [
         np.inf,
         0.0,
     ]
@@ -152,9 +152,9 @@ def test_drop_is_found_together_with_its_conductivity(steepness: float) -> None:
     laws = [Discharge(0.3 / size, steepness / size) for size in own[0]]
     case = replace(case, channels=flux_channels(laws[0], laws[1]), gap=np.full(n, 1e-6))
     alone = np.logspace(-3, 5, n)
-    ahead = np.zeros((n, 5))
-    ahead[:, 3:] = alone[:, None]
-    resistance = conduction.resistances(case, np.zeros(n), np.zeros(n), own, ahead) / own
+    relative_displacement = np.zeros((n, 5))
+    relative_displacement[:, 3:] = alone[:, None]
+    resistance = conduction.resistances(case, np.zeros(n), np.zeros(n), own, relative_displacement) / own
     left = np.where(alone < 1.3, alone / 1.3, (alone + steepness) / (1.3 + steepness))
     for column in resistance.T:
         np.testing.assert_allclose(alone * column / (1.0 + column), left, rtol=1e-9)

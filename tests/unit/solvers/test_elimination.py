@@ -119,7 +119,7 @@ def test_factors_are_used_again_while_nothing_changes() -> None:
     assert elimination.prepare(resistance.copy(), first) is first
     other = elimination.prepare(2.0 * resistance, first)
     assert other is not first
-    assert other.parts.factor.blocks is first.parts.factor.blocks
+    assert other.data.factor.blocks is first.data.factor.blocks
 
 
 def test_the_whole_solution_does_not_need_a_matrix() -> None:
@@ -148,7 +148,7 @@ def test_as_much_potential_is_left_as_is_enough(enough: float, astray: float) ->
     load[3] = 0.0
     conducts = np.isfinite(resistance)
     guess = np.where(conducts, astray * np.random.default_rng(9).normal(size=(N, 2)), 0.0)
-    found = krylov.respond(load[:, :3], krylov.prepare(resistance, None), guess, enough=enough)
+    found = krylov.respond(load[:, :3], krylov.prepare(resistance, None), guess, allowed_error=enough)
     load[:, 3:] = found.flux
     moved, own = problem.system.apply(load), np.diagonal(problem.system.diagonal_blocks(), axis1=1, axis2=2)
     left = (moved[:, 3:] + np.where(conducts, resistance, 0.0) * found.flux)[conducts]

@@ -24,7 +24,7 @@ from meeframe.testing.force_control import (
     balanced_solution,
     check_same,
     conducting_sphere,
-    freedom,
+    prescribe_resultant,
     released,
 )
 from meeframe.testing.half_space import half_space_system, indentation_problem
@@ -61,7 +61,7 @@ def test_floating_conductor_against_the_closed_form(solver, potential) -> None:
         potential = brentq(lambda phi: indent(XI, Sphere(RADIUS), APPROACH, phi).charge, -1e5, 1e5)
     exact = indent(XI, Sphere(RADIUS), APPROACH, potential)
     system = half_space_system(XI, 5e-3, 20)
-    free = freedom(system, PRESS, exact.force), freedom(system, VOLTAGE, exact.charge)
+    free = prescribe_resultant(system, PRESS, exact.force), prescribe_resultant(system, VOLTAGE, exact.charge)
     height = (system.points**2).sum(axis=1) / (2.0 * RADIUS)
     touching = indentation_problem(system, height, approach=0.0, conductivity=(np.inf, 0.0))
     motion = balanced_solution(replace(touching, prescribed_resultants=free), solver, StoppingCriteria()).state.motion
@@ -76,7 +76,7 @@ def test_floating_conductor_is_one_with_the_potential_found(condition, charges) 
     problem = conducting_sphere(Signorini(), KAPPA[condition], potentials=(0.0, 0.0))
     modes = zip((VOLTAGE, MAGNETOMOTIVE), charges, strict=True)
     floating = replace(
-        problem, prescribed_resultants=tuple(freedom(problem.system, mode, total) for mode, total in modes)
+        problem, prescribed_resultants=tuple(prescribe_resultant(problem.system, mode, total) for mode, total in modes)
     )
     for solver in ALL:
         state = balanced_solution(floating, solver).state
@@ -94,7 +94,11 @@ def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
     """Fluxes and floating potentials as unknowns of one linear system, for tractions that are given."""
     problem = conducting_sphere(IsotropicCoulomb(MU), KAPPA[condition], cells=6)
     system, n = problem.system, len(problem.gap)
-    free = freedom(system, VOLTAGE, 1e-8), freedom(system, PRESS, 1.0), freedom(system, MAGNETOMOTIVE, -3e-9)
+    free = (
+        prescribe_resultant(system, VOLTAGE, 1e-8),
+        prescribe_resultant(system, PRESS, 1.0),
+        prescribe_resultant(system, MAGNETOMOTIVE, -3e-9),
+    )
     problem = replace(problem, prescribed_resultants=free)
     random = np.random.default_rng(1)
     load = np.zeros((n, 5))
@@ -122,7 +126,7 @@ def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
         conductors = elimination.prepare(resistance, None)
         response = elimination.respond(load[:, :3], conductors, np.zeros((n, 2)))
         # a good guess is not spoilt by a coarse solution from there
-        near = conductors.fixed(response.flux, response.potential)
+        near = conductors.without_floating(response.flux, response.potential)
         again = elimination.respond(load[:, :3], conductors, near, 1e-3)
         assert np.abs(again.flux - response.flux).max() <= 1e-9 * np.abs(response.flux).max()
         found = elimination.state(load[:, :3], conductors, np.zeros((n, 2)), np.zeros(2))
@@ -135,9 +139,9 @@ def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
 def test_where_nothing_conducts_the_potential_stays_where_it_was(solver) -> None:
     problem = conducting_sphere(Signorini())
     start = ContactState(np.zeros((64, 5)), np.zeros((64, 5)), np.zeros(64), np.array([123.0]))
-    floating = replace(problem, prescribed_resultants=(freedom(problem.system, VOLTAGE, 0.0),))
+    floating = replace(problem, prescribed_resultants=(prescribe_resultant(problem.system, VOLTAGE, 0.0),))
     assert balanced_solution(floating, solver, start=start).state.motion == [123.0]
-    charged = replace(problem, prescribed_resultants=(freedom(problem.system, VOLTAGE, 1e-7),))
+    charged = replace(problem, prescribed_resultants=(prescribe_resultant(problem.system, VOLTAGE, 1e-7),))
     assert solve(charged, solver, StoppingCriteria(max_iterations=200), start).status is not Status.CONVERGED
 
 
@@ -146,9 +150,9 @@ def test_where_nothing_conducts_the_potential_stays_where_it_was(solver) -> None
 def test_systems_without_a_matrix(solver) -> None:
     law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(MU)
     problem = conducting_sphere(law, KAPPA["finite"], cells=6)
-    free = [freedom(problem.system, PRESS, 800.0), freedom(problem.system, VOLTAGE, 1e-7)]
+    free = [prescribe_resultant(problem.system, PRESS, 800.0), prescribe_resultant(problem.system, VOLTAGE, 1e-7)]
     if law != Signorini():
-        free.append(freedom(problem.system, SLIDE, 100.0))
+        free.append(prescribe_resultant(problem.system, SLIDE, 100.0))
     problem = replace(problem, prescribed_resultants=tuple(free))
     dense = balanced_solution(problem, solver, StoppingCriteria())
     bare = balanced_solution(replace(problem, system=MatrixFree.of(problem.system)), solver, StoppingCriteria())
@@ -166,9 +170,9 @@ def test_systems_without_a_matrix(solver) -> None:
 def test_units_do_not_matter(solver, factors, potentials) -> None:
     law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(MU)
     problem = conducting_sphere(law, KAPPA["finite"], cells=7)
-    free = [freedom(problem.system, PRESS, 800.0), freedom(problem.system, VOLTAGE, 1e-7)]
+    free = [prescribe_resultant(problem.system, PRESS, 800.0), prescribe_resultant(problem.system, VOLTAGE, 1e-7)]
     if law != Signorini():
-        free.append(freedom(problem.system, SLIDE, 100.0))
+        free.append(prescribe_resultant(problem.system, SLIDE, 100.0))
     problem = replace(problem, prescribed_resultants=tuple(free))
     changed = np.array([not potentials] * 3 + [True] * 2)
     displacement, load = (np.where(changed, factor, 1.0) for factor in factors)

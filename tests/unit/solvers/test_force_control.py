@@ -19,7 +19,7 @@ from meeframe.testing.force_control import (
     balanced_solution,
     check_same,
     conducting_sphere,
-    freedom,
+    prescribe_resultant,
     released,
 )
 from meeframe.testing.half_space import half_space_system, indentation_problem
@@ -53,14 +53,16 @@ def test_tangential_force_in_proportion_to_the_normal_one(solver, share) -> None
     """F_x = share mu P by a measure with a normal part, at a given depth and at a given force."""
     problem = conducting_sphere(IsotropicCoulomb(MU))
     system = problem.system
-    ratio = freedom(system, SLIDE, 0.0, measure=SLIDE - share * MU * PRESS)
+    ratio = prescribe_resultant(system, SLIDE, 0.0, measure=SLIDE - share * MU * PRESS)
     at_depth = balanced_solution(replace(problem, prescribed_resultants=(ratio,)), solver).state
     force = resultant(system, at_depth.load)[0]
     assert force[0] == pytest.approx(-share * MU * force[2], rel=1e-9)
     moved = replace(problem, translation=problem.translation + at_depth.motion * SLIDE[:2])
     check_same(balanced_solution(moved, Uzawa()).state, at_depth)
     lifted = replace(
-        problem, gap=problem.gap + APPROACH, prescribed_resultants=(freedom(system, PRESS, -force[2]), ratio)
+        problem,
+        gap=problem.gap + APPROACH,
+        prescribed_resultants=(prescribe_resultant(system, PRESS, -force[2]), ratio),
     )
     at_force = balanced_solution(lifted, solver).state
     check_same(at_force, at_depth)
@@ -95,7 +97,7 @@ def test_eccentric_force_tilts_the_punch(solver) -> None:
     right = np.concatenate([np.zeros(k), totals])
     expected = np.linalg.solve(system_matrix, right)
     assert (expected[:k] < 0.0).all()
-    free = tuple(freedom(system, mode, total) for mode, total in zip(modes[:3], totals, strict=True))
+    free = tuple(prescribe_resultant(system, mode, total) for mode, total in zip(modes[:3], totals, strict=True))
     state = balanced_solution(replace(problem, prescribed_resultants=free), solver).state
     assert np.abs(state.load[inside, 2] - expected[:k]).max() <= 1e-8 * np.abs(expected[:k]).max()
     np.testing.assert_allclose(state.motion, expected[k:] / units, rtol=1e-8)
@@ -111,7 +113,9 @@ def test_three_points_carry_what_statics_says(solver) -> None:
     x, y, _ = problem.system.points[feet].T
     forces = np.array([100.0, 60.0, 40.0])
     totals = [forces.sum(), forces @ x, forces @ y]
-    free = tuple(freedom(problem.system, mode, total) for mode, total in zip(modes[:3], totals, strict=True))
+    free = tuple(
+        prescribe_resultant(problem.system, mode, total) for mode, total in zip(modes[:3], totals, strict=True)
+    )
     state = balanced_solution(replace(problem, gap=gap, prescribed_resultants=free), solver).state
     assert list(np.flatnonzero(state.load[:, 2])) == feet
     np.testing.assert_allclose(-state.load[feet, 2] * problem.system.weights[feet], forces, rtol=1e-9)
@@ -128,7 +132,7 @@ def test_tilt_of_the_punch_against_its_closed_form() -> None:
     force = indent(XI, FlatPunch(radius), APPROACH).force
     angle = 0.3 * APPROACH / radius
     moment = 4.0 / 3.0 * radius**3 / (np.pi * XI[0, 0]) * angle
-    free = freedom(system, PRESS, force), freedom(system, tilt, moment)
+    free = prescribe_resultant(system, PRESS, force), prescribe_resultant(system, tilt, moment)
     punch = indentation_problem(system, np.where(inside, 0.0, np.inf), approach=0.0)
     problem = replace(punch, prescribed_resultants=free)
     motion = balanced_solution(problem, ProjectedCG(), StoppingCriteria()).state.motion
@@ -146,7 +150,7 @@ def test_six_motions_at_once(solver) -> None:
     pressed = expected.load[:, 2] < 0.0
     assert 0 < pressed.sum() < np.isfinite(problem.gap).sum()
     totals = [(problem.system.weights[:, None] * mode * expected.load).sum() for mode in modes]
-    free = [freedom(problem.system, mode, total) for mode, total in zip(modes, totals, strict=True)]
+    free = [prescribe_resultant(problem.system, mode, total) for mode, total in zip(modes, totals, strict=True)]
     state = balanced_solution(replace(problem, prescribed_resultants=tuple(free)), solver).state
     check_same(state, expected)
     np.testing.assert_allclose(state.motion, motion, rtol=1e-7)
@@ -157,7 +161,7 @@ def test_hertz_at_a_given_force(solver) -> None:
     exact = indent(XI, Sphere(RADIUS), APPROACH)
     system = half_space_system(XI, 5e-3, 20)
     touching = indentation_problem(system, (system.points**2).sum(axis=1) / (2.0 * RADIUS), approach=0.0)
-    problem = replace(touching, prescribed_resultants=(freedom(system, PRESS, exact.force),))
+    problem = replace(touching, prescribed_resultants=(prescribe_resultant(system, PRESS, exact.force),))
     state = balanced_solution(problem, solver, StoppingCriteria()).state
     assert state.motion == pytest.approx([APPROACH], rel=2e-3)
     assert -state.load[:, 2].min() == pytest.approx(exact.pressure(np.zeros(1))[0], rel=0.01)
@@ -169,7 +173,7 @@ def test_hertz_at_a_given_force(solver) -> None:
 def test_a_lifted_indenter_is_brought_down(solver, lift) -> None:
     problem = conducting_sphere(Signorini())
     touching = replace(
-        problem, gap=problem.gap + APPROACH, prescribed_resultants=(freedom(problem.system, PRESS, 500.0),)
+        problem, gap=problem.gap + APPROACH, prescribed_resultants=(prescribe_resultant(problem.system, PRESS, 500.0),)
     )
     above = replace(touching, gap=touching.gap + lift)
     reference, found = (
@@ -195,7 +199,7 @@ def test_what_cannot_be_reached_does_not_converge(solver, name) -> None:
     if law != Signorini() and solver == ProjectedCG():
         pytest.skip("frictionless contact only")
     problem = conducting_sphere(law, cells=6)
-    free = tuple(freedom(problem.system, mode, total) for mode, total in totals)
+    free = tuple(prescribe_resultant(problem.system, mode, total) for mode, total in totals)
     solution = solve(
         replace(problem, prescribed_resultants=free), solver, StoppingCriteria(max_iterations=400, stall_window=60)
     )
@@ -221,6 +225,9 @@ def test_forces_cost_no_more_iterations_than_motions() -> None:
 
 def test_conjugate_gradients_refuse_a_force_that_is_not_that_of_its_motion() -> None:
     problem = conducting_sphere(Signorini())
-    ratio = freedom(problem.system, SLIDE, 0.0, measure=SLIDE - 0.1 * PRESS)
-    with pytest.raises(CaseError, match=r"freedom 1 of the indenter.*weights \* mode"):
-        solve(replace(problem, prescribed_resultants=(freedom(problem.system, PRESS, 500.0), ratio)), ProjectedCG())
+    ratio = prescribe_resultant(problem.system, SLIDE, 0.0, measure=SLIDE - 0.1 * PRESS)
+    with pytest.raises(CaseError, match=r"free motion 1 of the indenter.*weights \* mode"):
+        solve(
+            replace(problem, prescribed_resultants=(prescribe_resultant(problem.system, PRESS, 500.0), ratio)),
+            ProjectedCG(),
+        )

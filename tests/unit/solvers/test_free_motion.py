@@ -14,7 +14,7 @@ from meeframe.testing.half_space import half_space_system
 R = 2e13
 
 
-def freedom(system, mode, total):
+def prescribe_resultant(system, mode, total):
     mode = np.broadcast_to(mode, (len(system.points), 5)).copy()
     return PrescribedResultant(mode, system.weights[:, None] * mode, total)
 
@@ -25,7 +25,7 @@ def problem(law, *totals, cells=12):
     x, y, _ = system.points.T
     gap = (x**2 + y**2) / 0.2
     n = len(gap)
-    free = tuple(freedom(system, mode, total) for mode, total in totals)
+    free = tuple(prescribe_resultant(system, mode, total) for mode, total in totals)
     return ContactProblem(
         system, law, flux_channels(Insulating(), Insulating()), gap, np.zeros((n, 2)), np.zeros((n, 2)), free
     )

@@ -63,7 +63,7 @@ def test_what_is_left_is_said(most: int) -> None:
 def test_no_more_products_than_allowed_and_none_for_nothing() -> None:
     matrix, right = system()
     multiply, products = counted(matrix)
-    gmres(multiply, unchanged, right, 1e-12, most=7)
+    gmres(multiply, unchanged, right, 1e-12, max_products=7)
     assert len(products) == 7
     assert not gmres(multiply, unchanged, np.zeros_like(right), 1e-12)[0].any()
     assert len(products) == 7

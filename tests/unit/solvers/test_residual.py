@@ -45,7 +45,7 @@ SOLVED = {
 @pytest.fixture(autouse=True, params=[10, 100], ids=["blocks", "at once"])
 def blocks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Laws are asked at a part of the nodes, the last one smaller, or at all of them."""
-    monkeypatch.setattr(import_module("meeframe.contact.residual"), "BLOCK", request.param)
+    monkeypatch.setattr(import_module("meeframe.contact.residual"), "BLOCK_SIZE", request.param)
 
 
 @dataclass(frozen=True)

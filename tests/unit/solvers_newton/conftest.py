@@ -12,13 +12,12 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
-from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws import Insulating, Signorini, StepConductivity
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.material import library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
-from meeframe.solvers.newton import coarse_start as newton_coarse
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import ReducedSystem
@@ -68,29 +67,6 @@ def sphere() -> Callable[..., ContactProblem]:
     return make
 
 
-@final
-@dataclass(frozen=True)
-class EachItsOwn(IsotropicCoulomb):
-    """Friction with a coefficient of each node: what is said of some of them alone fits no law."""
-
-    mus: Array | None = None
-
-    def project(self, trial: Array) -> Array:
-        assert self.mus is not None
-        bound = -self.mus * np.minimum(trial[:, 2], 0.0)
-        size = np.hypot(trial[:, 0], trial[:, 1])
-        share = np.minimum(1.0, np.divide(bound, size, out=np.ones_like(size), where=size > 0.0))
-        return np.column_stack([share * trial[:, 0], share * trial[:, 1], np.minimum(trial[:, 2], 0.0)])
-
-    def tangent(self, trial: Array) -> Array:
-        return ContactLaw.tangent(self, trial)
-
-
-@pytest.fixture(scope="session")
-def each_its_own() -> type[ContactLaw]:
-    return EachItsOwn
-
-
 @pytest.fixture(scope="session")
 def conducting() -> Callable[..., ContactProblem]:
     """Maker of problems of a sphere pressed on n x n nodes without a matrix; contact: radius [widths] of the overlap;
@@ -116,7 +92,7 @@ def conducting() -> Callable[..., ContactProblem]:
 
 @pytest.fixture(scope="session")
 def at() -> Callable[[ContactProblem, Array, Array], ResidualState]:
-    """The equation at a load and closed fractions, nodes in between grazing."""
+    """The equation at a load and closed fractions, nodes in between biactive."""
 
     def make(problem: ContactProblem, load: Array, contact_fraction: Array) -> ResidualState:
         return ContactResidual.of(problem).at(
@@ -128,32 +104,11 @@ def at() -> Callable[[ContactProblem, Array, Array], ResidualState]:
 
 @pytest.fixture(scope="session")
 def at_solution(at: Callable[..., ResidualState]) -> Callable[[ContactProblem], ResidualState]:
-    """The equation at the solution, nodes in between grazing."""
+    """The equation at the solution, nodes in between biactive."""
 
     def make(problem: ContactProblem) -> ResidualState:
         solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-11))
         assert solution.status is Status.CONVERGED, solution.message
         return at(problem, solution.state.load, solution.state.contact_fraction)
-
-    return make
-
-
-@pytest.fixture
-def interpolated(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], ResidualState]:
-    """The equation at the solution on the coarser grid, on the part of the zone that the solver takes, its edge relaxed
-    but not what is between stick and slip."""
-
-    def make(problem: ContactProblem) -> ResidualState:
-        seen = list[ResidualState]()
-
-        def kept(point: ResidualState) -> ResidualState:
-            seen.append(point)
-            return point
-
-        with monkeypatch.context() as without:
-            without.setattr(newton_coarse, "smooth_slip_boundary", kept)
-            without.setattr(newton_coarse, "corrected", lambda point, *_: point)
-            SemismoothNewton().init(problem, None)
-        return seen[-1]
 
     return make

@@ -58,9 +58,9 @@ def across(sphere):
     return make
 
 
-@pytest.mark.parametrize("grazing", [False, True])
+@pytest.mark.parametrize("biactive", [False, True])
 @pytest.mark.parametrize("kappa", [0.3, 100.0])
-def test_linearisation_is_the_derivative_of_the_residual(across, kappa, grazing) -> None:
+def test_linearisation_is_the_derivative_of_the_residual(across, kappa, biactive) -> None:
     """Nodes apart, in contact and with half-closed conduction; along random loads, row by row."""
     problem = across(IsotropicCoulomb(0.3), kappa, 0.5)
     equation = ContactResidual.of(problem)
@@ -69,25 +69,27 @@ def test_linearisation_is_the_derivative_of_the_residual(across, kappa, grazing)
     load = 0.2 * equation.scales.load * RANDOM.normal(size=(n, 5))
     load[:, 2] = -np.abs(load[:, 2]) * np.where(problem.gap < 0.0, 1.0, 0.01)
     mask = np.zeros(n, bool)
-    mask[::3] = grazing
+    mask[::3] = biactive
     contact_fraction = np.full(n, 0.5)
     here = equation.at(load, contact_fraction, mask, AT_REST)
-    opened, width = here.ahead[:, 2], 1e-6
+    opened, width = here.relative_displacement[:, 2], 1e-6
     assert (opened > 0.1 * problem.law_of("electric").distance).sum() > 5
     step = np.column_stack(
         [equation.scales.load * RANDOM.normal(size=(n, 5)), np.where(mask, RANDOM.normal(size=n), 0.0)]
     )
-    ahead, behind = (
+    forward, backward = (
         equation.at(load + h * step[:, :5], here.contact_fraction + h * step[:, 5], mask, AT_REST)
         for h in (width, -width)
     )
-    expected = (ahead.residual - behind.residual)[:, 3:5] / (2.0 * width)
+    expected = (forward.residual - backward.residual)[:, 3:5] / (2.0 * width)
     blocks = here.linearise()
     moved = problem.system.apply(step[:, :5])
     got = (np.einsum("nij,nj->ni", blocks.a.dense(6), step) + np.einsum("nij,nj->ni", blocks.b.dense(5), moved))[:, 3:5]
     # at a zero gap the conductivity has a kink, and where the trial changes sign the closed fraction jumps
-    smooth = (opened * ahead.ahead[:, 2] > 0.0) & (opened * behind.ahead[:, 2] > 0.0)
-    smooth &= np.sign(ahead.trial[:, 2]) == np.sign(behind.trial[:, 2])
+    smooth = (opened * forward.relative_displacement[:, 2] > 0.0) & (
+        opened * backward.relative_displacement[:, 2] > 0.0
+    )
+    smooth &= np.sign(forward.trial[:, 2]) == np.sign(backward.trial[:, 2])
     assert smooth.sum() > n // 2
     np.testing.assert_allclose(got[smooth], expected[smooth], atol=1e-5 * np.abs(expected).max())
 
@@ -98,17 +100,19 @@ def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> N
     equation = ContactResidual.of(problem)
     law, n = problem.law_of("electric"), len(problem.gap)
     gap = law.distance * 10.0 ** RANDOM.uniform(-6.0, 1.0, n)
-    drop, own = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.own[:, 0]
+    drop, own = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.self_compliance[:, 0]
     kappa = law.conductivity(np.zeros(n), gap, drop)
     steeper = kappa + law.kappa / (1.0 + gap / law.distance) * 2.0 * (drop / law.strength) ** 2
-    ahead = np.zeros((n, 5))
+    relative_displacement = np.zeros((n, 5))
     # without its own flux a node has the drop (1 + own kappa) v, of which v is left
-    ahead[:, 2], ahead[:, 3] = gap, (1.0 + own * kappa) * drop
-    by_gap, by_drop = equation.transmissivity.across(np.zeros(n), ahead, np.zeros(n))
+    relative_displacement[:, 2], relative_displacement[:, 3] = gap, (1.0 + own * kappa) * drop
+    by_gap, by_drop = equation.transmissivity.gap_slopes(np.zeros(n), relative_displacement, np.zeros(n))
     left = 1.0 / (1.0 + own * steeper)
     change = -own * left / (1.0 + own * kappa)
     np.testing.assert_allclose(by_gap[:, 0], change * kappa / (law.distance + gap), rtol=1e-6)
-    np.testing.assert_allclose(by_drop[:, 0], (drop / ahead[:, 3] - left) / ahead[:, 3], rtol=1e-6)
+    np.testing.assert_allclose(
+        by_drop[:, 0], (drop / relative_displacement[:, 3] - left) / relative_displacement[:, 3], rtol=1e-6
+    )
 
 
 @pytest.mark.full(except_for=2)

@@ -102,7 +102,7 @@ def laws(problem) -> dict[str, ContactLaw]:
 def problem(sphere, growing):
     plain = sphere("orthotropic", Signorini(), (0.0, 0.0), cells=16)
     equation = ContactResidual.of(plain)
-    law = growing(1.0 / equation.own[0, 0], equation.scales.pressure, 0.5)
+    law = growing(1.0 / equation.self_compliance[0, 0], equation.scales.pressure, 0.5)
     return replace(plain.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
 
 
@@ -118,15 +118,15 @@ def test_linearisation_is_the_derivative_of_the_residual(problem, kind) -> None:
     step = np.column_stack([equation.scales.load * RANDOM.normal(size=(n, 5)), np.zeros(n)])
     width = 1e-6
     here = equation.at(load, np.zeros(n), open_nodes, AT_REST)
-    ahead, behind = (
+    forward, backward = (
         equation.at(load + sign * width * step[:, :5], np.zeros(n), open_nodes, AT_REST) for sign in (1.0, -1.0)
     )
-    smooth = np.sign(ahead.trial[:, 2]) == np.sign(behind.trial[:, 2])
-    smooth &= np.sign(ahead.ahead[:, 2]) == np.sign(behind.ahead[:, 2])
+    smooth = np.sign(forward.trial[:, 2]) == np.sign(backward.trial[:, 2])
+    smooth &= np.sign(forward.relative_displacement[:, 2]) == np.sign(backward.relative_displacement[:, 2])
     blocks = here.linearise()
     moved = problem.system.apply(step[:, :5])
     got = np.einsum("nij,nj->ni", blocks.a.dense(6), step) + np.einsum("nij,nj->ni", blocks.b.dense(5), moved)
-    expected = (ahead.residual - behind.residual) / (2.0 * width)
+    expected = (forward.residual - backward.residual) / (2.0 * width)
     error = np.abs(got - expected)[smooth, :5] / np.abs(expected).max()
     assert smooth.sum() > n // 2
     # a node or two may cross a kink of friction within the width
@@ -215,15 +215,15 @@ class BeyondPressure(ConductivityLaw):
 def test_charge_is_borne_where_only_the_highest_pressure_conducts(problem) -> None:
     """Under the characteristic pressure of the problem the law insulates."""
     equation = ContactResidual.of(problem)
-    law = BeyondPressure(1.0 / equation.own[0, 0], 1.1 * equation.scales.pressure)
+    law = BeyondPressure(1.0 / equation.self_compliance[0, 0], 1.1 * equation.scales.pressure)
     problem = replace(problem.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
     given = solve(problem, SemismoothNewton())
     charge = problem.system.weights @ given.state.load[:, 3]
     assert given.status == "converged"
     assert abs(charge) > 0.0
     mode = np.tile([0.0, 0.0, 0.0, -1.0, 0.0], (256, 1))
-    freedom = PrescribedResultant(mode, -problem.system.weights[:, None] * mode, charge)
-    free = replace(problem, potentials=np.zeros((256, 2)), prescribed_resultants=(freedom,))
+    resultant = PrescribedResultant(mode, -problem.system.weights[:, None] * mode, charge)
+    free = replace(problem, potentials=np.zeros((256, 2)), prescribed_resultants=(resultant,))
     for solver in (SemismoothNewton(), BarzilaiBorwein()):
         found = solve(free, solver)
         assert found.status == "converged", found.message

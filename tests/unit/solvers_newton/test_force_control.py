@@ -52,7 +52,7 @@ def modes(system):
     return mode
 
 
-def freedom(system, key, total):
+def prescribe_resultant(system, key, total):
     """total: force or moment along the mode, or outward charge or flux."""
     mode = modes(system)[key]
     sign = -1.0 if key in ("electric", "magnetic") else 1.0
@@ -60,12 +60,13 @@ def freedom(system, key, total):
 
 
 def total_of(problem, key, load):
-    return float((freedom(problem.system, key, 0.0).measure * load).sum())
+    return float((prescribe_resultant(problem.system, key, 0.0).measure * load).sum())
 
 
 def freed(problem, **totals):
     return replace(
-        problem, prescribed_resultants=tuple(freedom(problem.system, key, total) for key, total in totals.items())
+        problem,
+        prescribed_resultants=tuple(prescribe_resultant(problem.system, key, total) for key, total in totals.items()),
     )
 
 
@@ -282,7 +283,7 @@ def test_auto_hands_the_motion_on(sphere, monkeypatch) -> None:
     expected = solved(problem).state
     stages = [replace(stage, stall_window=0) for stage in auto_module.STAGES[:2]]
     monkeypatch.setattr(auto_module, "STAGES", (*stages, auto_module.STAGES[2]))
-    monkeypatch.setattr(auto_module, "FALL", 0.0)
+    monkeypatch.setattr(auto_module, "PROGRESS_FACTOR", 0.0)
     solution = solved(problem, Auto(), StoppingCriteria())
     assert solution.iterations > 3
     np.testing.assert_allclose(solution.state.motion, expected.motion, rtol=1e-7)

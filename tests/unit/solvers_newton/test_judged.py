@@ -14,7 +14,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.capabilities import diagonal
-from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, prescribe_resultant
 
 MU, NODES = 0.3, 48
 COULOMB = IsotropicCoulomb(MU)
@@ -41,7 +41,7 @@ def made(conducting):
         load = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8)).state.load
         total = (problem.system.weights[:, None] * load).sum(axis=0)
         modes = [(PRESS, -total[2]), (SLIDE, total[0]), (SLIDE_2, total[1]), (VOLTAGE, total[3])]
-        prescribed_resultants = tuple(freedom(problem.system, mode, amount) for mode, amount in modes)
+        prescribed_resultants = tuple(prescribe_resultant(problem.system, mode, amount) for mode, amount in modes)
         return replace(
             problem, prescribed_resultants=prescribed_resultants, translation=np.zeros_like(problem.translation)
         )
@@ -53,7 +53,7 @@ def beside(problem: ContactProblem, state: ContactState, changed: str, size: flo
     """The equation where one part of a solution is another; the tractions admissible."""
     equation, random = ContactResidual.of(problem), np.random.default_rng(5)
     load, contact_fraction, motion = state.load.copy(), state.contact_fraction.copy(), state.motion.copy()
-    grazing = (contact_fraction > 0.0) & (contact_fraction < 1.0)
+    biactive = (contact_fraction > 0.0) & (contact_fraction < 1.0)
     if changed == "load":
         load *= 1.0 + size * random.normal(size=load.shape)
         load[:, :3] = problem.contact_law.project(load[:, :3])
@@ -62,19 +62,19 @@ def beside(problem: ContactProblem, state: ContactState, changed: str, size: flo
     elif changed == "flux everywhere":
         load[:, 3:] += size * equation.scales.load[3:] * random.normal(size=(len(load), 2))
     elif changed == "fraction":
-        contact_fraction[grazing] = np.clip(
-            contact_fraction[grazing] + size * random.normal(size=grazing.sum()), 1e-6, 1.0 - 1e-6
+        contact_fraction[biactive] = np.clip(
+            contact_fraction[biactive] + size * random.normal(size=biactive.sum()), 1e-6, 1.0 - 1e-6
         )
-    elif changed == "grazing":  # some that are pressed: their fractions do not fit
-        grazing[np.argsort(load[:, 2])[:6]] = True
-        contact_fraction[grazing] *= 1.0 - size
+    elif changed == "biactive":  # some that are pressed: their fractions do not fit
+        biactive[np.argsort(load[:, 2])[:6]] = True
+        contact_fraction[biactive] *= 1.0 - size
     elif changed == "motion":
         motion = motion + size * equation.units * random.normal(size=len(motion))
-    return equation.at(load, contact_fraction, grazing, motion)
+    return equation.at(load, contact_fraction, biactive, motion)
 
 
 @pytest.mark.full(except_for=3)
-@pytest.mark.parametrize("changed", ["load", "flux", "flux everywhere", "fraction", "grazing", "motion"])
+@pytest.mark.parametrize("changed", ["load", "flux", "flux everywhere", "fraction", "biactive", "motion"])
 @pytest.mark.parametrize(
     ("law", "name"),
     [(COULOMB, name) for name in ("perfect", "alone", "finite", "little", "power", "insulated", "free")]
@@ -83,7 +83,7 @@ def beside(problem: ContactProblem, state: ContactState, changed: str, size: flo
 def test_the_equation_knows_what_the_judge_finds(law, name: str, changed: str, made) -> None:
     problem = made(law, name)
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
-    scales, grazing = problem_scales(problem), ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
+    scales, biactive = problem_scales(problem), ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
     for size in (1e-2, 1e-4, 1e-6):
         point = beside(problem, state, changed, size)
         caused = problem.system.offset + problem.system.apply(point.load)
@@ -98,7 +98,7 @@ def test_the_equation_knows_what_the_judge_finds(law, name: str, changed: str, m
             ),
             scales,
         )
-        if (changed == "fraction" and not grazing) or (changed == "motion" and name != "free"):
+        if (changed == "fraction" and not biactive) or (changed == "motion" and name != "free"):
             assert expected < 1e-10
         elif changed != "flux" or name != "insulated":
             assert expected > 1e-9

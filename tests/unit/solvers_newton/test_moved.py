@@ -9,8 +9,8 @@ from meeframe.contact.problem import AT_REST, PrescribedResultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
-from meeframe.solvers.newton.globalization import newton_step
-from meeframe.solvers.newton.residual import UNNOTICED, ContactResidual, ResidualState
+from meeframe.solvers.newton.linear import newton_step
+from meeframe.solvers.newton.residual import NEGLIGIBLE_FRACTION, ContactResidual, ResidualState
 
 MU = 0.3
 SINGLE = float(np.finfo(np.float32).eps)
@@ -38,27 +38,32 @@ def far_off(problem) -> ResidualState:
 
 @pytest.mark.parametrize("size", [1.0, 1e-4, 1e-8])
 def test_what_moves_is_known_to_single_precision_of_the_change(size: float, conducting) -> None:
-    """However small it is beside the load; the freedoms' part of it to the last digits."""
+    """However small it is beside the load; the part of the free motions to the last digits."""
     problem = moving(conducting(48, 0.3, IsotropicCoulomb(MU)))
     point, random = far_off(problem), np.random.default_rng(1)
     n, units = len(point.load), point.equation.units
-    grazing, contact_fraction = np.arange(n) % 5 == 0, random.random(n)
+    biactive, contact_fraction = np.arange(n) % 5 == 0, random.random(n)
     change = size * point.equation.scales.load * random.normal(size=(n, 5))
     motion = point.motion + size * units * random.normal(size=len(units))
     moved, expected = (
-        ask(point.load + change, contact_fraction, grazing, motion) for ask in (point.moved, point.equation.at)
+        ask(point.load + change, contact_fraction, biactive, motion) for ask in (point.at_load, point.equation.at)
     )
     caused = problem.system.apply(moved.load - point.load)
     # fields of other units add to one: by as much as each causes there alone
     parts = [np.abs(problem.system.apply(np.where(np.arange(5) == k, change, 0.0))).max(axis=0) for k in range(5)]
-    off, largest = np.abs(moved.ahead - expected.ahead).max(axis=0), np.sum(parts, axis=0)
-    round_off = 1e-13 * (np.abs(expected.ahead).max(axis=0) + np.abs(problem.system.apply(point.load)).max(axis=0))
+    off, largest = (
+        np.abs(moved.relative_displacement - expected.relative_displacement).max(axis=0),
+        np.sum(parts, axis=0),
+    )
+    round_off = 1e-13 * (
+        np.abs(expected.relative_displacement).max(axis=0) + np.abs(problem.system.apply(point.load)).max(axis=0)
+    )
     assert (off <= 20.0 * SINGLE * largest + round_off).all()
     if size > 1e-6:
         assert (off > 1e-2 * SINGLE * np.abs(caused).max(axis=0)).any()  # not by a product in double precision
-    for name in ("load", "contact_fraction", "grazing", "motion", "balance"):
+    for name in ("load", "contact_fraction", "biactive", "motion", "balance"):
         np.testing.assert_array_equal(getattr(moved, name), getattr(expected, name))
-    assert 0.0 < moved.rounded < UNNOTICED * moved.violation
+    assert 0.0 < moved.round_off < NEGLIGIBLE_FRACTION * moved.violation
     allowed = 1e4 * SINGLE * size + 1e-10
     np.testing.assert_allclose(
         moved.residual, expected.residual, rtol=0, atol=allowed * np.abs(expected.residual).max()
@@ -72,31 +77,35 @@ def test_motions_alone_are_exact(conducting) -> None:
         motion = point.motion.copy()
         motion[k] += 0.3 * unit
         moved, expected = (
-            ask(point.load, point.contact_fraction, point.grazing, motion) for ask in (point.moved, point.equation.at)
+            ask(point.load, point.contact_fraction, point.biactive, motion)
+            for ask in (point.at_load, point.equation.at)
         )
-        scale = np.abs(expected.ahead).max(axis=0) + np.abs(problem.system.apply(point.load)).max(axis=0)
-        assert (np.abs(expected.ahead - point.ahead) > 1e-3 * scale).any()
-        assert (np.abs(moved.ahead - expected.ahead) <= 1e-13 * scale).all()
+        scale = np.abs(expected.relative_displacement).max(axis=0) + np.abs(problem.system.apply(point.load)).max(
+            axis=0
+        )
+        assert (np.abs(expected.relative_displacement - point.relative_displacement) > 1e-3 * scale).any()
+        assert (np.abs(moved.relative_displacement - expected.relative_displacement) <= 1e-13 * scale).all()
 
 
 def test_with_a_matrix_all_digits_count(sphere) -> None:
     point = far_off(moving(sphere("orthotropic", IsotropicCoulomb(MU), (1.0, np.inf), cells=8)))
     load = point.load * (1.0 + 1e-3 * np.random.default_rng(2).normal(size=point.load.shape))
     moved, expected = (
-        ask(load, point.contact_fraction, point.grazing, 1.1 * point.motion) for ask in (point.moved, point.equation.at)
+        ask(load, point.contact_fraction, point.biactive, 1.1 * point.motion)
+        for ask in (point.at_load, point.equation.at)
     )
-    np.testing.assert_array_equal(moved.ahead, expected.ahead)
+    np.testing.assert_array_equal(moved.relative_displacement, expected.relative_displacement)
     np.testing.assert_array_equal(moved.residual, expected.residual)
-    assert moved.rounded == 0.0
+    assert moved.round_off == 0.0
 
 
 def check_rounded(moved: ResidualState, expected: ResidualState) -> float:
     """What is left out is no more than is said, and too little to matter; how much it is of what is said."""
     off = float(np.abs(moved.residual - expected.residual).max())
-    assert off <= moved.rounded + 1e-13
-    assert off <= UNNOTICED * expected.violation
+    assert off <= moved.round_off + 1e-13
+    assert off <= NEGLIGIBLE_FRACTION * expected.violation
     np.testing.assert_array_equal(moved.balance, expected.balance)
-    return off / moved.rounded if moved.rounded else 0.0
+    return off / moved.round_off if moved.round_off else 0.0
 
 
 @pytest.mark.full(except_for=4)
@@ -110,12 +119,12 @@ def test_round_off_is_known_over_many_moves(law: ContactLaw, flux: ConductivityL
     for size in (1e-1, 1e-6, 1e-2, 1.0, 1e-4, 1e-3, 1e-2, 1e-5):
         load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
         load[:, :3] = law.project(load[:, :3])
-        before = point.rounded
-        point = point.moved(load, solution.contact_fraction, solution.grazing, solution.motion)
+        before = point.round_off
+        point = point.at_load(load, solution.contact_fraction, solution.biactive, solution.motion)
         shares.append(
-            check_rounded(point, point.equation.at(load, point.contact_fraction, point.grazing, point.motion))
+            check_rounded(point, point.equation.at(load, point.contact_fraction, point.biactive, point.motion))
         )
-        assert point.rounded == 0.0 or point.rounded > before
+        assert point.round_off == 0.0 or point.round_off > before
     assert max(shares) > 1e-3
 
 
@@ -123,19 +132,19 @@ def test_where_round_off_would_count_there_is_none(conducting, at_solution) -> N
     """A step that ends at the solution is exact, wherever it began."""
     solution = at_solution(conducting(48, 0.3, IsotropicCoulomb(MU)))
     random = np.random.default_rng(2)
-    nodes = solution.contact_fraction, solution.grazing, solution.motion
+    nodes = solution.contact_fraction, solution.biactive, solution.motion
     for size in (1.0, 1e-2, 1e-4):
         load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
-        beside = solution.moved(load, *nodes)
-        assert beside.rounded > 0.0
-        moved = beside.moved(solution.load, *nodes)
-        assert moved.rounded == 0.0
+        beside = solution.at_load(load, *nodes)
+        assert beside.round_off > 0.0
+        moved = beside.at_load(solution.load, *nodes)
+        assert moved.round_off == 0.0
         np.testing.assert_array_equal(moved.residual, solution.equation.at(solution.load, *nodes).residual)
 
 
 def beyond(point: ResidualState, node: int, end: float, share: float) -> ResidualState:
-    """A solution whose node is taken to graze, its fraction just beyond an end, and its pressure such that its trial is
-    a share of sigma from zero, positive if it is open."""
+    """A solution whose node is taken to be biactive, its fraction just beyond an end, and its pressure such that its
+    trial is a share of sigma from zero, positive if it is open."""
     equation, mask = point.equation, np.arange(len(point.load)) == node
     load, contact_fraction = point.load.copy(), point.contact_fraction.copy()
     contact_fraction[node] = end + (0.005 if end else -0.005)
@@ -171,7 +180,7 @@ def test_nodes_at_an_end_are_found_again_in_a_step(law: ContactLaw, end: float, 
     moved = beyond(point, node, end, 1e-3 if end else -1e-3)
     step = newton_step(moved.equation, moved.linearise())
     after = moved.equation.at(
-        moved.load + step.local[:, :5], moved.contact_fraction + step.local[:, 5], moved.grazing, AT_REST
+        moved.load + step.local[:, :5], moved.contact_fraction + step.local[:, 5], moved.biactive, AT_REST
     )
     before, left = (np.abs((each.load - point.load) / point.equation.scales.load).max() for each in (moved, after))
     assert before > 1e-3
@@ -194,7 +203,7 @@ def test_nodes_at_an_end_are_linearised_by_that(law: ContactLaw, end: float, sph
     equation, random = point.equation, np.random.default_rng(4)
     change = equation.scales.load * random.normal(size=(len(point.load), 5))
     widths = np.array([1.0, -1.0]) * 1e-8 * point.sigma[node] / equation.scales.pressure
-    rows = [equation.at(there.load + h * change, there.contact_fraction, there.grazing, AT_REST) for h in widths]
+    rows = [equation.at(there.load + h * change, there.contact_fraction, there.biactive, AT_REST) for h in widths]
     assert len({bool(each.trial[node, 2] < 0.0) for each in (*rows, there)}) == 1
     assert (here.trial[node, 2] < 0.0) != (there.trial[node, 2] < 0.0)
     expected = (rows[0].residual - rows[1].residual)[node, :5] / np.ptp(widths)
@@ -206,7 +215,7 @@ def test_nodes_at_an_end_are_linearised_by_that(law: ContactLaw, end: float, sph
 
 
 def test_other_fractions_are_those_of_the_equation_there(conducting) -> None:
-    """Beside the same load and gaps, some without an indenter above, whatever grazed before."""
+    """Beside the same load and gaps, some without an indenter above, whatever was biactive before."""
     problem = conducting(24, 0.3, IsotropicCoulomb(MU))
     problem = replace(problem, gap=np.where(np.arange(24 * 24) % 7 == 0, np.inf, problem.gap))
     equation, random = ContactResidual.of(problem), np.random.default_rng(8)
@@ -217,9 +226,9 @@ def test_other_fractions_are_those_of_the_equation_there(conducting) -> None:
     fractions, masks = random.normal(0.5, 0.7, (2, n)), random.random((2, n)) < 0.5
     point = equation.at(load, fractions[0], masks[0], AT_REST)
     found, expected = (
-        point.regrazed(fractions[1], masks[1]),
-        equation.beside(point.load, point.ahead, fractions[1], masks[1], AT_REST),
+        point.with_contact_fraction(fractions[1], masks[1]),
+        equation.at_relative_displacement(point.load, point.relative_displacement, fractions[1], masks[1], AT_REST),
     )
-    for name in ("contact_fraction", "grazing", "transmissivity", "switch", "sigma", "drive", "residual"):
+    for name in ("contact_fraction", "biactive", "transmissivity", "switch", "sigma", "drive", "residual"):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-12, atol=1e-13, err_msg=name)
     assert not np.allclose(found.residual, point.residual)

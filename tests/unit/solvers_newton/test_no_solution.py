@@ -27,7 +27,7 @@ def name(solver: Solver) -> str:
 
 def solutions(problem: ContactProblem) -> list[Array]:
     """Tractions (n, 3) of all solutions under full stick, insulated: closed nodes stick and press, open ones do not
-    overlap, whether they graze or not."""
+    overlap, whether they are biactive or not."""
     n = len(problem.gap)
     matrix = problem.system.matrix[:, :3, :, :3].reshape(3 * n, 3 * n)
     target = np.column_stack([problem.translation, problem.gap]).ravel()

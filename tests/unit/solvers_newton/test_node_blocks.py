@@ -48,7 +48,7 @@ def test_products_at_some_of_many_nodes(count: int) -> None:
     vectors, spread = RANDOM.normal(size=(3, count)), RANDOM.normal(size=(2, n))
     expected = spread.copy()
     expected[:, nodes] = np.einsum("ijc,jc->ic", matrices, vectors)
-    blocks.spread(vectors, nodes, spread)
+    blocks.scatter(vectors, nodes, spread)
     np.testing.assert_allclose(spread, expected, atol=1e-13)
 
 
@@ -56,7 +56,7 @@ def test_sums_and_products_of_blocks() -> None:
     first, second = sparse(4, 4), sparse(4, 4)
     np.testing.assert_array_equal(whole(held(first).plus(held(second)), 4), first + second)
     expected = np.einsum("ijc,jkc->ikc", second, first)
-    np.testing.assert_allclose(whole(held(second).after(held(first)), 4), expected, atol=1e-13)
+    np.testing.assert_allclose(whole(held(second).compose(held(first)), 4), expected, atol=1e-13)
 
 
 def test_an_entry_of_a_single_node_is_there() -> None:
@@ -69,7 +69,7 @@ def test_rows_are_exchanged_at_some_nodes_and_only_there() -> None:
     blocks = held(matrices)
     expected = matrices.copy()
     expected[1][:, nodes], expected[3][:, nodes] = matrices[3][:, nodes], matrices[1][:, nodes]
-    np.testing.assert_array_equal(whole(blocks.exchanged(1, 3, nodes), 3), expected)
+    np.testing.assert_array_equal(whole(blocks.swap_rows(1, 3, nodes), 3), expected)
     np.testing.assert_array_equal(whole(blocks, 3), matrices)
 
 
@@ -77,7 +77,7 @@ def test_entries_are_changed_at_some_nodes_and_only_there() -> None:
     matrices, nodes = sparse(3, 3), np.array([0, 5])
     expected = matrices.copy()
     expected[2, 1, nodes] = 4.0
-    np.testing.assert_array_equal(whole(held(matrices).changed(2, 1, nodes, 4.0), 3), expected)
+    np.testing.assert_array_equal(whole(held(matrices).with_entries(2, 1, nodes, 4.0), 3), expected)
 
 
 def test_turned_axes_of_the_first_two_components() -> None:
@@ -87,7 +87,7 @@ def test_turned_axes_of_the_first_two_components() -> None:
     turn[:2, :2] = [[cosine, sine], [-sine, cosine]]
     turn[2, 2] = turn[3, 3] = 1.0
     expected = np.einsum("ijc,jkc,lkc->ilc", turn, matrices, turn[:3, :3])
-    np.testing.assert_allclose(whole(held(matrices).rotated(cosine, sine), 3), expected, atol=1e-14)
+    np.testing.assert_allclose(whole(held(matrices).rotate(cosine, sine), 3), expected, atol=1e-14)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5])

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from meeframe.solvers.newton.moves import take_step
 
 from meeframe.contact.conduction import resistances
 from meeframe.contact.problem import AT_REST, PrescribedResultant
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.solvers.newton.globalization import Step, newton_step
-from meeframe.solvers.newton.moves import take_step
+from meeframe.solvers.newton.linear import Step, newton_step
 from meeframe.solvers.newton.residual import ContactResidual
 
 RANDOM = np.random.default_rng(3)
@@ -43,18 +43,18 @@ def test_tangent_in_principal_axes() -> None:
     np.testing.assert_allclose((law.tangent(trial) @ trial[:, :, None])[:, :, 0], law.project(trial), atol=1e-9)
 
 
-@pytest.mark.parametrize("grazing", [False, True])
-def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, grazing) -> None:
+@pytest.mark.parametrize("biactive", [False, True])
+def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, biactive) -> None:
     problem = sphere("orthotropic", OrthotropicCoulomb(0.1, 0.5, 0.3), (0.5, 2.0), cells=8)
     equation = ContactResidual.of(problem)
-    pressure, own = equation.scales.pressure, equation.own[0]
+    pressure, own = equation.scales.pressure, equation.self_compliance[0]
     problem = problem.with_laws(electric=growing(1.0 / own[0], pressure, 0.5))
     equation = ContactResidual.of(problem)
     n = len(problem.gap)
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
     load[:, 2] = -np.abs(load[:, 2])
     contact_fraction, mask = np.full(n, 0.5), np.zeros(n, bool)
-    if grazing:
+    if biactive:
         # where the trial is far from zero the row of the closed fraction is clipped: only the flux rows see c
         mask[::3] = True
     here = equation.at(load, contact_fraction, mask, AT_REST)
@@ -62,28 +62,28 @@ def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, grazin
         [equation.scales.load * RANDOM.normal(size=(n, 5)), np.where(mask, RANDOM.normal(size=n), 0.0)]
     )
     width = 1e-6
-    ahead, behind = (
+    forward, backward = (
         equation.at(load + h * step[:, :5], here.contact_fraction + h * step[:, 5], mask, AT_REST)
         for h in (width, -width)
     )
     between = mask & (here.switch > 0.0) & (here.switch < 1.0)
     # a node between open and closed is written otherwise, see Point.linearise; the others must match, kinks apart
-    smooth = ~between & (np.sign(ahead.trial[:, 2]) == np.sign(behind.trial[:, 2]))
+    smooth = ~between & (np.sign(forward.trial[:, 2]) == np.sign(backward.trial[:, 2]))
     assert smooth.sum() > n // 2
-    expected = (ahead.residual - behind.residual) / (2.0 * width)
+    expected = (forward.residual - backward.residual) / (2.0 * width)
     blocks = here.linearise()
     got = jacobian_times(equation, blocks, step)
     rows = slice(0, 5)
     np.testing.assert_allclose(got[smooth, rows], expected[smooth, rows], atol=2e-5 * np.abs(expected).max())
 
 
-def test_a_grazing_node_is_brought_to_zero_traction_and_zero_gap(sphere) -> None:
+def test_a_biactive_node_is_brought_to_zero_traction_and_zero_gap(sphere) -> None:
     problem = sphere("orthotropic", Signorini(), (0.0, 1.0), cells=8)
     equation = ContactResidual.of(problem)
     point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool), AT_REST)
     for _ in range(2):
         step = newton_step(equation, point.linearise()).local
-        point = equation.at(point.load + step[:, :5], point.contact_fraction, point.grazing, AT_REST)
+        point = equation.at(point.load + step[:, :5], point.contact_fraction, point.biactive, AT_REST)
     edge = np.flatnonzero(point.load[:, 2] < 0.0)[0]
     mask = np.arange(64) == edge
     # in the middle of its graph
@@ -96,14 +96,14 @@ def test_a_grazing_node_is_brought_to_zero_traction_and_zero_gap(sphere) -> None
     assert abs(problem.gap[edge] - moved[edge, 2]) < 1e-10 * scale.displacement[2]
 
 
-def test_the_fraction_of_a_grazing_node_fits_the_flux_that_a_step_finds(sphere) -> None:
+def test_the_fraction_of_a_biactive_node_fits_the_flux_that_a_step_finds(sphere) -> None:
     """Half the flux through a single conductor: the fraction that lets through as much, by the law."""
     problem = sphere("orthotropic", Signorini(), (0.0, math.inf), cells=8)
     equation = ContactResidual.of(problem)
     point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool), AT_REST)
     for _ in range(3):
         step = newton_step(equation, point.linearise())
-        point = equation.at(point.load + step.local[:, :5], point.contact_fraction, point.grazing, AT_REST)
+        point = equation.at(point.load + step.local[:, :5], point.contact_fraction, point.biactive, AT_REST)
     edge = np.flatnonzero(point.load[:, 2] < 0.0)[0]
     load, mask = point.load.copy(), np.arange(64) == edge
     load[edge, 2:] = 0.0, 0.0, 0.5 * load[edge, 4]
@@ -117,9 +117,9 @@ def test_the_fraction_of_a_grazing_node_fits_the_flux_that_a_step_finds(sphere) 
     _, moved = take_step(point, np.zeros(64), none, 1.0)
     assert 0.0 < moved.contact_fraction[edge] < 1.0
     np.testing.assert_array_equal(moved.load, point.load)
-    needed = moved.ahead[edge, 4] / load[edge, 4]  # resistance; the indenter is at no potential
+    needed = moved.relative_displacement[edge, 4] / load[edge, 4]  # resistance; the indenter is at no potential
     resisting, before = (
-        resistances(problem, np.zeros(64), np.clip(each.contact_fraction, 0.0, 1.0), equation.own)[edge, 1]
+        resistances(problem, np.zeros(64), np.clip(each.contact_fraction, 0.0, 1.0), equation.self_compliance)[edge, 1]
         for each in (moved, point)
     )
     assert resisting == pytest.approx(needed, rel=1e-10)
@@ -155,14 +155,14 @@ def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> N
     if hidden:
         problem = replace(problem, system=matrixless(problem.system))
     equation = ContactResidual.of(replace(problem, prescribed_resultants=prescribed_resultants))
-    grazing = np.zeros(n, bool)
+    biactive = np.zeros(n, bool)
     load = np.zeros((n, 5))
     load[:, :3] = IsotropicCoulomb(0.5).project(1e7 * RANDOM.normal(size=(n, 3)))
     units = np.append(np.tile(equation.scales.load, n), equation.units)
 
     def rows(unknowns):
         values = unknowns * units
-        point = equation.at(values[: 5 * n].reshape(n, 5), np.zeros(n), grazing, values[5 * n :])
+        point = equation.at(values[: 5 * n].reshape(n, 5), np.zeros(n), biactive, values[5 * n :])
         return np.append(point.residual[:, :5].ravel(), point.balance)
 
     start = np.append(load.ravel(), [1e-6, 2e-6, 1e3]) / units
@@ -172,7 +172,7 @@ def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> N
     )
     expected = np.linalg.solve(jacobian, -rows(start))
     values = start * units
-    point = equation.at(values[: 5 * n].reshape(n, 5), np.zeros(n), grazing, values[5 * n :])
+    point = equation.at(values[: 5 * n].reshape(n, 5), np.zeros(n), biactive, values[5 * n :])
     step = newton_step(equation, point.linearise())
     got = np.append(step.local[:, :5].ravel(), step.motion) / units
     np.testing.assert_allclose(got, expected, atol=1e-5 * np.abs(expected).max())
@@ -191,5 +191,5 @@ def test_what_its_own_closing_does_to_the_trial_of_a_node(sphere) -> None:
     moved = load.copy()
     moved[node, 3:] += flux
     raised = equation.at(moved, np.ones(n), np.ones(n, bool), AT_REST).trial - contact_fraction.trial
-    assert contact_fraction.lift[node] == pytest.approx(raised[node, 2], rel=1e-9)
-    assert np.ptp(np.sign(contact_fraction.lift)) == 2.0
+    assert contact_fraction.closing_increment[node] == pytest.approx(raised[node, 2], rel=1e-9)
+    assert np.ptp(np.sign(contact_fraction.closing_increment)) == 2.0

@@ -22,10 +22,10 @@ from meeframe.material import Material, library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
-from meeframe.solvers.edge_resolution import resolved
+from meeframe.solvers.edge_resolution import resolve_edges
 from meeframe.solvers.newton import method as newton
-from meeframe.solvers.newton.globalization import Step
-from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, inset
+from meeframe.solvers.newton.linear import Step
+from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, contact_neighbourhood
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.reduced import ReducedSystem
 from meeframe.system.two_body import combine_bodies
@@ -62,7 +62,7 @@ def solutions(
     """With parts and without; the second one beforehand would find entries made."""
     found = solve(problem, SemismoothNewton(), LIMITS, start)
     with monkeypatch.context() as without:
-        without.setattr(newton, "inset", lambda problem, contact: None)
+        without.setattr(newton, "contact_neighbourhood", lambda problem, contact: None)
         return found, solve(problem, SemismoothNewton(), LIMITS, start)
 
 
@@ -71,9 +71,9 @@ def sizes_of_parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     sizes: list[int] = []
 
     class Seen(ContactNeighbourhood):
-        def __init__(self, whole: ContactProblem, kept: Indices, equation: Any) -> None:
-            super().__init__(whole, kept, equation)
-            sizes.append(len(kept))
+        def __init__(self, problem: ContactProblem, nodes: Indices, equation: Any) -> None:
+            super().__init__(problem, nodes, equation)
+            sizes.append(len(nodes))
 
     monkeypatch.setattr("meeframe.solvers.newton.neighbourhood.ContactNeighbourhood", Seen)
     return sizes
@@ -132,7 +132,7 @@ def test_parts_have_the_solution_of_the_whole(given: dict[str, Any], monkeypatch
 
 def halved(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
     """Parts that have too little, wherever they are taken: half of what was asked for."""
-    return inset(problem, contact & (problem.system.points[:, 0] > 0.05 * WIDTH))
+    return contact_neighbourhood(problem, contact & (problem.system.points[:, 0] > 0.05 * WIDTH))
 
 
 def test_contact_beside_the_part_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,7 +145,7 @@ def test_contact_beside_the_part_is_found(monkeypatch: pytest.MonkeyPatch) -> No
         return looks[-1]
 
     with monkeypatch.context() as given:
-        given.setattr(newton, "inset", halved)
+        given.setattr(newton, "contact_neighbourhood", halved)
         given.setattr(ContactNeighbourhood, "has_contact_outside", seen)
         found = solve(problem, SemismoothNewton(), LIMITS)
     assert any(looks)
@@ -158,26 +158,26 @@ def test_contact_beside_a_part_is_found_with_the_solution_there(monkeypatch: pyt
     has_contact_outside, solved = ContactNeighbourhood.has_contact_outside, list[bool]()
 
     def elsewhere(part: ContactNeighbourhood, point: ResidualState) -> bool:
-        assert part.whole is not problem
+        assert part.problem is not problem
         return has_contact_outside(part, point)
 
     solver = SemismoothNewton()
     with monkeypatch.context() as given:
-        given.setattr(newton, "inset", halved)
+        given.setattr(newton, "contact_neighbourhood", halved)
         given.setattr(ContactNeighbourhood, "has_contact_outside", elsewhere)
         iterate = solver.init(problem, None, LIMITS.tolerance)
         memory = newton._memory(iterate)
-        assert memory.inset is not None
-        while memory.inset is not None and len(solved) < 20:
-            solved.append(memory.point.law_residual <= memory.enough)
+        assert memory.neighbourhood is not None
+        while memory.neighbourhood is not None and len(solved) < 20:
+            solved.append(memory.point.law_residual <= memory.sufficient_residual)
             if solved[-1]:
-                assert has_contact_outside(memory.inset, memory.point)
+                assert has_contact_outside(memory.neighbourhood, memory.point)
             iterate = solver.step(problem, iterate)
             memory = newton._memory(iterate)
         assert solved[-1]
         assert not any(solved[:-1])
     with monkeypatch.context() as given:
-        given.setattr(newton, "inset", halved)
+        given.setattr(newton, "contact_neighbourhood", halved)
         found = solve(problem, solver, LIMITS)
     check_alike(found, solutions(problem, monkeypatch)[1])
 
@@ -196,8 +196,8 @@ def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
     bump = np.arange(len(smooth.gap)) == node
     problem = replace(smooth, gap=np.where(bump, 0.6 * smooth.gap.min(), smooth.gap))
     started = newton._memory(SemismoothNewton().init(problem, None))
-    assert started.inset is not None
-    assert node not in started.inset.nodes
+    assert started.neighbourhood is not None
+    assert node not in started.neighbourhood.nodes
     found, whole = solutions(problem, monkeypatch)
     check_alike(found, whole)
     assert found.state.load[node, 2] < 0.0
@@ -242,7 +242,7 @@ def test_what_was_solved_before_does_not_matter(
 def test_contact_that_shrinks_gets_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
     system = half_space()
     start = solve(sphere(system, (0.0, 0.0), 0.5), SemismoothNewton(), LIMITS).state
-    assert inset(sphere(system, (0.0, 0.0)), start.load.any(axis=1)) is None
+    assert contact_neighbourhood(sphere(system, (0.0, 0.0)), start.load.any(axis=1)) is None
     sizes = sizes_of_parts(monkeypatch)
     found, whole = solutions(sphere(system, (0.0, 0.0)), monkeypatch, start)
     assert sizes
@@ -253,7 +253,7 @@ def test_edges_between_nodes_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nodes that are covered in part conduct without pressure, so that they belong to it."""
     problem = sphere(half_space(edges="resolved"), (0.05, -0.1))
     start = solve(problem, SemismoothNewton(), LIMITS).state
-    finer = resolved(problem, start)
+    finer = resolve_edges(problem, start)
     assert finer is not None
     sizes = sizes_of_parts(monkeypatch)
     found, whole = solutions(finer, monkeypatch, start)
@@ -293,7 +293,7 @@ def test_parts_measure_in_the_units_of_the_whole() -> None:
     problem, mode = sphere(system, (0.0, 0.0)), np.zeros_like(system.offset)
     mode[:, 2] = system.points[:, 0]
     tilted = replace(problem, prescribed_resultants=(PrescribedResultant(mode, system.weights[:, None] * mode, 0.0),))
-    part = inset(tilted, problem.gap < 0.0)
+    part = contact_neighbourhood(tilted, problem.gap < 0.0)
     assert part is not None
     np.testing.assert_array_equal(part.equation.units, ContactResidual.of(tilted).units)
 
@@ -315,14 +315,14 @@ def test_an_indenter_known_to_be_small_is_all_there_is() -> None:
     system = half_space()
     problem = sphere(system, (0.0, 0.0))
     small = replace(problem, gap=np.where(np.hypot(*system.points[:, :2].T) < 0.1 * WIDTH, problem.gap, np.inf))
-    part = inset(small, problem.gap < 0.0)
+    part = contact_neighbourhood(small, problem.gap < 0.0)
     assert part is not None
     assert np.isin(np.flatnonzero(np.isfinite(small.gap)), part.nodes).all()
     nothing = np.zeros(len(part.nodes))
     load = np.zeros((len(part.nodes), 5))
     point = part.equation.at(load, nothing, nothing > 0.0, np.zeros(0))
     assert not part.has_contact_outside(point)
-    assert inset(small, np.zeros(len(small.gap), bool)) is None
+    assert contact_neighbourhood(small, np.zeros(len(small.gap), bool)) is None
 
 
 def test_overlap_beside_the_part_spills() -> None:
@@ -330,12 +330,12 @@ def test_overlap_beside_the_part_spills() -> None:
     system = half_space()
     one, two = (sphere(system, (x, 0.0), 0.08, contact_law=Signorini()) for x in (-0.3, 0.3))
     both = replace(one, gap=np.minimum(one.gap, two.gap))
-    part = inset(both, one.gap < 0.0)
+    part = contact_neighbourhood(both, one.gap < 0.0)
     assert part is not None
     assert len(part.nodes) < 0.3 * len(both.gap)
     load, nothing = np.zeros((len(part.nodes), 5)), np.zeros(len(part.nodes))
     assert part.has_contact_outside(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
-    alone = replace(part, whole=one)
+    alone = replace(part, problem=one)
     assert not alone.has_contact_outside(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
     load[:, 0] = -1e10  # raises what is on its one side, whatever the law says of tractions along the surface
     assert alone.has_contact_outside(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))

@@ -10,8 +10,8 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import AT_REST, ContactProblem
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, StepConductivity
-from meeframe.solvers.newton.globalization import coupled_rows
 from meeframe.solvers.newton.jacobian import ReducedJacobian
+from meeframe.solvers.newton.linear import coupled_rows
 from meeframe.solvers.newton.preconditioner import preconditioner
 from meeframe.solvers.newton.residual import ContactResidual
 from meeframe.system.reduced import NodalFields, ReducedSystem
@@ -63,18 +63,18 @@ def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
 
 def test_inverse_where_nodes_are_all_but_closed() -> None:
     """Their gap follows from the closed fraction alone: it conducts, and flux moves them."""
-    none, grazing = np.zeros((N, 5)), np.arange(N) % 3 == 0
+    none, biactive = np.zeros((N, 5)), np.arange(N) % 3 == 0
     compliance = np.diag([3.0, 3.0, 2.0, 5.0, 7.0])
     compliance[2, 3:], compliance[3:, 2] = [0.5, 0.3], [-0.5, -0.3]
     points, frames = 100.0 * RANDOM.random((N, 3)), np.tile(np.eye(3), (N, 1, 1))
     system = Springs(points, frames, np.ones(N), (), none, compliance)
-    gap, flux = np.where(grazing, 0.0, -1.0), StepConductivity(np.inf)
+    gap, flux = np.where(biactive, 0.0, -1.0), StepConductivity(np.inf)
     potentials = np.tile([0.4, 0.2], (N, 1))
     problem = ContactProblem(system, IsotropicCoulomb(MU), flux_channels(flux, flux), gap, none[:, :2], potentials)
     equation = ContactResidual.of(problem)
-    blocks = equation.at(none, np.full(N, 1.0 - 1e-10), grazing, AT_REST).linearise()
+    blocks = equation.at(none, np.full(N, 1.0 - 1e-10), biactive, AT_REST).linearise()
     rows = ReducedJacobian.of(equation, blocks, coupled_rows(blocks), np.dtype(float))
-    assert rows.coupled[-1].sum() == grazing.sum()
+    assert rows.coupled[-1].sum() == biactive.sum()
     unknowns = RANDOM.normal(size=rows.coupled.shape) * rows.coupled
     multiply, precondition = rows.multiplication(), preconditioner(rows)
     np.testing.assert_allclose(precondition(multiply(unknowns.ravel())), unknowns.ravel(), atol=1e-7)

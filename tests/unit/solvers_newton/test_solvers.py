@@ -25,7 +25,7 @@ from meeframe.solvers import (
     residual,
     solve,
 )
-from meeframe.solvers.newton.globalization import Step
+from meeframe.solvers.newton.linear import Step
 from meeframe.system.dense import DenseSystem
 from meeframe.testing.contact import check_solver
 from meeframe.testing.contact_cases import SphereCase
@@ -102,7 +102,7 @@ def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, l
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3)], ids=str)
-def test_grazing_nodes_are_found_by_every_solver(sphere, law) -> None:
+def test_biactive_nodes_are_found_by_every_solver(sphere, law) -> None:
     """A case whose edge nodes would open and close for ever: some end between, and all solvers find the same."""
     problem = sphere("orthotropic", law, (0.0, 0.209))
     x, y, _ = problem.system.points.T

@@ -28,10 +28,9 @@ from meeframe.solvers import (
     residual,
     solve,
 )
-from meeframe.solvers.newton.globalization import coupled_rows, decoupled_rows, newton_step
-from meeframe.solvers.newton.linear import krylov_step
+from meeframe.solvers.newton.linear import coupled_rows, decoupled_rows, krylov_step, newton_step
 from meeframe.solvers.newton.residual import ContactResidual
-from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, prescribe_resultant
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.operation_counter import OperationCounter
 
@@ -43,9 +42,12 @@ def dragged(n: int, law: ContactLaw, flux: ConductivityLaw, force: float = FORCE
     mesh = half_space_mesh(10.0 * WIDTH, WIDTH * (n - 1) / n, n - 1, 1, Quad4())
     system = HalfSpace(matrix_up_to=0).reduce(Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact"))
     x, y, _ = system.points.T
-    prescribed_resultants = [freedom(system, PRESS, force)]
+    prescribed_resultants = [prescribe_resultant(system, PRESS, force)]
     if law.tangential_scaling().any():
-        prescribed_resultants += [freedom(system, SLIDE, 0.5 * MU * force), freedom(system, SLIDE_2, 0.0)]
+        prescribed_resultants += [
+            prescribe_resultant(system, SLIDE, 0.5 * MU * force),
+            prescribe_resultant(system, SLIDE_2, 0.0),
+        ]
     none = np.zeros((len(x), 2))
     gap = (x**2 + y**2) / (2.0 * RADIUS)
     return ContactProblem(
@@ -59,7 +61,7 @@ def products(problem: ContactProblem) -> int:
     return len(system.products)
 
 
-def test_nodes_that_graze_cost_newton_little() -> None:
+def test_biactive_nodes_cost_newton_little() -> None:
     """Perfect conductors whose edge nodes are neither open nor closed; insulated ones have none and cost no less."""
     conducting, insulated = (
         dragged(64, IsotropicCoulomb(MU), flux) for flux in (StepConductivity(np.inf), Insulating())
@@ -223,8 +225,8 @@ def test_auto_goes_on_by_conjugate_gradients_where_newtons_method_gets_nowhere(m
     np.testing.assert_allclose(solution.state.load, expected, atol=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize(("potentials", "graze"), [((5.0, 1.0), True), ((-5.0, -1.0), False)])
-def test_auto_leaves_conjugate_gradients_where_nodes_graze(potentials, graze: bool, monkeypatch) -> None:
+@pytest.mark.parametrize(("potentials", "has_biactive"), [((5.0, 1.0), True), ((-5.0, -1.0), False)])
+def test_auto_leaves_conjugate_gradients_where_nodes_are_biactive(potentials, has_biactive: bool, monkeypatch) -> None:
     """Potentials of one sign push the rim apart where it conducts, those of the other draw it together.
 
     It begins with them as where edges are resolved.
@@ -233,7 +235,7 @@ def test_auto_leaves_conjugate_gradients_where_nodes_graze(potentials, graze: bo
     problem = dragged(64, Signorini(), StepConductivity(np.inf))
     problem = replace(problem, potentials=np.tile(potentials, (64**2, 1)))
     expected = solve(problem, ProjectedCG())
-    assert ((expected.state.contact_fraction > 0.0) & (expected.state.contact_fraction < 1.0)).any() == graze
+    assert ((expected.state.contact_fraction > 0.0) & (expected.state.contact_fraction < 1.0)).any() == has_biactive
     solution = solve(problem, Auto())
     assert solution.status is Status.CONVERGED, solution.message
     largest = np.abs(expected.state.load).max(axis=0)
@@ -246,8 +248,8 @@ def test_auto_leaves_conjugate_gradients_where_nodes_graze(potentials, graze: bo
         taken.append(type(iterate.memory.stages[0].solver))
     change = taken.count(ProjectedCG)
     assert taken == [ProjectedCG] * change + [SemismoothNewton] * (len(taken) - change)
-    assert (0 < change < expected.iterations) == graze
-    assert (change == len(taken)) != graze
+    assert (0 < change < expected.iterations) == has_biactive
+    assert (change == len(taken)) != has_biactive
 
 
 @pytest.mark.full(except_for=1)

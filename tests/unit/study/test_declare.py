@@ -50,7 +50,7 @@ def test_runs_of_a_study(write):
     runs = panel.all_runs()
     assert [(run.label, run.value) for run in runs] == [("0", 0.0), ("0.5", 0.5), ("inf", float("inf")), ("none", None)]
     assert [run.set for run in runs] == [{"contact.law.mu": v} for v in panel.values] + [{"contact.law": "signorini"}]
-    assert study.shown(panel) == {"force": "base", "charge": 2.0}
+    assert study.quantities_of(panel) == {"force": "base", "charge": 2.0}
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_the_documented_study_is_one(tmp_path):
     study, _ = load_study(tmp_path / "study.toml")
     (panel,) = study.panels
     assert [run.label for run in panel.all_runs()] == ["0", "0.1", "0.3", "no friction"]
-    assert study.shown(panel) == {"force": "frictionless"}
+    assert study.quantities_of(panel) == {"force": "frictionless"}
 
 
 def test_a_panel_without_runs(write):

@@ -154,7 +154,7 @@ def test_what_a_run_that_failed_leaves_behind_is_told(bare, tmp_path, monkeypatc
 
 def test_a_body_too_large_for_the_memory_is_bad_input(case, tmp_path, monkeypatch):
     monkeypatch.setattr(type(case.formulation), "reduce", lambda *_: np.empty(1 << 59))
-    with pytest.raises(CaseError, match="80 elements with 82 nodes need more memory than there is"):
+    with pytest.raises(CaseError, match="80 elements with 82 nodes need more memory than is available"):
         meeframe.run(case, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

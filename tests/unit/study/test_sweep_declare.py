@@ -124,7 +124,7 @@ def test_a_plot_stands_at_the_value_that_is_meant(read):
     study = read(text)
     plot = study.plots[0].over(study.result_axes())
     assert plot.at == {"mu": "0.1000000001"}
-    assert [axis and axis.name for axis in plot.shown(study.result_axes())] == ["depth", None]
+    assert [axis and axis.name for axis in plot.plot_axes(study.result_axes())] == ["depth", None]
 
 
 def test_points_of_their_own(read):

@@ -22,8 +22,9 @@ from meeframe.results.records import resultants
 from meeframe.study.declare import changed
 from meeframe.study.sweep import dask as sweep_dask
 from meeframe.study.sweep.dask import Sealed, reduced, solved_there
-from meeframe.study.sweep.engine import InProcess, grouped, pool_of, solve_points
+from meeframe.study.sweep.engine import pool_of, solve_points
 from meeframe.study.sweep.points import Outcome, Point, PointStatus, read_outcome, write_outcome
+from meeframe.study.sweep.pool import InProcess, grouped
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 
