@@ -287,7 +287,7 @@ def maxima_table(result: InteriorResult) -> LiteralTable:
     return table
 
 
-def write_interior(path: Path, result: InteriorResult) -> None:
+def write_interior(path: Path | str, result: InteriorResult) -> None:
     """Write the fields on a grid of points as a VTU file, SI units, global axes.
 
     Raises
@@ -300,7 +300,7 @@ def write_interior(path: Path, result: InteriorResult) -> None:
     if result.grid is None:
         raise ResultError("the points are not on a grid; allowed: fields at the points of a PointGrid")
     data = dict(_point_data(result))
-    with replacing(path) as temporary:
+    with replacing(Path(path)) as temporary:
         meshio.Mesh(result.points, [result.grid.cells()], point_data=data).write(temporary, file_format="vtu")
 
 

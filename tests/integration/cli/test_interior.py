@@ -1,5 +1,8 @@
 """Fields inside the body of a finished run: from the command line, from Python, and refusals."""
 
+import re
+from pathlib import Path
+
 import meshio
 import numpy as np
 import pytest
@@ -108,3 +111,20 @@ def test_a_formulation_without_interior_fields(write_case, registry):
     system = reduce(case)
     with pytest.raises(CaseError, match="has no fields inside the body"):
         interior(system, np.zeros(system.offset.shape), np.array([[0.0, 0.0, -1e-3]]))
+
+
+def test_example_of_the_page(tmp_path, monkeypatch, capsys):
+    """The case and the Python code of docs/howto-interior.md run as they stand, and find Hertz's largest shear."""
+    page = (Path(__file__).parents[3] / "docs" / "howto-interior.md").read_text(encoding="utf-8")
+    case, code = (
+        re.search(rf"^```{kind}\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[1] for kind in ("toml", "python")
+    )
+    monkeypatch.chdir(tmp_path)
+    Path("case.toml").write_text(case, encoding="utf-8")
+    names = {}
+    exec(code, names)
+    assert names["depth"] == pytest.approx(0.481 * RADIUS, abs=0.1 * RADIUS)
+    assert names["shear"].shape == (17, 1, 20)
+    assert names["shear"].max() / PRESSURE == pytest.approx(0.310, abs=0.01)
+    assert "von_mises" in capsys.readouterr().out
+    assert Path("section.vtu").exists()
