@@ -28,6 +28,7 @@ from meeframe.plugin import (
 )
 from meeframe.plugin.boundary_elements import (
     Accuracy,
+    InteriorRepresentation,
     Layout,
     Tabulated,
     Units,
@@ -143,7 +144,8 @@ class HierarchicalBEM(PersistentFormulation):
             node_compliance[:, np.array(group)[:, None], others] = 0.0
             if not any(np.any(condition.data) for condition in body.conditions if condition.field in group):
                 offset[:, group] = 0.0
-        arrays = order, to_load, to_displacement, node_compliance, compliance, boundary_system
+        representation = self._representation(body)
+        arrays = order, to_load, to_displacement, node_compliance, compliance, boundary_system, representation
         return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *arrays, groups=groups)
 
     def from_arrays(self, body: Body, arrays: Mapping[str, AnyArray]) -> ReducedSystem:
@@ -169,6 +171,7 @@ class HierarchicalBEM(PersistentFormulation):
             compliance=compliance,
             boundary_system=boundary_system,
             groups=coupled_groups(body.stiffness),
+            representation=self._representation(body),
             **stored,
         )
 
@@ -187,6 +190,12 @@ class HierarchicalBEM(PersistentFormulation):
             system = assemble(integrals, share, progress)
             factors = factorise(system, share, progress)
         return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh))
+
+    def _representation(self, body: Body) -> InteriorRepresentation:
+        stiffness = _scaled(body)
+        units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
+        bind = partial(self.fundamental_solution.bind, stiffness)
+        return InteriorRepresentation(body.mesh, body.stiffness, units, bind, anisotropy(stiffness))
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))

@@ -18,14 +18,16 @@ from meeframe.plugin import (
     CaseError,
     FieldwiseApply,
     Indices,
+    InteriorFields,
     NodalFields,
     Persistence,
+    PointFields,
     Progress,
     ReducedSystem,
     SurfaceMesh,
     TooLargeError,
 )
-from meeframe.plugin.boundary_elements import Layout, Units, boundary_fields
+from meeframe.plugin.boundary_elements import InteriorRepresentation, Layout, Units, boundary_fields
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
 from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, to_dense
@@ -181,7 +183,7 @@ class LazyBoundary:
 
 @final
 @dataclass(frozen=True, eq=False)
-class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Persistence):
+class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Persistence, InteriorFields):
     """A reduced system whose compliance is a hierarchical matrix in the order of the cluster tree.
 
     Attributes
@@ -196,6 +198,8 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         The matrix of `condense`.
     boundary_system
         The system of the whole boundary; like products and inverses, it is computed again in other processes.
+    representation
+        The interior representation of the body.
     products
         The latest products, by their fields.
     inverses
@@ -210,6 +214,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     node_compliance: Array
     compliance: Block
     boundary_system: LazyBoundary
+    representation: InteriorRepresentation
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, TruncatedInverse | None] = field(default_factory=dict)
     groups: tuple[Fields, ...] = (ALL_FIELDS,)
@@ -301,6 +306,10 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     def recover(self, load: Array) -> NodalFields:
         """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
         return self.boundary.fields(np.einsum("nja,na->nj", self.to_load, load))
+
+    def evaluate(self, load: Array, points: Array) -> PointFields:
+        """Return the fields at points (m, 3) inside the body by the interior representation."""
+        return self.representation.evaluate(self.recover(load), points)
 
 
 def coupled_groups(stiffness: Array) -> tuple[Fields, ...]:
