@@ -73,7 +73,7 @@ def orthotropic_mee(magnetoelectric_scale: float = 1e-8) -> Material:
     Notes
     -----
     The printed unit would make the material inadmissible: a power of ten is missing. A factor of 1e-8 s/m agrees best
-    with the results of the paper (docs/theory.md, Half space).
+    with the results of the paper (docs/explanation/theory.md, Half space).
     """
     printed = np.diag([0.60, 0.80, 0.10])
     return replace(_from_data("orthotropic-mee"), magnetoelectric=magnetoelectric_scale * printed)

@@ -31,7 +31,7 @@ _UNCERTAIN: Final = 10.0
 _LARGEST_ONSET: Final = 0.25
 """Fraction of the nodes in contact that may come into contact within one increment.
 
-For a sphere, tangential tractions are then accurate to some per cent (docs/case-files.md).
+For a sphere, tangential tractions are then accurate to some per cent (docs/reference/case-files.md).
 """
 _NOTICED: Final = 1e-3
 """Ratio of tangential to normal tractions, and of gaps to displacements, below which they count as zero."""

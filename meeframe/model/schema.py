@@ -1,4 +1,4 @@
-"""Schema of a case file: one frozen model for each table. Documented in docs/case-files.md."""
+"""Schema of a case file: one frozen model for each table. Documented in docs/reference/case-files.md."""
 
 import dataclasses
 import math

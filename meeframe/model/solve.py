@@ -160,10 +160,10 @@ def solve_steps(
 ) -> Iterator[StepResult]:
     """Yield the increments of a case's load steps, each computed from the last converged one.
 
-    Slip is measured from that state too (docs/theory.md, Departures): a single increment, from the undeformed body, is
-    the paper's. The controls that a step names vary linearly from the state in which the step begins.
-    boundary: recover the fields on the whole boundary too, at the end of each step, and include the warnings of the
-    case in the first message; a study of the contact zone does not need the fields and reports the warnings itself.
+    Slip is measured from that state too (docs/explanation/theory.md, Departures): a single increment, from the
+    undeformed body, is the paper's. The controls that a step names vary linearly from the state in which the step
+    begins. boundary: recover the fields on the whole boundary too, at the end of each step, and include the warnings of
+    the case in the first message; a study of the contact zone does not need the fields and reports the warnings itself.
     Raises CaseError if the case continues a run whose state does not belong to this body.
     """
     clock("contact", 0.0)

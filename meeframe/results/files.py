@@ -1,8 +1,8 @@
 """Result file in self-describing HDF5; each increment of a run is written once, when it is finished.
 
-Layout (docs/results.md): attributes of the root describe the origin of the file; /zone is the contact zone; /boundary
-the points and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one increment each. Every dataset has
-`units`.
+Layout (docs/reference/results.md): attributes of the root describe the origin of the file; /zone is the contact zone;
+/boundary the points and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one increment each. Every
+dataset has `units`.
 
 During a run each increment is a file of its own in the folder `result.increments`, to which result.h5 has external
 links: no byte of a finished increment is written again, so that a run that is killed at any moment leaves readable

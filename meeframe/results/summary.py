@@ -29,7 +29,7 @@ _ABOUT: Final = {"tilt": "moment", "twist": "torque"}
 
 
 def summary(result: Result) -> dict[str, Any]:
-    """Return the content of summary.json, of plain Python types; see docs/results.md.
+    """Return the content of summary.json, of plain Python types; see docs/reference/results.md.
 
     Numbers that are not finite become None.
     """

@@ -56,7 +56,7 @@ SWAPPED = OrthotropicCoulomb(0.6, 0.1, 0.3)
 TURNED_BACK = OrthotropicCoulomb(0.1, 0.6, -0.3)
 UNTURNED = OrthotropicCoulomb(0.1, 0.6)
 RADIAL_WITH_UNIT_STEP = Mixed(RIGHT, IsotropicCoulomb(1.0))
-"""Traction opposite to slip: another law (docs/theory.md, Set and metric)."""
+"""Traction opposite to slip: another law (docs/explanation/theory.md, Set and metric)."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def closest_on_ellipse(point: Array, half_axes: Array) -> Array:
 
 
 class EuclideanProjection(WrongLaw):
-    """The closest point of the ellipse with the step M^2: wrong (docs/theory.md, Set and metric)."""
+    """The closest point of the ellipse with the step M^2: wrong (docs/explanation/theory.md, Set and metric)."""
 
     def project(self, trial: Array) -> Array:
         pressure = np.maximum(-trial[:, 2:], 0.0)

@@ -1,4 +1,4 @@
-"""Closed forms against the numbers of docs/theory.md and independent integration of their own boundary values."""
+"""Closed forms against the numbers of docs/explanation/theory.md and integration of their boundary values."""
 
 import numpy as np
 import pytest

@@ -44,8 +44,8 @@ class _Memory:
 class Uzawa(Solver):
     """Uzawa's method with the paper's fixed step or an automatic one.
 
-    Gaps are those of u^(n+1), from p^(n) (docs/theory.md, Departures). A node that opens and closes repeatedly because
-    it conducts in contact only is treated as biactive (meeframe.contact.conduction).
+    Gaps are those of u^(n+1), from p^(n) (docs/explanation/theory.md, Departures). A node that opens and closes
+    repeatedly because it conducts in contact only is treated as biactive (meeframe.contact.conduction).
 
     Parameters
     ----------

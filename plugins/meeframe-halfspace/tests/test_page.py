@@ -1,4 +1,4 @@
-"""docs/halfspace.md: what it shows in code is right, and what it says of files works in a case file."""
+"""docs/explanation/halfspace.md: what it shows in code is right, and what it says of files works in a case file."""
 
 import re
 import tomllib
@@ -14,7 +14,7 @@ from meeframe.indenters.base import Indenter
 from meeframe.plugin import registry
 from meeframe.plugin.registry import CONTRACTS
 
-PAGE = (Path(__file__).parents[3] / "docs" / "halfspace.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "explanation" / "halfspace.md").read_text(encoding="utf-8")
 FORMULATION, ROUGH, MAP = (tomllib.loads(text) for text in re.findall(r"^```toml\n(.*?)^```", PAGE, re.DOTALL | re.M))
 
 

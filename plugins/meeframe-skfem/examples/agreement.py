@@ -1,4 +1,4 @@
-"""Print the table of docs/skfem.md, totals of a conducting sphere by finite and by boundary elements.
+"""Print the table of docs/explanation/skfem.md, totals of a conducting sphere by finite and by boundary elements.
 
 Usage: uv run python plugins/meeframe-skfem/examples/agreement.py
 """

@@ -1,4 +1,4 @@
-"""Table 3 under magnetic conduction: edge nodes that would open and close for ever (docs/solvers.md)."""
+"""Table 3 under magnetic conduction: edge nodes that would open and close for ever (docs/explanation/solvers.md)."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_nodes_that_flip_become_biactive(kappa, system):
 
 
 def test_force_falls_to_less_than_half_as_the_indenter_conducts_magnetically(system):
-    """0.43 of the insulated force (docs/theory.md, Half space); the paper says 'reduced by half'."""
+    """0.43 of the insulated force (docs/explanation/theory.md, Half space); the paper says 'reduced by half'."""
     forces = [force(system, kappa) for kappa in (0.0, 0.01, *MODERATE, 10.0, np.inf)]
     assert np.all(np.diff(forces) < 0)
     assert forces[-1] / forces[0] == pytest.approx(0.43, abs=0.005)

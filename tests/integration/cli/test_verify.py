@@ -104,7 +104,7 @@ def test_a_half_space_by_all_that_take_it(half_space, tmp_path):
     for name in ("force", "charge"):
         assert abs(pairs[name]["difference"]) < 0.005 * pairs[name]["scale"]
         assert pairs[name]["verdict"] == "agree"
-    exact = 21896.1  # docs/theory.md, Indentation in closed form
+    exact = 21896.1  # docs/explanation/theory.md, Indentation in closed form
     for estimate in found["estimates"]:
         if estimate["quantity"] == "force":
             assert estimate["extrapolated"] == pytest.approx(exact, abs=estimate["error"])

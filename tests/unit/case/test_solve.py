@@ -97,7 +97,7 @@ def test_potentials_of_the_indenter_reach_the_body_where_it_conducts(case):
         np.testing.assert_allclose(step.potentials[contact_fraction, 0], 7.0, rtol=1e-9)
         assert not step.potentials[~contact_fraction, 0].any()
         assert not step.potentials[:, 1].any()  # magnetically insulated
-        # springs give -phi = q / k, so a raised potential draws flux in: q < 0 (docs/theory.md)
+        # springs give -phi = q / k, so a raised potential draws flux in: q < 0 (docs/explanation/theory.md)
         assert meeframe.resultants(result.zone, step).charge < 0
 
 
@@ -111,7 +111,7 @@ def test_a_step_that_does_not_converge_says_so_and_the_next_one_goes_on(case):
 
 
 def test_a_case_from_objects(case):
-    """The ten lines of docs/case-files.md, on springs."""
+    """The ten lines of docs/reference/case-files.md, on springs."""
     material = library_material("batio3-cofe2o4")
     mesh = block_mesh(0.05, 0.12, 0.005, 4, 2, 1, Quad4())
     made = Case(

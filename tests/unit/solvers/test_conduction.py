@@ -1,4 +1,4 @@
-"""The step law that switches edge nodes for ever (docs/solvers.md), and how it is resolved."""
+"""The step law that switches edge nodes for ever (docs/explanation/solvers.md), and how it is resolved."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, final

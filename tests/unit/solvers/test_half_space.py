@@ -1,4 +1,4 @@
-"""Uzawa on an exact half space against the closed forms of docs/theory.md."""
+"""Uzawa on an exact half space against the closed forms of docs/explanation/theory.md."""
 
 import numpy as np
 import pytest
@@ -157,7 +157,7 @@ def test_sphere_converges_at_least_at_first_order() -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("field", [0, 1])
 def test_force_and_flux_go_monotonically_between_the_limits(field: int) -> None:
-    """docs/theory.md, Sign of the conductivity law; q = +kappa (phi - phi_o) with nu outward."""
+    """docs/explanation/theory.md, Sign of the conductivity law; q = +kappa (phi - phi_o) with nu outward."""
     characteristic = 1.0 / (abs(XI[field + 1, field + 1]) * np.sqrt(RADIUS * APPROACH))
 
     def at(kappa: float) -> tuple[float, float]:

@@ -214,7 +214,7 @@ def test_nothing_to_run(read):
 
 
 def test_the_documented_study_is_one(read):
-    page = Path(__file__).parents[3] / "docs" / "sweep.md"
+    page = Path(__file__).parents[3] / "docs" / "howto" / "sweep.md"
     first, *_ = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     study = read(first)
     assert len(list(study.changes())) == 5 * 2 * 2 + 1
@@ -222,7 +222,7 @@ def test_the_documented_study_is_one(read):
 
 def test_the_documented_selections_work(read, tmp_path, monkeypatch):
     """Quantities that are the numbers of the points, over the axes of the page."""
-    page = (Path(__file__).parents[3] / "docs" / "sweep.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "howto" / "sweep.md").read_text(encoding="utf-8")
     first, *_ = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     (select,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "open_dataset" in code]
     axes = read(re.sub(r"\[\[points\]\].*?\n\n", "", first, flags=re.DOTALL)).result_axes()
