@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from meeframe.model.load import load_case as load_case
     from meeframe.model.solve import solve_case as solve_case
     from meeframe.results.canvas import STYLE as STYLE
+    from meeframe.results.interior import PointGrid as PointGrid
     from meeframe.results.records import resultants as resultants
     from meeframe.results.result import Interrupted as Interrupted
     from meeframe.results.result import Result as Result
@@ -67,6 +68,7 @@ if TYPE_CHECKING:
     from meeframe.solvers import SemismoothNewton as SemismoothNewton
     from meeframe.solvers import StoppingCriteria as StoppingCriteria
     from meeframe.solvers import Uzawa as Uzawa
+    from meeframe.study.interior import interior as interior
 
 __version__ = "0.1.0"
 
@@ -107,6 +109,7 @@ _HOMES = {
     "solve_case": "meeframe.model.solve",
     "STYLE": "meeframe.results.canvas",
     "resultants": "meeframe.results.records",
+    "PointGrid": "meeframe.results.interior",
     "Interrupted": "meeframe.results.result",
     "Result": "meeframe.results.result",
     "read_result": "meeframe.results.result",
@@ -117,6 +120,7 @@ _HOMES = {
     "SemismoothNewton": "meeframe.solvers",
     "StoppingCriteria": "meeframe.solvers",
     "Uzawa": "meeframe.solvers",
+    "interior": "meeframe.study.interior",
 }
 
 __all__ = ["__version__", "mesh", *_HOMES]

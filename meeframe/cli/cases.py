@@ -58,13 +58,49 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
 
 
 @app.command()
-def show(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")]) -> None:
-    """Print the summary of a run as a table."""
+def show(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
+    interior: Annotated[
+        bool,
+        typer.Option(
+            "--interior", metavar="", help="Evaluate fields inside the body under the contact; write interior.vtu."
+        ),
+    ] = False,
+    case: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CASE.toml",
+            help="The case of the run, for --interior; by default the text stored with the result, whose relative "
+            "paths start in the current folder.",
+        ),
+    ] = None,
+    threads: Threads = None,
+    plugin: PluginFiles = None,
+) -> None:
+    """Print the summary of a run as a table.
+
+    With --interior, the body of the case is reduced again, and the fields after the last increment are evaluated in a
+    box under the contact. Their largest values are printed, and all fields are written to interior.vtu in DIR.
+    """
     with console.exit_status():
         from meeframe.results.files import read_result
         from meeframe.results.summary import summary_table
 
-        console.stdout().print(summary_table(read_result(folder)))
+        result = read_result(folder)
+        console.stdout().print(summary_table(result))
+        if not interior:
+            return
+        from meeframe.model.threads import limited
+        from meeframe.results.interior import maxima_table, write_interior
+        from meeframe.results.output import INTERIOR_FILE
+        from meeframe.study.interior import interior as interior_of_run
+
+        registry = console.registry(plugin)
+        with limited(threads), console.progress() as progress:
+            fields = interior_of_run(result, case=case, registry=registry, progress=progress)
+        write_interior(folder / INTERIOR_FILE, fields)
+        console.stdout().print(maxima_table(fields))
+        print(f"fields: {folder / INTERIOR_FILE}")
 
 
 @app.command()

@@ -134,7 +134,7 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
 def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
     """Return the reduced system of one body for contact alone, without data for recovery where possible.
 
-    `recover` reduces the body again when it is first called.
+    `recover` reduces the body again when it is first called; a `DenseSystem` has no `InteriorFields` any more.
     """
     system = reduce_body(formulation, body, progress)
     if not isinstance(system, DenseSystem):
@@ -143,7 +143,7 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
             if arrays is None or not isinstance(formulation, PersistentFormulation):
                 return system
             return checked(formulation, formulation.from_arrays(body, arrays), body.fields.size)
-    return replace(system, recovery=recovery_of(formulation, body, progress))
+    return replace(system, recovery=recovery_of(formulation, body, progress), interior=None)
 
 
 def recovery_of(formulation: Formulation, body: Body, progress: Progress = silent) -> Callable[[Array], NodalFields]:
@@ -203,7 +203,7 @@ def solve_steps(
                         recovered = system.recover(result.state.load)
                     clock("diagnostics", 1.0)
                     result = with_message(
-                        replace(result, boundary=recovered), unbalance_warning(recovered, case.fields)
+                        replace(result, boundary=recovered), unbalance_warning(recovered, case.fields, result.fluxes)
                     )
                 except Exception:
                     yield result  # the increment is solved all the same

@@ -74,8 +74,10 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import EdgeResolution as EdgeResolution
     from meeframe.system.capabilities import FieldwiseApply as FieldwiseApply
     from meeframe.system.capabilities import IndenterEdge as IndenterEdge
+    from meeframe.system.capabilities import InteriorFields as InteriorFields
     from meeframe.system.capabilities import Multigrid as Multigrid
     from meeframe.system.capabilities import Persistence as Persistence
+    from meeframe.system.capabilities import PointFields as PointFields
     from meeframe.system.capabilities import Restriction as Restriction
     from meeframe.system.capabilities import Subsystem as Subsystem
     from meeframe.system.capabilities import apply_fields as apply_fields
@@ -164,8 +166,10 @@ _HOMES = {
     "EdgeResolution": "meeframe.system.capabilities",
     "FieldwiseApply": "meeframe.system.capabilities",
     "IndenterEdge": "meeframe.system.capabilities",
+    "InteriorFields": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",
+    "PointFields": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
     "Subsystem": "meeframe.system.capabilities",
     "apply_fields": "meeframe.system.capabilities",

@@ -11,6 +11,7 @@ from meeframe.elements.anisotropy import anisotropy
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.collocation import Sources, collocate
 from meeframe.formulations.dense_bem.half_space import exterior_terms
+from meeframe.formulations.dense_bem.interior import InteriorRepresentation
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units, boundary_fields, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import characteristic_length
@@ -20,6 +21,7 @@ __all__ = [
     "BUFFER_TOO_SMALL",
     "NONE",
     "Accuracy",
+    "InteriorRepresentation",
     "Layout",
     "Sources",
     "Tabulated",

@@ -27,9 +27,9 @@ _WIDTH: Final = 5.6
 
 
 def name_of(result: Result, step: StepResult) -> str:
-    """Return an increment in words: 'step 2', or 'step 2.5' where the step has several."""
+    """Return an increment in words: 'step 2', or 'step 2, increment 5' where the step has several."""
     several = any(other.step == step.step and other.increment > 1 for other in result.steps)
-    return f"step {step.step}.{step.increment}" if several else f"step {step.step}"
+    return f"step {step.step}, increment {step.increment}" if several else f"step {step.step}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,8 @@ FIELDS_FILE: Final = "fields.vtu"
 SERIES_FILE: Final = "fields.pvd"
 SERIES: Final = "fields.series"
 """Folder of the files of fields.pvd, one for each load step."""
+INTERIOR_FILE: Final = "interior.vtu"
+"""Fields inside the body, which `meeframe show DIR --interior` writes."""
 INCREMENTS: Final = "result.increments"
 """Folder of the increments of an unfinished run, one file each."""
 LOCK_FILE: Final = ".lock"
@@ -145,7 +147,7 @@ def clear_output(folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in map(Path, output_files()):
+        for name in map(Path, (*output_files(), INTERIOR_FILE)):
             (folder / name).unlink(missing_ok=True)
             for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
                 leftover.unlink()

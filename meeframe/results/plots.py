@@ -32,7 +32,7 @@ class Plots:
         return self.map("pressure", ax, step=step)
 
     def map(self, name: str, ax: Any = None, *, step: Which = None) -> Any:
-        """Draw the map of a scalar field such as 'electric_potential' or 'gap' (docs/reference/results.md)."""
+        """Draw the map of a scalar field such as 'electric_potential' or 'gap', with its bar."""
         return self._on(ax, lambda axes: figures.draw_map(axes, self.result, name, step, self._title(step)))
 
     def section(self, name: str = "pressure", ax: Any = None, *, step: Which = None) -> Any:

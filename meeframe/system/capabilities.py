@@ -4,8 +4,9 @@ Each capability is a small abstract class. A reduced system that has one inherit
 ``system.capability(Multigrid)``, which returns an object of that class or None. A system whose capability depends on
 the instance overrides `ReducedSystem.capability` so that absence is visible before any method is called.
 
-Capabilities make solvers faster. None of them changes what a solver finds, because convergence is always tested with
-`ReducedSystem.apply`; `EdgeResolution` is the exception, it changes the discrete problem.
+Most capabilities make solvers faster. None of these changes what a solver finds, because convergence is always tested
+with `ReducedSystem.apply`; `EdgeResolution` is the exception, it changes the discrete problem. `InteriorFields`
+evaluates a solution inside the body.
 `meeframe.testing.check_formulation` compares every capability with `apply`.
 """
 
@@ -159,6 +160,56 @@ class EdgeResolution(ABC):
         EdgeCorrection
             Extra compliances and area fractions of the nodes near the edge.
         """
+
+
+class InteriorFields(ABC):
+    """Fields at points inside the body, for a load on the contact zone."""
+
+    @abstractmethod
+    def evaluate(self, load: Array, points: Array) -> "PointFields":
+        """Return the fields at points inside the body.
+
+        Parameters
+        ----------
+        load : (n, 5) array
+            Load as in `ReducedSystem.apply`.
+        points : (m, 3) array
+            Positions in global axes [m].
+
+        Raises
+        ------
+        CaseError
+            If a point is outside the body, or closer to its surface than the formulation can evaluate.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class PointFields:
+    """Fields at points inside a body, in SI units and global axes.
+
+    Attributes
+    ----------
+    points
+        (m, 3) [m].
+    values
+        (m, 5) displacements and potentials; unlike in a displacement of `ReducedSystem`, potentials are not negated.
+    gradients
+        (m, 5, 3) derivatives of the values with respect to the position.
+    fluxes
+        (m, 3, 5) stress and flux densities: entry (i, J) is the component i of the flux of field J. Columns 0 to 2 are
+        the stress, the others the electric displacement D, the magnetic flux density B and fluxes of further fields.
+    """
+
+    points: Array
+    values: Array
+    gradients: Array
+    fluxes: Array
+
+    @classmethod
+    def of(cls, points: Array, values: Array, gradients: Array, stiffness: Array) -> "PointFields":
+        """Return the fields of a homogeneous body with the extended stiffness C_iJKm, (3, 5, 5, 3) in SI units."""
+        fluxes = np.einsum("ijkm,pkm->pij", stiffness, gradients, optimize=True)
+        return cls(points, values, gradients, fluxes)
 
 
 @dataclass(frozen=True, eq=False)

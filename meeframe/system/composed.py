@@ -26,7 +26,9 @@ from meeframe.system.capabilities import (
     FieldProduct,
     FieldwiseApply,
     IndenterEdge,
+    InteriorFields,
     Multigrid,
+    PointFields,
     Restriction,
     Subsystem,
     apply_fields,
@@ -184,6 +186,7 @@ class ComposedSystem(
     Multigrid,
     Restriction,
     EdgeResolution,
+    InteriorFields,
 ):
     """A sum of reduced systems in common frames, with an additional compliance at the nodes.
 
@@ -207,7 +210,8 @@ class ComposedSystem(
         Products in some fields need one body that has them. The approximate inverse is that
         of the first body. Coarsening and restriction need all bodies, coarsening on the same nodes and without extra
         compliance. Edge resolution needs all
-        bodies, and no correction already in place. Persistence is not forwarded: bodies are stored one by one.
+        bodies, and no correction already in place. Interior fields are those of the first body. Persistence is not
+        forwarded: bodies are stored one by one.
         """
         systems, corrected = [term.system for term in self.terms], self.extra_compliance is not None
         has = [system.capability(kind) is not None for system in systems]
@@ -217,6 +221,7 @@ class ComposedSystem(
             Multigrid: all(has) and not corrected,
             Restriction: all(has),
             EdgeResolution: all(has) and not corrected,
+            InteriorFields: has[0],
         }
         if not forwarded.get(kind, False):
             return None
@@ -244,6 +249,12 @@ class ComposedSystem(
         """Return the fields on the whole boundary of the first body."""
         fields = range(self.n_fields)
         return self.terms[0].system.recover(self.terms[0].to_body(load, fields, fields))
+
+    def evaluate(self, load: Array, points: Array) -> PointFields:
+        """Return the fields inside the first body."""
+        fields = range(self.n_fields)
+        interior = _required(self.terms[0].system, InteriorFields)
+        return interior.evaluate(self.terms[0].to_body(load, fields, fields), points)
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the sum of the products of the bodies in the fields that depend on the given ones."""

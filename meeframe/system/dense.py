@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import final
+from typing import TypeVar, final
 
 import numpy as np
 
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array, Indices
+from meeframe.system.capabilities import InteriorFields
 from meeframe.system.reduced import NodalFields, ReducedSystem
+
+C = TypeVar("C")
 
 
 @final
@@ -23,10 +26,17 @@ class DenseSystem(ReducedSystem):
         (n, fields, n, fields), response (node, field) to a load (node, field), with the signs of `ReducedSystem`.
     recovery : callable
         Function that returns the fields on the whole boundary for a load (n, fields).
+    interior : InteriorFields or None
+        The capability to evaluate fields inside the body, if the formulation has it.
     """
 
     matrix: Array
     recovery: Callable[[Array], NodalFields]
+    interior: InteriorFields | None = None
+
+    def capability(self, kind: type[C]) -> C | None:
+        """Return the capability to evaluate fields inside the body, if there is one."""
+        return self.interior if isinstance(self.interior, kind) else super().capability(kind)
 
     def apply(self, load: Array) -> Array:
         """Return the displacement due to a load by one matrix-vector product.

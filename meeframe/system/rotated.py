@@ -1,13 +1,15 @@
 """Reduced systems in other local frames: e1 along a direction field, as for friction with principal axes."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, final
 
 import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.fields import MECHANICAL, Array
+from meeframe.system.capabilities import InteriorFields, PointFields
 from meeframe.system.composed import Rotation, Term, compose
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, ReducedSystem
@@ -50,6 +52,7 @@ def rotate_frames(system: ReducedSystem, directions: Array) -> ReducedSystem:
     if composed.matrix is None:
         return composed
     # of a DenseSystem no more than the recovery, so that its matrix need not stay in memory
+    interior = system.capability(InteriorFields)
     recover = system.recovery if isinstance(system, DenseSystem) else system.recover
     return DenseSystem(
         system.points,
@@ -59,6 +62,7 @@ def rotate_frames(system: ReducedSystem, directions: Array) -> ReducedSystem:
         offset,
         composed.matrix,
         partial(_recover, recover, rotation),
+        None if interior is None else _RotatedInterior(interior, rotation),
     )
 
 
@@ -79,6 +83,20 @@ def rotated_frames(frames: Array, directions: Array) -> Array:
     rotated[:, 0] = cosine * frames[:, 0] + sine * frames[:, 1]
     rotated[:, 1] = cosine * frames[:, 1] - sine * frames[:, 0]
     return rotated
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _RotatedInterior(InteriorFields):
+    """Interior fields for loads in rotated frames."""
+
+    interior: InteriorFields
+    rotation: Rotation
+
+    def evaluate(self, load: Array, points: Array) -> PointFields:
+        """Return the fields at points (m, 3) inside the body for a load (n, 5) in the rotated frames."""
+        fields = range(self.rotation.n_fields)
+        return self.interior.evaluate(self.rotation.inverse.change(load, fields, fields), points)
 
 
 def _recover(recover: Callable[[Array], NodalFields], rotation: Rotation, load: Array) -> NodalFields:

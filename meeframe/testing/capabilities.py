@@ -13,6 +13,7 @@ from meeframe.system.capabilities import (
     EdgeResolution,
     FieldwiseApply,
     IndenterEdge,
+    InteriorFields,
     Multigrid,
     Restriction,
     Subsystem,
@@ -41,6 +42,10 @@ CONTACT: Final = 0.6
 """Half axes of the elliptic contact with which edge corrections are tested, in half widths of the zone."""
 COARSE_ERROR: Final = 0.2
 """Largest difference of responses to a smooth load on a coarser division, relative to the largest displacement."""
+INTERIOR_STEP: Final = 1e-3
+"""Step of the differences of interior values, in widths of the zone."""
+INTERIOR_ERROR: Final = 0.2
+"""Largest relative error of these differences; gradients of finite elements jump between elements."""
 
 
 def check_capabilities(system: ReducedSystem) -> None:
@@ -55,6 +60,7 @@ def check_capabilities(system: ReducedSystem) -> None:
     check_approximate_inverse(system)
     check_restriction(system)
     check_edge_correction(system)
+    check_interior_fields(system)
     multigrid = system.capability(Multigrid)
     if multigrid is not None:
         check_coarsening(system, multigrid.coarsen())
@@ -194,6 +200,35 @@ def check_edge_correction(system: ReducedSystem) -> None:
         scaled = unit[:, None] * extra * unit
         lowest = float(np.linalg.eigvalsh(scaled + scaled.transpose(0, 2, 1)).min())
         require(lowest >= -ROUND_OFF * np.abs(scaled).max(), "extra compliance gains energy from a load", lowest)
+
+
+def check_interior_fields(system: ReducedSystem) -> None:
+    """Check that fields inside the body are affine in the load, and that gradients are those of the values."""
+    interior = system.capability(InteriorFields)
+    if interior is None:
+        return
+    middle = int(np.linalg.norm(_place(system), axis=1).argmin())
+    width = float(np.ptp(system.points, axis=0).max())
+    inwards = system.frames[middle].T @ np.array([0.037, -0.053, -0.3])
+    point, step = system.points[middle] + width * inwards, INTERIOR_STEP * width
+    points = point + step * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    load = smooth_loads(system)[0]
+    given = load.copy()
+    none, once, twice = (interior.evaluate(factor * load, points) for factor in (0.0, 1.0, 2.0))
+    require(np.array_equal(load, given), "evaluate changes its load", len(load))
+    n_points, n_fields = len(points), system.n_fields
+    shapes = once.values.shape, once.gradients.shape, once.fluxes.shape
+    fits = shapes == ((n_points, n_fields), (n_points, n_fields, 3), (n_points, 3, n_fields))
+    require(fits, "evaluate gives no values (m, fields), gradients (m, fields, 3), fluxes (m, 3, fields)", shapes)
+    unit = typical_load(system)
+    for name, scale in (("values", unit), ("gradients", unit[:, None]), ("fluxes", 1.0 / unit)):
+        first, second = ((getattr(each, name) - getattr(none, name)) * scale for each in (once, twice))
+        error = float(np.abs(second - 2.0 * first).max() / np.abs(first).max())
+        require(error < SINGLE_PRECISION, f"{name} inside the body are not affine in the load", error)
+    slopes = (once.values[1:4] - once.values[4:]).T / (2.0 * step)
+    scaled, expected = slopes * unit[:, None], once.gradients[0] * unit[:, None]
+    error = float(np.abs(scaled - expected).max() / np.abs(expected).max())
+    require(error < INTERIOR_ERROR, "gradients inside the body are not the derivatives of the values", error)
 
 
 def _error(system: ReducedSystem, result: Array, expected: Array, fields: Sequence[int]) -> float:

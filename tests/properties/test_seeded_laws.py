@@ -266,7 +266,7 @@ class EqualToNone(WrongLaw):
     __hash__ = object.__hash__
 
 
-EXPANSIVE = "project is expansive in the law's metric"
+EXPANSIVE = "project is expansive in the metric of tangential_scaling"
 
 
 def name(value: object) -> str:

@@ -3,7 +3,7 @@
 import math
 import os
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Annotated, final
 
 import numpy as np
@@ -16,6 +16,7 @@ from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
+from meeframe.formulations.dense_bem.interior import BoundaryInterior, InteriorRepresentation
 from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
@@ -97,7 +98,11 @@ class DenseBEM(Formulation):
         zone = find_contact_zone(body.mesh, body.contact_group)
         offset, compliance = zone_relation(solution)
         geometry = zone.points, zone.frames, zone.weights, zone.cells
-        return in_local_frames(*geometry, offset, compliance, solution.fields)
+        system = in_local_frames(*geometry, offset, compliance, solution.fields)
+        stiffness = _scaled_stiffness(body)
+        bind = partial(_bind, self.fundamental_solution, stiffness.tobytes())
+        representation = InteriorRepresentation(body.mesh, body.stiffness, solution.units, bind, anisotropy(stiffness))
+        return replace(system, interior=BoundaryInterior(system.recovery, representation))
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
         """Return the fields on the boundary of a body without contact zone.

@@ -22,6 +22,7 @@ from meeframe.plugin import (
 from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
+from meeframe_halfspace.interior import HalfSpaceInterior
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
 
@@ -86,6 +87,8 @@ class HalfSpace(Formulation):
         response = PointResponse.of(body.stiffness, grid.frame)
         progress("surface compliance", 1.0)
         weights, grid_response = grid.weights(self.periodic), self._grid_response(response, grid)
+        shares = weights / weights.max()
+        origin = zone.points[grid.nodes[0, 0]]
         system = HalfSpaceSystem(
             points=zone.points,
             frames=np.broadcast_to(zone.frame, (len(weights), 3, 3)),
@@ -95,8 +98,9 @@ class HalfSpace(Formulation):
             grid=grid,
             grid_response=grid_response,
             convolution=convolution_of(grid_response),
-            shares=weights / weights.max(),
+            shares=shares,
             edge_waves=response.wave_series()[0] if self.resolves_edges() else None,
+            interior=HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares),
         )
         # a system with a matrix does not know its grid any more
         return _with_matrix(system) if len(weights) <= self.matrix_up_to and not self.resolves_edges() else system
@@ -130,5 +134,12 @@ class HalfSpace(Formulation):
 def _with_matrix(system: HalfSpaceSystem) -> DenseSystem:
     matrix: Array = dense_matrix(system)
     return DenseSystem(
-        system.points, system.frames, system.weights, system.cells, system.offset, matrix, system.recover
+        system.points,
+        system.frames,
+        system.weights,
+        system.cells,
+        system.offset,
+        matrix,
+        system.recover,
+        system.interior,
     )

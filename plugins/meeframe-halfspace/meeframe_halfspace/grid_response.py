@@ -17,7 +17,7 @@ from meeframe_halfspace.response import PointResponse, mirrored, series_entry
 
 DOUBLE: Final = np.dtype(np.float64)
 Window = Literal["bilinear", "constant", "trigonometric"]
-_POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
+POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ class PeriodicGrid(GridResponse):
             2.0 * np.pi * scipy.fft.rfftfreq(nx, self.spacing[0]),
             2.0 * np.pi * scipy.fft.fftfreq(ny, self.spacing[1])[:count],
         ]
-        power = _POWERS[self.shape]
+        power = POWERS[self.shape]
         windows = [np.sinc(q * h / (2.0 * np.pi)) ** power for q, h in zip(waves, self.spacing, strict=True)]
         symbol = np.empty((len(waves[0]), count))
 

@@ -18,6 +18,7 @@ from meeframe.plugin import (
     FieldwiseApply,
     IndenterEdge,
     Indices,
+    InteriorFields,
     Multigrid,
     NodalFields,
     ReducedSystem,
@@ -66,6 +67,8 @@ class HalfSpaceSystem(
         grid.
     edge_waves
         Series of Re Y with which contact edges are resolved between the nodes; None if edges are at nodes.
+    interior
+        The fields inside the half space; None on coarser grids and parts of the zone.
     """
 
     grid: Grid
@@ -73,14 +76,17 @@ class HalfSpaceSystem(
     convolution: Convolution
     shares: Array
     edge_waves: Array | None = None
+    interior: InteriorFields | None = None
     _parts: list[tuple[GridResponse, Convolution]] = field(default_factory=list, init=False, repr=False)
 
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself unless the capability is absent.
 
         Coarsening is absent on the coarsest grid, restriction on periodic grids, and edge resolution unless it is
-        switched on.
+        switched on. Fields inside the half space are absent on coarser grids and parts of the zone.
         """
+        if isinstance(self.interior, kind):
+            return self.interior
         absent: dict[type, bool] = {
             Multigrid: kind is Multigrid and self._coarsening is None,
             Restriction: self.convolution.periodic,

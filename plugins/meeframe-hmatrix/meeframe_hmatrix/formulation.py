@@ -28,6 +28,7 @@ from meeframe.plugin import (
 )
 from meeframe.plugin.boundary_elements import (
     Accuracy,
+    InteriorRepresentation,
     Layout,
     Tabulated,
     Units,
@@ -44,11 +45,13 @@ from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, prepare
 from meeframe_hmatrix.packing import packed, unpacked
 from meeframe_hmatrix.system import (
+    ALL_FIELDS,
     ARRAYS,
     BoundarySystem,
     HierarchicalSystem,
     LazyBoundary,
     condense,
+    coupled_groups,
     diagonal_of,
     factorise,
     frames_to_units,
@@ -135,8 +138,15 @@ class HierarchicalBEM(PersistentFormulation):
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
         boundary_system = LazyBoundary(partial(self.boundary, body), [boundary])
         compliance = unpacked(*packed(compliance))  # in memory as a system from arrays
-        arrays = order, to_load, to_displacement, node_compliance, compliance, boundary_system
-        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *arrays)
+        groups = coupled_groups(body.stiffness)
+        for group in groups:  # truncation leaves noise where the material couples nothing
+            others = np.setdiff1d(ALL_FIELDS, group)
+            node_compliance[:, np.array(group)[:, None], others] = 0.0
+            if not any(np.any(condition.data) for condition in body.conditions if condition.field in group):
+                offset[:, group] = 0.0
+        representation = self._representation(body)
+        arrays = order, to_load, to_displacement, node_compliance, compliance, boundary_system, representation
+        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *arrays, groups=groups)
 
     def from_arrays(self, body: Body, arrays: Mapping[str, AnyArray]) -> ReducedSystem:
         """Return a system from its arrays; `recover` then needs assembly and elimination again."""
@@ -160,6 +170,8 @@ class HierarchicalBEM(PersistentFormulation):
             zone.cells,
             compliance=compliance,
             boundary_system=boundary_system,
+            groups=coupled_groups(body.stiffness),
+            representation=self._representation(body),
             **stored,
         )
 
@@ -178,6 +190,12 @@ class HierarchicalBEM(PersistentFormulation):
             system = assemble(integrals, share, progress)
             factors = factorise(system, share, progress)
         return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh))
+
+    def _representation(self, body: Body) -> InteriorRepresentation:
+        stiffness = _scaled(body)
+        units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
+        bind = partial(self.fundamental_solution.bind, stiffness)
+        return InteriorRepresentation(body.mesh, body.stiffness, units, bind, anisotropy(stiffness))
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))

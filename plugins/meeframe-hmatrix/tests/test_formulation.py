@@ -13,13 +13,13 @@ from meeframe_hmatrix.blocks import LowRank, leaves, stored, to_dense
 from meeframe_hmatrix.cross_approximation import interpolation
 from meeframe_hmatrix.packing import unpacked
 from meeframe_hmatrix.rows import near_rows
-from meeframe_hmatrix.system import MOST_PRODUCTS
+from meeframe_hmatrix.system import MOST_PRODUCTS, coupled_groups
 
 from meeframe.common.errors import CaseError, MeshError
 from meeframe.elements import Quad4, Quad8, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb
-from meeframe.material import library_material
+from meeframe.material import library_material, rotation_about
 from meeframe.mesh import block_mesh, half_space_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin.registry import Kind, load
@@ -271,3 +271,42 @@ def test_a_solution_that_is_no_number_does_not_count(systems, monkeypatch):
 def test_loads_that_are_no_numbers_are_refused(systems):
     with pytest.raises(CaseError, match=r"right-hand sides .* are no finite numbers"):
         systems[1e-3].boundary.unknowns(np.full(5 * len(systems[1e-3].points), np.nan))
+
+
+@pytest.mark.parametrize(
+    ("name", "groups"),
+    [
+        ("isotropic", ((0, 1, 2), (3,), (4,))),
+        ("pzt-4", ((4,), (0, 1, 2, 3))),
+        ("cofe2o4", ((3,), (0, 1, 2, 4))),
+        ("batio3-cofe2o4", ((0, 1, 2, 3, 4),)),
+    ],
+)
+def test_fields_are_grouped_as_the_material_couples_them(name, groups):
+    options = {"young_modulus": 1e9, "poisson_ratio": 0.3} if name == "isotropic" else {}
+    stiffness = library_material(name, **options).rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+    assert set(coupled_groups(stiffness)) == set(groups)
+
+
+def test_fields_that_nothing_couples_are_exactly_zero(make_block, smooth_load):
+    """Truncation must not carry a mechanical load into the magnetic field of a piezoelectric body, nor back."""
+    body = make_block(4)
+    conditions = tuple(replace(each, data=0.0) if each.field == 4 else each for each in body.conditions)
+    body = replace(body, stiffness=library_material("pzt-4").stiffness, conditions=conditions)
+    system = HierarchicalBEM(tolerance=1e-3).reduce(body)
+    load = smooth_load(system)
+    mechanical, magnetic = load * [1, 1, 1, 1, 0], load * [0, 0, 0, 0, 1]
+    assert not system.offset[:, 4].any()
+    assert system.offset[:, :4].any()
+    assert not system.apply(mechanical)[:, 4].any()
+    assert not system.apply(magnetic)[:, :4].any()
+    assert not system.diagonal_blocks()[:, 4, :4].any()
+    assert not system.apply_fields(magnetic[:, [4]], [4], [0, 2]).any()
+    parts = system.apply(mechanical) + system.apply(magnetic)
+    np.testing.assert_allclose(system.apply(load), parts, rtol=1e-12, atol=0)
+    again = HierarchicalBEM(tolerance=1e-3).from_arrays(body, system.to_arrays())
+    np.testing.assert_array_equal(again.apply(load), system.apply(load))
+    exact = DenseBEM().reduce(body).apply(load)
+    for field in range(5):
+        largest = np.abs(exact[:, field]).max()
+        np.testing.assert_allclose(system.apply(load)[:, field], exact[:, field], rtol=0, atol=0.01 * largest)

@@ -1,6 +1,6 @@
 """The finite-element formulation: body in, reduced system out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, final, get_args
 
@@ -23,6 +23,7 @@ from meeframe.plugin.boundary_elements import Layout, Units, characteristic_leng
 from meeframe.plugin.surfaces import check_mesh
 from meeframe_skfem.factorisation import LinearSolver, uses_pardiso
 from meeframe_skfem.grid import Grid, box_volume
+from meeframe_skfem.interior import FiniteElementInterior
 from meeframe_skfem.matching import MatchedBody, match
 from meeframe_skfem.system import FiniteElementSolution, solve_body
 from meeframe_skfem.volume import VolumeMesh, read_volume
@@ -88,6 +89,7 @@ class FiniteElements(Formulation):
         offset, compliance = solution.zone_relation()
         parts = zone.points, zone.frames, zone.weights, zone.cells
         system = in_local_frames(*parts, offset, compliance, solution.fields)
+        system = replace(system, interior=FiniteElementInterior(solution))
         _check_response(system, solution.matched.body.mesh.blocks[0].element.name)
         return system
 

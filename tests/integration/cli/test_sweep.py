@@ -124,7 +124,9 @@ def test_a_grid_end_to_end(study, tmp_path, log):
     assert status == 0
     assert told.count("converged") == 12
     found = opened(out)
-    assert dict(found.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "node": 25}
+    assert dict(found.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "y": 5, "x": 5}
+    assert found.zone_pressure.dims[-2:] == ("y", "x")
+    assert (found.x.units, found.y.units, found.z.ndim) == ("m", "m", 0)
     np.testing.assert_allclose(found["steps[1].approach"], [1e-5, 2e-5, -1e-6])
     assert found["steps[1].approach"].units == "m"
     assert list(found["law"].values) == ["smooth", "rough"]
@@ -314,8 +316,12 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, 
     before, solved = files(out), log("solved")
     go_on()
     assert 2 <= len(before) < len(DEPTHS)
-    assert not (out / "sweep.h5").exists()
+    assert (out / "sweep.h5").exists() == (death is not signal.SIGKILL)
     if death is not signal.SIGKILL:
+        partial = opened(out)
+        assert (partial.status == "converged").sum() == len(before)
+        assert (partial.status == "unfinished").sum() == len(DEPTHS) - len(before)
+        assert (np.isnan(partial.max_pressure) == (partial.status == "unfinished")).all()
         assert not list(scratch.iterdir()), "nothing is left of the processes"
         assert status == 130, told.read_text()
         assert f"of 8 points are finished and in {out}; the same command continues" in told.read_text()

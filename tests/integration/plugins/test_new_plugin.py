@@ -140,6 +140,16 @@ def test_a_new_module_needs_nothing_but_the_contract(packages, kind):
     assert set(re.findall(r"^(?:from|import) (meeframe[\w.]*)", text, re.MULTILINE)) == {"meeframe.plugin"}
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_tests_of_a_new_package_need_nothing_but_the_contract_and_the_kits(packages, kind):
+    for file in (packages / kind / "tests").glob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        modules = {
+            ".".join(name.split(".")[:2]) for name in re.findall(r"^(?:from|import) (meeframe\.[\w.]*)", text, re.M)
+        }
+        assert modules <= {"meeframe.plugin", "meeframe.testing"}
+
+
 def test_the_example_of_a_formulation_has_one_thickness(packages, tmp_path):
     module, example = (packages / "formulation" / name for name in ("meeframe_new_formulation.py", "example.toml"))
     text = example.read_text(encoding="utf-8")

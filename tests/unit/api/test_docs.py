@@ -1,4 +1,4 @@
-"""docs/tutorials/python-api.md from top to bottom works as printed."""
+"""docs/tutorials/python.md from top to bottom works as printed."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-PAGE = next((Path(__file__).parents[3] / "docs").rglob("python-api.md")).read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "tutorials" / "python.md").read_text(encoding="utf-8")
 
 
 def test_the_page_from_top_to_bottom(tmp_path, monkeypatch):

@@ -194,3 +194,16 @@ def test_a_system_without_cells_has_no_rim(bed, rubbing):
     assert path.totals[0].contact_area == pytest.approx(step.touching.mean() * bed.side**2) != 0.0
     assert "edge of its zone" not in step.message
     assert AREA not in step.message
+
+
+def test_a_law_of_a_plugin_that_cycles_is_pointed_to_the_check_of_plugins(synthetic):
+    """Laws of meeframe are checked by its own tests."""
+
+    class Law(IsotropicCoulomb):
+        pass
+
+    zone, step = synthetic.zone(), replace(synthetic.step(1e-6), status=Status.CYCLING)
+    assert any("meeframe plugins check FILE.py" in text for text in diagnostics(zone, step, Law(0.3)))
+    assert not any("plugins check" in text for text in diagnostics(zone, step, IsotropicCoulomb(0.3)))
+    other = replace(step, status=Status.ITERATION_LIMIT)
+    assert not any("plugins check" in text for text in diagnostics(zone, other, Law(0.3)))

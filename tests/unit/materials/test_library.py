@@ -117,7 +117,7 @@ def test_rotation_entry(rotation: dict[str, object]) -> None:
     ("table", "message"),
     [
         ({}, "name.*components or file"),
-        ({"name": "unobtainium"}, "'unobtainium'; the library has .*batio3.*isotropic"),
+        ({"name": "rhubarb"}, "'rhubarb'; the library has .*batio3.*isotropic"),
         (
             {"name": "isotropic", "poisson": 0.3},
             r"'poisson' in .*; did you mean 'poisson_ratio'\? allowed",

@@ -192,8 +192,8 @@ def test_table_has_a_column_for_each_step_and_names_failures(synthetic):
     text = console.export_text()
     (columns,) = [line for line in text.splitlines() if "unit" in line]
     assert "step 1 " in columns
-    assert "step 2.2 " in columns
-    assert "step 2.1: stalled on the way" in text
+    assert "step 2, increment 2 " in columns
+    assert "step 2, increment 1: stalled on the way" in text
     assert "not-converged: 3 of 3 increments" in text
     (energy,) = [line for line in text.splitlines() if "dissipated energy" in line]
     assert "8e-09" in energy

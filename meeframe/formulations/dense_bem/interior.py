@@ -1,0 +1,223 @@
+"""Interior representation: fields inside a body from the fields on its boundary.
+
+Somigliana's identity gives values at a point x' inside, and its derivative gives gradients,
+
+    u_K(x') = int U_JK t_J - T_JK u_J dS,
+    u_K,q(x') = - int U_JK,q t_J dS - int C_iJMl U_MK,l (nu_i u_J,q - nu_q u_J,i) dS.
+
+The second integral is that of the derivative of T, integrated by parts on the closed surface, where u is continuous. It
+needs first derivatives of U alone, and tangential derivatives of u alone. Near the surface, elements are subdivided by
+the adaptive rule of the assembly, for kernels 1/r^2.
+
+References
+----------
+Integration by parts: Bonnet, Boundary Integral Equation Methods for Solids and Fluids (1995), chapter 13.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final, final
+
+import numpy as np
+from numba import get_num_threads
+
+from meeframe.common.errors import CaseError
+from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL
+from meeframe.elements.quadrature import gauss_table, shape_table
+from meeframe.fields import Array
+from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
+from meeframe.formulations.dense_bem._kernels.interior import surface_points
+from meeframe.formulations.dense_bem.layout import Units
+from meeframe.greens.base import Kernel
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.system.capabilities import InteriorFields, PointFields
+from meeframe.system.reduced import NodalFields
+
+TOLERANCE: Final = 1e-6
+"""Relative error of each element integral."""
+MIN_DISTANCE: Final = 1e-4
+"""Smallest distance of a point from the surface, relative to the unit of length, the diameter of the contact zone."""
+_LEVI_CIVITA: Final = np.array([[np.cross(a, b) for b in np.eye(3)] for a in np.eye(3)])
+_INSIDE: Final = 0.5
+"""Solid angle, in parts of the full one, that the surface of a body subtends from inside."""
+_CAPACITY: Final = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class InteriorRepresentation:
+    """Data of the interior representation of a body.
+
+    Attributes
+    ----------
+    mesh
+        Boundary of the body [m].
+    stiffness
+        Extended stiffness (3, fields, fields, 3) in SI units.
+    units
+        Units of the system.
+    bind
+        Function that returns the fundamental solution for the scaled stiffness.
+    anisotropy
+        Anisotropy of the medium, see `meeframe.elements.anisotropy`.
+    """
+
+    mesh: SurfaceMesh
+    stiffness: Array
+    units: Units
+    bind: Callable[[], Kernel]
+    anisotropy: float
+
+    def evaluate(self, boundary: NodalFields, points: Array) -> PointFields:
+        """Return the fields at points (m, 3) [m] inside the body from those on its boundary.
+
+        Parameters
+        ----------
+        boundary
+            Fields on the boundary, with the cells of the mesh in its order.
+        points
+            Positions in global axes [m].
+
+        Raises
+        ------
+        CaseError
+            If a point is outside the body, or closer to its surface than MIN_DISTANCE.
+        """
+        units, mesh = self.units, self.mesh
+        values, fluxes = units.values(boundary.values), units.fluxes(boundary.fluxes)
+        blocks = [
+            _Block(
+                shape_table(block.element),
+                np.ascontiguousarray(mesh.points[block.connectivity] / units.length),
+                np.ascontiguousarray(values[cells]),
+                np.ascontiguousarray(fluxes[cells]),
+            )
+            for block, (_, cells) in zip(mesh.blocks, boundary.cells, strict=True)
+        ]
+        kernel, accuracy = self.bind(), Accuracy(TOLERANCE, self.anisotropy)
+        coupling = np.einsum(
+            "iJMl,iqk->MlqkJ", units.scaling.scale_stiffness(self.stiffness), _LEVI_CIVITA, optimize=True
+        )
+
+        def fields(position: Array) -> tuple[Array, Array, float]:
+            return _at_point(blocks, kernel, accuracy, coupling, position)
+
+        with ThreadPoolExecutor(get_num_threads()) as pool:
+            found = list(pool.map(fields, points / units.length))
+        self._check_inside(points, np.array([angle for _, _, angle in found]))
+        u = units.values_si(np.array([value for value, _, _ in found]))
+        slopes = np.array([gradient for _, gradient, _ in found])
+        gradients = units.values_si(slopes.transpose(0, 2, 1)).transpose(0, 2, 1) / units.length
+        return PointFields.of(points, u, gradients, self.stiffness)
+
+    def _check_inside(self, points: Array, angles: Array) -> None:
+        """Raise CaseError for points outside the body or too close to its surface; angles (m,) of `_at_point`."""
+        if self.mesh.semi_infinite:
+            block = self.mesh.blocks[0]
+            a, b, c = self.mesh.points[block.connectivity[0, :3]]
+            normal = np.cross(b - a, c - a) / np.linalg.norm(np.cross(b - a, c - a))
+            outside = (points - a) @ normal >= 0.0
+        else:
+            outside = angles < _INSIDE
+        close = np.isnan(angles)
+        for wrong, what in (
+            (close, f"closer to the surface than {MIN_DISTANCE * self.units.length:.3g} m"),
+            (outside & ~close, "outside the body"),
+        ):
+            if wrong.any():
+                raise CaseError(
+                    f"{wrong.sum()} of {len(points)} points are {what}, the first one at {points[wrong.argmax()]} [m]; "
+                    "allowed: points inside the body"
+                )
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class BoundaryInterior(InteriorFields):
+    """Interior fields of a reduced system by the interior representation.
+
+    Attributes
+    ----------
+    recovery
+        Function that returns the fields on the whole boundary for a load (n, fields).
+    representation
+        The interior representation.
+    """
+
+    recovery: Callable[[Array], NodalFields]
+    representation: InteriorRepresentation
+
+    def evaluate(self, load: Array, points: Array) -> PointFields:
+        """Return the fields at points (m, 3) inside the body for a load (n, fields) on the contact zone."""
+        return self.representation.evaluate(self.recovery(load), points)
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Elements of one type with their shape table, nodes (e, k, 3), values and fluxes (e, k, f)."""
+
+    table: object
+    nodes: Array
+    values: Array
+    fluxes: Array
+
+
+def _at_point(
+    blocks: list[_Block], kernel: Kernel, accuracy: Accuracy, coupling: Array, position: Array
+) -> tuple[Array, Array, float]:
+    """Return values (f,), gradients (f, 3) and the solid angle of the surface seen from a point.
+
+    The angle is in parts of the full one; NaN for a point closer to the surface than MIN_DISTANCE.
+    """
+    n_fields = blocks[0].values.shape[2]
+    value, gradient, angle = np.zeros(n_fields), np.zeros((n_fields, 3)), 0.0
+    for block in blocks:
+        points = _surface_points(block, accuracy, position)
+        if points is None:
+            return value, gradient, np.nan
+        offsets, areas, u, t, curls = points
+        distance = np.linalg.norm(offsets, axis=1)
+        if distance.min() < MIN_DISTANCE:
+            return value, gradient, np.nan
+        angle += float(((offsets * areas).sum(axis=1) / distance**3).sum() / (4.0 * np.pi))
+        normals = areas / np.linalg.norm(areas, axis=1, keepdims=True)
+        kernel_u, kernel_t = kernel.evaluate(offsets, normals)
+        value += np.einsum("nJK,nJ->K", kernel_u, t) - np.einsum("nJK,nJ->K", kernel_t, u)
+        slopes = kernel.gradient(offsets).reshape(len(offsets), n_fields, n_fields, 3)
+        density = np.tensordot(curls, coupling, axes=([1, 2], [3, 4]))
+        density += t[:, :, None, None] * np.eye(3)
+        # U is symmetric: entry (M, K, l), summed over M and l
+        by_row = slopes.transpose(2, 0, 1, 3).reshape(n_fields, -1)
+        gradient -= by_row @ density.reshape(-1, 3)
+    return value, gradient, angle
+
+
+def _surface_points(block: _Block, accuracy: Accuracy, position: Array) -> tuple[Array, ...] | None:
+    """Return offsets, areas, u, t and curls of `surface_points`; None if the point is on an element."""
+    n_fields = block.values.shape[2]
+    capacity = max(_CAPACITY, 16 * len(block.nodes))
+    while True:
+        shapes = ((capacity, 2), (capacity,), (capacity, 3), (capacity, 3))
+        reference, weights, offsets, areas = (np.empty(shape) for shape in shapes)
+        u, t, curls = np.empty((capacity, n_fields)), np.empty((capacity, n_fields)), np.empty((capacity, 3, n_fields))
+        count = surface_points(
+            position,
+            block.nodes,
+            block.values,
+            block.fluxes,
+            block.table,
+            accuracy,
+            gauss_table(),
+            reference,
+            weights,
+            offsets,
+            areas,
+            u,
+            t,
+            curls,
+        )
+        if count >= 0:
+            return offsets[:count], areas[:count], u[:count], t[:count], curls[:count]
+        if count != BUFFER_TOO_SMALL:
+            return None
+        capacity *= 2

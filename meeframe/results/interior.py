@@ -1,0 +1,317 @@
+"""Fields inside a body: displacement, potentials, stress, flux densities, invariants and maxima, and VTU files."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from meeframe.common.errors import CaseError, ResultError
+from meeframe.common.literal import LiteralTable
+from meeframe.fields import ELECTRIC_FIELD, MAGNETIC_FIELD, MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Indices
+from meeframe.results.output import replacing
+from meeframe.results.records import StepResult, Zone, split_load
+from meeframe.system.capabilities import InteriorFields
+from meeframe.system.reduced import ReducedSystem
+
+_BOX_POINTS: Final = (25, 25, 21)
+"""Numbers of points of `PointGrid.below_contact` along e1, e2 and the normal."""
+_BOX_WIDTH, _BOX_DEPTH = 1.5, 2.5
+"""Half width and depth of that box, in half widths of the contact."""
+
+
+class Maximum(NamedTuple):
+    """The largest value of a quantity among some points, its SI unit and its position (3,) in global axes [m]."""
+
+    name: str
+    value: float
+    unit: str
+    position: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PointGrid:
+    """Points of a rectangular grid, such as a line, a plane section or a box.
+
+    Attributes
+    ----------
+    origin
+        (3,) position of the coordinates zero [m].
+    axes
+        (3, 3) unit vectors of the coordinates, in rows.
+    coordinates
+        Increasing coordinates of the points along each axis [m]; a single one for the normal of a section.
+    """
+
+    origin: Array
+    axes: Array
+    coordinates: tuple[Array, Array, Array]
+
+    @classmethod
+    def along_global_axes(cls, x: Array | float, y: Array | float, z: Array | float) -> "PointGrid":
+        """Return the grid of coordinates along the global axes [m]."""
+        x, y, z = (np.atleast_1d(np.asarray(values, float)) for values in (x, y, z))
+        return cls(np.zeros(3), np.eye(3), (x, y, z))
+
+    @classmethod
+    def below_contact(cls, zone: Zone, step: StepResult) -> "PointGrid":
+        """Return a box under the contact of an increment, from one nodal spacing below the surface downwards.
+
+        It is 1.5 times as wide as the contact and 1.25 times as deep as the contact is wide; points are denser near the
+        surface.
+
+        Raises
+        ------
+        ResultError
+            If no node is in contact.
+        """
+        touching = zone.points[step.touching]
+        if not len(touching):
+            raise ResultError(f"no node is in contact in step {step.step}, increment {step.increment}")
+        centre = (touching.min(axis=0) + touching.max(axis=0)) / 2.0
+        nearest = np.linalg.norm(zone.points - centre, axis=1).argmin()
+        frame = zone.frames[nearest]
+        spacing = float(np.sqrt(np.median(np.abs(zone.weights))))
+        extent = np.ptp(touching @ frame[:2].T, axis=0).max()
+        half_width = max(float(extent) / 2.0, 2.0 * spacing)
+        across = [_BOX_WIDTH * half_width * np.linspace(-1.0, 1.0, count) for count in _BOX_POINTS[:2]]
+        fractions = np.linspace(0.0, 1.0, _BOX_POINTS[2]) ** 1.5
+        depths = spacing + fractions * (_BOX_DEPTH * half_width - spacing)
+        # the surface above the centre, which may be curved
+        surface = centre + frame[2] * ((zone.points[nearest] - centre) @ frame[2])
+        return cls(surface, frame, (across[0], across[1], -depths[::-1]))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of points along the axes."""
+        x, y, z = self.coordinates
+        return len(x), len(y), len(z)
+
+    @property
+    def points(self) -> Array:
+        """Positions (m, 3) in global axes [m], the last coordinate changing fastest."""
+        local = np.stack(np.meshgrid(*self.coordinates, indexing="ij"), axis=-1).reshape(-1, 3)
+        points: Array = self.origin + local @ self.axes
+        return points
+
+    def cells(self) -> tuple[str, Indices]:
+        """Return the cells between the points, as meshio's cell type and connectivity."""
+        numbers = np.arange(np.prod(self.shape)).reshape(self.shape)
+        wide = [axis for axis, count in enumerate(self.shape) if count > 1]
+        names = {0: "vertex", 1: "line", 2: "quad", 3: "hexahedron"}
+        corners = {
+            0: ((),),
+            1: ((0,), (1,)),
+            2: ((0, 0), (1, 0), (1, 1), (0, 1)),
+            3: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)),
+        }[len(wide)]
+        nodes = []
+        for corner in corners:
+            place = [slice(None)] * 3
+            for axis, end in zip(wide, corner, strict=True):
+                place[axis] = slice(1, None) if end else slice(None, -1)
+            nodes.append(numbers[tuple(place)].ravel())
+        return names[len(wide)], np.stack(nodes, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class InteriorResult:
+    """Fields at m points inside a body, in SI units and global axes.
+
+    Attributes
+    ----------
+    points
+        (m, 3) [m].
+    displacement
+        (m, 3) [m].
+    potentials
+        (m, scalars): electric [V], magnetic [A], and those of further fields.
+    strain
+        (m, 3, 3).
+    stress
+        (m, 3, 3) [Pa], positive in tension.
+    field_strengths
+        (m, scalars, 3), minus the gradients of the potentials: E [V/m], H [A/m].
+    flux_densities
+        (m, scalars, 3): D [C/m^2], B [Wb/m^2].
+    fields
+        Field set whose scalar fields are the entries of potentials, field strengths and flux densities.
+    grid
+        The grid of the points, if they were given by one.
+    """
+
+    points: Array
+    displacement: Array
+    potentials: Array
+    strain: Array
+    stress: Array
+    field_strengths: Array
+    flux_densities: Array
+    fields: FieldSet = MEE
+    grid: PointGrid | None = None
+
+    def __repr__(self) -> str:
+        """Return words instead of long arrays."""
+        return f"InteriorResult({len(self.points)} points)"
+
+    @property
+    def principal_stresses(self) -> Array:
+        """Principal stresses (m, 3) in decreasing order [Pa]."""
+        return np.asarray(np.linalg.eigvalsh(self.stress)[:, ::-1])
+
+    @property
+    def von_mises(self) -> Array:
+        """Equivalent stress of von Mises (m,) [Pa]."""
+        deviator = self.stress - np.einsum("mii->m", self.stress)[:, None, None] * np.eye(3) / 3.0
+        equivalent: Array = np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator))
+        return equivalent
+
+    @property
+    def max_shear(self) -> Array:
+        """Largest shear stress (m,) [Pa], half of the equivalent stress of Tresca."""
+        principal = self.principal_stresses
+        return np.asarray((principal[:, 0] - principal[:, 2]) / 2.0)
+
+    @property
+    def electric_field(self) -> Array:
+        """Electric field E (m, 3) [V/m]."""
+        return self.field_strengths[:, self.fields.names.index(ELECTRIC_FIELD.name)]
+
+    @property
+    def magnetic_field(self) -> Array:
+        """Magnetic field H (m, 3) [A/m]."""
+        return self.field_strengths[:, self.fields.names.index(MAGNETIC_FIELD.name)]
+
+    @property
+    def electric_displacement(self) -> Array:
+        """Electric displacement D (m, 3) [C/m^2]."""
+        return self.flux_densities[:, self.fields.names.index(ELECTRIC_FIELD.name)]
+
+    @property
+    def magnetic_flux_density(self) -> Array:
+        """Magnetic flux density B (m, 3) [Wb/m^2]."""
+        return self.flux_densities[:, self.fields.names.index(MAGNETIC_FIELD.name)]
+
+    def invariants(self) -> dict[str, tuple[Array, str]]:
+        """Return the scalar measures (m,) and their SI units by name.
+
+        These are the equivalent stress of von Mises, the largest shear stress, the largest principal stress, and the
+        magnitude of each field strength, such as "electric_field".
+        """
+        named = {
+            "von_mises": (self.von_mises, "Pa"),
+            "max_shear": (self.max_shear, "Pa"),
+            "max_principal_stress": (self.principal_stresses[:, 0], "Pa"),
+        }
+        for number, scalar in enumerate(self.fields.scalars):
+            magnitude = np.linalg.norm(self.field_strengths[:, number], axis=1)
+            named[f"{scalar.name}_field"] = (magnitude, scalar.strength_unit)
+        return named
+
+    def maxima(self) -> list[Maximum]:
+        """Return the largest value of each invariant and its position, in the order of `invariants`."""
+        return [
+            Maximum(name, float(values.max()), unit, self.points[values.argmax()])
+            for name, (values, unit) in self.invariants().items()
+        ]
+
+
+def interior(
+    system: ReducedSystem,
+    state: StepResult | Array,
+    points: Array | PointGrid,
+    fields: FieldSet | None = None,
+) -> InteriorResult:
+    """Return the fields at points inside the body of a reduced system.
+
+    Parameters
+    ----------
+    system
+        The reduced system. Of two bodies in contact, the fields of the first one are returned.
+    state
+        Result of an increment, or a load (n, fields) as in `ReducedSystem.apply`.
+    points
+        Positions (m, 3) in global axes [m], or a grid.
+    fields
+        Field set of the body; by default that of the result, or the magneto-electro-elastic one for a load.
+
+    Raises
+    ------
+    CaseError
+        If the system has no fields inside the body, if the load has another number of fields, or if a point is outside
+        the body or too close to its surface.
+    """
+    if isinstance(state, StepResult):
+        load, fields = np.asarray(state.state.load), fields or state.fields
+    else:
+        load, fields = np.asarray(state, float), fields or MEE
+    capability = system.capability(InteriorFields)
+    if capability is None:
+        raise CaseError(
+            f"the reduced system ({type(system).__name__}) has no fields inside the body: its formulation lacks the "
+            "capability InteriorFields, or it was read from a cache"
+        )
+    if load.shape != system.offset.shape or fields.size != system.n_fields:
+        raise CaseError(
+            f"the load has shape {load.shape} and {fields.size} fields; allowed: {system.offset.shape}, with the "
+            f"{system.n_fields} fields of the body"
+        )
+    grid = points if isinstance(points, PointGrid) else None
+    positions = grid.points if grid is not None else np.asarray(points, float)
+    if positions.ndim != 2 or positions.shape[1] != 3 or not len(positions) or not np.isfinite(positions).all():
+        raise CaseError(f"points have shape {positions.shape}; allowed: (m, 3) finite numbers, m > 0")
+    found = capability.evaluate(load, positions)
+    displacement, potentials = split_load(found.values)
+    slopes = found.gradients[:, MECHANICAL]
+    return InteriorResult(
+        points=found.points,
+        displacement=displacement,
+        potentials=potentials,
+        strain=(slopes + slopes.transpose(0, 2, 1)) / 2.0,
+        stress=found.fluxes[:, :, MECHANICAL],
+        field_strengths=-found.gradients[:, POTENTIALS],
+        flux_densities=found.fluxes[:, :, POTENTIALS].transpose(0, 2, 1),
+        fields=fields,
+        grid=grid,
+    )
+
+
+def maxima_table(result: InteriorResult) -> LiteralTable:
+    """Return a table for the terminal with the largest value and the position of each invariant."""
+    table = LiteralTable(f"largest values at {len(result.points)} points inside the body")
+    for header in ("", "unit", "value", "x [m]", "y [m]", "z [m]"):
+        table.add_column(header)
+    for name, value, unit, position in result.maxima():
+        table.add_row(name.replace("_", " "), unit, f"{value:.6g}", *(f"{x + 0.0:.4g}" for x in position.tolist()))
+    return table
+
+
+def write_interior(path: Path | str, result: InteriorResult) -> None:
+    """Write the fields on a grid of points as a VTU file, SI units, global axes.
+
+    Raises
+    ------
+    ResultError
+        If the points are not those of a grid, or the file cannot be written.
+    """
+    import meshio  # half a second to import; only here
+
+    if result.grid is None:
+        raise ResultError("the points are not on a grid; allowed: fields at the points of a PointGrid")
+    data = dict(_point_data(result))
+    with replacing(Path(path)) as temporary:
+        meshio.Mesh(result.points, [result.grid.cells()], point_data=data).write(temporary, file_format="vtu")
+
+
+def _point_data(result: InteriorResult) -> Iterator[tuple[str, Array]]:
+    """Yield labels with units and values at the points; symmetric tensors as xx, yy, zz, xy, yz, xz."""
+    yield "displacement [m]", result.displacement
+    stress = result.stress[:, (0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2)]
+    yield "stress [Pa]", stress
+    for number, scalar in enumerate(result.fields.scalars):
+        yield f"{scalar.value_name} [{scalar.value_unit}]", result.potentials[:, number]
+        yield f"{scalar.name}_field_strength [{scalar.strength_unit}]", result.field_strengths[:, number]
+        yield f"{scalar.name}_flux_density [{scalar.flux_unit}]", result.flux_densities[:, number]
+    for name, (values, unit) in result.invariants().items():
+        yield (f"abs_{name}" if name.endswith("_field") else name) + f" [{unit}]", values
