@@ -85,3 +85,8 @@ def test_version_is_in_one_place():
     assert metadata.version("meeframe") == meeframe.__version__
     texts = [path.read_text(encoding="utf-8") for path in (ROOT / "pyproject.toml", ROOT / "CITATION.cff")]
     assert all(meeframe.__version__ not in text for text in texts)
+
+
+def test_every_extra_is_reported():
+    extras = set(metadata.metadata("meeframe").get_all("Provides-Extra")) - {"all"}
+    assert extras <= set(found())
