@@ -3,9 +3,16 @@
 A test is of the full tier if it lies in a folder `full` or is marked `full`. `full(except_for=3)` marks all but three
 parametrisations of a test, evenly spread. The default tier covers each numerical part at least once; the full tier
 repeats it at more parameters, on finer grids and in longer runs.
+
+`pytest` without paths uses all processors. Each process takes neighbouring tests, so that few fixtures are made twice
+and few kernels are compiled twice in a fresh clone.
 """
 
+import os
 from collections import defaultdict
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # before numpy is loaded: the workers share the processors already
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
@@ -22,6 +29,18 @@ def pytest_configure(config: pytest.Config) -> None:
         "markers", "full(except_for=0): only `pytest --full` runs it, except for so many parametrisations"
     )
     config.stash[DESELECTED] = 0
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Distribute the tests if no path and no number of processes is given."""
+    is_worker = hasattr(config, "workerinput")
+    if not config.pluginmanager.hasplugin("xdist") or is_worker or config.option.usepdb or config.option.collectonly:
+        return
+    if config.args_source is pytest.Config.ArgsSource.TESTPATHS and config.option.numprocesses is None:
+        config.option.numprocesses = "auto"
+    if config.option.numprocesses and config.option.dist == "no":
+        config.option.dist = "worksteal"
 
 
 def full_tier(items: list[pytest.Item], config: pytest.Config) -> set[pytest.Item]:

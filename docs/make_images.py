@@ -1,4 +1,4 @@
-"""Draw the pictures of README.md and docs/gallery.md that no command draws: `uv run python docs/make_images.py`.
+"""Draw the pictures of README.md and docs/howto/gallery.md that no command draws: `uv run python docs/make_images.py`.
 
 Indenters come from the cases of section 7.1 of the reference paper, with one mesh, one material and one reduced system.
 """
@@ -46,7 +46,7 @@ def solve(case: meeframe.Case, system: ReducedSystem) -> StepResult:
 
 
 def closed_form(case: meeframe.Case, condition: str) -> Indentation:
-    """Return the indentation of a half space by the sphere of a case (paper, eqs. 33-36, see docs/theory.md)."""
+    """Return the indentation of a half space by the sphere of a case (eqs. 33-36; docs/explanation/theory.md)."""
     xi = axisymmetric_compliance(case.material.stiffness)
     return indent(xi, Sphere(case.indenter.radius), case.steps[-1].approach, *CONDITIONS[condition])
 

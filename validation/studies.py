@@ -1,4 +1,4 @@
-"""Plots of reproduced figures (docs/reproduce.md) for the report."""
+"""Plots of reproduced figures (docs/howto/reproduce.md) for the report."""
 
 from collections.abc import Iterator
 

@@ -1,9 +1,9 @@
-"""Write docs/trust.md from the numbers of a full validation.
+"""Write docs/validation/trust.md and checks.md from the numbers of a full validation.
 
     uv run meeframe validate
     uv run python validation/trust.py
 
-`--numbers` names other files; several files, from runs with --only, count as one run. `--out` names another page.
+`--numbers` names other files; several files, from runs with --only, count as one run. `--out` names another folder.
 Interrupted cases are rejected; cases that were not run are listed on the page.
 """
 
@@ -19,6 +19,12 @@ from meeframe.study.validate import known_cases
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
+SUMMARY = "<!-- summary -->"
+"""Line of trust_head.md that the summary replaces."""
+
+CHECKS_HEAD = """# All checks
+
+Every check of [`meeframe validate`](trust.md), with its computed value, reference, difference and tolerance."""
 KINDS = {"check": Check, "claim": Claim, "skip": Skip}
 
 
@@ -26,14 +32,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     default = [ROOT / "validated" / "validation.json"]
     parser.add_argument("--numbers", type=Path, nargs="+", default=default, help="files of full runs")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "trust.md", help="file of the page")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "validation", help="folder of the pages")
     arguments = parser.parse_args()
     try:
         result = joined([read(json.loads(file.read_text(encoding="utf-8"))) for file in arguments.numbers])
     except ValueError as error:
         parser.error(str(error))
+    for name, text in pages(result).items():
+        (arguments.out / name).write_text(text, encoding="utf-8")
+
+
+def pages(result: Validation) -> dict[str, str]:
+    """Return the text of both pages by file name: the summary with its explanation, and all checks."""
     head = (HERE / "trust_head.md").read_text(encoding="utf-8")
-    arguments.out.write_text("\n".join([head, *page(result)]).rstrip() + "\n", encoding="utf-8")
+    checks = "\n".join([CHECKS_HEAD, *(line for case in result.cases for line in _section(case))])
+    summary = head.replace(SUMMARY, "\n".join(_summary(result)))
+    return {"trust.md": summary.rstrip() + "\n", "checks.md": checks.rstrip() + "\n"}
 
 
 def read(data: dict[str, Any]) -> Validation:
@@ -77,9 +91,8 @@ def _row(check: dict[str, Any]) -> Row:
     return Row(kind(**given), check["seconds"])
 
 
-def page(result: Validation) -> Iterator[str]:
-    """Yield the overview and one section for each case."""
-    yield "## The cases\n"
+def _summary(result: Validation) -> Iterator[str]:
+    """Yield the outcome and one line for each case."""
     yield f"{result.headline[0].upper()}{result.headline[1:]}. Times are on two cores shared with other work.\n"
     missing = sorted(known_cases(HERE).keys() - {case.name for case in result.cases})
     if missing:
@@ -87,10 +100,8 @@ def page(result: Validation) -> Iterator[str]:
     yield "| case | checks | passed | explained differences | time [s] |\n| --- | --- | --- | --- | --- |"
     for case in result.cases:
         counts = [sum(v is verdict for v in case.verdicts) for verdict in (Verdict.PASS, Verdict.DIFFERS)]
-        link = f"[{case.title}](#{_anchor(case.title)})"
+        link = f"[{case.title}](checks.md#{_anchor(case.title)})"
         yield f"| {link} | {len(case.verdicts)} | {counts[0]} | {counts[1] or ''} | {case.seconds:.0f} |"
-    for case in result.cases:
-        yield from _section(case)
 
 
 def _anchor(title: str) -> str:

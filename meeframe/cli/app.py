@@ -12,7 +12,7 @@ app = typer.Typer(
     help="Solve three-dimensional frictional contact of anisotropic magneto-electro-elastic solids.",
 )
 
-CaseFile = Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case file (docs/case-files.md).")]
+CaseFile = Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case file (docs/reference/case-files.md).")]
 Choices = Annotated[list[str] | None, typer.Option(metavar="NAME", help="A name or an inline table; repeatable.")]
 PluginFiles = Annotated[
     list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help="Load a plugin from a file; repeatable.")

@@ -101,3 +101,26 @@ def show(
         write_interior(folder / INTERIOR_FILE, fields)
         console.stdout().print(maxima_table(fields))
         print(f"fields: {folder / INTERIOR_FILE}")
+
+
+@app.command()
+def figures(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
+    step: Annotated[
+        str,
+        typer.Option(
+            metavar="STEP", help="Load step such as 2, increment such as 2.5, 'last', or 'peak', that of the peak load."
+        ),
+    ] = "peak",
+    format: Annotated[str, typer.Option("--format", metavar="FORMAT", help="png, pdf or svg.")] = "png",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the figures; that of the run if not given.")
+    ] = None,
+) -> None:
+    """Draw the figures of an increment of a run again, also as vector graphics."""
+    with console.exit_status():
+        from meeframe.results.figures import write_figures
+        from meeframe.results.files import read_result
+
+        for path in write_figures(read_result(folder), out or folder, step, format):
+            print(path)

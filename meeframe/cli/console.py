@@ -5,11 +5,9 @@ import gc
 import signal
 import sys
 import threading
-import time
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
-from datetime import timedelta
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Final
@@ -188,80 +186,8 @@ def warn(text: str) -> None:
     print(f"warning: {text}", file=sys.stderr)
 
 
-def _report_compilation(report: Callable[[str], None]) -> AbstractContextManager[object]:
-    """Report once that numba compiles a kernel of meeframe; later runs load it from the cache."""
-    from numba.core import event
-
-    from meeframe.plugin.sources import LOCAL
-
-    class CompilationListener(event.Listener):
-        reported = False
-
-        def on_start(self, event: event.Event) -> None:
-            kernel = event.data["dispatcher"]
-            module = str(kernel.py_func.__module__)  # generated functions have none
-            ours = module.startswith("meeframe") and not module.startswith(LOCAL)
-            if ours and kernel.stats.cache_path is not None and not self.reported:
-                self.reported = True
-                report("compiling kernels once for all later runs (takes up to two minutes)")
-
-        def on_end(self, event: event.Event) -> None:
-            pass
-
-    return event.install_listener("numba:compile", CompilationListener())
-
-
-class _Stopwatch:
-    """Time of each stage; stages can alternate."""
-
-    def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
-        self._stage, self._mark = "", time.monotonic()
-
-    def begin(self, stage: str) -> None:
-        """Count the time from now on for this stage, or for none if ''."""
-        now = time.monotonic()
-        self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + now - self._mark
-        self._stage, self._mark = stage, now
-
-    def seconds(self, stage: str) -> float:
-        """Return the time of a stage so far [s]."""
-        running = time.monotonic() - self._mark if stage == self._stage else 0.0
-        return self._seconds.get(stage, 0.0) + running
-
-
-@contextmanager
-def progress() -> "Iterator[Progress]":
+def progress() -> "AbstractContextManager[Progress]":
     """Show a bar for each stage, with the time that it has taken, on the standard error."""
-    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn
-    from rich.text import Text
+    from meeframe.api.progress import bars
 
-    watch = _Stopwatch()
-
-    class StageTime(ProgressColumn):
-        """Time of a stage; the column of rich also counts the time of other stages."""
-
-        def render(self, task: Task) -> Text:
-            spent = timedelta(seconds=int(watch.seconds(task.description)))
-            return Text(str(spent), style="progress.elapsed")
-
-    columns = (TextColumn("{task.description:22}", markup=False), BarColumn(), StageTime())
-    tasks: dict[str, TaskID] = {}
-    bars = Progress(*columns, console=Console(stderr=True, markup=False, emoji=False), transient=False)
-    with ExitStack() as started:
-
-        def show(stage: str, fraction: float) -> None:
-            watch.begin(stage)
-            if stage not in tasks:
-                if not tasks:  # bars without tasks leave an empty line
-                    started.enter_context(bars)
-                    started.enter_context(_report_compilation(bars.console.print))
-                for task in tasks.values():  # earlier stages are complete
-                    bars.update(task, completed=1.0)
-                tasks[stage] = bars.add_task(stage, total=1.0)
-            bars.update(tasks[stage], completed=fraction)
-
-        yield show
-        watch.begin("")
-        for task in tasks.values():
-            bars.update(task, completed=1.0)
+    return bars()

@@ -104,7 +104,7 @@ Scheduler = Annotated[
 
 @app.command()
 def sweep(
-    study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study file (docs/sweep.md).")],
+    study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study file (docs/howto/sweep.md).")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; created if it does not exist.")],
     workers: Workers = None,
     scheduler: Scheduler = None,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.conduction import depends_on_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant
-from meeframe.fields import N_MECHANICAL, Array, Indices
+from meeframe.fields import N_MECHANICAL, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.system.capabilities import Coarsening, Multigrid
 from meeframe.system.reduced import ReducedSystem
@@ -96,8 +96,7 @@ def nested_start(
     problem : ContactProblem
         Problem on the finer system.
     solution : callable
-        Returns the solution of a coarse problem, as accurate as is worthwhile, or None; with the signed gap as tension
-        (`with_signed_gap`) or without.
+        Returns the solution of a coarse problem, as accurate as is worthwhile, or None.
 
     Returns
     -------
@@ -117,18 +116,6 @@ def nested_start(
         bears_open_flux = field >= N_MECHANICAL and depends_on_gap(problem)
         load[:, field] = np.where(above if bears_open_flux else pressed, load[:, field], 0.0)
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), coarse_state.motion)
-
-
-def with_signed_gap(load: Array, gap: Array, self_compliance: Array | float) -> Array:
-    """Return a load (n, fields) with a tension proportional to the gap (n,) [m] where the contact is open.
-
-    The contact edge between nodes is where the normal traction, with this tension, changes its sign. self_compliance:
-    (n,) or scalar response of each node to its own pressure [m/Pa].
-    """
-    open_ = (load[:, 2] == 0.0) & (gap > 0.0) & np.isfinite(gap)
-    load = load.copy()
-    load[:, 2] = np.where(open_, gap / self_compliance, load[:, 2])
-    return load
 
 
 def _resolves_indenter(problem: ContactProblem, coarsening: Coarsening) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from meeframe.fields import Array
 
 Reference = Literal["quadrilateral", "triangle"]
+"""Reference cell of an element."""
 
 
 class SurfaceElement(ABC):

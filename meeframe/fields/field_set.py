@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+"""Array of double-precision numbers; each docstring states its shape and unit."""
 Indices = NDArray[np.int64]
+"""Array of integers, such as indices of nodes."""
 
 N_MECHANICAL: Final = 3
 """Number of displacement components, which come before the potentials."""
@@ -71,6 +73,7 @@ ELECTRIC_FIELD: Final = ScalarField(
     conductance_unit="F/m^2",
     strength_unit="V/m",
 )
+"""Electric potential and electric flux, D.nu."""
 MAGNETIC_FIELD: Final = ScalarField(
     name="magnetic",
     value_name="magnetic_potential",
@@ -84,6 +87,7 @@ MAGNETIC_FIELD: Final = ScalarField(
     conductance_unit="H/m^2",
     strength_unit="A/m",
 )
+"""Magnetic potential and magnetic flux density, B.nu."""
 
 
 @dataclass(frozen=True)
@@ -158,12 +162,14 @@ OPTIONAL_FIELDS: Final[tuple[ScalarField, ...]] = ()
 N_FIELDS: Final = MEE.size
 """Size of the default field set, used by kernels that are compiled for one size."""
 ELECTRIC: Final = MEE.index(ELECTRIC_FIELD.name)
+"""Index of the electric potential among all fields."""
 MAGNETIC: Final = MEE.index(MAGNETIC_FIELD.name)
+"""Index of the magnetic potential among all fields."""
 
 
 @dataclass(frozen=True, eq=False)
 class FieldScaling:
-    """Factors s_J that make all entries of the extended stiffness of order one (docs/theory.md, Scaling).
+    """Factors s_J that make all entries of the extended stiffness of order one (docs/explanation/theory.md, Scaling).
 
     C'_iJKm = s_J s_K C_iJKm, u' = u / s, t' = s t, where primes mark scaled fields. In SI units the extended stiffness
     has a condition number near 1e19; scaled, near 10.

@@ -35,7 +35,7 @@ class LineIntegral(FundamentalSolution):
 
     References
     ----------
-    Barnett, Phys. Stat. Sol. (b) 49 (1972) 741; docs/theory.md, Fundamental solution.
+    Barnett, Phys. Stat. Sol. (b) 49 (1972) 741; docs/explanation/theory.md, Fundamental solution.
     """
 
     points: int = 32

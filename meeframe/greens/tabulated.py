@@ -87,7 +87,7 @@ class Tabulated(FundamentalSolution):
 
     References
     ----------
-    docs/theory.md, Fundamental solution.
+    docs/explanation/theory.md, Fundamental solution.
     """
 
     tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 1e-8

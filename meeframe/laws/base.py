@@ -69,8 +69,8 @@ class ContactLaw(ABC):
         -------
         Array
             Symmetric matrix, (2, 2), with eigenvalues in [0, 1], which belongs to the metric of `project`
-            (docs/theory.md, Set and metric): M^2 / max(mu)^2 for orthotropic friction, zero if the law admits no
-            tangential traction.
+            (docs/explanation/theory.md, Set and metric): M^2 / max(mu)^2 for orthotropic friction, zero if the law
+            admits no tangential traction.
         """
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
@@ -219,7 +219,7 @@ def _differences(function: Callable[[Array], Array], at: Array, width: Array, fi
 
 @dataclass(frozen=True)
 class ConductivityLaw(ABC):
-    """The surface conductivity kappa of the law flux = +kappa (potential - potential_o) (docs/theory.md, Contact)."""
+    """Surface conductivity kappa of the law flux = kappa (potential - potential_o) (docs/explanation/theory.md)."""
 
     across_gap: ClassVar[bool] = False
     """True if the conductivity depends on the gap or on the drop; solvers evaluate these only then."""

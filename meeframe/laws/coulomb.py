@@ -93,8 +93,8 @@ class OrthotropicCoulomb(ContactLaw):
     Notes
     -----
     The radial return of eq. (16) is the projection in the norm ||.||_mu of eq. (13). With the step scaled by
-    M^2 / max(mu)^2, its fixed points slip along M^2 g, the associated rule of eq. (12) (docs/theory.md, Set and
-    metric).
+    M^2 / max(mu)^2, its fixed points slip along M^2 g, the associated rule of eq. (12) (docs/explanation/theory.md, Set
+    and metric).
     """
 
     mu1: Annotated[float, Quantity("", ge=0)]

@@ -3,10 +3,10 @@
 import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -25,6 +25,10 @@ class LibraryEntry:
     ----------
     name, summary, source : str
         Name in case files, one line of description, and the source of the constants.
+    symmetry : str
+        Symmetry class.
+    confidence, note : str
+        Level of `CONFIDENCE`, and the reason for it.
     make : callable
         Function that takes the options in SI units and returns the material.
     options : mapping of str to str
@@ -39,6 +43,18 @@ class LibraryEntry:
     make: Callable[..., Material] = field(repr=False)
     options: Mapping[str, str] = field(default_factory=dict)
     required: tuple[str, ...] = ()
+    symmetry: str = "isotropic"
+    confidence: str = ""
+    note: str = ""
+
+
+CONFIDENCE: Final[Mapping[str, str]] = {
+    "good": "two independent forms or tables agree as the note says",
+    "fair": "one table, or tables that disagree as the note says",
+    "nominal": "rounded values of a standard",
+    "printed": "as printed in the reference paper",
+}
+"""Levels of confidence in the constants of the library."""
 
 
 def orthotropic_mee(magnetoelectric_scale: float = 1e-8) -> Material:
@@ -57,7 +73,7 @@ def orthotropic_mee(magnetoelectric_scale: float = 1e-8) -> Material:
     Notes
     -----
     The printed unit would make the material inadmissible: a power of ten is missing. A factor of 1e-8 s/m agrees best
-    with the results of the paper (docs/theory.md, Half space).
+    with the results of the paper (docs/explanation/theory.md, Half space).
     """
     printed = np.diag([0.60, 0.80, 0.10])
     return replace(_from_data("orthotropic-mee"), magnetoelectric=magnetoelectric_scale * printed)
@@ -83,7 +99,7 @@ def library_material(name: str, **options: float) -> Material:
     MaterialError
         For an unknown name or option; the message lists those that exist.
     """
-    entry = _entry(name)
+    entry = library_entry(name)
     check_keys(options, set(entry.options), f"material {name!r}")
     missing = [option for option in entry.required if option not in options]
     if missing:
@@ -130,7 +146,7 @@ def material_from_table(
     if "file" in table:
         check_keys(table, {"file", "rotation"}, "material")
         return rotate_by_table(read_material(directory / str(table["file"])), table)
-    entry = _entry(table["name"])
+    entry = library_entry(table["name"])
     check_keys(table, {"name", "rotation", *entry.options}, f"material {entry.name!r}")
     options = {
         key: quantity(f"material {entry.name!r}: {key}", table[key], unit)
@@ -149,7 +165,14 @@ def _coefficient(field: ScalarField, value: Any) -> Array | float:
     return np.array([[quantity(field.coefficient, entry, field.coefficient_unit) for entry in row] for row in value])
 
 
-def _entry(name: Any) -> LibraryEntry:
+def library_entry(name: Any) -> LibraryEntry:
+    """Return an entry of the library by name.
+
+    Raises
+    ------
+    MaterialError
+        For an unknown name; the message lists those that exist.
+    """
     entries = {entry.name: entry for entry in library()}
     if not isinstance(name, str) or name not in entries:
         near = difflib.get_close_matches(str(name).lower(), entries, n=1)
@@ -158,31 +181,59 @@ def _entry(name: Any) -> LibraryEntry:
     return entries[name]
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def _data(name: str) -> dict[str, Any]:
     text = (files("meeframe.material") / "data" / f"{name}.toml").read_text(encoding="utf-8")
     return toml_tables(text)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def _from_data(name: str) -> Material:
-    return inline_material({key: value for key, value in _data(name).items() if key != "summary"})
+    return inline_material({key: value for key, value in _data(name).items() if key not in _DESCRIPTION})
 
 
 def _data_entry(name: str) -> LibraryEntry:
     data = _data(name)
+    make: Callable[..., Material] = partial(_from_data, name)
+    options: dict[str, str] = {}
     if name == "orthotropic-mee":
-        options = {"magnetoelectric_scale": "s/m"}
-        return LibraryEntry(name, data["summary"], data["source"], orthotropic_mee, options)
-    return LibraryEntry(name, data["summary"], data["source"], lambda: _from_data(name))
+        make, options = orthotropic_mee, {"magnetoelectric_scale": "s/m"}
+    elif "young_modulus" in data:
+        constants = {key: data[key] for key in ("young_modulus", "poisson_ratio", "name", "source")}
+        make, options = partial(Material.isotropic, **constants), _ELECTROMAGNETIC
+    # no symmetry class of components is trigonal: the file lists all components of the crystal
+    symmetry = "trigonal" if name == "linbo3" else data.get("symmetry", "isotropic")
+    texts = {key: data[key] for key in ("name", *_DESCRIPTION, "source")}
+    return LibraryEntry(**texts, make=make, options=options, symmetry=symmetry)
 
 
-_DATA = ("batio3", "batio3-cofe2o4", "cofe2o4", "orthotropic-mee", "pvdf", "pzt-4")
+_DESCRIPTION: Final = ("summary", "confidence", "note")
+_ELECTROMAGNETIC: Final = {"permittivity": "F/m", "permeability": "N*s^2/C^2"}
+_DATA: Final = (
+    "aln",
+    "aluminium",
+    "batio3",
+    "batio3-cofe2o4",
+    "cofe2o4",
+    "diamond",
+    "glass",
+    "linbo3",
+    "orthotropic-mee",
+    "pvdf",
+    "pzt-4",
+    "pzt-5a",
+    "pzt-5h",
+    "silicon",
+    "steel",
+    "tungsten",
+    "zno",
+)
 _ISOTROPIC = LibraryEntry(
     "isotropic",
     "isotropic elastic, no coupling; permittivity and permeability of vacuum by default",
     "Hooke's law",
     Material.isotropic,
-    {"young_modulus": "Pa", "poisson_ratio": "", "permittivity": "F/m", "permeability": "N*s^2/C^2"},
+    {"young_modulus": "Pa", "poisson_ratio": "", **_ELECTROMAGNETIC},
     ("young_modulus", "poisson_ratio"),
+    note="constants of your choice",
 )

@@ -11,7 +11,8 @@ from meeframe.fields import Array, Indices
 from meeframe.mesh.surface import SurfaceMesh
 
 AFFINE_TOLERANCE = 1e-11  # of the size of an element
-VOLUME_ORDER = 6  # Gauss points per direction: exact for the volume under any element up to degree 3 in each direction
+VOLUME_ORDER = 6
+"""Gauss points per direction: exact for the volume under any element up to degree 3 in each direction."""
 
 
 @lru_cache(maxsize=32)

@@ -11,6 +11,7 @@ from meeframe.fields import FieldSet
 from meeframe.fields.units import Quantity
 from meeframe.formulations.base import Formulation
 from meeframe.mesh.body import BoundaryCondition
+from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.values import (
     DEFAULT_FORMULATION,
     Count,
@@ -95,7 +96,7 @@ class FileTable(Table):
         return self
 
 
-MeshTable = BlockTable | HalfSpaceTable | FileTable
+MeshTable = BlockTable | HalfSpaceTable | FileTable | SurfaceMesh
 
 
 def _mesh(value: Any, info: ValidationInfo) -> Any:
@@ -103,8 +104,10 @@ def _mesh(value: Any, info: ValidationInfo) -> Any:
 
     A union of models would report errors of all of them; this reports those of the intended one.
     """
-    if not isinstance(value, Mapping):
+    if isinstance(value, SurfaceMesh):  # in a case that is built in Python
         return value
+    if not isinstance(value, Mapping):
+        raise TableError(Problem((), "should be a table", value))
     models: dict[str, type[Table]] = {"block": BlockTable, "half-space": HalfSpaceTable, "file": FileTable}
     kind = value.get("type", "file" if "file" in value else "block")
     model = models.get(kind) if isinstance(kind, str) else None

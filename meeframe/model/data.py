@@ -34,8 +34,8 @@ class Output:
     figures, vtu
         Whether PNG figures and fields.vtu are written beside result.h5 and summary.json.
     fields
-        Names of optional fields in result.h5 (docs/results.md); None: those that the case loads. Raises CaseError for
-        other names.
+        Names of optional fields in result.h5 (docs/reference/results.md); None: those that the case loads. Raises
+        CaseError for other names.
     """
 
     figures: bool = True

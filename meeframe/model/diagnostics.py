@@ -16,6 +16,8 @@ from meeframe.laws.base import ContactLaw, augmented_traction, fixed_point_map, 
 from meeframe.mesh.measures import corners
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
+from meeframe.plugin.hookspecs import PROJECT
+from meeframe.plugin.sources import OWN_PACKAGES
 from meeframe.results.records import Region, StepResult, Zone, zone_of
 from meeframe.system.capabilities import diagonal
 from meeframe.system.reduced import ReducedSystem
@@ -29,7 +31,7 @@ _UNCERTAIN: Final = 10.0
 _LARGEST_ONSET: Final = 0.25
 """Fraction of the nodes in contact that may come into contact within one increment.
 
-For a sphere, tangential tractions are then accurate to some per cent (docs/case-files.md).
+For a sphere, tangential tractions are then accurate to some per cent (docs/reference/case-files.md).
 """
 _NOTICED: Final = 1e-3
 """Ratio of tangential to normal tractions, and of gaps to displacements, below which they count as zero."""
@@ -118,6 +120,8 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
     the extent of the zone or a tenth of a radian; a prescribed tangential force or torque is all that friction can
     bear, so that the motion is not determined.
     """
+    if step.status is Status.CYCLING and type(law).__module__.partition(".")[0] not in {PROJECT, *OWN_PACKAGES}:
+        yield "a law that violates its contract can cause this: `meeframe plugins check FILE.py` tests a plugin"
     if step.status is not Status.CONVERGED:
         yield "the next increment starts from the last one that converged"
         return

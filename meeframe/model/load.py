@@ -198,6 +198,8 @@ def _restart(table: RestartTable | None, folder: Path, file: str) -> Restart | N
 
 
 def _mesh(table: MeshTable, registry: Registry, folder: Path) -> SurfaceMesh:
+    if isinstance(table, SurfaceMesh):
+        return table
     if isinstance(table, FileTable):
         return read_mesh(
             folder / table.file,

@@ -1,4 +1,4 @@
-"""Schema of a case file: one frozen model for each table. Documented in docs/case-files.md."""
+"""Schema of a case file: one frozen model for each table. Documented in docs/reference/case-files.md."""
 
 import dataclasses
 import math
@@ -53,7 +53,7 @@ from meeframe.model.values import (
     with_keys,
 )
 from meeframe.plugin.registry import CONTRACTS
-from meeframe.plugin.validation import Problem, TableError, build
+from meeframe.plugin.validation import Problem, TableError, build, choices
 from meeframe.results.schema import optional_fields
 from meeframe.solvers import StoppingCriteria
 
@@ -101,8 +101,15 @@ def _divided(value: Any, info: ValidationInfo, contract: type, record: type, oth
         return value
     own = tuple(field.name for field in dataclasses.fields(record))
     rest = {key: item for key, item in value.items() if key not in (*own, *others)}
+    if isinstance(rest.get("name"), contract):  # an object, in a case that is built in Python
+        made = rest.pop("name")
+        if rest:
+            key = next(iter(rest))
+            raise TableError(Problem((key,), f"unknown key; {choices(key, (*own, *others))}", rest[key]))
+    else:
+        made = registry_of(info).create(CONTRACTS[contract], rest, (*own, *others))
     return {
-        "named": registry_of(info).create(CONTRACTS[contract], rest, (*own, *others)),
+        "named": made,
         "record": build(record, {key: value[key] for key in own if key in value}),
         **{key: value[key] for key in others if key in value},
     }

@@ -30,13 +30,13 @@ from meeframe.results.balance import unbalance_warning
 from meeframe.results.records import (
     Loading,
     Provenance,
-    Result,
     SecondSurface,
     StepResult,
     split_displacement,
     split_load,
     zone_of,
 )
+from meeframe.results.result import Interrupted, Result
 from meeframe.solvers import solve_to_edges
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
@@ -63,14 +63,29 @@ def solve_case(case: Case, progress: Progress = silent) -> Result:
 
     Raises
     ------
+    Interrupted
+        After Ctrl-C while increments are solved, with the result of those that are finished.
     MeeframeError
         As `reduce` and `solve_steps`: if a formulation, a solver or a law does not accept the case, or if matrices
         do not fit into memory.
     """
     clock = Clock(progress)
     system = reduce(case, clock)
-    steps = tuple(solve_steps(case, system, clock))
-    return Result(provenance(case), zone_of(system), case.n_increments, steps, clock.timings(), peak_memory_mb())
+    steps: list[StepResult] = []
+
+    def finished() -> Result:
+        done, usage = tuple(steps), (clock.timings(), peak_memory_mb())
+        return Result(provenance(case), zone_of(system), case.n_increments, done, *usage)
+
+    try:
+        for step in solve_steps(case, system, clock):
+            steps.append(step)
+    except KeyboardInterrupt:
+        note = (
+            f"{len(steps)} of {case.n_increments} increments are finished and in the attribute `result` of this error"
+        )
+        raise Interrupted(finished(), note) from None
+    return finished()
 
 
 def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
@@ -145,10 +160,10 @@ def solve_steps(
 ) -> Iterator[StepResult]:
     """Yield the increments of a case's load steps, each computed from the last converged one.
 
-    Slip is measured from that state too (docs/theory.md, Departures): a single increment, from the undeformed body, is
-    the paper's. The controls that a step names vary linearly from the state in which the step begins.
-    boundary: recover the fields on the whole boundary too, at the end of each step, and include the warnings of the
-    case in the first message; a study of the contact zone does not need the fields and reports the warnings itself.
+    Slip is measured from that state too (docs/explanation/theory.md, Departures): a single increment, from the
+    undeformed body, is the paper's. The controls that a step names vary linearly from the state in which the step
+    begins. boundary: recover the fields on the whole boundary too, at the end of each step, and include the warnings of
+    the case in the first message; a study of the contact zone does not need the fields and reports the warnings itself.
     Raises CaseError if the case continues a run whose state does not belong to this body.
     """
     clock("contact", 0.0)
@@ -188,7 +203,7 @@ def solve_steps(
                         recovered = system.recover(result.state.load)
                     clock("diagnostics", 1.0)
                     result = with_message(
-                        replace(result, boundary=recovered), unbalance_warning(recovered, case.fields)
+                        replace(result, boundary=recovered), unbalance_warning(recovered, case.fields, result.fluxes)
                     )
                 except Exception:
                     yield result  # the increment is solved all the same

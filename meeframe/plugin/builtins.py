@@ -84,7 +84,7 @@ def meeframe_solvers() -> Iterable[Record[Solver]]:
             "auto",
             Auto,
             "newton, then uzawa-nesterov, uzawa-bb and uzawa where that makes no progress",
-            "docs/solvers-newton.md",
+            "docs/explanation/solvers-newton.md",
         ),
         Record("newton", SemismoothNewton, "semismooth Newton", "Christensen et al., IJNME 42 (1998) 145-173"),
         Record("uzawa-bb", BarzilaiBorwein, "uzawa, Barzilai-Borwein steps", "IMA J. Numer. Anal. 8 (1988) 141-148"),

@@ -16,6 +16,7 @@ from meeframe.laws.base import ConductivityLaw, ContactLaw
 PROJECT = "meeframe"
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
+"""Decorator of the functions of a plugin that implement hooks of `HookSpecs`."""
 
 T_co = TypeVar("T_co", covariant=True)
 
@@ -45,7 +46,7 @@ class Record(Generic[T_co]):
 class HookSpecs:
     """Hooks of meeframe.
 
-    An implementation returns a list of records; see docs/plugins.md.
+    An implementation returns a list of records; see docs/howto/plugins.md.
     """
 
     @hookspec

@@ -13,6 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, 
 
 from meeframe.common.errors import CaseError, MeeframeError
 from meeframe.fields.units import Quantity
+from meeframe.plugin.aliases import names_for
 from meeframe.plugin.sources import faults_of_plugins
 
 Converters = Callable[[Any], Callable[[Any], Any] | None]
@@ -277,11 +278,12 @@ def choices(name: str, names: Collection[str]) -> str:
     name
         The unknown name.
     names
-        Allowed names. Those that have `name` as a word, or else the most similar one, are suggested.
+        Allowed names. Those for which `name` is another term, or that have it as a word, or else the most similar one,
+        are suggested.
     """
     if RENAMED_KEYS.get(str(name)) in names:
         return f"it is now called {RENAMED_KEYS[str(name)]!r}"
-    close = [other for other in names if str(name) in other.split("-")]
+    close = names_for(str(name), names) or [other for other in names if str(name) in other.split("-")]
     close = close or difflib.get_close_matches(str(name), names, n=1, cutoff=_SIMILAR)
     hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
     return f"{hint}allowed: {', '.join(names) or 'none'}"

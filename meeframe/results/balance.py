@@ -29,7 +29,9 @@ class Unbalance:
 
     force: (3,) [N], global axes; fluxes: (scalars,) totals of the scalar fields, SI units; relative: (1 + scalars,) of
     force and fluxes, over half the integral of the modulus, which passes through the body from one part of its boundary
-    to the others; 0 where that is no more than rounding leaves.
+    to the others; 0 where that is no more than rounding leaves. A field whose flux does not pass through the contact
+    has little flux, which flows between grounds only: there the larger flux serves whose work on the largest potential
+    is the work of the loads.
     """
 
     force: Array
@@ -37,8 +39,10 @@ class Unbalance:
     relative: Array
 
 
-def unbalance(boundary: NodalFields | None) -> Unbalance | None:
+def unbalance(boundary: NodalFields | None, contact_fluxes: Array | None = None) -> Unbalance | None:
     """Return the unbalance of the fields on a boundary; None where it is not defined.
+
+    contact_fluxes: fluxes (n, scalars) at the nodes of the contact; without them all fluxes count as passing through.
 
     It is None without fields, for elements of plugins, and for boundaries that are not closed, as those of half spaces,
     which bear the rest at infinity.
@@ -58,11 +62,17 @@ def unbalance(boundary: NodalFields | None) -> Unbalance | None:
         total += np.einsum("em,emj->j", shares, fluxes)
         tractions = np.linalg.norm(fluxes[:, :, MECHANICAL], axis=2)
         moduli = tractions, *np.abs(fluxes[:, :, POTENTIALS]).transpose(2, 0, 1)
-        through += [float((shares * own).sum()) / 2 for own in moduli]
+        through += [float((shares * modulus).sum()) / 2 for modulus in moduli]
     sizes = np.array([np.linalg.norm(total[MECHANICAL]), *np.abs(total[POTENTIALS])])
     displacement = np.linalg.norm(boundary.values[:, MECHANICAL], axis=1)
     works = through * [displacement.max(), *np.abs(boundary.values[:, POTENTIALS]).max(axis=0)]
-    relative = np.divide(sizes, through, out=np.zeros_like(sizes), where=works > _ROUNDING * works.max())
+    significant = works > _ROUNDING * works.max()
+    insulated = np.zeros(len(sizes), bool)
+    if contact_fluxes is not None:
+        insulated[1:] = ~contact_fluxes.any(axis=0)
+    excess = np.divide(works.max(), works, out=np.ones_like(works), where=significant)
+    scales = np.where(insulated, excess, 1.0) * through
+    relative = np.divide(sizes, scales, out=np.zeros_like(sizes), where=significant)
     return Unbalance(total[MECHANICAL], total[POTENTIALS], relative)
 
 
@@ -78,9 +88,11 @@ def balanced_names(fields: FieldSet) -> tuple[str, ...]:
     return ("force", *(scalar.resultant.replace("_", " ") for scalar in fields.scalars))
 
 
-def unbalance_warning(boundary: NodalFields | None, fields: FieldSet = MEE) -> Iterator[str]:
-    """Yield a warning if the fields on the boundary are noticeably out of equilibrium."""
-    result = unbalance(boundary)
+def unbalance_warning(
+    boundary: NodalFields | None, fields: FieldSet = MEE, contact_fluxes: Array | None = None
+) -> Iterator[str]:
+    """Yield a warning if the fields on the boundary are noticeably out of equilibrium; arguments as for `unbalance`."""
+    result = unbalance(boundary, contact_fluxes)
     if result is None or result.relative.max() <= NOTICED:
         return
     shares = zip(balanced_names(fields), result.relative, strict=True)

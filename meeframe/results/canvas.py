@@ -1,7 +1,12 @@
-"""Common parts of all figures: the sheet, the heading, colours, units with prefixes."""
+"""Common parts of all figures: house style, sheet, heading, colours, units with prefixes."""
 
 import textwrap
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import lru_cache, wraps
+from pathlib import Path
+from string import ascii_lowercase
+from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -10,11 +15,45 @@ from meeframe.fields import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 MAP_COLOURS: Final = "cividis"  # perceptually uniform, the same to colour-blind readers
 LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # of the Okabe-Ito palette
+NO_CONTACT: Final = "#F2F2F2"
+"""Colour of axes and thus of nodes without contact, which no map of colours holds."""
+STYLE: Final = str(Path(__file__).with_name("house.mplstyle"))
+"""Path of the house style of all figures, for matplotlib.pyplot.style.use."""
 _LETTERS: Final = 56
 """Number of letters in a line of a heading over axes some four inches wide."""
 _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+
+
+@lru_cache(maxsize=1)
+def _style() -> Any:
+    from matplotlib import rc_params_from_file
+
+    return rc_params_from_file(STYLE, use_default_template=False)
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw in the house style."""
+    from matplotlib import rc_context
+
+    with rc_context(_style()):
+        yield
+
+
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
+    """Return a function that draws in the house style."""
+
+    @wraps(draw)
+    def drawn(*arguments: P.args, **options: P.kwargs) -> T:
+        with house_style():
+            return draw(*arguments, **options)
+
+    return drawn
 
 
 def sheet(size: tuple[float, float]) -> "Figure":
@@ -32,6 +71,13 @@ def head(axes: Any, what: str, title: str) -> None:
     """Put the heading of a figure over its first axes, in lines that fit."""
     lines = [textwrap.fill(line, _LETTERS) for line in (*title.split("\n"), what) if line]
     axes.set_title("\n".join(lines), fontsize=10)
+
+
+def label_panels(panels: Any) -> None:
+    """Put the letters (a), (b), ... into the corners of several panels."""
+    for axes, letter in zip(panels, ascii_lowercase, strict=False):
+        if len(panels) > 1:
+            axes.annotate(f"({letter})", (0.0, 1.0), (-4, 3), "axes fraction", "offset points", ha="right")
 
 
 def prefixed(values: Array, unit: str) -> tuple[float, str]:

@@ -1,4 +1,4 @@
-"""Figures of the last finished increment: maps, sections through the centre, and history."""
+"""Figures of an increment: maps, sections through the centre, stick and slip, convergence; and the history."""
 
 import warnings
 from itertools import cycle
@@ -8,49 +8,64 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.common.errors import ResultError
 from meeframe.fields import Array
 from meeframe.results import schema
-from meeframe.results.canvas import LINE_COLOURS, head, prefixed, sheet
+from meeframe.results.canvas import LINE_COLOURS, NO_CONTACT, head, house_style, label_panels, prefixed, sheet, styled
 from meeframe.results.history import history, name_of
+from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
 from meeframe.results.records import Region, Result, StepResult, Zone, resultants
 from meeframe.results.schema import NodalField
+from meeframe.results.selection import Which, select
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_PRESSURE: Final = "pressure"
+FORMATS: Final = ("png", "pdf", "svg")
+"""Formats of figure files."""
+PRESSURE: Final = "pressure"
+TANGENTIAL: Final = "tangential traction"
 _BETWEEN: Final = (0.1, 2.0)
 """Bounds of the weights that locate the contact edge between two nodes."""
 _SEEN: Final = 0.01
 """Least attraction that is shown, as a fraction of the largest traction; it decays with the distance without end."""
+_ROUND_OFF: Final = 1e-9
+"""Fraction of the largest value over all increments below which a field is drawn as zero."""
+_MAP_SIZE: Final = (5.6, 4.6)
 
 
-def figures(result: Result) -> "dict[str, Figure]":
-    """Return the figures of the last finished increment by file name.
+@styled
+def figures(result: Result, which: Which = None) -> "dict[str, Figure]":
+    """Return the figures of an increment, by default that of the peak load, by name.
 
-    There are none if there is no finished increment, if not all in it is finite, or if the zone has neither cells nor
-    nodes that span an area. A potential that is zero throughout has none. With several converged increments, their
-    history is included.
+    There are none if no increment is finished, if not all in it is finite, or if the zone has neither cells nor nodes
+    that span an area. A potential that is zero throughout has none, and stick and slip has none without friction. With
+    several converged increments, their history is included.
     """
     if not result.steps:
         return {}
-    step = result.steps[-1]
+    step = select(result, which)
     if not np.isfinite(step.traction).all() or not np.isfinite(step.potentials).all():
         return {}
     if not result.zone.cells and np.linalg.matrix_rank(result.zone.points - result.zone.points[0]) < 2:
         return {}
-    picture = Picture.of(result.zone)
-    title = _title(result)
-    drawn = {f"{row.name}.png": _map(row, result, picture, title) for row in _shown(result.zone, step)}
-    drawn |= {"sections.png": _sections(result, picture, title), "stick_slip.png": _regions(result, picture, title)}
+    title = title_of(result, step)
+    drawn: dict[str, Figure] = {}
+    for row in shown_fields(result, step):
+        drawn[row.name] = sheet(_MAP_SIZE)
+        draw_map(drawn[row.name].subplots(), result, row.name, step, title)
+    drawn["sections"] = _sections(result, step, title)
+    if has_friction(result):
+        drawn["stick_slip"] = sheet((_MAP_SIZE[0], _MAP_SIZE[1] + 0.3))
+        draw_stick_slip(drawn["stick_slip"].subplots(), result, step, title)
     past = history(result)
-    return drawn if past is None else drawn | {"history.png": past}
+    return drawn if past is None else drawn | {"history": past}
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
-    """Write a figure as PNG; dollar signs are literal, characters that the font lacks are boxes."""
+    """Write a figure in the format of the suffix; dollars are literal, characters that the font lacks are boxes."""
     from matplotlib.text import Text
 
     figure.set_dpi(150)
@@ -58,26 +73,58 @@ def save_figure(figure: "Figure", path: Path) -> None:
         assert isinstance(text, Text)
         if "$" in text.get_text():  # numbers along axes are typeset when they are drawn
             text.set_parse_math(False)
-    # the same picture as by savefig, which draws twice, once for the layout alone; light compression: files a third
-    # larger, written in two thirds of the time
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), house_style():
         warnings.filterwarnings("ignore", "Glyph .* missing from")
-        figure.canvas.print_png(path, pil_kwargs={"compress_level": 1})  # type: ignore[attr-defined]  # of Agg's canvas
+        if path.suffix == ".png":
+            # the same picture as by savefig, which draws twice, once for the layout alone; light compression: files a
+            # third larger, written in two thirds of the time
+            figure.canvas.print_png(path, pil_kwargs={"compress_level": 1})  # type: ignore[attr-defined]  # of Agg
+        else:
+            figure.savefig(path)
 
 
-def _shown(zone: Zone, step: StepResult) -> list[NodalField]:
+def write_figures(result: Result, folder: Path, which: Which = None, suffix: str = "png") -> list[Path]:
+    """Write the figures of an increment into a folder, created if it does not exist, and return their paths.
+
+    Raises ResultError for an unknown format, if there is no such increment, or if they cannot be written.
+    """
+    if suffix not in FORMATS:
+        raise ResultError(f"format {suffix!r}: allowed: {', '.join(FORMATS)}")
+    drawn = figures(result, select(result, which))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
+    paths = [folder / f"{name}.{suffix}" for name in drawn]
+    for figure, target in zip(drawn.values(), paths, strict=True):
+        with replacing(target) as path:
+            save_figure(figure, path)
+    return paths
+
+
+def has_friction(result: Result) -> bool:
+    """Return whether friction acts in any increment: tangential tractions or nodes that stick."""
+    return any(step.traction[:, :2].any() or (step.region == Region.STICK).any() for step in result.steps)
+
+
+def shown_fields(result: Result, step: StepResult) -> list[NodalField]:
     """Return the pressure, and the other fields with maps that are not zero throughout."""
     rows = schema.nodal(schema.View.MAP, step.fields).values()
-    return [row for row in rows if row.name == _PRESSURE or row.values(zone, step).any()]
+    return [row for row in rows if row.name == PRESSURE or nodal_values(result, row, step).any()]
 
 
-def _title(result: Result) -> str:
+def nodal_values(result: Result, row: NodalField, step: StepResult) -> Array:
+    """Return the values of a nodal field, with round-off as zero: it is small against other increments."""
+    values = row.values(result.zone, step)
+    peak = max((np.abs(row.values(result.zone, other)).max() for other in result.steps), default=0.0)
+    return np.where(np.abs(values) > _ROUND_OFF * peak, values, 0.0)
+
+
+def title_of(result: Result, step: StepResult) -> str:
     """Return the title of the case, and the increment where there are several."""
-    factor, unit = prefixed(np.array([result.steps[-1].loading.approach]), "m")
-    approach = f"{result.steps[-1].loading.approach / factor:.4g} {unit}"
-    step = f"{name_of(result, result.steps[-1])}, approach {approach}"
-    parts = [result.provenance.title, step if result.planned_steps > 1 else ""]
-    return "\n".join(filter(None, parts))
+    factor, unit = prefixed(np.array([step.loading.approach]), "m")
+    words = f"{name_of(result, step)}, approach {step.loading.approach / factor:.4g} {unit}"
+    return "\n".join(filter(None, [result.provenance.title, words if result.planned_steps > 1 else ""]))
 
 
 def _edge(zone: Zone, step: StepResult) -> Array:
@@ -99,33 +146,52 @@ def _edge(zone: Zone, step: StepResult) -> Array:
     return np.where(touching, level, -level)
 
 
-def _map(row: NodalField, result: Result, picture: Picture, title: str) -> "Figure":
-    figure = sheet((5.6, 4.6))
-    axes = figure.subplots()
-    zone, step = result.zone, result.steps[-1]
-    touching = step.touching
-    of_contact = row.name == _PRESSURE
-    axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
-    head(axes, row.label, title)
-    felt = _felt(step)
-    if of_contact and not felt.any():
+@styled
+def draw_map(axes: Any, result: Result, name: str, which: Which = None, title: str = "") -> None:
+    """Draw the map of a nodal field, with a bar of colours; the pressure in contact alone, other fields everywhere.
+
+    axes: of matplotlib; name: of a scalar field of meeframe.results.schema; which: as in select; title: its heading.
+    Raises ResultError for an unknown name.
+    """
+    step = select(result, which)
+    row, zone = _field(name, step), result.zone
+    picture = Picture.of(zone)
+    _prepare(axes, picture, row.label, title)
+    of_contact = name == PRESSURE
+    felt = _felt(step) if of_contact else np.ones(len(zone.points), bool)
+    if not felt.any():
         _no_contact(axes, picture)
-        return figure
-    values = row.values(zone, step)
-    factor, unit = prefixed(values, row.unit)
-    drawn = picture.shade(axes, values / factor)
-    figure.colorbar(drawn, ax=axes, label=f"{row.label} [{unit}]")
-    if touching.any() and not touching.all():
+        return
+    values = nodal_values(result, row, step)
+    factor, unit = prefixed(values[felt], row.unit)
+    if of_contact:
+        # the open nodes beside the contact take the pressure of their neighbours: no colour fades before the edge
+        values = picture.extended(values, felt)
+    limits = {"vmin": min(values[felt].min() / factor, 0.0)} if of_contact else {}
+    drawn = picture.shade(axes, values / factor, felt, vmax=values[felt].max() / factor or 1.0, **limits)
+    axes.figure.colorbar(drawn, ax=axes, label=f"{row.label} [{unit}]")
+    if step.touching.any() and not step.touching.all():
         edge = picture.values(_edge(zone, step))
-        rim = picture.beside(touching, ~touching)
-        if of_contact and not (felt & ~touching).any():
-            # between nodes the shading continues beyond the contact edge, where there is no pressure
-            nothing = drawn.to_rgba(np.zeros(1))[0]
-            axes.tricontourf(rim, edge, [-2 * _BETWEEN[1], 0], colors=[nothing])
-        axes.tricontour(rim, edge, [0.0], colors="white")
+        rim = picture.beside(step.touching, ~step.touching)
+        if of_contact and not (felt & ~step.touching).any():
+            axes.tricontourf(rim, edge, [-2 * _BETWEEN[1], 0], colors=[NO_CONTACT])
+        axes.tricontour(rim, edge, [0.0], colors="#D55E00" if of_contact else "white", linewidths=1.2)
     if of_contact:
         _zoom(axes, picture, felt)
-    return figure
+
+
+def _field(name: str, step: StepResult) -> NodalField:
+    rows = {row.name: row for row in schema.nodal_fields(step.fields) if not row.components and not row.integer}
+    if name not in rows:
+        raise ResultError(f"unknown field {name!r}; allowed: {', '.join(rows)}")
+    return rows[name]
+
+
+def _prepare(axes: Any, picture: Picture, what: str, title: str) -> None:
+    axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(True)
+    head(axes, what, title)
 
 
 def _felt(step: StepResult) -> NDArray[np.bool_]:
@@ -145,16 +211,15 @@ def _no_contact(axes: Any, picture: Picture) -> None:
     axes.text((left + right) / 2, (below + above) / 2, "no contact", ha="center", va="center")
 
 
-def _regions(result: Result, picture: Picture, title: str) -> "Figure":
-    """Return the map of stick and slip."""
-    step, totals = result.steps[-1], resultants(result.zone, result.steps[-1])
-    figure = sheet((5.6, 4.9))
-    axes = figure.subplots()
-    axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
-    head(axes, "stick and slip", title)
+@styled
+def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str = "") -> None:
+    """Draw the map of stick and slip, with the areas in a legend; arguments as of draw_map."""
+    step = select(result, which)
+    totals, picture = resultants(result.zone, step), Picture.of(result.zone)
+    _prepare(axes, picture, "stick and slip", title)
     if not step.touching.any():
         _no_contact(axes, picture)
-        return figure
+        return
     edge, contact = _edge(result.zone, step), picture.beside(step.touching)
     sticking = np.where(step.region == Region.STICK, 1.0, -1.0) * np.abs(edge)
     shown = ((edge, "slip", totals.slip_area), (sticking, "stick", totals.stick_area))
@@ -162,29 +227,60 @@ def _regions(result: Result, picture: Picture, title: str) -> "Figure":
         axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
         axes.tricontourf(contact, picture.values(level), [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
     _zoom(axes, picture, step.touching)
-    figure.legend(loc="outside lower center", ncols=2)
-    return figure
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 
 
-def _sections(result: Result, picture: Picture, title: str) -> "Figure":
-    """Return sections along x through the middle; with friction the tangential traction, too."""
+@styled
+def draw_section(axes: Any, result: Result, name: str = PRESSURE, which: Which = None, colour: str = "") -> None:
+    """Draw a nodal field along x through the middle of the zone; dots are nodes.
+
+    axes: of matplotlib; name: of a scalar field of meeframe.results.schema, or 'tangential traction' for the one along
+    x of the picture; which: as in select; colour: of the line. Raises ResultError for an unknown name.
+    """
+    step, picture = select(result, which), Picture.of(result.zone)
+    if name == TANGENTIAL:
+        label, unit, values = "traction along x", "Pa", _tangential(result, step, picture)
+    else:
+        row = _field(name, step)
+        label, unit, values = row.label, row.unit, nodal_values(result, row, step)
     x = np.linspace(picture.points[:, 0].min(), picture.points[:, 0].max(), 401)
     on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(picture.points[:, 1])
-    step = result.steps[-1]
-    shown = [(row.label, row.unit, row.values(result.zone, step)) for row in _shown(result.zone, step)]
+    factor, unit = prefixed(values, unit)
+    colour = colour or LINE_COLOURS[0]
+    axes.plot(x, picture.section(x, values)[0] / factor, color=colour)
+    axes.plot(picture.points[on_axis, 0], values[on_axis] / factor, "o", color=colour)
+    axes.set(xlabel=f"x [{picture.unit}]", ylabel=f"{label}\n[{unit}]")
+    axes.grid(visible=True)
+
+
+def _tangential(result: Result, step: StepResult, picture: Picture) -> Array:
+    traction: Array = np.einsum("nk,nka,a->n", step.traction[:, :2], result.zone.frames[:, :2], picture.axes[0])
+    return traction
+
+
+def _sections(result: Result, step: StepResult, title: str) -> "Figure":
+    """Return sections along x through the middle; with friction the tangential traction, too."""
+    names = [row.name for row in shown_fields(result, step)]
     if step.traction[:, :2].any():
-        along = np.einsum("nk,nka,a->n", step.traction[:, :2], result.zone.frames[:, :2], picture.axes[0])
-        shown.insert(1, ("traction along x", "Pa", along))
-    figure = sheet((6.0, 2.4 * len(shown)))
-    rows = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
-    sections = picture.section(x, *(values for _, _, values in shown))
-    for axes, (label, unit, values), section, colour in zip(rows, shown, sections, cycle(LINE_COLOURS), strict=False):
-        factor, unit = prefixed(values, unit)
-        axes.plot(x, section / factor, color=colour, linewidth=1.8)
-        axes.plot(picture.points[on_axis, 0], values[on_axis] / factor, "o", color=colour, markersize=3.5)
-        axes.set_ylabel(f"{label}\n[{unit}]")
-        axes.grid(alpha=0.3)
-    rows[-1].set_xlabel(f"x [{picture.unit}]")
+        names.insert(1, TANGENTIAL)
+    figure = sheet((6.0, 2.4 * len(names)))
+    rows = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
+    for axes, name, colour in zip(rows, names, cycle(LINE_COLOURS), strict=False):
+        draw_section(axes, result, name, step, colour)
+        axes.set_xlabel("")
+    rows[-1].set_xlabel(f"x [{Picture.of(result.zone).unit}]")
     head(rows[0], "sections y = 0", title)
+    label_panels(rows)
     figure.align_ylabels(rows)
     return figure
+
+
+@styled
+def draw_convergence(axes: Any, result: Result, which: Which = None) -> None:
+    """Draw the monitored quantity of the solver over its iterations, on a logarithmic axis; which: as in select."""
+    step = select(result, which)
+    axes.semilogy(*step.history.T, "o-", label=f"{name_of(result, step)}, {step.status}")
+    axes.set(xlabel="iteration", ylabel="residual")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.grid(visible=True)
+    axes.legend()

@@ -1,8 +1,8 @@
 """Result file in self-describing HDF5; each increment of a run is written once, when it is finished.
 
-Layout (docs/results.md): attributes of the root describe the origin of the file; /zone is the contact zone; /boundary
-the points and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one increment each. Every dataset has
-`units`.
+Layout (docs/reference/results.md): attributes of the root describe the origin of the file; /zone is the contact zone;
+/boundary the points and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one increment each. Every
+dataset has `units`.
 
 During a run each increment is a file of its own in the folder `result.increments`, to which result.h5 has external
 links: no byte of a finished increment is written again, so that a run that is killed at any moment leaves readable
@@ -15,7 +15,7 @@ import shutil
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final, final
+from typing import Any, Final, TypeVar, final
 
 import h5py
 import numpy as np
@@ -43,6 +43,7 @@ _SMALL: Final = 4096
 _CHUNK: Final = 1 << 24
 """Largest size of a chunk in bytes."""
 _BOUNDARY_FILE: Final = "boundary.h5"
+SomeResult = TypeVar("SomeResult", bound=Result)
 _SURFACE: Final = ("displacement", "potentials")
 """Attributes of StepResult that the surface of a second body has, too."""
 
@@ -82,7 +83,7 @@ class ResultWriter:
             self._write_links()
         self.count += 1
 
-    def finish(self, ended: Callable[[], Result]) -> Result:
+    def finish(self, ended: Callable[[], SomeResult]) -> SomeResult:
         """Move the increments into result.h5 and return what `ended` returns, the result with its timings.
 
         ended: called when everything else is written. Raises ResultError if the file cannot be written; increments

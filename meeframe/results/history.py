@@ -1,12 +1,15 @@
-"""History of a run with several increments: force-displacement curves and the energy dissipated by friction."""
+"""Curves of a run with several increments: forces, area, total fluxes and energy dissipated by friction."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.contact.problem import Status
 from meeframe.fields import Array
-from meeframe.results.canvas import LINE_COLOURS, head, prefixed, sheet
+from meeframe.results.canvas import LINE_COLOURS, head, label_panels, prefixed, sheet, styled
 from meeframe.results.records import Result, StepResult, resultants
 
 if TYPE_CHECKING:
@@ -15,71 +18,124 @@ if TYPE_CHECKING:
 
 _NONE: Final = 1e-6
 """Motion or force that counts as zero, as a fraction of that along the other axis, or of the normal force."""
+_ROUND_OFF: Final = 1e-12
+"""Total flux over capacity that counts as zero."""
 _SAME: Final = 1e-6
 """Range that counts as constant, as a fraction of the largest value; pictures show it with a margin `_ROOM`."""
 _ROOM: Final = 0.05
+_WIDTH: Final = 5.6
 
 
 def name_of(result: Result, step: StepResult) -> str:
-    """Return an increment in words: 'step 2', or 'step 2.5' where the step has several."""
+    """Return an increment in words: 'step 2', or 'step 2, increment 5' where the step has several."""
     several = any(other.step == step.step and other.increment > 1 for other in result.steps)
-    return f"step {step.step}.{step.increment}" if several else f"step {step.step}"
+    return f"step {step.step}, increment {step.increment}" if several else f"step {step.step}"
 
 
-def history(result: Result) -> "Figure | None":
-    """Return the figure of force-displacement curves; None with fewer than two converged increments.
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Curve of a history: a quantity over another, each with name, unit and values (increments, components).
 
-    It shows the normal force over approach and, if there are any, tangential force over translation and the energy
-    dissipated since the beginning, of the increments that converged.
+    Components are along e1 and e2 where there are two.
     """
+
+    name: str
+    across: tuple[str, str, Array]
+    up: tuple[str, str, Array]
+    components: tuple[str, ...] = field(default=("",))
+
+
+def curves(result: Result) -> list[Curve]:
+    """Return the curves of the converged increments; those of absent phenomena are left out."""
     steps = [step for step in result.steps if step.status is Status.CONVERGED]
     if len(steps) < 2:
-        return None
+        return []
     totals = [resultants(result.zone, step) for step in steps]
-    approach = np.array([[step.loading.approach] for step in steps])
+    approach = _column([step.loading.approach for step in steps])
+    forces = _column([total.normal_force for total in totals])
     translation = np.array([step.loading.translation for step in steps])
     tangential = np.array([total.tangential_force for total in totals])
-    dissipated = np.cumsum([total.dissipated_energy for total in totals])
-    forces = np.array([[total.normal_force] for total in totals])
+    area = _column([total.contact_area for total in totals])
+    drawn = [Curve("normal force", ("approach", "m", approach), ("normal force", "N", forces))]
     # rounding of a vanishing force is no curve
-    dragged, rubs = bool(np.abs(tangential).max() > _NONE * np.abs(forces).max()), bool(dissipated.any())
-    rows = 1 + dragged + rubs
-    figure = sheet((5.6, 0.6 + 2.8 * rows))
-    normal, *others = figure.subplots(rows, squeeze=False)[:, 0]
-    _curves(normal, ("approach", approach), ("normal force", forces))
-    if dragged:
-        _curves(others[0], ("translation", translation), ("tangential force", tangential))
-    if rubs:
-        energy = others[-1]
-        factor, unit = prefixed(dissipated, "J")
-        energy.plot(np.arange(1, len(steps) + 1), dissipated / factor, "o-", color=LINE_COLOURS[0], markersize=3.5)
-        energy.set(xlabel="increments", ylabel=f"dissipated energy\nsince the beginning [{unit}]")
-        energy.xaxis.get_major_locator().set_params(integer=True)
-        energy.grid(alpha=0.3)
-    head(normal, "history", result.provenance.title)
+    if np.abs(tangential).max() > _NONE * np.abs(forces).max():
+        components: tuple[str, ...] = ("along e1", "along e2")
+        if all(np.abs(v[:, 1]).max() <= _NONE * np.abs(v[:, 0]).max() for v in (translation, tangential)):
+            components = components[:1]
+        curve = ("translation", "m", translation), ("tangential force", "N", tangential)
+        drawn.append(Curve("tangential force", *curve, components))
+    drawn.append(Curve("contact area", ("approach", "m", approach), ("contact area", "m²", area)))
+    for column, scalar in enumerate(steps[0].fields.scalars):
+        flux = _column([getattr(total, scalar.resultant) for total in totals])
+        moduli = [float(result.zone.weights @ np.abs(step.fluxes[:, column])) for step in steps]
+        if np.abs(flux).max() > _ROUND_OFF * max(moduli, default=0.0) and flux.any():
+            name = scalar.resultant.replace("_", " ")
+            drawn.append(Curve(name, ("normal force", "N", forces), (name, scalar.resultant_unit, flux)))
+    dissipated = np.cumsum([total.dissipated_energy for total in totals])[:, None]
+    if dissipated.any():
+        numbers = _column(list(range(1, len(steps) + 1)))
+        words = "dissipated energy\nsince the beginning"
+        drawn.append(Curve("dissipated energy", ("increments", "", numbers), (words, "J", dissipated)))
+    return drawn
+
+
+def _column(values: Sequence[float]) -> Array:
+    return np.array(values, float)[:, None]
+
+
+def unloading(result: Result) -> NDArray[np.bool_]:
+    """Return a mask of the converged increments in which both normal force and approach decrease, (increments,)."""
+    steps = [step for step in result.steps if step.status is Status.CONVERGED]
+    forces = [resultants(result.zone, step).normal_force for step in steps]
+    return np.asarray(_falls(forces) & _falls([step.loading.approach for step in steps]))
+
+
+def _falls(values: Sequence[float]) -> NDArray[np.bool_]:
+    return np.asarray(np.diff(values, prepend=0.0) < -_SAME * np.max(np.abs(values), initial=0.0))
+
+
+@styled
+def history(result: Result) -> "Figure | None":
+    """Return the figure of all curves of a history; None with fewer than two converged increments."""
+    drawn = curves(result)
+    if not drawn:
+        return None
+    figure = sheet((_WIDTH, 0.6 + 2.5 * len(drawn)))
+    rows = figure.subplots(len(drawn), squeeze=False)[:, 0]
+    for axes, curve in zip(rows, drawn, strict=True):
+        draw_curve(axes, curve, unloading(result))
+    head(rows[0], "history", result.provenance.title)
+    label_panels(rows)
     return figure
 
 
-def _curves(axes: Any, across: tuple[str, Array], up: tuple[str, Array]) -> None:
-    """Plot columns of one quantity over those of another; the components along e1 and e2 where there are two.
-
-    A second one that stays at rest without force, up to rounding, is left out.
-    """
-    (x_name, x), (y_name, y) = across, up
-    x_factor, x_unit = prefixed(x, "m")
-    y_factor, y_unit = prefixed(y, "N")
-    components = ("along e1", "along e2") if y.shape[1] == 2 else ("",)
-    if len(components) == 2 and all(np.abs(v[:, 1]).max() <= _NONE * np.abs(v[:, 0]).max() for v in (x, y)):
-        components = components[:1]
-    for column, (label, colour) in enumerate(zip(components, LINE_COLOURS, strict=False)):
-        points = x[:, column] / x_factor, y[:, column] / y_factor
-        axes.plot(*points, "o-", color=colour, markersize=3.5, label=label)
-    axes.set(xlabel=f"{x_name} [{x_unit}]", ylabel=f"{y_name} [{y_unit}]")
+def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
+    """Draw a curve of a history; falls: (increments,) mask of those with open markers."""
+    (x_name, x_unit, x), (y_name, y_unit, y) = curve.across, curve.up
+    (x_factor, x_unit), (y_factor, y_unit) = prefixed(x, x_unit) if x_unit else (1.0, ""), prefixed_area(y, y_unit)
+    for column, (label, colour) in enumerate(zip(curve.components, LINE_COLOURS, strict=False)):
+        points = np.column_stack([x[:, min(column, x.shape[1] - 1)] / x_factor, y[:, column] / y_factor])
+        axes.plot(*points.T, "o-", color=colour, label=label or "loading")
+        if falls.any():
+            axes.plot(
+                *points[falls].T, "o", color=colour, markerfacecolor="white", label="_" * bool(label) + "unloading"
+            )
+    axes.set(xlabel=f"{x_name} [{x_unit}]" if x_unit else x_name, ylabel=f"{y_name} [{y_unit}]")
     axes.ticklabel_format(useOffset=False)
+    if not x_unit:
+        axes.xaxis.get_major_locator().set_params(integer=True)
     for values, limits in ((x / x_factor, axes.set_xlim), (y / y_factor, axes.set_ylim)):
         if np.ptp(values) < _SAME * np.abs(values).max():  # constant: its last digits are no curve
             middle = values.mean()
             limits(middle - _ROOM * abs(middle), middle + _ROOM * abs(middle))
-    axes.grid(alpha=0.3)
-    if y.shape[1] == 2:
+    axes.grid(visible=True)
+    if y.shape[1] == 2 or falls.any():
         axes.legend()
+
+
+def prefixed_area(values: Array, unit: str) -> tuple[float, str]:
+    """Return factor and unit with a prefix, which in squares multiplies twice."""
+    if not unit.endswith("²"):
+        return prefixed(values, unit)
+    factor, length = prefixed(np.sqrt(np.abs(values)), unit.removesuffix("²"))
+    return factor**2, f"{length}²"

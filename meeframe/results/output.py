@@ -17,6 +17,9 @@ from meeframe.results import schema
 RESULT_FILE: Final = "result.h5"
 SUMMARY_FILE: Final = "summary.json"
 FIELDS_FILE: Final = "fields.vtu"
+SERIES_FILE: Final = "fields.pvd"
+SERIES: Final = "fields.series"
+"""Folder of the files of fields.pvd, one for each load step."""
 INTERIOR_FILE: Final = "interior.vtu"
 """Fields inside the body, which `meeframe show DIR --interior` writes."""
 INCREMENTS: Final = "result.increments"
@@ -28,7 +31,7 @@ _DRAWN: Final = ("sections.png", "stick_slip.png", "history.png")
 def output_files() -> tuple[str, ...]:
     """Return the names of all files that a run may write."""
     maps = (f"{name}.png" for name in schema.nodal(schema.View.MAP))
-    return (RESULT_FILE, SUMMARY_FILE, FIELDS_FILE, *maps, *_DRAWN)
+    return (RESULT_FILE, SUMMARY_FILE, FIELDS_FILE, SERIES_FILE, *maps, *_DRAWN)
 
 
 @contextmanager
@@ -148,8 +151,9 @@ def clear_output(folder: Path) -> None:
             (folder / name).unlink(missing_ok=True)
             for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
                 leftover.unlink()
-        if (folder / INCREMENTS).is_dir():
-            shutil.rmtree(folder / INCREMENTS)
+        for inner in (INCREMENTS, SERIES):
+            if (folder / inner).is_dir():
+                shutil.rmtree(folder / inner)
     except OSError as error:
         raise _unwritable(folder, error) from None
 

@@ -77,9 +77,27 @@ class Picture:
         """Return the values at the points of the triangulation of values (n,) at the nodes of the zone."""
         return _with_centres(nodal, self.quads)
 
-    def shade(self, axes: Any, nodal: Array, **limits: float) -> Any:
-        """Draw values (n,) at the nodes as colours over the zone; limits: vmin, vmax."""
-        drawn = axes.tripcolor(self.triangulation, self.values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
+    def extended(self, nodal: Array, inside: NDArray[np.bool_]) -> Array:
+        """Return values (n,) with those outside replaced by the mean of the inner nodes of the same cells.
+
+        inside: (n,) nodes that keep their values. Nodes beside none of them become zero.
+        """
+        total, count = np.zeros(len(nodal)), np.zeros(len(nodal))
+        flat = self.triangulation.triangles
+        for cells in (flat[(flat < len(nodal)).all(axis=1)], self.quads):
+            inner = inside[cells]
+            for column in range(cells.shape[1]):
+                np.add.at(total, cells[:, column], (nodal[cells] * inner).sum(axis=1))
+                np.add.at(count, cells[:, column], inner.sum(axis=1))
+        return np.where(inside, nodal, total / np.maximum(count, 1.0))
+
+    def shade(self, axes: Any, nodal: Array, beside: NDArray[np.bool_] | None = None, **limits: float) -> Any:
+        """Draw values (n,) at the nodes as colours over the zone, or over the triangles beside some nodes (n,).
+
+        limits: vmin, vmax.
+        """
+        flat = self.triangulation if beside is None else self.beside(beside)
+        drawn = axes.tripcolor(flat, self.values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
         drawn.set_in_layout(False)  # it ends with its axes; matplotlib would find its extent triangle by triangle
         return drawn
 

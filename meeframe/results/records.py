@@ -162,7 +162,7 @@ class StepResult:
         (n,), length of the path slipped in contact, the sum of the moduli of the slips of those increments at whose end
         the node touches [m].
     dissipation : Array
-        (n,), work of friction in this increment [J/m^2], see docs/results.md.
+        (n,), work of friction in this increment [J/m^2], see docs/reference/results.md.
     region : Indices
         (n,), numbers of Region.
     status, iterations, residual, history, message

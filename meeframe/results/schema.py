@@ -4,6 +4,7 @@ HDF5 files, summaries, VTK files, figures, studies and sweeps take names, units 
 of these tables appears in all of them, except where `views` excludes it.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -278,7 +279,7 @@ _SUMMARY: Final = frozenset({View.SUMMARY})
 def _scalar_totals(scalar: ScalarField) -> Iterator[Total]:
     """Yield the total flux of a scalar field and its largest potential."""
     flux, potential = (name.replace("_", " ") for name in (scalar.resultant, scalar.value_name))
-    yield Total(scalar.resultant, scalar.resultant_unit, flux, phenomenon=scalar.name)
+    yield Total(scalar.resultant, scalar.resultant_unit, f"{flux} out of the body", phenomenon=scalar.name)
     name = f"max_abs_{scalar.value_name}"
     yield Total(name, scalar.value_unit, f"largest |{potential}|", phenomenon=scalar.name)
 
@@ -329,6 +330,7 @@ MEASURES: Final = (
         value=lambda _, step: _largest(np.linalg.norm(step.total_slip, axis=1)[step.touching]),
     ),
     Total("max_slip_path", "m", "longest slip path", value=lambda _, step: _largest(step.slip_path)),
+    Total("conductance", "F", "conductance", value=lambda zone, step: _conductance(zone, step)),
     Total(
         "contact_at_zone_boundary",
         "1",
@@ -340,9 +342,15 @@ MEASURES: Final = (
 )
 """Further numbers of an increment that sweeps collect.
 
-These are the largest slip since the beginning of nodes in contact and the longest path slipped, 1 if the contact
-reaches the boundary of its zone, iterations and residual.
+These are the largest slip since the beginning of nodes in contact and the longest path slipped; the charge into the
+body over the electric potential of the indenter, nan if that is zero (docs/howto/contact-resistance.md); 1 if the
+contact reaches the boundary of its zone, iterations and residual.
 """
+
+
+def _conductance(zone: Zone, step: StepResult) -> float:
+    potential = float(step.loading.electric_potential)
+    return -resultants(zone, step).charge / potential if potential else math.nan
 
 
 def _largest(values: Array) -> float:

@@ -29,7 +29,7 @@ _ABOUT: Final = {"tilt": "moment", "twist": "torque"}
 
 
 def summary(result: Result) -> dict[str, Any]:
-    """Return the content of summary.json, of plain Python types; see docs/results.md.
+    """Return the content of summary.json, of plain Python types; see docs/reference/results.md.
 
     Numbers that are not finite become None.
     """
@@ -56,7 +56,7 @@ def summary_json(result: Result) -> str:
 
 
 def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
-    totals, balance = schema.totals(zone, step), unbalance(step.boundary)
+    totals, balance = schema.totals(zone, step), unbalance(step.boundary, step.fluxes)
     loading = step.loading
     return {
         "step": step.step,
@@ -135,7 +135,7 @@ def summary_table(result: Result) -> RenderableType:
 
 def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
     """Yield rows on the unbalance of the body, for closed boundaries whose fields are known."""
-    result = [unbalance(step.boundary) for step in shown]
+    result = [unbalance(step.boundary, step.fluxes) for step in shown]
     for number, name in enumerate(balanced_names(shown[0].fields) if shown else ()):
         relative = [math.nan if one is None else float(one.relative[number]) for one in result]
         if any(value > 0.0 for value in relative):

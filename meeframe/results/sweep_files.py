@@ -2,8 +2,9 @@
 
 import json
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.common.errors import CaseError, ResultError
+from meeframe.fields import Array, Indices
 from meeframe.results import schema
 from meeframe.results.hdf5 import sink
 from meeframe.results.output import LOCK_FILE, check_output, locked, replacing
@@ -22,13 +24,15 @@ LIST_FILE: Final = "sweep.json"
 POINTS: Final = "points"
 SYSTEMS: Final = "systems"
 NODE: Final = "node"
+_SAME_LINE: Final = 1e-9
+"""Distance of nodes on one line of a grid, as a fraction of the extent of the grid."""
 
 
 def write_sweep(folder: Path, sweep: SweepResult) -> None:
     """Write sweep.h5 completely; `xarray.open_dataset(path, engine="h5netcdf")` reads it.
 
-    Its dimensions are the axes, and `increment` and `node` where these exist; units are attributes. Raises ResultError
-    if it cannot be written, CaseError without xarray.
+    Its dimensions are the axes, and where these exist `increment`, and `y` and `x` for nodes on a grid or `node` for
+    others; units are attributes. Raises ResultError if it cannot be written, CaseError without xarray.
     """
     check_installed()
     h5netcdf, backends = import_module("h5netcdf"), import_module("xarray.backends")
@@ -56,16 +60,65 @@ def dataset(sweep: SweepResult) -> Any:
     for name, values in sweep.quantities.items():
         dimensions = names if values.ndim == len(names) else [*names, INCREMENT]
         variables[name] = dimensions, values, _attributes(sweep.units[name], schema.label_of(name))
+    grid = _grid(sweep.nodes)
     for name, values in sweep.fields.items():
         label = schema.label_of(name.removeprefix("zone_"))
-        variables[name] = [*names, NODE], values, _attributes(sweep.units[name], label)
+        attributes = _attributes(sweep.units[name], label)
+        if grid is None:
+            variables[name] = [*names, NODE], values, attributes
+        else:
+            variables[name] = [*names, "y", "x"], values[..., grid.order], attributes
     coordinates: dict[str, Any] = {}
     for axis in sweep.axes:
         values = np.array(axis.labels, object) if axis.values is None else axis.values
-        coordinates[axis.name] = [axis.name], values, {"units": axis.unit} if axis.unit else {}
-    for name, place in sweep.nodes.items():
-        coordinates[name] = [NODE] if place.ndim == 1 else [*names, NODE], place, {"units": "m"}
+        units = {"units": axis.unit} if axis.unit else {}
+        coordinates[axis.name] = [axis.name], values, {"long_name": axis.name, **units}
+    for name, place in sweep.nodes.items() if grid is None else grid.coordinates(sweep.nodes["z"]):
+        if not isinstance(place, tuple):
+            place = [NODE] if place.ndim == 1 else [*names, NODE], place
+        coordinates[name] = *place, {"units": "m", "long_name": name}
     return xarray.Dataset(variables, coordinates, {"format": FORMAT, "title": sweep.title, **sweep.notes})
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Nodes at all crossings of lines x and y.
+
+    x, y: coordinates of the lines, (nx,) and (ny,); order: (ny, nx) node at each crossing.
+    """
+
+    x: Array
+    y: Array
+    order: Indices
+
+    def coordinates(self, z: Array) -> list[tuple[str, tuple[list[str], Any]]]:
+        """Return the names of the coordinates with dimensions and values; z is one number for a plane."""
+        height = z[self.order]
+        plane = bool((height == height[0, 0]).all())
+        return [
+            ("x", (["x"], self.x)),
+            ("y", (["y"], self.y)),
+            ("z", ([], height[0, 0]) if plane else (["y", "x"], height)),
+        ]
+
+
+def _grid(nodes: Mapping[str, Array]) -> _Grid | None:
+    """Return the grid of nodes, None if they are not on one or differ from point to point."""
+    if not nodes or nodes["x"].ndim != 1:
+        return None
+    lines, numbers = [], []
+    for name in "xy":
+        size = np.ptp(nodes[name])
+        if not size > 0.0:
+            return None
+        rounded = np.round(nodes[name] / (_SAME_LINE * size))
+        _, first, inverse = np.unique(rounded, return_index=True, return_inverse=True)
+        lines.append(nodes[name][first])
+        numbers.append(inverse)
+    (x, y), place = lines, numbers[1] * len(lines[0]) + numbers[0]
+    if len(x) * len(y) != len(place) or len(np.unique(place)) != len(place):
+        return None
+    return _Grid(x, y, np.argsort(place).reshape(len(y), len(x)))
 
 
 def _attributes(unit: str, label: str) -> dict[str, str]:

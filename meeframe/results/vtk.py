@@ -1,7 +1,7 @@
 """Fields on the whole boundary for ParaView."""
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
 from meeframe.mesh.nearby import close_point_pairs
 from meeframe.results import schema
-from meeframe.results.output import FIELDS_FILE, replacing
+from meeframe.results.output import FIELDS_FILE, SERIES, SERIES_FILE, replacing
 from meeframe.results.records import Result, StepResult, Zone
 from meeframe.system.reduced import NodalFields
 
@@ -22,28 +22,66 @@ _SAME_PLACE: Final = 1e-9
 
 
 def write_fields(folder: Path, result: Result) -> None:
-    """Write fields.vtu: the boundary fields of the last finished step, SI units, global axes.
+    """Write fields.vtu, and for several load steps fields.pvd with the series of all of them.
 
-    The region and the slip of the contact zone are included; elsewhere the region is 0 and the slip NaN.
+    fields.vtu holds the boundary fields of the last finished step, SI units, global axes. The region and the slip of
+    the contact zone are included; elsewhere the region is 0 and the slip NaN. The file of each load step of the series
+    is in the folder fields.series, and its time is the number of increments until then.
 
     Raises ResultError if the result holds no boundary fields.
     """
-    import meshio  # half a second to import; only here
-
-    step = next((step for step in reversed(result.steps) if step.boundary is not None), None)
-    if step is None or step.boundary is None:
+    numbered = [(number, step) for number, step in enumerate(result.steps, 1) if step.boundary is not None]
+    if not numbered:
         raise ResultError(
             "the result holds no fields on the whole boundary; with [output] fields in the case file, name 'boundary'"
         )
+    with replacing(folder / FIELDS_FILE) as path:
+        boundary_mesh(result, numbered[-1][1]).write(path, file_format="vtu")
+    if len(numbered) == 1:
+        return
+    series = folder / SERIES
+    series.mkdir(exist_ok=True)
+    entries = []
+    for number, step in numbered:
+        name = f"{number:04d}.vtu"
+        with replacing(series / name) as path:
+            boundary_mesh(result, step).write(path, file_format="vtu")
+        entries.append(f'<DataSet timestep="{number}" part="0" file="{SERIES}/{name}"/>')
+    with replacing(folder / SERIES_FILE) as path:
+        path.write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1"><Collection>\n'
+            + "\n".join(entries)
+            + "\n</Collection></VTKFile>\n",
+            encoding="utf-8",
+        )
+
+
+def boundary_mesh(result: Result, step: StepResult) -> Any:
+    """Return the meshio.Mesh of the whole boundary with its fields, as in fields.vtu; the step holds them."""
+    import meshio  # half a second to import; only here
+
     boundary = step.boundary
+    assert boundary is not None
     data: dict[str, Array | Indices] = {
         field.label: np.squeeze(getattr(boundary, field.source)[:, field.columns], axis=1 if field.is_scalar else ())
         for field in schema.boundary_fields(step.fields)
     }
     data |= _contact(result.zone, step, boundary)
-    mesh = meshio.Mesh(boundary.points, _cells(boundary), point_data=data)
-    with replacing(folder / FIELDS_FILE) as path:
-        mesh.write(path, file_format="vtu")
+    return meshio.Mesh(boundary.points, _supported(boundary.cells), point_data=data)
+
+
+def zone_mesh(result: Result, step: StepResult) -> Any:
+    """Return the meshio.Mesh of the contact zone with the fields of its nodes, vectors in global axes."""
+    import meshio
+
+    zone = result.zone
+    data: dict[str, Array | Indices] = {}
+    for row in schema.nodal_fields(step.fields):
+        values = row.values(zone, step)
+        if row.components in (2, 3):
+            values = np.einsum("nt,nti->ni", values, zone.frames[:, : row.components])
+        data[row.label if row.unit == "1" else f"{row.label} [{row.unit}]"] = values
+    return meshio.Mesh(zone.points, _supported(zone.cells), point_data=data)
 
 
 def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> dict[str, Array | Indices]:
@@ -91,9 +129,9 @@ def _rows_among(rows: Indices, others: Indices) -> NDArray[np.bool_]:
     return np.isin(one, other)[:, 0]
 
 
-def _cells(fields: NodalFields) -> list[tuple[str, Indices]]:
+def _supported(cells: tuple[tuple[str, Indices], ...]) -> list[tuple[str, Indices]]:
     """Return cells as in VTK; an element from a plugin that VTK lacks is represented by its corners."""
-    outlines = zip(fields.cells, corners(fields.cells), strict=True)
+    outlines = zip(cells, corners(cells), strict=True)
     return [
         (name, nodes) if name in _VTK_CELLS else ("triangle" if name.startswith("triangle") else "quad", outline)
         for (name, nodes), outline in outlines

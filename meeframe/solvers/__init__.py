@@ -3,8 +3,7 @@
 from meeframe.contact.residual import residual
 from meeframe.solvers.auto import Auto
 from meeframe.solvers.cg.projected_cg import ProjectedCG
-from meeframe.solvers.driver import solve
-from meeframe.solvers.edge_resolution import solve_to_edges
+from meeframe.solvers.driver import solve, solve_to_edges
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.gradient.uzawa import Uzawa
 from meeframe.solvers.newton.method import SemismoothNewton

@@ -1,15 +1,20 @@
-"""Driver loop around every solver."""
+"""Driver loop around every solver, and the second solution that resolves contact edges between nodes."""
 
 import warnings
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import LinAlgWarning
 
 from meeframe.common.blas import ONE_BLAS_THREAD
 from meeframe.common.memory import keep_freed_memory
-from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver
-from meeframe.solvers.monitor import ConvergenceMonitor
-from meeframe.solvers.stopping import StoppingCriteria
+from meeframe.contact.conduction import MIN_TRACTION
+from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
+from meeframe.laws.base import contact_conductivity
+from meeframe.solvers.stopping import ConvergenceMonitor, StoppingCriteria
+from meeframe.system.capabilities import EdgeResolution, IndenterEdge
+from meeframe.system.edge_correction import correct_edge
 from meeframe.system.reduced import Progress, silent
 
 
@@ -54,3 +59,88 @@ def solve(
             if monitor.observe(iterate):
                 progress("contact", monitor.fraction)
         return monitor.conclude(iterate)
+
+
+def solve_to_edges(
+    problem: ContactProblem,
+    solver: Solver,
+    criteria: StoppingCriteria | None = None,
+    start: ContactState | None = None,
+    progress: Progress = silent,
+    indenter_edge: Callable[[], IndenterEdge | None] = lambda: None,
+) -> tuple[ContactSolution, ContactProblem]:
+    """Solve a problem, then once more with the contact edge between nodes if the system resolves edges.
+
+    The second solution is computed where a load is singular at the edge.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Problem to solve.
+    solver : Solver
+        Solver that iterates.
+    criteria : StoppingCriteria, optional
+        Criteria that end each of the iterations.
+    start : ContactState, optional
+        Converged state of the previous load step.
+    progress : callable, optional
+        As in `solve`.
+    indenter_edge : callable, optional
+        Returns the edge of the indenter, or None if it has none; called only if the system resolves edges.
+
+    Returns
+    -------
+    ContactSolution
+        Last solution; a first solution that did not converge is returned as it is.
+    ContactProblem
+        Problem that it solves.
+    """
+    solution = solve(problem, solver, criteria, start, progress)
+    if solution.status is not Status.CONVERGED:
+        return solution, problem
+    edge_problem = resolve_edges(problem, solution.state, indenter_edge)
+    if edge_problem is None:
+        return solution, problem
+    return solve(edge_problem, solver, criteria, solution.state, progress), edge_problem
+
+
+def resolve_edges(
+    problem: ContactProblem, state: ContactState, indenter_edge: Callable[[], IndenterEdge | None] = lambda: None
+) -> ContactProblem | None:
+    """Return the problem with the contact edge of a state between nodes, or None.
+
+    The result is None if the system does not resolve edges; where no load is singular at the edge, as for smooth
+    indenters with laws that conduct nothing without pressure; and where the contact ends with the indenter, but the
+    edge of the indenter is unknown. indenter_edge: returns the edge of the indenter; called only if the system
+    resolves edges.
+    """
+    pressure = np.maximum(-state.load[:, 2], 0.0)
+    resolution = problem.system.capability(EdgeResolution)
+    if resolution is None:
+        return None
+    smooth, edge = resolution.edge_correction(pressure), indenter_edge()
+    correction = smooth if edge is None else resolution.edge_correction(pressure, edge)
+    # the indenter's edge counts only if it changes the contact edge: the contact may not reach it
+    is_indenter_edge = edge is not None and not np.array_equal(correction.extra_compliance, smooth.extra_compliance)
+    if not (is_indenter_edge or _conducts_at_edge(problem)):
+        return None
+    gap = problem.gap
+    if edge is not None:
+        gap = np.where(correction.area_fraction > 0.0, np.minimum(gap, edge.gap), gap)
+    elif (np.isinf(gap) & (correction.area_fraction > 0.0)).any():
+        return None
+    area_fraction = np.where(np.isfinite(gap), correction.area_fraction, 0.0)
+    return replace(
+        problem, system=correct_edge(problem.system, correction.extra_compliance), gap=gap, area_fraction=area_fraction
+    )
+
+
+def _conducts_at_edge(problem: ContactProblem) -> bool:
+    """Return whether a law conducts in the limit of vanishing pressure."""
+    touching = np.array([MIN_TRACTION])
+    return any(
+        channel.is_conducting
+        and not channel.law.across_gap
+        and bool((contact_conductivity(channel.law, touching) > 0.0).any())
+        for channel in problem.channels
+    )

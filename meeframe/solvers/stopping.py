@@ -1,13 +1,17 @@
-"""Stopping criteria of contact solvers, and the status that follows from them."""
+"""Stopping criteria of contact solvers, and the convergence monitor that applies them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, Final, Literal
 
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.problem import ContactState, Status
-from meeframe.fields import MECHANICAL, POTENTIALS
+from meeframe.contact.feasibility import beyond_friction, unreachable
+from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
+from meeframe.contact.residual import essential_fields, evaluate, law_residual
+from meeframe.contact.scales import largest, motion_scales, problem_scales
+from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.fields.units import Quantity, check_quantities
 
 Criterion = Literal["residual", "paper"]
@@ -136,3 +140,203 @@ def paper_change(previous: ContactState, state: ContactState) -> float:
     tractions = (state.load - previous.load)[:, MECHANICAL]
     changes = (change[:, MECHANICAL], *change.T[POTENTIALS] / GIGA, tractions / GIGA)
     return max(float(np.linalg.norm(each)) for each in changes)
+
+
+MAX_RETURN_DISTANCE: Final = 1e-9
+"""Distance at which loads count as returned, as a fraction of how far they moved in between."""
+MAX_RETURNS: Final = 2
+"""Returns to the same loads that make a cycle: a solver may come back once and then take another way."""
+MAX_RESIDUAL: Final = 1e-3
+"""Residual above which a converged change is no solution: the step was too short."""
+INFEASIBLE_WINDOW: Final = 3
+"""Stall window where no state has the prescribed resultants, or none under the pressures found."""
+ESTIMATED_INTERVALS: Final = 10
+"""Check intervals between two checks of a solver that estimates its residual itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadCycle:
+    """Detection of loads that return (Brent's cycle detection): each is compared with one stored at a power of two.
+
+    Attributes
+    ----------
+    stored : Array, optional
+        Scaled load, contact fraction and motion that were stored last; None before the first.
+    until : int
+        Iteration at which another one is stored.
+    farthest : float
+        Largest distance from the stored one since.
+    returns : int
+        Number of times the loads have returned to it.
+    """
+
+    stored: Array | None = None
+    next_store: int = 0
+    max_distance: float = 0.0
+    returns: int = 0
+
+    @property
+    def is_closed(self) -> bool:
+        """True if the loads keep returning."""
+        return self.returns >= MAX_RETURNS
+
+    def add(self, iteration: int, loads: Array, tolerance: float) -> "LoadCycle":
+        """Return the detection after one more iteration; excursions below the tolerance do not count."""
+        if self.stored is None:
+            return LoadCycle(loads, 2 * iteration)
+        distance = float(np.abs(loads - self.stored).max(initial=0.0))
+        if self.max_distance > tolerance and distance <= MAX_RETURN_DISTANCE * self.max_distance:
+            return replace(self, returns=self.returns + 1)
+        if iteration >= self.next_store:
+            return LoadCycle(loads, 2 * iteration)
+        return replace(self, max_distance=max(self.max_distance, distance))
+
+
+class ConvergenceMonitor:
+    """Record of one iteration of a solver, which decides when it ends and with which status.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Problem that is being solved.
+    solver : Solver
+        Solver that iterates.
+    criteria : StoppingCriteria
+        Criteria in force.
+    """
+
+    def __init__(self, problem: ContactProblem, solver: Solver, criteria: StoppingCriteria) -> None:
+        self._problem, self._solver, self._criteria = problem, solver, criteria
+        self._scales = problem_scales(problem)
+        self._motion_scales = motion_scales(problem, self._scales)
+        self._fields = essential_fields(problem) if criteria.by_residual else None
+        self._window = criteria.stall_window or solver.stall_window
+        self._progression: Progression | None = None
+        self._estimates: Progression | None = None
+        self._cycle = LoadCycle()
+        self._history: list[tuple[int, float]] = []
+        self._state: ContactState | None = None
+        self._residual = np.inf
+        self.iteration = 0
+
+    @property
+    def outcome(self) -> tuple[Status, str] | None:
+        """Status and its reason in words; None while the iteration continues."""
+        if self._progression is None:
+            return None
+        return status_of(self._progression, self._criteria, self._window, self._cycle.is_closed)
+
+    @property
+    def fraction(self) -> float:
+        """Fraction, in decades, of the way to the tolerance."""
+        return 0.0 if self._progression is None else self._progression.fraction(self._criteria.tolerance)
+
+    def begin(self, iterate: Iterate) -> None:
+        """Record the first iterate. One whose solver knows it to be far from the tolerance is not evaluated."""
+        estimate, tolerance = iterate.estimate, self._criteria.tolerance
+        if self._criteria.by_residual and estimate is not None and tolerance < estimate < np.inf:
+            self._residual = estimate
+        else:
+            self._evaluate(iterate)
+        if self._criteria.by_residual:
+            self._history = [(0, self._residual)]
+            self._progression = Progression.start(self._history[0])
+
+    def observe(self, iterate: Iterate) -> bool:
+        """Record an iterate after one more step; return whether it has been evaluated."""
+        problem, criteria = self._problem, self._criteria
+        self.iteration += 1
+        infeasible = False
+        if iterate.estimate is None:
+            self._follow(iterate)
+        elif problem.prescribed_resultants:
+            entry = (self.iteration, iterate.estimate)
+            self._estimates = Progression.start(entry) if self._estimates is None else self._estimates.add(entry)
+            if self._estimates.stalled_for >= INFEASIBLE_WINDOW:
+                infeasible = bool(beyond_friction(problem, evaluate(problem, iterate), self._scales))
+        if infeasible:
+            self._window = 0
+        if not (self._is_due(iterate) or self._cycle.is_closed or not self._window):
+            return False
+        previous = self._state
+        state = self._evaluate(iterate)
+        if iterate.estimate is not None and self._residual > criteria.tolerance:
+            self._follow(iterate)
+        value = self._residual if criteria.by_residual or previous is None else paper_change(previous, state)
+        entry = (self.iteration, value)
+        self._history.append(entry)
+        self._progression = Progression.start(entry) if self._progression is None else self._progression.add(entry)
+        if self._progression.stalled_for >= INFEASIBLE_WINDOW and self._infeasibility(state):
+            self._window = min(self._window, INFEASIBLE_WINDOW)
+        return True
+
+    def conclude(self, iterate: Iterate) -> ContactSolution:
+        """Return the solution at the last iterate, once there is an outcome."""
+        outcome = self.outcome
+        assert outcome is not None, "the iteration has not ended"
+        status, message = outcome
+        if self._state is None or status is not Status.CONVERGED:
+            self._state = evaluate(self._problem, iterate)
+            self._residual = law_residual(self._problem, self._state, self._scales)
+            if self._criteria.by_residual and self._progression is not None:
+                final = self._progression.add((self.iteration, self._residual))
+                outcome = status_of(final, self._criteria, self._window, self._cycle.is_closed)
+                status, message = outcome or (status, message)
+        state = self._state
+        if status is Status.CONVERGED and not self._residual <= MAX_RESIDUAL:
+            status = Status.STALLED
+            message = f"{message}, but the laws are violated by {self._residual:.1e}: a longer step is needed"
+        if status is not Status.CONVERGED:
+            reason = self._infeasibility(state) or self._missed_resultants(state)
+            message = f"{message}: {reason}" if reason else message
+        # stored as it is read from a file, so that sums over it are the same to the last digit
+        load, displacement = np.ascontiguousarray(state.load), np.ascontiguousarray(state.displacement)
+        state = replace(state, load=load, displacement=displacement)
+        return ContactSolution(state, status, self.iteration, self._residual, np.array(self._history), message)
+
+    def _evaluate(self, iterate: Iterate) -> ContactState:
+        """Evaluate state and residual of an iterate, with the essential fields alone while these violate the laws."""
+        problem, fields, tolerance = self._problem, self._fields, self._criteria.tolerance
+        nearly_solved = iterate.estimate is not None and iterate.estimate <= tolerance
+        if fields is not None and len(fields) < problem.fields.size and not nearly_solved:
+            self._state = evaluate(problem, iterate, fields)
+            self._residual = law_residual(problem, self._state, self._scales, fields)
+            if not self._residual <= tolerance:
+                return self._state
+        self._state = evaluate(problem, iterate)
+        self._residual = law_residual(problem, self._state, self._scales)
+        return self._state
+
+    def _follow(self, iterate: Iterate) -> None:
+        """Compare load, contact fraction and motion, in characteristic units, with earlier ones."""
+        loads, motion = (iterate.load / self._scales.load).ravel(), iterate.motion / self._motion_scales
+        entry = np.concatenate([loads, iterate.contact_fraction, motion])
+        self._cycle = self._cycle.add(self.iteration, entry, self._criteria.tolerance)
+
+    def _is_due(self, iterate: Iterate) -> bool:
+        """Return whether to evaluate an iterate: at every check interval, unless its solver estimates it to be far."""
+        criteria, interval = self._criteria, self._solver.check_interval
+        if not criteria.by_residual or self.iteration >= criteria.max_iterations:
+            return True
+        if iterate.estimate is None:
+            return self.iteration % interval == 0
+        return iterate.estimate <= criteria.tolerance or self.iteration % (ESTIMATED_INTERVALS * interval) == 0
+
+    @cached_property
+    def _unreachable(self) -> str | None:
+        """Reason, in words, why no state has the prescribed resultants; None if there is none."""
+        return unreachable(self._problem, self._scales) if self._problem.prescribed_resultants else None
+
+    def _infeasibility(self, state: ContactState) -> str | None:
+        """Return why no state, or none under these pressures, has the prescribed resultants; None if one may."""
+        return self._unreachable or beyond_friction(self._problem, state, self._scales)
+
+    def _missed_resultants(self, state: ContactState) -> str | None:
+        """Return words that say that loads are far from the prescribed resultants; None if they are not."""
+        missing = largest(unbalance(self._problem, state.load) / self._scales.totals)
+        if not missing > MAX_RESIDUAL:
+            return None
+        return (
+            f"the loads found miss the prescribed resultants ({missing:.1e} off), which may be more than the contact "
+            "bears"
+        )

@@ -1,4 +1,4 @@
-"""Schema of study files, with one frozen model for each table; documented in docs/reproduce.md."""
+"""Schema of study files, with one frozen model for each table; documented in docs/howto/reproduce.md."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -230,7 +230,7 @@ def checked(model: type[Model], file: Path) -> Model:
     _, tables = read_toml(file)
     if {"material", "mesh"} <= tables.keys():
         raise CaseError(
-            f"{file}: is a case file; allowed: a study file, whose key `case` names a case file (docs/sweep.md)"
+            f"{file}: is a case file; allowed: a study file, whose key `case` names a case file (docs/howto/sweep.md)"
         )
     try:
         return model.model_validate(tables)

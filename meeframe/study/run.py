@@ -7,10 +7,11 @@ from meeframe.model.case import Case
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.load import load_case
 from meeframe.model.solve import provenance, reduce, solve_steps
-from meeframe.results.figures import figures, save_figure
+from meeframe.results.figures import write_figures
 from meeframe.results.files import ResultWriter
 from meeframe.results.output import RESULT_FILE, SUMMARY_FILE, clear_output, open_output, replacing
-from meeframe.results.records import Result, zone_of
+from meeframe.results.records import zone_of
+from meeframe.results.result import Interrupted, Result
 from meeframe.results.schema import loaded_fields
 from meeframe.results.summary import summary_json
 from meeframe.results.vtk import write_fields
@@ -22,7 +23,7 @@ def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progr
 
     Nothing in the folder is touched before the first increment is finished. From then on, finished increments can be
     read from it whatever happens. An interruption, or an error after a finished increment, carries a note on the
-    contents of the folder.
+    contents of the folder; an interruption while increments are solved is an Interrupted with their result.
 
     Parameters
     ----------
@@ -77,12 +78,17 @@ class _Run:
         self._earlier = (folder / RESULT_FILE).is_file()
         self._cleared = False
         self._finished = 0
+        self._result: Result | None = None
 
     def run(self) -> Result:
         """Solve the case and write everything."""
         try:
             return self._solve()
-        except (KeyboardInterrupt, MemoryError) as error:
+        except KeyboardInterrupt as error:
+            interrupted = error if self._result is None else Interrupted(self._result)
+            interrupted.add_note(self._content())
+            raise interrupted from None
+        except MemoryError as error:
             error.add_note(self._content())
             raise
         except Exception as error:
@@ -93,6 +99,7 @@ class _Run:
     def _solve(self) -> Result:
         system = reduce(self._case, self._clock)
         result = Result(provenance(self._case), zone_of(system), self._case.n_increments)
+        self._result = result
         writer = ResultWriter(self._folder, result, stored_fields(self._case))
         try:
             for step in solve_steps(self._case, system, self._clock):
@@ -102,7 +109,7 @@ class _Run:
                     clear_output(self._folder)
                 writer.append(step)
                 self._finished += 1
-                result = replace(result, steps=(*result.steps, step))
+                self._result = result = replace(result, steps=(*result.steps, step))
             self._write_reports(result)
         finally:
             if result.steps:
@@ -112,9 +119,7 @@ class _Run:
     def _write_reports(self, result: Result) -> None:
         if self._case.output.figures:
             self._clock("figures", 0.0)
-            for name, figure in figures(result).items():
-                with replacing(self._folder / name) as path:
-                    save_figure(figure, path)
+            write_figures(result, self._folder)
         if self._case.output.vtu:
             self._clock("fields", 0.0)
             write_fields(self._folder, result)

@@ -13,7 +13,7 @@ import numpy as np
 from meeframe.common.errors import CaseError, MeeframeError
 from meeframe.common.toml import read_toml
 from meeframe.contact.problem import Status
-from meeframe.fields import ELECTRIC, N_FIELDS
+from meeframe.fields import ELECTRIC, MEE, N_FIELDS, N_MECHANICAL, FieldScaling
 from meeframe.indenters.base import COLUMNS, MOTIONS
 from meeframe.model.cache import cached_reduce
 from meeframe.model.case import Case, Warn, ignore, warnings_of
@@ -255,16 +255,16 @@ def _solve(run: Planned, every_step: bool, reducer: Callable[[Case], ReducedSyst
         result,
         status=str(failed.status if failed else Status.CONVERGED),
         message=failed.message if failed else "",
-        steps={step.step: measured(system, step) for step in compared},
+        steps={step.step: measured(system, step, run.case.material.scaling) for step in compared},
         seconds=time.perf_counter() - begin,
     )
 
 
-def measured(system: ReducedSystem, step: StepResult) -> dict[str, Measured]:
+def measured(system: ReducedSystem, step: StepResult, scaling: FieldScaling) -> dict[str, Measured]:
     """Return the quantities of a load step that a verification compares, by name.
 
     These are the totals of meeframe.study.quantities and the moments without those that are prescribed, and the motions
-    that were found for prescribed resultants.
+    that were found for prescribed resultants. scaling: of the material.
     """
     zone = zone_of(system)
     totals = resultants(zone, step)
@@ -275,10 +275,25 @@ def measured(system: ReducedSystem, step: StepResult) -> dict[str, Measured]:
             values.pop(name, None)
     values |= _free_motions(step)
     scales, noise = _scales(system, step), {"contact_area": _area_uncertainty(zone, totals.contact_area)}
+    smallest = _physical_scales(step, scales["force"], scaling)
     return {
-        name: Measured(float(value), scales.get(name, abs(float(value))), noise.get(name, 0.0))
+        name: Measured(float(value), scales.get(name, abs(float(value))), noise.get(name, 0.0), smallest.get(name, 0.0))
         for name, value in values.items()
     }
+
+
+def _physical_scales(step: StepResult, force: float, scaling: FieldScaling) -> dict[str, float]:
+    """Return the fluxes and potentials whose work equals that of the mechanical loads, if the fields were coupled.
+
+    These are the force and the largest displacement in the units that make the constants of the material of order one:
+    Q = F sqrt(eps/c) and phi = u sqrt(c/eps), likewise with mu.
+    """
+    displacement = float(np.abs(step.displacement).max())
+    ratios = scaling.factors[0] / scaling.factors[N_MECHANICAL:]  # sqrt(eps/c), sqrt(mu/c)
+    scales: dict[str, float] = {}
+    for scalar, ratio in zip(MEE.scalars, ratios.tolist(), strict=False):
+        scales |= {scalar.resultant: force * ratio, f"max_{scalar.value_name}": displacement / ratio}
+    return scales
 
 
 def _scales(system: ReducedSystem, step: StepResult) -> dict[str, float]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from meeframe.system.reduced import ReducedSystem
 
 AnyArray = NDArray[Any]
+"""Array of any type, in single or double precision."""
 FieldProduct = Callable[[Array, Sequence[int], Sequence[int]], Array]
 """A function as `FieldwiseApply.apply_fields`: displacement (n, k) of (load (n, l), loaded fields, wanted fields)."""
 

@@ -45,8 +45,8 @@ class ReducedSystem(ABC):
 
     A load (n, 5) = (t.e1, t.e2, t.nu, q, s) holds extended tractions as densities: t.nu <= 0 in compression,
     q = D.nu and s = B.nu outward. A displacement (n, 5) = (u.e1, u.e2, u.nu, -phi, -psi). Potentials are negated here,
-    once, so that the compliance has a positive-definite symmetric part (docs/theory.md, Flipped rows). SI units, in the
-    local frames of the nodes.
+    once, so that the compliance has a positive-definite symmetric part (docs/explanation/theory.md, Flipped rows). SI
+    units, in the local frames of the nodes.
 
     Subclasses implement the four abstract methods. What they can do faster they say by inheriting capabilities
     (`meeframe.system.capabilities`).

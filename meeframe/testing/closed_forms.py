@@ -10,8 +10,8 @@ bounded one that belongs to the shape of the indenter. Both have elementary pote
 
 References
 ----------
-Paper, eqs. (33)-(36), with the corrections of docs/theory.md; basic potentials from Johnson, Contact Mechanics (1985),
-chapter 3, and Sneddon, Int. J. Eng. Sci. 3 (1965) 47.
+Paper, eqs. (33)-(36), with the corrections of docs/explanation/theory.md; basic potentials from Johnson, Contact
+Mechanics (1985), chapter 3, and Sneddon, Int. J. Eng. Sci. 3 (1965) 47.
 """
 
 from abc import ABC, abstractmethod

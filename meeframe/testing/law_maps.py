@@ -176,7 +176,7 @@ def _check_non_expansive(law: ContactLaw, trial: Array, pressure: float, random:
     after = np.linalg.norm((law.project(trial) - law.project(other))[:, :2] @ root, axis=1)
     before = np.linalg.norm((trial - other)[:, :2] @ root, axis=1)
     valid = after - before <= 1e-9 * pressure * np.abs(root).max()
-    each(valid, "project is expansive in the law's metric", np.hstack([trial, other]), after - before)
+    each(valid, "project is expansive in the metric of tangential_scaling", np.hstack([trial, other]), after - before)
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,9 +58,9 @@ def follow(
 ) -> Iterator[PathStep]:
     """Yield the steps of a path, each started from the previous one.
 
-    Slip is measured from the end of the previous step (docs/theory.md, Departures). There are no fluxes. The
-    dissipation of a step is the work of its final tractions on its slip: of first order in the step while the pressure
-    changes, where that of results is of second order, and nonnegative at every node.
+    Slip is measured from the end of the previous step (docs/explanation/theory.md, Departures). There are no fluxes.
+    The dissipation of a step is the work of its final tractions on its slip: of first order in the step while the
+    pressure changes, where that of results is of second order, and nonnegative at every node.
 
     Parameters
     ----------

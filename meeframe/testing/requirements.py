@@ -23,7 +23,7 @@ REASONS: Final = {
     "not idempotent": "a projection leaves admissible tractions unchanged; otherwise no state satisfies the law.",
     "other nodes": "the law is local: solvers evaluate it on subsets of the nodes.",
     "expansive": "solvers converge because the projection is nonexpansive in the metric defined by tangential_scaling"
-    " (docs/theory.md, Set and metric).",
+    " (docs/explanation/theory.md, Set and metric).",
     "does not become stationary": "under constant slip the traction must converge; otherwise no solver can.",
     "depends on the step": "the solution must not depend on the solver's step length r: use tangential_scaling as the"
     " metric of project.",

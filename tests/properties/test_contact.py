@@ -13,7 +13,7 @@ from meeframe.solvers import Auto, SemismoothNewton, Uzawa, solve
 from meeframe.testing.contact import exact_pressure, rescaled
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
-SETTINGS = settings(max_examples=12, deadline=None)
+SETTINGS = settings(max_examples=5, deadline=None)
 SIDE, CELLS = 2.0, 7
 GRID = half_space_system(np.eye(5), SIDE, CELLS).points[:, :2]
 
@@ -107,7 +107,7 @@ def test_units_do_not_matter(xi: Array, height: Array, mu: float, kappa: float, 
     assert abs(other.residual - plain.residual) < 1e-12
 
 
-SOLVERS = st.sampled_from([Uzawa(), SemismoothNewton(), Auto()])
+SOLVERS = st.sampled_from([SemismoothNewton(), Auto()])
 ANGLE = st.floats(-3.0, 3.0)
 
 

@@ -8,19 +8,19 @@ from meeframe.testing.fundamental import check_agreement, check_fundamental_solu
 from meeframe.testing.strategies import extended_stiffness, unit_vectors
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(stiffness=extended_stiffness(), seed=st.integers(0, 1000))
 def test_line_integral_conforms(stiffness, seed):
     check_fundamental_solution(LineIntegral(), stiffness, seed=seed)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(stiffness=extended_stiffness(), seed=st.integers(0, 1000))
 def test_residue_conforms(stiffness, seed):
     check_fundamental_solution(Residue(), stiffness, 1e-10, 1e-10, seed=seed)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(stiffness=extended_stiffness(spread=2.0), offset=unit_vectors(100), normal=unit_vectors(100))
 def test_residue_equals_line_integral(stiffness, offset, normal):
     check_agreement(
@@ -28,7 +28,7 @@ def test_residue_equals_line_integral(stiffness, offset, normal):
     )
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(stiffness=extended_stiffness(), offset=unit_vectors(2000), normal=unit_vectors(2000))
 def test_tabulated_equals_line_integral(stiffness, offset, normal):
     check_agreement(

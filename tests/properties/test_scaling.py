@@ -90,7 +90,7 @@ KAPPA = st.sampled_from([0.0, 1e-2, 1.0, 1e2, np.inf])
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
-@settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(SEEDS, st.tuples(MU, MU), st.tuples(KAPPA, KAPPA), st.integers(-15, 15))
 def test_on_half_spaces_without_round_off(
     solver: Solver, seed: int, mu: tuple[float, float], kappa: tuple[float, float], power: int

@@ -221,7 +221,7 @@ class Tangents(Law):
         return first, second
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("law", "message"),
     [
@@ -293,6 +293,7 @@ def weaker_one_way(trial: Array, gap: Array, r: StepLengths) -> Array:
     return returned(trial, coefficient(np.maximum(gap[:, 0], 0.0)))
 
 
+@pytest.mark.full
 def test_properties_of_what_a_law_makes_of_the_gap_are_checked_apart() -> None:
     for law in (Law(weakening), Law(weaker_along_one_axis), Law(weaker_one_way)):
         check_contact_law(law)

@@ -178,7 +178,7 @@ class Rubbery(ContactLaw):
         return self.project(trial / [1.0 + r[1] * 1e-12, 1.0 + r[1] * 1e-12, 1.0])
 
 
-def test_what_cannot_be_judged_is_refused() -> None:
+def test_states_without_a_residual_are_rejected() -> None:
     problem, normal = dragged(Rubbery(), (FAR, 0.0))
     with pytest.raises(ValueError, match="violations cannot be computed for Rubbery, which has tangential compliance"):
         violations(problem, state_of(problem, normal, np.array([0.3, 0.0])))

@@ -1,8 +1,8 @@
 """Functions shared by the benchmarks: medians, threads, slopes, tables, log-log figures and the command line.
 
 A benchmark is a module in this folder with TITLE, `measure(quick)`, which returns a record that JSON can store, and
-`section(record, pictures)`, which returns its section of docs/performance.md and draws its figures. To measure and
-print one section, run `uv run python validation/benchmarks/NAME.py [--quick] [--json FILE]`.
+`section(record, pictures)`, which returns its section of docs/validation/performance.md and draws its figures. To
+measure and print one section, run `uv run python validation/benchmarks/NAME.py [--quick] [--json FILE]`.
 """
 
 import argparse

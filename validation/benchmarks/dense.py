@@ -102,7 +102,7 @@ def section(record: Record, pictures: Path) -> str:
             ),
             figures(highlights(record)),
             table(heads, rows),
-            f"![Time of dense boundary elements](images/{PICTURE})",
+            f"![Time of dense boundary elements](../images/{PICTURE})",
             *effort(record["quadrature"]),
         ]
     )

@@ -223,7 +223,7 @@ def section(record: Record, pictures: Path) -> str:
             code: ([int(size) for size in rows], [row[code]["solution"] for row in rows.values()]) for code in CODES
         }
         loglog(pictures / f"{picture}.png", "nodes along a side", f"time [s], {name}", curves)
-        parts.append(f"![Time against grid size, {name}](images/{picture}.png)")
+        parts.append(f"![Time against grid size, {name}](../images/{picture}.png)")
     return "\n\n".join(parts)
 
 

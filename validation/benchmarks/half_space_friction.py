@@ -239,7 +239,7 @@ def section(record: Record, pictures: Path) -> str:
                 ["grid", "code", "solution [s]", "residual", "force error", "difference"],
                 [_code_row(n, code, one) for n, row in record["periodic"].items() for code, one in row.items()],
             ),
-            "![Time against grid size](images/half_space_friction.png)",
+            "![Time against grid size](../images/half_space_friction.png)",
         ]
     )
 

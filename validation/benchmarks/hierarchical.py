@@ -185,9 +185,10 @@ def section(record: Record, pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                "[`hmatrix-bem`](hmatrix.md) stores the interaction of distant groups of nodes in few numbers, so"
-                " memory and time grow little faster than the number of unknowns. The case is the main job with"
-                f' `formulation = {{name = "hmatrix-bem", tolerance = {record["tolerance"]:g}}}` and its mesh refined'
+                "[`hmatrix-bem`](../explanation/hmatrix.md) stores the interaction of distant groups of nodes in few"
+                " numbers, so memory and time grow little faster than the number of unknowns. The case is the main job"
+                f' with `formulation = {{name = "hmatrix-bem", tolerance = {record["tolerance"]:g}}}` and its mesh'
+                " refined"
                 f" uniformly in all directions ({runs[0]['elements']} to {runs[-1]['elements']} elements), including"
                 f" the contact solution, with {record['threads']} threads and warm caches. The table shows the run of"
                 f" median time. The status of all runs is {' and '.join(sorted({run['status'] for run in runs}))}."
@@ -197,7 +198,7 @@ def section(record: Record, pictures: Path) -> str:
             ),
             figures(highlights(record)),
             table(heads, rows),
-            *(f"![Hierarchical boundary elements](images/{picture})" for picture in PICTURES),
+            *(f"![Hierarchical boundary elements](../images/{picture})" for picture in PICTURES),
             *_growth(unknowns, curves, runs),
             *_accuracy(record["against_dense"]),
         ]

@@ -1,4 +1,6 @@
-"""Run the benchmarks and write docs/performance.md: `uv run --group benchmarks python validation/benchmarks/report.py`.
+"""Run the benchmarks and write docs/validation/performance.md.
+
+    uv run --group benchmarks python validation/benchmarks/report.py
 
 If benchmarks are named, only these are measured; the page uses the stored records of validation/benchmarks/records for
 the others. With --page nothing is measured. If a record is older than its benchmark and lacks a value, the page says
@@ -31,19 +33,21 @@ PARTS = (
     "hierarchical",
     "references",
     "solvers",
+    "ablation",
     "sweeps",
     "start_up",
 )
 HEAD = """# Performance
 
-This page shows measured times, memory and errors of meeframe and, on the same problems, of other codes. To regenerate
-it, run `uv run --group benchmarks python validation/benchmarks/report.py [BENCHMARK ...]` on an idle machine. Each
-section is a module of [validation/benchmarks](../validation/benchmarks), which can also be run alone; its figures are
-stored in the folder `records` beside it. Other codes are measured in the same run as meeframe, alternately. Times are
-medians with warm numba caches unless stated otherwise. The load average is that of the last minute before a benchmark,
-in which another one may have run. All benchmarks run on CPUs; none uses a GPU.
+This page shows measured times, memory and errors of meeframe and, on the same problems, of other codes. The main
+figures are:"""
+METHOD = """## How it is measured
 
-The main figures are:"""
+To regenerate this page, run `uv run --group benchmarks python validation/benchmarks/report.py [BENCHMARK ...]` on an
+idle machine. Each section is a module of [validation/benchmarks](../../validation/benchmarks), which can also be run
+alone; its figures are stored in the folder `records` beside it. Other codes are measured in the same run as meeframe,
+alternately. Times are medians with warm numba caches unless stated otherwise. The load average is that of the last
+minute before a benchmark, in which another one may have run. All benchmarks run on CPUs; none uses a GPU."""
 
 
 def main() -> None:
@@ -57,7 +61,7 @@ def main() -> None:
         parser.error(f"unknown benchmark {', '.join(sorted(unknown))}; allowed: {', '.join(PARTS)}")
     RECORDS.mkdir(exist_ok=True)
     failed = [] if arguments.page else [name for name in arguments.parts or PARTS if not _measured(name)]
-    (DOCS / "performance.md").write_text(page(DOCS / "images"), encoding="utf-8")
+    (DOCS / "validation" / "performance.md").write_text(page(DOCS / "images"), encoding="utf-8")
     if failed:
         raise SystemExit(f"not measured, see the errors above: {', '.join(failed)}")
 
@@ -77,7 +81,7 @@ def page(pictures: Path) -> str:
         for name, file in files.items()
         if file.exists()
     ]
-    pieces = [HEAD, summary.head((module, record) for _, module, record in parts)]
+    pieces = [HEAD, summary.head((module, record) for _, module, record in parts), METHOD]
     for name, module, record in parts:
         pieces += [
             f"## {module.TITLE}",

@@ -213,7 +213,7 @@ def section(record: Record, pictures: Path) -> str:
                 " a solver solved within a factor of the best time:"
             ),
             table(["solver", *map(str, FACTORS), "solved", "median steps"], profiles),
-            f"![Performance profile](images/{PICTURE})",
+            f"![Performance profile](../images/{PICTURE})",
             prose(
                 "Times, steps, and speed relative to Uzawa's method at the paper's r, for Table 1, insulated, and"
                 " `mu = 0.6`:"
@@ -225,7 +225,8 @@ def section(record: Record, pictures: Path) -> str:
                 f"The forces of all solvers that converged agree to {AGREEMENT:g} in"
                 f" {len(record['cases']) - len(apart)} of the {len(record['cases'])} cases. In {_of(several, apart)}"
                 " the conductivities jump and there are several solutions: every solver, started"
-                " near any of them, finds it again ([why there are several](solvers-newton.md#what-may-still-fail))."
+                " near any of them, finds it again ([why there are"
+                " several](../explanation/solvers-newton.md#what-may-still-fail))."
                 " The table lists the largest relative difference of the forces, the number of different solutions, and"
                 " the solvers that leave one of them when started near it:"
             ),

@@ -1,4 +1,4 @@
-"""Table of the main figures at the head of docs/performance.md."""
+"""Table of the main figures at the head of docs/validation/performance.md."""
 
 from collections.abc import Iterable
 from types import ModuleType

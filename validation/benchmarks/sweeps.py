@@ -115,8 +115,8 @@ def section(record: Record, _pictures: Path) -> str:
             prose(
                 "A sweep solves one case for many values of its keys. Cases with the same body share the most "
                 "expensive result, the reduced system of the body. `meeframe reproduce` computes "
-                "[figures 3 to 14](reproduce.md) with the same engine. If a sweep is killed, the "
-                "[same command continues it](sweep.md#resume-a-sweep): finished cases are not computed "
+                "[figures 3 to 14](../howto/reproduce.md) with the same engine. If a sweep is killed, the "
+                "[same command continues it](../howto/sweep.md#resume-a-sweep): finished cases are not computed "
                 "again, interrupted ones are."
             ),
             figures(highlights(record)),

@@ -12,7 +12,7 @@ from meeframe.results.records import Result, RunStatus, resultants
 from meeframe.study.validate import Check, Claim, Curve, Item, Plot
 
 TITLE = "Hysteresis loop on a magneto-electro-elastic block, boundary elements"
-SOURCE = "Balance of energy: docs/theory.md. Case file loop.toml; quick: on a coarser mesh."
+SOURCE = "Balance of energy: docs/explanation/theory.md. Case file loop.toml; quick: on a coarser mesh."
 RATIO = 0.54
 """Ratio of tangential and normal force at the reversals, as in the case file."""
 

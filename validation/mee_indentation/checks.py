@@ -15,7 +15,8 @@ from meeframe.testing.closed_forms import CONDITIONS, Cone, FlatPunch, Sphere, i
 TITLE = "Magneto-electro-elastic half space: sphere, cone and flat punch"
 SOURCE = (
     "Chen, Pan, Wang and Zhang, J. Mech. Phys. Solids 58 (2010) 1524; reference paper, eqs. (33) to (36), with the "
-    "corrections of docs/theory.md; forces of the sphere from an eigenproblem (Stroh). Material: Table 1 of the paper."
+    "corrections of docs/explanation/theory.md; forces of the sphere from an eigenproblem (Stroh). Material: "
+    "Table 1 of the paper."
 )
 APPROACH = 5e-5
 SPHERE = Sphere(0.1)

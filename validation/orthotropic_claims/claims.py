@@ -8,9 +8,10 @@ from figures import Figure, Panel
 from tangential import directions, fig_10, maps_under_load
 
 ANALYTIC = 0.015
-"""Largest difference between the paper's finite block and the half space (docs/theory.md, Half space)."""
+"""Largest difference between the paper's finite block and the half space (docs/explanation/theory.md, Half space)."""
 HALF_SPACE_RISES = {1e-12: 1.02, 1e-9: 0.92, 5e-9: 0.71, 8e-9: 0.63, 1e-8: 0.59}
-"""Rise of the largest electric potential at mu = 0.9, computed by an independent half-space solver (docs/theory.md,
+"""Rise of the largest electric potential at mu = 0.9, computed by an independent half-space solver
+(docs/explanation/theory.md,
 Half space), by scale of the magneto-electric coefficients [s/m]."""
 BLOCK = 0.05
 """Largest difference of this rise on the paper's finite block and mesh."""
@@ -25,7 +26,7 @@ def claims(figure: Figure) -> list[Claim]:
 def _fig_03(figure: Figure) -> Found:
     for panel, flux in zip(figure.panels, ("charge", "magnetic_flux"), strict=True):
         total = panel.quantities[flux][-1]
-        limit = {"charge": 21896.1, "magnetic_flux": 23287.8}[flux] / 23330.6  # closed forms, docs/theory.md
+        limit = {"charge": 21896.1, "magnetic_flux": 23287.8}[flux] / 23330.6  # docs/explanation/theory.md
         force = panel.quantities["force"][-1] / limit
         yield (
             f"{panel.title}: force and {flux.replace('_', ' ')} converge to the analytic values",

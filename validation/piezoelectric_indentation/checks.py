@@ -15,7 +15,7 @@ from meeframe.testing.closed_forms import Cone, FlatPunch, Sphere
 TITLE = "Piezoelectric half space: sphere, cone and flat punch"
 SOURCE = (
     "Giannakopoulos and Suresh, Acta Mater. 47 (1999) 2153; Chen, Shioya and Ding, J. Appl. Mech. 66 (1999) 764; "
-    "closed forms as in docs/theory.md. PZT-4."
+    "closed forms as in docs/explanation/theory.md. PZT-4."
 )
 APPROACH = 5e-5
 CONDITIONS = {"insulating": (None, None), "grounded": (0.0, None)}

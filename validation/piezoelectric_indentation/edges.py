@@ -1,4 +1,5 @@
-"""Print the tables of docs/halfspace.md: errors of totals with contact edges between the nodes and along them.
+"""Print the tables of docs/explanation/halfspace.md: errors of totals with contact edges between the nodes and along
+them.
 
 Usage: uv run python validation/piezoelectric_indentation/edges.py
 """

@@ -23,8 +23,8 @@ from meeframe.testing.closed_forms import Indentation
 
 TITLE = "Section 7.1: sphere on a transversely isotropic block, boundary elements"
 SOURCE = (
-    "Reference paper, section 7.1, 1088 elements, against closed forms of the half space (docs/theory.md); the bonded "
-    "block of finite size is expected within 1.5 % of them, the section within 3 %."
+    "Reference paper, section 7.1, 1088 elements, against closed forms of the half space (docs/explanation/theory.md); "
+    "the bonded block of finite size is expected within 1.5 % of them, the section within 3 %."
 )
 UNITS = {"force": "N", "charge": "C", "magnetic_flux": "Wb"}
 

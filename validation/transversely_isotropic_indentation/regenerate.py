@@ -115,8 +115,8 @@ def _conditions(table: list[dict]) -> list[str]:
         "# Section 7.1: indentation of a transversely isotropic block",
         "",
         "A rigid sphere (R = 100 mm) is pressed 50 µm into a block of 100 x 100 x 120 mm, Table 1, bonded at its base.",
-        "The reference is the half space in closed form ([theory](../theory.md)). To regenerate the numbers",
-        f"and figures, run `uv run python validation/{NAME}/regenerate.py`.",
+        "The reference is the half space in closed form ([theory](../explanation/theory.md)). To regenerate the",
+        f"numbers and figures, run `uv run python validation/{NAME}/regenerate.py`.",
         "",
         "## The paper's mesh: 1088 elements, 16 x 16 in the contact zone",
         "",
@@ -185,7 +185,7 @@ def _figures(sweeps: list[Sweep]) -> list[str]:
         "",
         "Symbols: nodes; lines: half space, insulating (solid) and conducting (dashed). All values are",
         "relative to the centre values of the insulated half space. The magnetic potential under ECMII and",
-        "the electric potential under EIMCI change slightly, because ξ23 is not zero ([theory](../theory.md)).",
+        "the electric potential under EIMCI change slightly, as ξ23 is not zero ([theory](../explanation/theory.md)).",
     ]
 
 

@@ -27,7 +27,7 @@ def load(condition: str) -> Case:
 
 
 def closed_form(case: Case, condition: str) -> Indentation:
-    """Return the closed form of the half space under the case's sphere (docs/theory.md, Indentation in closed form)."""
+    """Return the closed form of the half space under the sphere of a case (docs/explanation/theory.md)."""
     xi = axisymmetric_compliance(case.material.stiffness)
     return indent(xi, Sphere(case.indenter.radius), case.steps[0].approach, *CONDITIONS[condition])
 

@@ -16,8 +16,8 @@ from meeframe.testing.closed_forms import Indentation
 
 TITLE = "Two deformable bodies, boundary elements"
 SOURCE = (
-    "Hertz (1882); closed forms of the half space with xi = xi_A + D xi_B D (docs/theory.md). Case files of the "
-    "folder; quick: coarser meshes. All numbers: docs/validation/two_bodies.md."
+    "Hertz (1882); closed forms of the half space with xi = xi_A + D xi_B D (docs/explanation/theory.md). Case files "
+    "of the folder; quick: coarser meshes. All numbers: docs/validation/two_bodies.md."
 )
 
 

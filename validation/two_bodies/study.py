@@ -64,7 +64,7 @@ def second_body(case: Case) -> SecondBody:
 
 
 def closed_form(case: Case, condition: str = "EMII") -> Indentation:
-    """Return the closed form of two axisymmetric half spaces, with xi = xi_A + D xi_B D (docs/theory.md)."""
+    """Return the closed form of two axisymmetric half spaces, xi = xi_A + D xi_B D (docs/explanation/theory.md)."""
     flip = np.array([-1.0, 1.0, 1.0])
     first, second = (axisymmetric_compliance(body.material.stiffness) for body in (case, second_body(case)))
     joined = first + flip[:, None] * second * flip

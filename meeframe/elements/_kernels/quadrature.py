@@ -38,6 +38,7 @@ __all__ = [
 ]
 
 BUFFER_TOO_SMALL = -1
+"""Returned instead of the number of points if the arrays are too small for them."""
 SOURCE_ON_ELEMENT = -2
 
 _STACK_SIZE = 128

@@ -18,11 +18,12 @@ from meeframe.mesh.topology import boundary_polygon
 from meeframe.system.reduced import NodalFields
 
 NONE = -1
+"""Index of a row or column that does not exist, because the field is known there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """Units of the system: points / length; values u / s; fluxes t * s * length (docs/theory.md, Scaling).
+    """Units of the system: points / length; values u / s; fluxes t * s * length (docs/explanation/theory.md, Scaling).
 
     Attributes
     ----------

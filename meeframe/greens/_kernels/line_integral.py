@@ -1,4 +1,6 @@
-"""H and its tangential derivatives as means over the half circle normal to a direction (Barnett, docs/theory.md).
+"""H and its tangential derivatives as means over the half circle normal to a direction.
+
+Source: Barnett (docs/explanation/theory.md, Fundamental solution).
 
 Directions are processed in groups of LANES, over which the compiler vectorises: arrays are flat, lanes run fastest, and
 functions that are called in a loop over lanes are inlined.

@@ -1,5 +1,6 @@
 """Projected conjugate gradients for frictionless contact without conduction."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, final
 
@@ -8,15 +9,65 @@ import numpy as np
 from meeframe.common.errors import CaseError
 from meeframe.contact.conduction import conducting
 from meeframe.contact.free_motion import start_motion
-from meeframe.contact.nested import has_nodal_data, nested_start, with_signed_gap
+from meeframe.contact.nested import has_nodal_data, nested_start
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.solvers.cg.normal_modes import NORMAL, NormalModes
-from meeframe.solvers.cg.preconditioner import Preconditioner
 from meeframe.solvers.gradient.steps import start_load
-from meeframe.system.capabilities import apply_fields
+from meeframe.system.capabilities import ApproximateInverse, apply_fields
+
+
+@dataclass(frozen=True, eq=False)
+class Preconditioner:
+    """Approximate pressures on the free nodes alone that cause given gap openings there.
+
+    Attributes
+    ----------
+    inverse : callable
+        Approximate inverse of the normal compliance, (n, 1) from (n, 1).
+    free : Indices
+        (f,), free nodes.
+    mode_pressures : Array
+        (k, f), preconditioned modes, along which resultants are removed.
+    n_nodes : int
+        Number of nodes of the zone.
+    """
+
+    inverse: Callable[[Array], Array]
+    free: Indices
+    mode_pressures: Array
+    n_nodes: int
+
+    @classmethod
+    def of(cls, problem: ContactProblem) -> "Preconditioner | None":
+        """Return the preconditioner on no nodes yet; None if the reduced system has no approximate inverse."""
+        approximate, n = problem.system.capability(ApproximateInverse), len(problem.gap)
+        inverse = None if approximate is None else approximate.approximate_inverse((NORMAL,))
+        return None if inverse is None else cls(inverse, np.zeros(0, np.int64), np.zeros((0, 0)), n)
+
+    def restrict(self, modes: NormalModes) -> "Preconditioner":
+        """Return the preconditioner on the nodes of the modes."""
+        if modes.nodes is self.free:
+            return self
+        restricted = replace(self, free=modes.nodes)
+        mode_pressures = np.zeros_like(modes.mode)
+        for mode_pressure, mode in zip(mode_pressures, modes.mode, strict=True):
+            mode_pressure[:] = restricted.pressures(mode)
+        return replace(restricted, mode_pressures=mode_pressures)
+
+    def pressures(self, opening: Array) -> Array:
+        """Return pressures (f,) that approximately cause openings (f,)."""
+        full: Array = np.zeros((self.n_nodes, 1), np.float32)
+        full[self.free, 0] = opening
+        pressures: Array = self.inverse(full)[self.free, 0].astype(float)
+        return pressures
+
+    def balance(self, opening: Array, modes: NormalModes) -> Array:
+        """Return the pressures of `pressures` with their resultants removed; modes are those on the free nodes."""
+        return modes.remove_resultants(self.pressures(opening), self.mode_pressures)
+
 
 MAX_STEPS_BETWEEN_RENEWALS: Final = 50
 """Largest number of steps before the gap is computed anew, free of accumulated round-off."""
@@ -95,11 +146,6 @@ class ProjectedCG(Solver):
 
     def check(self, problem: ContactProblem) -> None:
         """Raise CaseError unless the contact is frictionless, unilateral and insulating, or as NormalModes.of."""
-        if conducting(problem):
-            raise CaseError(
-                "solver 'projected-cg' solves insulating contact only, but a conductivity law conducts. Use 'newton', "
-                "'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto' for conducting contact"
-            )
         law = problem.contact_law
         unilateral = is_pure_projection(law) and not law.tangential_scaling().any()
         if not unilateral or not _projects_on_compression(law, len(problem.gap)):
@@ -107,6 +153,11 @@ class ProjectedCG(Solver):
                 f"solver 'projected-cg' takes frictionless contact only, rigid and without attraction, not "
                 f"{type(law).__name__}; allowed contact law: signorini, or friction with mu = 0. Use 'newton', "
                 "'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto' for others"
+            )
+        if conducting(problem):
+            raise CaseError(
+                "solver 'projected-cg' solves insulating contact only, but a conductivity law conducts. Use 'newton', "
+                "'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto' for conducting contact"
             )
         NormalModes.of(problem)
 
@@ -156,18 +207,13 @@ def _begin(problem: ContactProblem, start: ContactState | None, scales: Scales) 
 
 
 def _coarse_solution(problem: ContactProblem, scales: Scales) -> Iterate:
-    """Return an approximate solution of a coarse problem, with tension where the contact is open."""
+    """Return an approximate solution of a coarse problem."""
     memory = _begin(problem, None, scales)
     for _ in range(MAX_COARSE_STEPS):
         if _estimate(memory) <= COARSE_TOLERANCE:
             break
         memory = _take_step(memory)
-    load = np.zeros((len(memory.gap), 1))
-    pressed_node = int(np.argmax(memory.pressure))
-    load[pressed_node] = 1.0
-    self_compliance = float(apply_fields(problem.system, load, (NORMAL,), (NORMAL,))[pressed_node, 0])
-    iterate = _iterate(memory)
-    return replace(iterate, load=with_signed_gap(iterate.load, memory.gap, self_compliance))
+    return _iterate(memory)
 
 
 def _take_step(memory: _Memory) -> _Memory:

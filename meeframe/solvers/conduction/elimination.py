@@ -1,40 +1,45 @@
 """Elimination of the potentials at contact size: system (30) between tractions and displacements alone.
 
 On the set A of (node, potential) pairs that conduct, flux density f and potential obey, with resistance R = 1/kappa,
-    (C_AA + R) f = -(potential_o + offset)_A - C_Am p;
+    (C_AA + R) f = -(potential_o + offset)_A - C_Am p + mode_A v;
 the displacement is then offset_m + C_mm p + C_mA f. A perfect conductor is R = 0 exactly; insulated pairs are not in A.
 C_AA has a positive-definite symmetric part, so that the system is regular for any R >= 0.
 
-Potentials of the indenter that follow from prescribed totals are additional unknowns
-(meeframe.solvers.conduction.floating).
+The potentials v of the indenter that follow from prescribed totals, measure_A : f = total, are eliminated by the
+capacitance measure_A : (C_AA + R)^-1 mode_A, which has as many rows as there are of them. Where nothing conducts, or
+nothing in contact with them, they are not determined and stay unchanged.
 """
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, final
+from typing import Final, final
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from meeframe.contact.conduction import Mask
+from meeframe.contact.free_motion import potentials
 from meeframe.contact.problem import ContactProblem
-from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
-from meeframe.solvers.conduction.floating import Floating
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array, Indices
+from meeframe.solvers.krylov import gmres
+from meeframe.system.capabilities import ApproximateInverse, apply_fields, diagonal
 
-DEFAULT_TOLERANCE: Final = 1e-13
-"""Default relative tolerance of iterations for the flux equations."""
+TOLERANCE: Final = 1e-13
+"""Relative tolerance of iterations for the flux equations."""
+Solve = Callable[[Array, Array, float], Array]
+"""Type of functions (difference (a,), guess (a,), reduction) -> flux (a,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Response of a body to tractions, or its change.
+    """Response of a body to tractions.
 
     Attributes
     ----------
     flux : Array
         (n, channels), flux densities.
     displacement : Array
-        (n, 3), displacement [m].
+        (n, 3), displacement [m]; components that no contact condition needs are zero.
     potential : Array
         (j,), potentials of the floating conductors [V], [A].
     """
@@ -45,6 +50,58 @@ class Response:
 
 
 @dataclass(frozen=True, eq=False)
+class Floating:
+    """Potentials of the indenter that prescribed total fluxes determine.
+
+    Attributes
+    ----------
+    numbers : Indices
+        (j,), numbers among the problem's prescribed resultants.
+    totals : Array
+        (j,), prescribed totals, SI units.
+    flux : Array
+        (a, j), flux densities on the conducting pairs due to unit potentials.
+    measure : Array
+        (j, a), weights of the totals.
+    elastance : Array
+        (j, j), potentials due to unit totals.
+    """
+
+    numbers: Indices
+    totals: Array
+    flux: Array
+    measure: Array
+    elastance: Array
+
+    @classmethod
+    def of(cls, problem: ContactProblem, conducts: Mask, solve: Solve) -> "Floating":
+        """Return the floating conductors on the pairs (n, channels) that conduct."""
+        modes = {i: problem.prescribed_resultants[i].mode[:, POTENTIALS][conducts] for i in potentials(problem)}
+        numbers = np.array([i for i, mode in modes.items() if mode.any()], int)
+        if numbers.size == 0:
+            empty = np.zeros((0, 0))
+            return cls(numbers, np.zeros(0), empty, empty, empty)
+        resultants = [problem.prescribed_resultants[i] for i in numbers]
+        flux = np.column_stack([solve(modes[i], np.zeros_like(modes[i]), 0.0) for i in numbers])
+        measure = np.stack([resultant.measure[:, POTENTIALS][conducts] for resultant in resultants])
+        capacitance = measure @ flux
+        size = np.sqrt(np.abs(np.diag(capacitance)))
+        size[size == 0.0] = 1.0
+        elastance = np.linalg.pinv(capacitance / size[:, None] / size) / size[:, None] / size
+        return cls(numbers, np.array([resultant.total for resultant in resultants]), flux, measure, elastance)
+
+    def balance(self, flux: Array, totals: Array | float) -> tuple[Array, Array]:
+        """Return flux densities (a,) with the totals (j,), and the potentials (j,).
+
+        flux: densities (a,) without a potential.
+        """
+        if self.numbers.size == 0:
+            return flux, np.zeros(0)
+        potential = self.elastance @ (totals - self.measure @ flux)
+        return flux + self.flux @ potential, potential
+
+
+@dataclass(frozen=True, eq=False)
 class Conductors:
     """Contact with given resistances, prepared for repeated responses.
 
@@ -52,234 +109,212 @@ class Conductors:
     ----------
     resistance : Array
         (n, channels), 1/kappa, inf where insulated.
+    conducts : Mask
+        (n, channels), pairs that conduct.
     floating : Floating
         Floating conductors.
-    data : object
-        Further data that the elimination stores for later use.
+    solve : callable
+        Function that returns the flux of the pairs (a,) that raises the negated potentials by differences (a,), with
+        the floating conductors at zero. It is given an approximate flux and the part of its error that may remain.
     """
 
     resistance: Array
+    conducts: Mask
     floating: Floating
-    data: Any
+    solve: Solve
 
     def without_floating(self, flux: Array, potential: Array) -> Array:
         """Return the flux (n, channels) less the contribution of potentials (j,) of the floating conductors."""
         if potential.size == 0:
             return flux
-        return flux - scatter_flux(np.isfinite(self.resistance), self.floating.flux @ potential)
+        due = np.zeros(self.conducts.shape)
+        due[self.conducts] = self.floating.flux @ potential
+        return flux - due
 
 
+@final
 @dataclass(frozen=True, eq=False)
-class Elimination(ABC):
-    """Mechanical response of a problem's contact zone with the potentials eliminated."""
+class Elimination:
+    """Mechanical response of a problem's contact zone with the potentials eliminated.
+
+    The flux equations are factorised where the compliance is stored as a matrix, and solved by GMRES elsewhere.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    mechanical : list of int
+        Fields, of 0 to 2, in which the law needs tractions.
+    conducting : list of int
+        Fields that the laws conduct.
+    matrix : Array, optional
+        (k n, k n), compliance in the k fields of both, one field after another; None if it is not stored.
+    self_compliance : Array
+        (n, channels), response of each node's potentials to their own flux.
+    inverse : callable, optional
+        Approximate inverse of the compliance in the conducting fields, (n, k) from (n, k).
+    """
 
     problem: ContactProblem
+    mechanical: list[int]
+    conducting: list[int]
+    matrix: Array | None
+    self_compliance: Array
+    inverse: Callable[[Array], Array] | None
 
-    @abstractmethod
+    @classmethod
+    def of(cls, problem: ContactProblem) -> "Elimination":
+        """Return the elimination of a problem."""
+        system = problem.system
+        conducting = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.is_conducting]
+        mechanical = [0, 1, 2] if problem.contact_law.tangential_scaling().any() else [2]
+        matrix, fields, n = system.dense(), mechanical + conducting, len(problem.gap)
+        if matrix is not None:
+            blocks = matrix[:, fields][:, :, :, fields].transpose(1, 0, 3, 2)
+            matrix = np.ascontiguousarray(blocks).reshape(len(fields) * n, len(fields) * n)
+        approximate = system.capability(ApproximateInverse) if conducting and matrix is None else None
+        inverse = None if approximate is None else approximate.approximate_inverse(conducting)
+        self_compliance = diagonal(system, range(problem.fields.size))[:, POTENTIALS]
+        return cls(problem, mechanical, conducting, matrix, self_compliance, inverse)
+
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
-        """Return conductors of the resistances (n, channels), with the data of `previous` as far as applicable."""
+        """Return the conductors of resistances (n, channels); `previous` where these have not changed."""
+        if previous is not None and np.array_equal(previous.resistance, resistance):
+            return previous
+        conducts = np.isfinite(resistance)
+        make = self._iterate if self.matrix is None else self._factorise
+        solve = make(conducts, resistance)
+        return Conductors(resistance, conducts, Floating.of(self.problem, conducts, solve), solve)
 
-    @abstractmethod
-    def respond(
-        self,
-        traction: Array,
-        conductors: Conductors,
-        guess: Array,
-        reduction: float = 0.0,
-        allowed_error: float = DEFAULT_TOLERANCE,
-    ) -> Response:
+    def respond(self, traction: Array, conductors: Conductors, guess: Array, reduction: float = 0.0) -> Response:
         """Return the response to tractions alone.
 
         Parameters
         ----------
         traction : Array
-            (n, 3) [Pa], admissible: tangential only if the law has some, none where there is no indenter above. With
-            tractions in single precision the response may be in single precision.
+            (n, 3) [Pa], admissible: tangential only if the law has some, none where there is no indenter above.
         conductors : Conductors
             Conductors in force.
         guess : Array
             (n, channels), approximate flux, as from Conductors.without_floating.
         reduction : float, optional
             Part of the guess's error that may remain: iterations whose guesses improve need no more.
-        allowed_error : float, optional
-            Allowed error of the potential, relative to the displacement with the guess where something conducts, both
-            in square roots of the nodes' self-compliances.
 
         Returns
         -------
         Response
-            Displacements that no contact condition needs may be left zero.
+            Response, linear in the tractions.
         """
+        return self._respond(traction, conductors, guess, reduction, total=False)
 
-    @abstractmethod
     def state(
-        self,
-        traction: Array,
-        conductors: Conductors,
-        flux: Array,
-        potential: Array,
-        reduction: float = 0.0,
-        allowed_error: float = 0.0,
+        self, traction: Array, conductors: Conductors, flux: Array, potential: Array, reduction: float = 0.0
     ) -> Response:
         """Return the total response, including offset, potentials of the indenter and prescribed totals.
 
         Parameters
         ----------
         traction, conductors, reduction
-            As in `respond`.
+            As for `respond`.
         flux : Array
             (n, channels), approximate flux.
         potential : Array
             (j,), approximate potentials of the floating conductors.
-        allowed_error : float, optional
-            Allowed norm of the error of the potential, divided by square roots of the nodes' self-compliances.
 
         Returns
         -------
         Response
-            As in `respond`.
+            State of the contact zone.
         """
+        return self._respond(traction, conductors, conductors.without_floating(flux, potential), reduction, total=True)
 
-
-@dataclass(frozen=True, eq=False)
-class _Blocks:
-    """Blocks of the compliance between the tractions and the fluxes that conduct.
-
-    pairs: (a,) flat numbers of the conducting (node, field) pairs; to_flux: (a, k); from_flux: (k, a);
-    self_compliance: (a, a).
-    """
-
-    pairs: Indices
-    to_flux: Array
-    from_flux: Array
-    self_compliance: Array
-
-
-@dataclass(frozen=True, eq=False)
-class _Factor:
-    """Factorised flux equations.
-
-    scale: (a,) roots of the Jacobi scaling, which makes the equations independent of units.
-    """
-
-    blocks: _Blocks
-    scale: Array
-    lu: tuple[Array, Array]
-
-    def solve(self, difference: Array) -> Array:
-        """Return the flux densities (a,) that raise (-phi, -psi) by the differences (a,)."""
-        flux: Array = self.scale * lu_solve(self.lu, self.scale * difference, check_finite=False)
-        return flux
-
-
-@dataclass(frozen=True, eq=False)
-class _Prepared:
-    """Factorised equations, None if nothing conducts; unloaded: the state without tractions."""
-
-    factor: _Factor | None
-    unloaded: Response
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class DenseElimination(Elimination):
-    """Elimination by LU factorisation.
-
-    matrix: (n fields, n fields) compliance; dofs: (k,) flat numbers of the (node, field) pairs that can carry a
-    traction; mechanical: (k, k) their block of the matrix.
-    """
-
-    matrix: Array
-    dofs: Indices
-    mechanical: Array
-
-    def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
-        """Return the conductors of resistances (n, channels).
-
-        The factorisation is reused while the resistances stay, its blocks while the set of conducting pairs stays.
-        """
-        if previous is not None and np.array_equal(previous.resistance, resistance):
-            return previous
-        factor = self._factor(resistance, None if previous is None else previous.data.factor)
-        conducts = np.isfinite(resistance)
-        floating = Floating.of(self.problem, conducts, factor.solve if factor else np.zeros_like)
-        flux, displacement = np.zeros((2, *self.problem.system.offset.shape))
-        potential = np.zeros(0)
-        if factor is not None:
-            unloaded_flux = factor.solve(difference(self.problem)[conducts])
-            balanced, potential = floating.balance(unloaded_flux, floating.totals)
-            flux.flat[factor.blocks.pairs] = balanced
-            displacement.flat[self.dofs] = factor.blocks.from_flux @ balanced
-        displacement += self.problem.system.offset
-        unloaded = Response(flux[:, POTENTIALS], displacement[:, MECHANICAL], potential)
-        return Conductors(resistance, floating, _Prepared(factor, unloaded))
-
-    def respond(
-        self,
-        traction: Array,
-        conductors: Conductors,
-        guess: Array,
-        reduction: float = 0.0,
-        allowed_error: float = DEFAULT_TOLERANCE,
+    def _respond(
+        self, traction: Array, conductors: Conductors, guess: Array, reduction: float, total: bool
     ) -> Response:
-        """Return the response to tractions, as in Elimination; the guess is not used."""
-        factor: _Factor | None = conductors.data.factor
-        potential = np.zeros(0)
-        load, flux, displacement = np.zeros((3, *self.problem.system.offset.shape))
-        load[:, MECHANICAL] = traction
-        active = load.flat[self.dofs]
-        response = self.mechanical @ active
-        if factor is not None:
-            fixed_flux = factor.solve(-(factor.blocks.to_flux @ active))
-            balanced, potential = conductors.floating.balance(fixed_flux, 0.0)
-            flux.flat[factor.blocks.pairs] = balanced
-            response += factor.blocks.from_flux @ balanced
-        displacement.flat[self.dofs] = response
-        return Response(flux[:, POTENTIALS], displacement[:, MECHANICAL], potential)
+        conducts, floating = conductors.conducts, conductors.floating
+        loads = dict(zip(self.mechanical, traction.T[self.mechanical], strict=True))
+        displacement = self._apply(loads, self.mechanical + self.conducting)
+        rise = -displacement[:, POTENTIALS]
+        if total:
+            displacement += self.problem.system.offset
+            rise -= self.problem.potentials + self.problem.system.offset[:, POTENTIALS]
+        flux = np.zeros(conducts.shape)
+        unbalanced = conductors.solve(rise[conducts], guess[conducts], reduction)
+        flux[conducts], potential = floating.balance(unbalanced, floating.totals if total else 0.0)
+        if flux.any():
+            loads = {field: flux[:, field - N_MECHANICAL] for field in self.conducting}
+            displacement += self._apply(loads, self.mechanical)
+        return Response(flux, displacement[:, MECHANICAL], potential)
 
-    def state(
-        self,
-        traction: Array,
-        conductors: Conductors,
-        flux: Array,
-        potential: Array,
-        reduction: float = 0.0,
-        allowed_error: float = 0.0,
-    ) -> Response:
-        """Return the total response, as in Elimination; the initial guesses are not used."""
-        change, unloaded = self.respond(traction, conductors, flux), conductors.data.unloaded
-        displacement, potential = change.displacement + unloaded.displacement, change.potential + unloaded.potential
-        return Response(change.flux + unloaded.flux, displacement, potential)
+    def _apply(self, loads: dict[int, Array], fields: list[int]) -> Array:
+        """Return the displacement (n, all fields) due to loads (n,) by field; zero in fields not asked for."""
+        displacement = np.zeros((self.problem.fields.size, len(self.self_compliance))).T
+        if self.matrix is None:
+            load = np.array(list(loads.values())).T
+            displacement[:, fields] = apply_fields(self.problem.system, load, list(loads), fields)
+            return displacement
+        stored, n = self.mechanical + self.conducting, len(self.self_compliance)
+        for field in fields:
+            row = stored.index(field) * n
+            for loaded, load in loads.items():
+                column = stored.index(loaded) * n
+                displacement[:, field] += self.matrix[row : row + n, column : column + n] @ load
+        return displacement
 
-    def _factor(self, resistance: Array, previous: _Factor | None) -> _Factor | None:
-        full = np.full(self.problem.system.offset.shape, np.inf)
-        full[:, POTENTIALS] = resistance
-        pairs = np.flatnonzero(np.isfinite(full))
-        if pairs.size == 0:
-            return None
-        blocks = previous.blocks if previous and np.array_equal(previous.blocks.pairs, pairs) else self._blocks(pairs)
-        equations = blocks.self_compliance + np.diag(full.flat[pairs])
+    def _factorise(self, conducts: Mask, resistance: Array) -> Solve:
+        """Return the solution of the flux equations by LU factorisation, scaled so that units do not matter."""
+        if not conducts.any():
+            return lambda difference, guess, reduction: difference
+        assert self.matrix is not None
+        offset, n = len(self.mechanical), len(resistance)
+        nodes, channels = np.nonzero(conducts)
+        position = {field - N_MECHANICAL: offset + k for k, field in enumerate(self.conducting)}
+        dofs = np.array([position[channel] for channel in channels.tolist()]) * n + nodes
+        equations = self.matrix[np.ix_(dofs, dofs)]
+        equations[np.diag_indices(len(dofs))] += resistance[conducts]
         scale = np.diag(equations) ** -0.5
-        lu = lu_factor(scale[:, None] * equations * scale, overwrite_a=True, check_finite=False)
-        return _Factor(blocks, scale, lu)
+        factors = lu_factor(scale[:, None] * equations * scale, overwrite_a=True, check_finite=False)
+        return lambda difference, guess, reduction: scale * lu_solve(factors, scale * difference, check_finite=False)
 
-    def _blocks(self, pairs: Indices) -> _Blocks:
-        return _Blocks(
-            pairs,
-            self.matrix[np.ix_(pairs, self.dofs)],
-            self.matrix[np.ix_(self.dofs, pairs)],
-            self.matrix[np.ix_(pairs, pairs)],
-        )
+    def _iterate(self, conducts: Mask, resistance: Array) -> Solve:
+        """Return the solution of the flux equations by GMRES.
 
+        It is preconditioned with the approximate inverse on pairs that conduct well, that is where the self-compliance
+        exceeds the resistance, and with the diagonal on the others.
+        """
+        system, fields = self.problem.system, self.conducting
+        channels = [field - N_MECHANICAL for field in fields]
+        resistances, compliance = resistance[conducts], self.self_compliance[conducts]
+        size, is_good = np.sqrt(compliance + resistances), compliance > resistances
 
-def scatter_flux(conducts: Mask, flux: Array) -> Array:
-    """Return the flux (n, channels) of the pairs (n, channels) that conduct (a of them), zero elsewhere."""
-    scattered = np.zeros(conducts.shape)
-    scattered[conducts] = flux
-    return scattered
+        def scatter(values: Array) -> Array:
+            full = np.zeros(conducts.shape[::-1], values.dtype).T
+            full[conducts] = values
+            return full[:, channels]
 
+        def gather(values: Array) -> Array:
+            full = np.zeros(conducts.shape)
+            full[:, channels] = values
+            return full[conducts]
 
-def difference(problem: ContactProblem) -> Array:
-    """Return the rise of (-phi, -psi), (n, channels), that brings the unloaded surface to the indenter's potentials."""
-    difference: Array = -problem.potentials - problem.system.offset[:, POTENTIALS]
-    return difference
+        def multiply(scaled: Array) -> Array:
+            flux = scaled / size
+            return (gather(apply_fields(system, scatter(flux), fields, fields)) + resistances * flux) / size
+
+        def precondition(scaled: Array) -> Array:
+            if self.inverse is None or not is_good.any():
+                return scaled
+            flux = gather(self.inverse(scatter(np.where(is_good, scaled * size, 0.0))))
+            return np.where(is_good, flux * size, scaled)
+
+        def solve(difference: Array, guess: Array, reduction: float) -> Array:
+            right = difference / size
+            start = guess * size
+            residual = right - multiply(start) if start.any() else right
+            norm = float(np.linalg.norm(residual))
+            target = max(TOLERANCE * float(np.linalg.norm(right)), max(reduction, TOLERANCE) * norm)
+            if norm <= target:
+                return guess
+            return (start + gmres(multiply, precondition, residual, target / norm)[0]) / size
+
+        return solve

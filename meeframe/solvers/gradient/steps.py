@@ -1,9 +1,10 @@
-"""Common parts of the gradient iterations: the contact gap of a traction, with the potentials eliminated."""
+"""Common parts of the gradient iterations: contact gap of a traction, potentials eliminated, and largest eigenvalue."""
 
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.contact.conduction import Mask, Switches, depends_on_gap, potential_diagonal, resistances, unloaded
 from meeframe.contact.free_motion import balanced_projection, motions
@@ -12,8 +13,75 @@ from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, contact_traction, is_adhesive
 from meeframe.solvers.conduction.elimination import Conductors, Elimination
-from meeframe.solvers.conduction.krylov_elimination import eliminate
-from meeframe.solvers.gradient.spectrum import Spectrum, contact_exposure, largest_eigenvalue
+
+TOLERANCE: Final = 5e-3
+MAX_ITERATIONS: Final = 60
+MAX_GROWTH: Final = 0.1
+MIN_REMAINING: Final = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Largest eigenvalue of the compliance on the exposed nodes.
+
+    Attributes
+    ----------
+    largest : float
+        Eigenvalue in the law's metric with the potentials eliminated [m/Pa].
+    exposure : Array
+        (n, 1 + channels) in [0, 1] at which it was computed: mechanical (in contact or about to be) and of each channel
+        (share of the flux that a perfect conductor would draw).
+    vector : Array
+        (n, 3), its eigenvector, where the next computation starts.
+    """
+
+    largest: float
+    exposure: Array
+    vector: Array
+
+    def is_valid(self, exposure: Array) -> bool:
+        """Return whether the eigenvalue applies to another exposure.
+
+        It grows with the exposure, and a slight overestimate costs little.
+        """
+        grown = (exposure > self.exposure + MAX_GROWTH).any()
+        shrunk = (exposure.sum(axis=0) < MIN_REMAINING * self.exposure.sum(axis=0)).any()
+        return not (grown or shrunk)
+
+
+def contact_exposure(touching: NDArray[np.bool_], resistance: Array, scales: Scales) -> Array:
+    """Return the exposure (n, 1 + channels) of nodes touching (n,) with resistances (n, channels)."""
+    compliance = np.diag(scales.compliance)[POTENTIALS]
+    return np.column_stack([touching, compliance / (compliance + resistance)])
+
+
+def largest_eigenvalue(
+    elimination: Elimination, conductors: Conductors, exposure: Array, scaling: Array, start: Array | None
+) -> Spectrum:
+    """Return the largest eigenvalue by power iteration on the exposed nodes, of which there must be at least one.
+
+    scaling: (2, 2) the law's tangential scaling; start: (n, 3) or None.
+    """
+    weight = exposure[:, :1] > 0.0
+    values, axes = np.linalg.eigh(scaling)
+    root = np.eye(3)
+    root[:2, :2] = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+    # without any symmetry, so that no eigenvector is missed; nearly uniform, as the one of the largest eigenvalue
+    seed = np.array([0.8, 0.6, 1.0]) if start is None else start + 0.01 * np.abs(start).max()
+    vector = weight * np.broadcast_to(seed, (len(exposure), 3)) @ root
+    guess = np.zeros_like(exposure[:, 1:])
+    largest, norm = 0.0, float(np.linalg.norm(vector))
+    for _ in range(MAX_ITERATIONS):
+        vector = vector / norm
+        response = elimination.respond(vector @ root, conductors, guess, TOLERANCE)
+        guess = conductors.without_floating(response.flux, response.potential)
+        vector = weight * (response.displacement @ root)
+        previous, norm = largest, float(np.linalg.norm(vector))
+        largest = norm
+        if abs(largest - previous) <= TOLERANCE * largest:
+            break
+    return Spectrum(largest, exposure, vector)
+
 
 RELAXATION_GROWTH: Final = 1.1
 RELAXATION_SHRINKAGE: Final = 0.5
@@ -84,7 +152,7 @@ class GradientStepper:
     @classmethod
     def of(cls, problem: ContactProblem) -> "GradientStepper":
         """Return the data of a problem."""
-        return cls(problem, eliminate(problem), potential_diagonal(problem), problem_scales(problem))
+        return cls(problem, Elimination.of(problem), potential_diagonal(problem), problem_scales(problem))
 
     def conductors(
         self, iterate: Iterate, conduction: "Conduction", previous: Conductors | None
@@ -118,15 +186,10 @@ class GradientStepper:
         earlier, later = (contact_traction(law, traction[:, 2], gap) for traction in (before, step.traction))
         return conduction.next(earlier, later, step.trial[:, 2], self.scales)
 
-    def slope(
-        self, traction: Array, conductors: Conductors, flux: Array, motion: Array, allowed_error: float = 0.0
-    ) -> Slope:
-        """Return the gap at tractions (n, 3) and motion (m,).
-
-        flux: (n, channels), an initial guess; allowed_error: see Elimination.
-        """
+    def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array) -> Slope:
+        """Return the gap at tractions (n, 3) and motion (m,); flux: (n, channels), an initial guess."""
         floating = conductors.floating.numbers
-        response = self.elimination.state(traction, conductors, flux, motion[floating], FLUX_REDUCTION, allowed_error)
+        response = self.elimination.state(traction, conductors, flux, motion[floating], FLUX_REDUCTION)
         if floating.size:
             motion = motion.copy()
             motion[floating] = response.potential

@@ -11,8 +11,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solv
 from meeframe.fields import POTENTIALS, Array
 from meeframe.fields.units import Quantity
 from meeframe.solvers.conduction.elimination import Conductors
-from meeframe.solvers.gradient.spectrum import Spectrum
-from meeframe.solvers.gradient.steps import Conduction, GradientStepper, start_load, traction_of
+from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Spectrum, start_load, traction_of
 
 STEP_FRACTION: Final = 1.6
 """Automatic step times the largest eigenvalue; the limit of stability is 2."""
@@ -45,8 +44,8 @@ class _Memory:
 class Uzawa(Solver):
     """Uzawa's method with the paper's fixed step or an automatic one.
 
-    Gaps are those of u^(n+1), from p^(n) (docs/theory.md, Departures). A node that opens and closes repeatedly because
-    it conducts in contact only is treated as biactive (meeframe.contact.conduction).
+    Gaps are those of u^(n+1), from p^(n) (docs/explanation/theory.md, Departures). A node that opens and closes
+    repeatedly because it conducts in contact only is treated as biactive (meeframe.contact.conduction).
 
     Parameters
     ----------

@@ -55,11 +55,7 @@ class Step:
         return bool(np.isfinite(self.local).all() and np.isfinite(self.motion).all())
 
 
-def newton_step(
-    equation: ContactResidual,
-    blocks: Linearization,
-    tolerance: float = DEFAULT_TOLERANCE,
-) -> Step:
+def newton_step(equation: ContactResidual, blocks: Linearization, tolerance: float = DEFAULT_TOLERANCE) -> Step:
     """Return the step that solves the linearised equations; it is not finite if they are singular.
 
     Rows that determine one unknown of a single node (open nodes, insulated potentials, contact fractions of nodes that
@@ -194,11 +190,7 @@ def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rig
 
 
 def _krylov_step(
-    equation: ContactResidual,
-    blocks: Linearization,
-    coupled: Mask,
-    prescribed: Array,
-    tolerance: float,
+    equation: ContactResidual, blocks: Linearization, coupled: Mask, prescribed: Array, tolerance: float
 ) -> tuple[Array, Array]:
     """Return the Newton step by Krylov iteration.
 

@@ -5,10 +5,10 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.contact.conduction import Mask, conducting
+from meeframe.contact.conduction import Mask
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_motion
-from meeframe.contact.nested import coarse_problem, nested_start, with_signed_gap
+from meeframe.contact.nested import coarse_problem, nested_start
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
@@ -17,14 +17,9 @@ from meeframe.laws.base import attraction, is_adhesive
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.solvers.gradient.steps import start_load
 from meeframe.solvers.newton.linear import Step, newton_step
-from meeframe.solvers.newton.neighbourhood import (
-    ContactNeighbourhood,
-    can_restrict,
-    contact_neighbourhood,
-)
+from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, contact_neighbourhood
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, ResidualState
 from meeframe.solvers.stopping import StoppingCriteria
-from meeframe.system.capabilities import diagonal
 
 STEP_FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
 """Fractions of a Newton step, tried in turn."""
@@ -78,8 +73,7 @@ class _Memory:
     point: the equation at the iterate; merits: of the last states, that of a start being the largest merit allowed;
     flips: (n,) how often each node has opened or closed; fall: ratio of the merit to the one before; burst: number of
     gradient steps of the next burst; neighbourhood: the one whose equation it is, None for that of the whole zone;
-    is_outside_unchecked: true if the rest of the zone has not been tested for contact; restrictions: restrictions that
-    are still allowed; sufficient_residual: violation of the laws that is sufficient.
+    restrictions: restrictions that are still allowed; sufficient_residual: violation that is sufficient there.
     """
 
     point: ResidualState
@@ -88,7 +82,6 @@ class _Memory:
     fall: float = np.inf
     burst: int = FIRST_BURST
     neighbourhood: ContactNeighbourhood | None = None
-    is_outside_unchecked: bool = True
     restrictions: int = 0
     sufficient_residual: float = SUFFICIENT_FRACTION * StoppingCriteria().tolerance
 
@@ -130,7 +123,7 @@ class SemismoothNewton(Solver):
             if stepped.merit < allowed:
                 merits = (*memory.merits, stepped.merit)[-MERIT_WINDOW:]
                 memory = replace(memory, point=stepped, merits=merits, flips=flips, fall=stepped.merit / point.merit)
-                return _iterate(_check_outside(problem, memory))
+                return _iterate(memory)
         memory = replace(memory, flips=flips)
         if memory.neighbourhood is not None:
             memory = _on_zone(problem, memory, memory.neighbourhood)
@@ -154,29 +147,20 @@ def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
     contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(problem, start)
     motion = start_motion(problem, start)
     neighbourhood = None if prolonged is None else contact_neighbourhood(problem, np.asarray(load.any(axis=1)))
-    if neighbourhood is not None:
-        point = neighbourhood.equation.at(
-            load[neighbourhood.nodes],
-            contact_fraction[neighbourhood.nodes],
-            _is_partial(contact_fraction[neighbourhood.nodes]),
-            motion,
-        )
-        restrictions -= 1
+    if neighbourhood is None:
+        equation, nodes = ContactResidual.of(problem), np.arange(n)
     else:
-        point = ContactResidual.of(problem).at(load, contact_fraction, _is_partial(contact_fraction), motion)
+        equation, nodes, restrictions = neighbourhood.equation, neighbourhood.nodes, restrictions - 1
+    point = equation.at(load[nodes], contact_fraction[nodes], _is_partial(contact_fraction[nodes]), motion)
     # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
     keeps_motion = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
     if not keeps_motion and (np.abs(point.balance) > BALANCE_TOLERANCE).any():
-        point = point.equation.at(point.load, contact_fraction, point.biactive, _balanced_motion(problem, point))
+        point = equation.at(point.load, contact_fraction, point.biactive, _balanced_motion(problem, point))
     rise = 1.0 if prolonged is None else MAX_START_GROWTH
     memory = _Memory(
-        point,
-        (rise * point.merit,),
-        np.zeros(len(point.load)),
-        neighbourhood=neighbourhood,
-        restrictions=restrictions,
+        point, (rise * point.merit,), np.zeros(len(point.load)), neighbourhood=neighbourhood, restrictions=restrictions
     )
-    return _iterate(replace(memory, is_outside_unchecked=prolonged is None))
+    return _iterate(memory)
 
 
 def _take_step(point: ResidualState, flips: Array, step: Step, fraction: float) -> tuple[Array, ResidualState]:
@@ -235,24 +219,12 @@ def _restrict(problem: ContactProblem, memory: _Memory) -> _Memory:
         return memory
     neighbourhood = contact_neighbourhood(problem, point.load.any(axis=1) | (point.trial[:, 2] < 0.0))
     if neighbourhood is None:
-        return memory if can_restrict(problem) else replace(memory, restrictions=0)
+        return memory
     nodes = neighbourhood.nodes
-    values = (
-        point.load[nodes],
-        point.relative_displacement[nodes],
-        point.contact_fraction[nodes],
-        point.biactive[nodes],
-    )
+    values = point.load[nodes], point.relative_displacement[nodes], point.contact_fraction[nodes], point.biactive[nodes]
     state = neighbourhood.equation.at_relative_displacement(*values, point.motion)
     flips = memory.flips[nodes]
-    return replace(
-        memory,
-        point=state,
-        flips=flips,
-        neighbourhood=neighbourhood,
-        is_outside_unchecked=True,
-        restrictions=memory.restrictions - 1,
-    )
+    return replace(memory, point=state, flips=flips, neighbourhood=neighbourhood, restrictions=memory.restrictions - 1)
 
 
 def _on_zone(problem: ContactProblem, memory: _Memory, neighbourhood: ContactNeighbourhood) -> _Memory:
@@ -261,22 +233,6 @@ def _on_zone(problem: ContactProblem, memory: _Memory, neighbourhood: ContactNei
     values = scatter(point.load), scatter(point.contact_fraction), scatter(point.biactive)
     state = ContactResidual.of(problem).at(*values, point.motion)
     return replace(_restart(memory, state, scatter(memory.flips)), neighbourhood=None)
-
-
-def _check_outside(problem: ContactProblem, memory: _Memory) -> _Memory:
-    """Return the state on the whole zone if there is contact outside the neighbourhood.
-
-    That is tested once, when the contact is known, unless a coarser grid did so: contact that begins later is found
-    when the neighbourhood has converged.
-    """
-    neighbourhood, point = memory.neighbourhood, memory.point
-    if neighbourhood is None or not (memory.is_outside_unchecked and point.merit < COARSE_MERIT):
-        return memory
-    return (
-        _on_zone(problem, memory, neighbourhood)
-        if neighbourhood.has_contact_outside(point)
-        else replace(memory, is_outside_unchecked=False)
-    )
 
 
 def _tolerance(fall: float) -> float:
@@ -293,27 +249,14 @@ def _is_matrix_free(problem: ContactProblem) -> bool:
 
 
 def _coarse_solution(problem: ContactProblem) -> Iterate | None:
-    """Return an approximate solution on a coarser system as a start; None if it is not found, or without load.
-
-    If nothing conducts, the load has tension where the contact is open: it would keep apart what conduction pulls
-    together.
-    """
+    """Return an approximate solution on a coarser system as a start; None if it is not found, or without load."""
     solver = SemismoothNewton()
     iterate, steps = _begin(problem, None), 0
     while _memory(iterate).point.merit > COARSE_MERIT:
         if steps == MAX_COARSE_STEPS or _is_infeasible(problem, iterate):
             return None
         iterate, steps = solver.step(problem, iterate), steps + 1
-    if not iterate.load.any():
-        return None
-    if conducting(problem):
-        return iterate
-    point, neighbourhood = _memory(iterate).point, _memory(iterate).neighbourhood
-    gap = point.relative_displacement[:, 2]
-    if neighbourhood is not None:
-        inner_gap, gap = gap, np.full(len(problem.gap), np.inf)
-        gap[neighbourhood.nodes] = inner_gap
-    return replace(iterate, load=with_signed_gap(iterate.load, gap, diagonal(problem.system, (2,))[:, 0]))
+    return iterate if iterate.load.any() else None
 
 
 def _is_infeasible(problem: ContactProblem, iterate: Iterate) -> bool:

@@ -7,10 +7,10 @@ import numpy as np
 
 from meeframe.contact.conduction import Mask, depends_on_gap
 from meeframe.contact.nested import is_uniform, restrict_problem
-from meeframe.contact.problem import ContactProblem, indenter_field
-from meeframe.fields import Array, Indices
-from meeframe.solvers.newton.residual import ContactResidual, ResidualState
-from meeframe.system.capabilities import AnyArray, Restriction, apply_fields
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import Indices
+from meeframe.solvers.newton.residual import ContactResidual
+from meeframe.system.capabilities import AnyArray, Restriction
 
 MARGIN: Final = 2.0
 """Width of the margin around the contact, in spacings of nodes."""
@@ -44,36 +44,6 @@ class ContactNeighbourhood:
         scattered = np.zeros((*values.shape[:0:-1], len(self.problem.gap)), values.dtype).T
         scattered[self.nodes] = values
         return scattered
-
-    def has_contact_outside(self, point: ResidualState) -> bool:
-        """Return true if the indenter overlaps the body outside the neighbourhood, at a point of its equation."""
-        outside = np.isfinite(self.problem.gap)
-        outside[self.nodes] = False
-        if not outside.any():
-            return False
-        # tractions of a law without tangential scaling are loads, too
-        loaded, system = sorted({2, *np.flatnonzero(point.load.any(axis=0)).tolist()}), self.problem.system
-        load = self.scatter(point.load[:, loaded].astype(np.float32))
-        displacement: Array = apply_fields(system, load, loaded, (2,))[:, 0] + system.offset[:, 2]
-        return bool((indenter_field(self.problem, 2, point.motion) < displacement)[outside].any())
-
-
-def neighbourhood_nodes(problem: ContactProblem, neighbourhood: ContactNeighbourhood | None) -> Indices:
-    """Return the nodes of a problem's zone in a neighbourhood; all of them if there is none."""
-    return np.arange(len(problem.gap)) if neighbourhood is None else neighbourhood.nodes
-
-
-def can_restrict(problem: ContactProblem) -> bool:
-    """Return true if the problem may have a neighbourhood for some other contact.
-
-    That requires that the law is the same at all nodes, and that the system can be restricted to a node.
-    """
-    restriction = problem.system.capability(Restriction)
-    return (
-        restriction is not None
-        and is_uniform(problem.contact_law, len(problem.gap))
-        and restriction.restrict(np.arange(1)) is not None
-    )
 
 
 def contact_neighbourhood(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:

@@ -32,6 +32,7 @@ import scipy  # submodules are loaded on first use
 from meeframe.contact.conduction import Mask, depends_on_gap, switch
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
 from meeframe.contact.scales import Scales, motion_scales, problem_scales
+from meeframe.contact.transmissivity import Transmissivity
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import (
     attraction_slope,
@@ -41,11 +42,8 @@ from meeframe.laws.base import (
     is_adhesive,
     traction_tangents,
 )
-from meeframe.solvers.conduction.transmissivity import Transmissivity
 from meeframe.solvers.newton.node_blocks import NodeBlocks
-from meeframe.system.capabilities import (
-    ApproximateInverse,
-)
+from meeframe.system.capabilities import ApproximateInverse
 
 FRACTION: Final = -1
 """Row and column of the contact fraction in arrays: the last one, after the fields."""

@@ -33,7 +33,7 @@ _RUNS_PER_TABLE: Final = 4
 """Number of runs side by side that fit in a terminal."""
 _LEGEND_WIDTH: Final = 100
 """Characters in a line of the legend."""
-_STYLES: Final = ("-", "--", ":")
+_STYLES: Final = ("-", "--", ":", "-.")
 
 
 def _totals() -> dict[str, Total]:
@@ -214,11 +214,18 @@ def comparison_table(comparison: Comparison) -> RenderableType:
     tables = [
         _table(title, block, comparison.first, selected, fields) for title, block in zip(titles, blocks, strict=True)
     ]
-    return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal), *_notes(done))
+    return Group(
+        *tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal), *_notes(done, comparison.first)
+    )
 
 
-def _notes(runs: Sequence[ComparedRun]) -> Iterator[Text]:
+def _notes(runs: Sequence[ComparedRun], first: ComparedRun) -> Iterator[Text]:
     """Yield notes on the numbers of the table."""
+    if len(runs) > 1:
+        yield Text(
+            f"Differences are from the first run ({first.label}): of the force, relative to its modulus there; of a "
+            "field, the largest over all nodes relative to the largest modulus there."
+        )
     yield Text("Times include the compilation of kernels at their first use.")
     if len({run.choices.get("formulation") for run in runs}) > 1:
         yield Text(
@@ -275,11 +282,11 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
         factor, unit = prefixed(np.concatenate(fields), row.unit)
         for number, (run, field) in enumerate(zip(done, fields, strict=True)):
             nodes, x = middle_line(run.zone)
-            # wide lines below narrow ones, so that coinciding lines remain visible
+            # wide lines below narrow ones, each dashed in another way, so that coinciding lines remain visible
             style = {
                 "lw": 1.0 + 3.0 * (1.0 - (number + 1) / len(done)),
                 "color": f"C{number}",
-                "ls": _STYLES[number // 10 % len(_STYLES)],  # there are ten colours
+                "ls": _STYLES[number % len(_STYLES)],
                 "marker": "o",
                 "ms": 2.5,
             }

@@ -25,6 +25,7 @@ PlotAxes = tuple[SweepAxis, SweepAxis | None]
 DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", "max_abs_electric_potential")
 """Quantities shown by default."""
 _MARKERS: Final = "osD^vPX*"
+_STYLES: Final = ("-", "--", ":", "-.")
 _AT_BOUNDARY: Final = "contact_at_zone_boundary"
 _LABEL_CHARACTERS: Final = 42
 """Characters of horizontal labels that fit below a picture."""
@@ -165,7 +166,9 @@ def _curves(axes: Any, plot: SweepPlot, over: PlotAxes, values: Array, label: st
         style = {
             "marker": _MARKERS[number % len(_MARKERS)],
             "ms": 3.5,
-            "lw": 1.2,
+            # wide lines below narrow ones, each dashed in another way, so that coinciding lines remain visible
+            "lw": 1.2 + 1.8 * (1.0 - (number + 1) / columns.shape[1]),
+            "ls": _STYLES[number % len(_STYLES)],
             "color": _COLOURS[number % len(_COLOURS)],
         }
         order = np.argsort(coordinates)

@@ -11,6 +11,8 @@ from meeframe.study.reports.extrapolation import SECOND, Extrapolation, richards
 
 _CANCELLED: Final = 0.01
 """Quantities below this part of their scale are sums that cancel, for instance by symmetry, and are not compared."""
+_NEGLIGIBLE: Final = 1e-6
+"""Quantities below this part of their physical scale are noise in fields that nothing couples, and are not compared."""
 _ITERATION: Final = 1e-5
 """Relative error of the iteration."""
 _RESOLVED: Final = 0.05
@@ -39,11 +41,14 @@ class Measured:
         Value without cancellation, if all contributions had one sign.
     noise
         Uncertainty due to the mesh that follows no order, as of an area that is counted by elements.
+    physical
+        Value that loads of this size could cause if all fields were fully coupled; 0 if unknown.
     """
 
     value: float
     scale: float
     noise: float = 0.0
+    physical: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +173,7 @@ class Verification:
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
-        """Estimates of all quantities that do not cancel, from formulations that converged on all their meshes."""
+        """Estimates of all quantities that are not negligible, from formulations that converged on all their meshes."""
         return tuple(self._estimates())
 
     @property
@@ -221,5 +226,7 @@ class Verification:
 
 
 def _is_cancelled(values: Sequence[Measured]) -> bool:
-    """Return whether a quantity cancels almost entirely."""
-    return max(abs(value.value) for value in values) <= _CANCELLED * max(value.scale for value in values)
+    """Return whether a quantity cancels almost entirely, or is negligible on its physical scale."""
+    largest = max(abs(value.value) for value in values)
+    cancelled = _CANCELLED * max(value.scale for value in values)
+    return largest <= max(cancelled, _NEGLIGIBLE * max(value.physical for value in values))

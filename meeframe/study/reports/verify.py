@@ -106,6 +106,7 @@ def verification_table(verification: Verification) -> RenderableType:
     return Group(
         _values(verification),
         _comparisons(verification),
+        *([Text("Differences are relative to the mean modulus of both limits.")] if verification.agreements else []),
         *(Text(f"{name} refuses this case:  {text}") for name, text in verification.refusals.items()),
         *(Text(f"{run.formulation}, elements of 1/{1 / run.size:g}: {run.status}: {run.message}") for run in failed),
         Text(f"result: {verification.verdict}{_explanation(verification)}", style="bold"),

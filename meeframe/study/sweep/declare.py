@@ -1,4 +1,4 @@
-"""Schema of the study file of a sweep and expansion into points; documented in docs/sweep.md."""
+"""Schema of the study file of a sweep and expansion into points; documented in docs/howto/sweep.md."""
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence

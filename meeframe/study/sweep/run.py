@@ -49,8 +49,8 @@ def sweep(
     """Solve the points of a study file that `out` does not contain yet; write sweep.h5 and sweep.png.
 
     The result of each point is stored at once in points/KEY, in the format of `meeframe run`, and reduced systems in
-    systems, so that the same call continues an interrupted sweep. An interruption carries a note on the number of
-    finished points. Points that are refused or do not converge are marked in the result.
+    systems, so that the same call continues an interrupted sweep. An interruption leaves a sweep.h5 of the finished
+    points, and carries a note on their number. Points that are refused or do not converge are marked in the result.
 
     Parameters
     ----------
@@ -124,6 +124,8 @@ def _solve(
             gathered[key] = Gathered.of(outcome, study.fields)
     except KeyboardInterrupt as error:
         error.add_note(f"{len(gathered)} of {len(points)} points are finished and in {out}; the same command continues")
+        if gathered:
+            write_sweep(out, _result(file, study, points, gathered))
         raise
     progress("writing", 0.0)
     result = _result(file, study, points, gathered)
@@ -183,6 +185,9 @@ class Gathered:
         return cls(outcome.status, outcome.message, numbers, _fields(result, fields) if fields else None)
 
 
+_UNFINISHED: Final = Gathered("unfinished", "the sweep was interrupted")
+
+
 def _fields(result: Result, names: Sequence[str]) -> dict[str, Array]:
     fields = schema.nodal(schema.View.SWEEP)
     coordinates = dict(zip("xyz", result.zone.points.T, strict=True))
@@ -192,7 +197,7 @@ def _fields(result: Result, names: Sequence[str]) -> dict[str, Array]:
 def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Mapping[str, Gathered]) -> SweepResult:
     axes = study.result_axes()
     shape = tuple(len(axis.labels) for axis in axes)
-    collected = [gathered[point.key] for point in points]
+    collected = [gathered.get(point.key, _UNFINISHED) for point in points]
 
     def over_axes(table: Any) -> Any:
         return table.reshape(shape + table.shape[1:])

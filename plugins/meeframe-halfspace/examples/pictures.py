@@ -1,4 +1,4 @@
-"""Draw the picture of docs/halfspace.md, of rough.toml: python pictures.py OUT.png."""
+"""Draw the picture of docs/explanation/halfspace.md, of rough.toml: python pictures.py OUT.png."""
 
 import sys
 from pathlib import Path

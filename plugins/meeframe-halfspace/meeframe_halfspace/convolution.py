@@ -24,7 +24,7 @@ BLOCK: Final = 5 * 2**17
 LEAST: Final = 8
 """... and a number of rows or columns of which they have a multiple: a line of the cache."""
 SHARED: Final = 2**22
-"""Bytes of all spectra of a product from which on threads share it: see docs/halfspace.md for what was measured."""
+"""Bytes of all spectra of a product from which on threads share it: measured in docs/explanation/halfspace.md."""
 MOST: Final = 2**25
 """Bytes that a thread keeps at most from one product to the next, for each purpose: see _room."""
 _ROOM: Final = threading.local()

@@ -133,6 +133,7 @@ def outcome(case):
     return np.array([*total.force, total.charge]), step
 
 
+@pytest.mark.full
 def test_boundary_elements_agree_on_the_same_case():
     """Only the formulation changes: anisotropic, with friction, conducting."""
     case = small_case()
@@ -146,7 +147,7 @@ def test_boundary_elements_agree_on_the_same_case():
     assert difference[inside].max() < 0.06
 
 
-def test_turned_friction_axes_change_nothing_of_isotropic_friction():
+def test_rotated_axes_do_not_affect_isotropic_friction():
     """The system behind turned frames, held as a matrix and not."""
     plain, _ = outcome(small_case())
     for limit in (0, 1200):
@@ -188,7 +189,7 @@ def test_an_endless_surface_and_one_that_is_not(tmp_path, periodic):
     given["second_body"] = {"material": given["material"], "mesh": given["mesh"], "formulation": own}
     path = tmp_path / "case.toml"
     path.write_text(toml_text(given), encoding="utf-8")
-    with pytest.raises(CaseError, match=r"second_body\.formulation.*for ever.*allowed: both or neither"):
+    with pytest.raises(CaseError, match=r"second_body\.formulation.*periodic.*allowed: both or neither"):
         load_case(path)
 
 
@@ -283,4 +284,4 @@ def test_the_edge_of_a_period_is_none():
     assert "overlaps" in replace(deep, formulation=HalfSpace()).warnings[0]
     (step,) = solve_case(replace(case, steps=(Step(normal_force=30.0),))).steps
     assert step.message.startswith("residual")
-    assert "edge" not in step.message
+    assert "zone" not in step.message

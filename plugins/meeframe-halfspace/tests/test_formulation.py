@@ -46,7 +46,7 @@ def test_conformance(formulation):
     check_formulation(formulation, body((24, 21)), GaussianLoad(STIFFNESS, AMPLITUDE, 0.12), tolerance=1e-2)
 
 
-def test_the_kit_sees_edges_that_a_formulation_does_not_tell_of():
+def test_the_kit_detects_undeclared_edges():
     system = HalfSpace(edges="resolved").reduce(body((24, 21)))
     with pytest.raises(AssertionError, match="resolves_edges does not tell"):
         check_edges(HalfSpace(), system)
@@ -262,7 +262,7 @@ def test_zones_askew_to_their_axes_are_refused():
         HalfSpace().check(replace(given, mesh=replace(given.mesh, points=points)))
 
 
-def test_zones_that_are_bent_or_turned_over_in_places_are_refused():
+def test_bent_or_inverted_zones_are_rejected():
     given = body((4, 4))
     points = given.mesh.points.copy()
     points[np.isclose(points[:, 0], 0.25), 2] += 1e-4

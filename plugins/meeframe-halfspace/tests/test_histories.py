@@ -60,6 +60,7 @@ def resumed(whole: Result, steps: tuple[Step, ...], matrix_up_to: int, kappa: fl
     return solve_case(history((rest,), matrix_up_to, kappa, restart)).steps
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("kappa", [0.0, np.inf], ids=["insulated", "conducting"])
 @pytest.mark.parametrize("matrix_up_to", [0, 600], ids=["transforms", "matrix"])
 @pytest.mark.parametrize("control", STEPS)
@@ -73,6 +74,7 @@ def test_a_history_resumed_in_the_middle_of_a_step_ends_in_the_same_states(
     assert_same(resumed(whole, steps, matrix_up_to, kappa), whole.steps[PRESS + DRAG // 2 :])
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("control", STEPS)
 def test_a_matrix_changes_nothing(control: str) -> None:
     found = [solve_case(history(STEPS[control], matrix_up_to)).steps for matrix_up_to in (0, 600)]

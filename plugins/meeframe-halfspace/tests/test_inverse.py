@@ -126,7 +126,7 @@ def test_chosen_fields_answer_as_if_the_others_bore_nothing() -> None:
     np.testing.assert_allclose(system.approximate_inverse([0, 2])(moved), load[:, [0, 2]], atol=1e-4)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("kappa", [INSULATING, CONDUCTING, RESISTING])
 @pytest.mark.parametrize(
     "law", [IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.3)], ids=["isotropic", "orthotropic"]

@@ -1,6 +1,6 @@
 """Friction and conduction under a sphere on an orthotropic half space, against a solver independent of this code.
 
-Its figures are on docs/theory.md, Half space. Ratios of a sphere depend on no size.
+Its figures are on docs/explanation/theory.md, Half space. Ratios of a sphere depend on no size.
 """
 
 from collections.abc import Sequence

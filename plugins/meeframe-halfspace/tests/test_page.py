@@ -1,4 +1,4 @@
-"""docs/halfspace.md: what it shows in code is right, and what it says of files works in a case file."""
+"""docs/explanation/halfspace.md: what it shows in code is right, and what it says of files works in a case file."""
 
 import re
 import tomllib
@@ -14,7 +14,7 @@ from meeframe.indenters.base import Indenter
 from meeframe.plugin import registry
 from meeframe.plugin.registry import CONTRACTS
 
-PAGE = (Path(__file__).parents[3] / "docs" / "halfspace.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "explanation" / "halfspace.md").read_text(encoding="utf-8")
 FORMULATION, ROUGH, MAP = (tomllib.loads(text) for text in re.findall(r"^```toml\n(.*?)^```", PAGE, re.DOTALL | re.M))
 
 
@@ -55,7 +55,7 @@ def test_python_examples():
     exec(rough, found)
     step, heights, pressure = found["result"].steps[-1], found["heights"], found["pressure"]
     assert step.status == "converged"
-    assert "edge" not in step.message
+    assert "zone" not in step.message
     assert heights[pressure > 0].min() > np.quantile(heights, 0.7), "peaks touch"
 
 

@@ -90,7 +90,7 @@ class PeriodicPunch(Indenter):
         return height
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("place", "radius"), [((16, 0), 7.4), ((7, 9), 7.4), ((7, 9), 8.1)])
 def test_rims_cross_the_border_of_the_period(place: tuple[int, int], radius: float) -> None:
     """Charge and area are those of the same punch in the middle of the zone, where it cuts the border and beside it."""

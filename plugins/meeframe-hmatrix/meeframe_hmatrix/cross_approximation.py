@@ -187,6 +187,7 @@ def interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Ar
     source: (m,) of each row; all rows of the selected sources are used. Random sums of columns select them if the
     matrix is large.
     """
+    source = np.ascontiguousarray(source)  # the kernel is compiled for one layout
     limit, n, width, sufficient = tolerance / 2.0 * np.linalg.norm(sampled), sampled.shape[1], FIRST_SUMS, False
     while not sufficient:
         mean = sampled.size > LARGE and width < n

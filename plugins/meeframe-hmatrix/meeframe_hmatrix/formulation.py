@@ -45,11 +45,13 @@ from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, prepare
 from meeframe_hmatrix.packing import packed, unpacked
 from meeframe_hmatrix.system import (
+    ALL_FIELDS,
     ARRAYS,
     BoundarySystem,
     HierarchicalSystem,
     LazyBoundary,
     condense,
+    coupled_groups,
     diagonal_of,
     factorise,
     frames_to_units,
@@ -136,9 +138,15 @@ class HierarchicalBEM(PersistentFormulation):
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
         boundary_system = LazyBoundary(partial(self.boundary, body), [boundary])
         compliance = unpacked(*packed(compliance))  # in memory as a system from arrays
+        groups = coupled_groups(body.stiffness)
+        for group in groups:  # truncation leaves noise where the material couples nothing
+            others = np.setdiff1d(ALL_FIELDS, group)
+            node_compliance[:, np.array(group)[:, None], others] = 0.0
+            if not any(np.any(condition.data) for condition in body.conditions if condition.field in group):
+                offset[:, group] = 0.0
         representation = self._representation(body)
         arrays = order, to_load, to_displacement, node_compliance, compliance, boundary_system, representation
-        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *arrays)
+        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *arrays, groups=groups)
 
     def from_arrays(self, body: Body, arrays: Mapping[str, AnyArray]) -> ReducedSystem:
         """Return a system from its arrays; `recover` then needs assembly and elimination again."""
@@ -162,6 +170,7 @@ class HierarchicalBEM(PersistentFormulation):
             zone.cells,
             compliance=compliance,
             boundary_system=boundary_system,
+            groups=coupled_groups(body.stiffness),
             representation=self._representation(body),
             **stored,
         )

@@ -204,6 +204,8 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         The latest products, by their fields.
     inverses
         Approximate inverses, by their fields.
+    groups
+        Groups of fields that the material couples; the compliance between two groups is exactly zero.
     """
 
     order: Indices
@@ -215,6 +217,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     representation: InteriorRepresentation
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, TruncatedInverse | None] = field(default_factory=dict)
+    groups: tuple[Fields, ...] = (ALL_FIELDS,)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "products": {}, "inverses": {}}
@@ -235,6 +238,19 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in k fields by a matrix of the entries between these fields and the loaded ones."""
+        if len(self.groups) == 1:
+            return self._multiply(load, loaded, fields)
+        displacement = np.zeros((len(load), len(fields)))
+        for group in self.groups:
+            rows = [place for place, name in enumerate(fields) if name in group]
+            columns = [place for place, name in enumerate(loaded) if name in group]
+            if rows and load[:, columns].any():
+                parts = [loaded[place] for place in columns], [fields[place] for place in rows]
+                displacement[:, rows] = self._multiply(load[:, columns], *parts)
+        return displacement
+
+    def _multiply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Return the displacement in fields of one group for a load in fields of it."""
         key = tuple(loaded), tuple(fields)
         product = self.products.pop(key, None) or product_of(merged(self._between(*key)))
         self.products[key] = product  # the latest comes last
@@ -294,6 +310,15 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     def evaluate(self, load: Array, points: Array) -> PointFields:
         """Return the fields at points (m, 3) inside the body by the interior representation."""
         return self.representation.evaluate(self.recover(load), points)
+
+
+def coupled_groups(stiffness: Array) -> tuple[Fields, ...]:
+    """Return the groups of fields that an extended stiffness (3, 5, 5, 3) couples; displacements are one group."""
+    groups = [set(range(ELECTRIC))]
+    for name in range(ELECTRIC, N_FIELDS):
+        joined = [group for group in groups if stiffness[:, sorted(group), name, :].any()]
+        groups = [group for group in groups if group not in joined] + [{name}.union(*joined)]
+    return tuple(tuple(sorted(group)) for group in groups)
 
 
 def diagonal_of(compliance: Block, order: Indices) -> Array:

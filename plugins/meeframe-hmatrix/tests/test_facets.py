@@ -67,6 +67,7 @@ def test_integrals_are_those_element_by_element(make_block, monkeypatch, make, t
     assert worst < tolerance
 
 
+@pytest.mark.full
 def test_facets_are_the_planes_of_a_leaf(make_block, monkeypatch):
     integrals = integrals_of(make_block(8), monkeypatch)
     for leaf, parts in facets(integrals).items():
@@ -77,7 +78,7 @@ def test_facets_are_the_planes_of_a_leaf(make_block, monkeypatch):
             assert (np.abs(nodes @ part.axes.T).max(axis=(0, 1)) <= part.half * (1 + 1e-12)).all()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("element", [Quad8(), Tri3()], ids=["quad8", "tri3"])
 def test_curved_surfaces_have_none(make_block, monkeypatch, element):
     body = make_block(6, element)

@@ -13,13 +13,13 @@ from meeframe_hmatrix.blocks import LowRank, leaves, stored, to_dense
 from meeframe_hmatrix.cross_approximation import interpolation
 from meeframe_hmatrix.packing import unpacked
 from meeframe_hmatrix.rows import near_rows
-from meeframe_hmatrix.system import MOST_PRODUCTS
+from meeframe_hmatrix.system import MOST_PRODUCTS, coupled_groups
 
 from meeframe.common.errors import CaseError, MeshError
 from meeframe.elements import Quad4, Quad8, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb
-from meeframe.material import library_material
+from meeframe.material import library_material, rotation_about
 from meeframe.mesh import block_mesh, half_space_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin.registry import Kind, load
@@ -29,7 +29,7 @@ from meeframe.system.capabilities import apply_fields, apply_load
 from meeframe.testing import check_formulation
 from meeframe.testing.half_space import indentation_problem
 
-TOLERANCES = (1e-3, 1e-5, 1e-7)
+TOLERANCES = (1e-3, 1e-5)
 
 
 def relative(actual, expected):
@@ -70,7 +70,7 @@ def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, sy
         solved, _ = system.solved(smooth_load(dense))
         assert (relative(solved - dense.offset, expected) < 5 * tolerance).all()
     kept = [stored(systems[tolerance].boundary.system.matrix) for tolerance in TOLERANCES]
-    assert kept[0] < 0.9 * kept[1] < 0.9 * kept[2]
+    assert kept[0] < 0.9 * kept[1]
 
 
 def clusters(cluster):
@@ -132,7 +132,7 @@ def test_contact_with_friction_is_that_of_dense_matrices(dense, systems):
     assert (np.abs(totals[2] / totals[0] - 1) < 5e-3).all()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(("element", "divisions"), [(Quad8(), 3), (Tri6(), 2)], ids=["quad8", "tri6"])
 def test_other_elements(make_block, smooth_load, element, divisions):
     body = make_block(divisions, element)
@@ -160,7 +160,7 @@ def test_the_same_twice_over(make_block, smooth_load, systems):
     assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))
 
 
-def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
+def test_few_products_are_stored_and_none_in_copies(systems, smooth_load):
     system = systems[1e-3]
     load = smooth_load(system)
     whole = system.apply(load)
@@ -177,7 +177,7 @@ def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
     assert np.array_equal(copied.apply(load), whole)
 
 
-def test_kept_arrays_give_the_same_system_and_its_fields(make_block, smooth_load, systems, tmp_path):
+def test_stored_arrays_give_the_same_system_and_fields(make_block, smooth_load, systems, tmp_path):
     system, body, formulation = systems[1e-3], make_block(8), HierarchicalBEM(tolerance=1e-3)
     write_arrays(tmp_path / "system.h5", "its key", system.to_arrays())
     again = formulation.from_arrays(body, read_arrays(tmp_path / "system.h5", "its key"))
@@ -214,6 +214,7 @@ def test_arrays_that_are_no_tree_are_refused(make_block, systems):
             HierarchicalBEM().from_arrays(make_block(8), arrays)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("leaf_size", [10, 36], ids=["divided", "one leaf"])
 def test_truncated_inverse_of_a_slender_rod_is_right_or_none(monkeypatch, leaf_size):
     monkeypatch.setattr(formulation, "LEAF_SIZE", leaf_size)
@@ -260,22 +261,6 @@ def test_bodies_it_cannot_take_are_refused(make_block, monkeypatch):
         HierarchicalBEM().check(body)
 
 
-@pytest.mark.full
-def test_a_solution_of_the_last_cycle_counts(systems, monkeypatch):
-    """With factors that are good for nothing: as many iterations as are needed, all in one cycle."""
-    system = systems[1e-3]
-    loads = np.ones(5 * len(system.points))
-    expected = system.boundary.unknowns(loads)
-    with monkeypatch.context() as bad:
-        bad.setattr(hierarchical, "solved", lambda factors, x: x)
-        bad.setattr(hierarchical, "MOST_CYCLES", 1)
-        bad.setattr(hierarchical, "CYCLE", len(expected))
-        assert np.abs(system.boundary.unknowns(loads) - expected).max() < 1e-6 * np.abs(expected).max()
-        bad.setattr(hierarchical, "CYCLE", 10)
-        with pytest.raises(CaseError, match="not solved after 11 iterations"):  # no vector carried over: one more
-            system.boundary.unknowns(loads)
-
-
 def test_a_solution_that_is_no_number_does_not_count(systems, monkeypatch):
     system = systems[1e-3]
     monkeypatch.setattr(hierarchical, "solved", lambda factors, x: np.full_like(x, np.nan))
@@ -286,3 +271,42 @@ def test_a_solution_that_is_no_number_does_not_count(systems, monkeypatch):
 def test_loads_that_are_no_numbers_are_refused(systems):
     with pytest.raises(CaseError, match=r"right-hand sides .* are no finite numbers"):
         systems[1e-3].boundary.unknowns(np.full(5 * len(systems[1e-3].points), np.nan))
+
+
+@pytest.mark.parametrize(
+    ("name", "groups"),
+    [
+        ("isotropic", ((0, 1, 2), (3,), (4,))),
+        ("pzt-4", ((4,), (0, 1, 2, 3))),
+        ("cofe2o4", ((3,), (0, 1, 2, 4))),
+        ("batio3-cofe2o4", ((0, 1, 2, 3, 4),)),
+    ],
+)
+def test_fields_are_grouped_as_the_material_couples_them(name, groups):
+    options = {"young_modulus": 1e9, "poisson_ratio": 0.3} if name == "isotropic" else {}
+    stiffness = library_material(name, **options).rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+    assert set(coupled_groups(stiffness)) == set(groups)
+
+
+def test_fields_that_nothing_couples_are_exactly_zero(make_block, smooth_load):
+    """Truncation must not carry a mechanical load into the magnetic field of a piezoelectric body, nor back."""
+    body = make_block(4)
+    conditions = tuple(replace(each, data=0.0) if each.field == 4 else each for each in body.conditions)
+    body = replace(body, stiffness=library_material("pzt-4").stiffness, conditions=conditions)
+    system = HierarchicalBEM(tolerance=1e-3).reduce(body)
+    load = smooth_load(system)
+    mechanical, magnetic = load * [1, 1, 1, 1, 0], load * [0, 0, 0, 0, 1]
+    assert not system.offset[:, 4].any()
+    assert system.offset[:, :4].any()
+    assert not system.apply(mechanical)[:, 4].any()
+    assert not system.apply(magnetic)[:, :4].any()
+    assert not system.diagonal_blocks()[:, 4, :4].any()
+    assert not system.apply_fields(magnetic[:, [4]], [4], [0, 2]).any()
+    parts = system.apply(mechanical) + system.apply(magnetic)
+    np.testing.assert_allclose(system.apply(load), parts, rtol=1e-12, atol=0)
+    again = HierarchicalBEM(tolerance=1e-3).from_arrays(body, system.to_arrays())
+    np.testing.assert_array_equal(again.apply(load), system.apply(load))
+    exact = DenseBEM().reduce(body).apply(load)
+    for field in range(5):
+        largest = np.abs(exact[:, field]).max()
+        np.testing.assert_allclose(system.apply(load)[:, field], exact[:, field], rtol=0, atol=0.01 * largest)

@@ -1,4 +1,4 @@
-"""Pictures of docs/laws-conductivity.md: `uv run python plugins/meeframe-laws/pictures/conductivity.py`.
+"""Pictures of docs/reference/laws-conductivity.md: `uv run python plugins/meeframe-laws/pictures/conductivity.py`.
 
 Each picture shows the formula on the left and, on the right, its effect under a sphere at an electric potential that is
 pressed on a half space of BaTiO3-CoFe2O4.

@@ -1,4 +1,4 @@
-"""Pictures of docs/laws-friction.md: `uv run python plugins/meeframe-laws/pictures/friction.py`.
+"""Pictures of docs/reference/laws-friction.md: `uv run python plugins/meeframe-laws/pictures/friction.py`.
 
 Each picture shows the formula on the left and, on the right, its effect under a sphere that is pressed on a half space
 of BaTiO3-CoFe2O4 and dragged.

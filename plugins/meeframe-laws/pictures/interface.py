@@ -1,4 +1,4 @@
-"""Pictures of docs/laws-interface.md: `uv run python plugins/meeframe-laws/pictures/interface.py`.
+"""Pictures of docs/reference/laws-interface.md: `uv run python plugins/meeframe-laws/pictures/interface.py`.
 
 Each has the formula on the left and on the right what it does in a contact.
 """

@@ -1,4 +1,4 @@
-"""Print the tables of docs/laws-interface.md about `dugdale`.
+"""Print the tables of docs/reference/laws-interface.md about `dugdale`.
 
 They give the errors of forces with respect to the theory of Maugis, and the cells that soft bodies require.
 

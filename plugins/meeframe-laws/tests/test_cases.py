@@ -62,6 +62,7 @@ def test_is_solved_with_the_law_of_its_name(name):
     assert any(step.touching.sum() > 10 for step in steps)
 
 
+@pytest.mark.full(except_for=12)
 @pytest.mark.parametrize("softer", [0.03, 3.0])
 @pytest.mark.parametrize("name", CASES)
 def test_traction_is_a_fixed_point_of_the_law_whatever_the_step(name, softer):

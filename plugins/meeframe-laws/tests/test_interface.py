@@ -116,7 +116,7 @@ def test_prescribed_forces_lead_to_the_motions_that_cause_them(name):
     [DMT(0.0, 1e-6, mu=0.3), Dugdale(0.0, 1e6, mu=0.3), DMTCoulomb(0.3, 0.0), SignoriniGap(mu=0.3)],
     ids=repr,
 )
-def test_without_its_own_part_each_is_coulomb(law):
+def test_each_law_reduces_to_coulomb(law):
     solver = SemismoothNewton()
     state, coulomb = (balanced_solution(sphere(each), solver).state for each in (law, IsotropicCoulomb(0.3)))
     off = np.abs(state.load - coulomb.load).max(axis=0)

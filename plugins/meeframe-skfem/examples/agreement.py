@@ -1,4 +1,4 @@
-"""Print the table of docs/skfem.md, totals of a conducting sphere by finite and by boundary elements.
+"""Print the table of docs/explanation/skfem.md, totals of a conducting sphere by finite and by boundary elements.
 
 Usage: uv run python plugins/meeframe-skfem/examples/agreement.py
 """
@@ -14,6 +14,7 @@ from meeframe.elements import ELEMENTS
 from meeframe.fields import Array
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.mesh import block_mesh
+from meeframe.model.case import Case
 from meeframe.solvers import SemismoothNewton
 
 MESHES = (
@@ -28,7 +29,7 @@ MESHES = (
 """Element, divisions of the zone, rings around it, growth."""
 
 
-def totals(case: meeframe.Case) -> Array:
+def totals(case: Case) -> Array:
     """Return the normal force [N], charge [C] and magnetic flux [Wb] at the end."""
     result = meeframe.solve_case(case)
     last = result.steps[-1]

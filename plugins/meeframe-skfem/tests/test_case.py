@@ -69,7 +69,7 @@ def totals(folder, element="quad9", **given):
     return step.zone.weights @ loads
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("material", ["batio3-cofe2o4", "orthotropic-mee"])
 def test_boundary_and_finite_elements_come_together(tmp_path, material):
     """All elements of both methods are halved; what is left on the finer mesh is the error of its size in each."""

@@ -30,6 +30,7 @@ def block(element, **changes):
     return held(block_mesh(**(given | changes), element=element), "contact", "base")
 
 
+@pytest.mark.full
 def test_conforms():
     check_formulation(FiniteElements(), tolerance=1e-10)
 

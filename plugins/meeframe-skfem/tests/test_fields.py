@@ -55,6 +55,7 @@ def check_linear(formulation, body, field):
     assert worst(fields.fluxes, field.fluxes(fields.points, normals)) < 1e-9
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("element", QUADS.values(), ids=QUADS)
 @settings(deadline=None, max_examples=3)
 @given(material=materials(), seed=st.integers(0, 2**20))
@@ -66,6 +67,7 @@ def test_linear_fields_of_triclinic_media_in_a_graded_block(element, material, s
     check_linear(FiniteElements(growth=2.0, grid="shells"), body, field)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("axis", "right_angles"), [(1, 1), (0, 1), (0, 2)], ids=["x+", "y-", "z-"])
 def test_shells_grow_from_any_side_of_a_box(axis, right_angles):
     """The graded block turned, so that its zone looks another way."""
@@ -78,6 +80,7 @@ def test_shells_grow_from_any_side_of_a_box(axis, right_angles):
     check_linear(FiniteElements(growth=1.5, grid="shells"), body, field)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", ["hex8", "hex20", "hex27", "tet10"])
 def test_linear_fields_in_skewed_cells_from_a_file(cube_file, name):
     stiffness = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
@@ -87,6 +90,7 @@ def test_linear_fields_in_skewed_cells_from_a_file(cube_file, name):
     check_linear(FiniteElements(volume=file, unit=1e-3), body, field)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("zone", ["x-", "x+", "y-", "y+", "z-", "z+"])
 def test_the_zone_may_be_any_side_of_a_box(zone):
     stiffness = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
@@ -120,6 +124,7 @@ def errors(solution, field):
     ]  # fmt: skip
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("material", ["batio3-cofe2o4", "orthotropic-mee"])
 @pytest.mark.parametrize(
     ("name", "coarse", "order"), [("hex8", 4, 1), ("hex20", 2, 2), ("hex27", 2, 2), ("tet10", 3, 2)]

@@ -76,6 +76,7 @@ def quasi_definite(seed=0, size=60):
     return csr_array(block_array([[laplace, coupling], [coupling.T, -laplace]]))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", ["pardiso", "splu"])
 def test_solvers_and_flexibility_against_dense_algebra(solver):
     if solver == "pardiso":
@@ -91,6 +92,7 @@ def test_solvers_and_flexibility_against_dense_algebra(solver):
         np.testing.assert_allclose(solve(right[:, 0]), inverse @ right[:, 0], atol=1e-11)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("element", [Quad4(), Quad9()], ids=lambda e: e.name)
 def test_pardiso_and_splu_give_the_same_system(element):
     pytest.importorskip("pypardiso")

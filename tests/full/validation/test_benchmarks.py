@@ -1,4 +1,4 @@
-"""Tests of docs/performance.md: the page agrees with the records of validation/benchmarks. Nothing is measured."""
+"""docs/validation/performance.md agrees with the records of validation/benchmarks. Nothing is measured."""
 
 import json
 import shutil
@@ -30,7 +30,7 @@ def page_of(folder, records) -> subprocess.CompletedProcess[str]:
 def test_performance_is_what_the_records_say(tmp_path):
     done = said("import report; print(report.page(folder), end='')", tmp_path)
     assert done.returncode == 0, done.stderr
-    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "validation" / "performance.md").read_text(encoding="utf-8")
     assert page == done.stdout, "regenerate it: python validation/benchmarks/report.py --page"
     for picture in tmp_path.iterdir():
         assert (ROOT / "docs" / "images" / picture.name).exists(), picture.name

@@ -70,7 +70,7 @@ def test_electric_conduction_leaves_the_other_fields(figure):
 
 
 def test_friction_raises_the_potentials_where_nothing_conducts(figure):
-    """Independent half space: +59 % electric, +33 % magnetic, EMCI force +1.6 % (docs/theory.md)."""
+    """Independent half space: +59 % electric, +33 % magnetic, EMCI force +1.6 % (docs/explanation/theory.md)."""
     found = figure("fig-07")
     assert_claims(found)
     insulating, conducting = (panel.quantities for panel in found.panels)

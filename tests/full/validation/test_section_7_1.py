@@ -52,7 +52,7 @@ def test_totals_and_sections_of_the_four_conditions(condition, case, system):
 
 @pytest.mark.parametrize("condition", ["ECMII", "EIMCI"])
 def test_force_and_flux_go_monotonically_from_limit_to_limit(condition, case, system):
-    """Fig. 3; with the printed sign of the conductivity law they would not (docs/theory.md)."""
+    """Fig. 3; with the printed sign of the conductivity law they would not (docs/explanation/theory.md)."""
     found = study.sweep(case, system, condition, np.logspace(-3, 3, 7))
     force = [-solved.totals.force[2] for solved in found.solved]
     name = "charge" if condition == "ECMII" else "magnetic_flux"

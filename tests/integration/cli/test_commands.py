@@ -9,12 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 import meeframe
-from meeframe.cli import app, console
+from meeframe.api import progress
+from meeframe.cli import app
 from meeframe.formulations.dense_bem import DenseBEM
 
 OUTPUT = [
-    "electric_potential.png", "fields.vtu", "history.png", "magnetic_potential.png", "pressure.png", "result.h5",
-    "sections.png", "stick_slip.png", "summary.json",
+    "electric_potential.png", "fields.pvd", "fields.series", "fields.vtu", "history.png", "magnetic_potential.png",
+    "pressure.png", "result.h5", "sections.png", "summary.json",
 ]  # fmt: skip
 
 
@@ -38,6 +39,7 @@ def test_check(case_file):
     assert out == f"{case_file}: ok: material batio3-cofe2o4, 80 elements, contact zone contact of 25 nodes, 2 steps\n"
 
 
+@pytest.mark.full
 def test_slender_bodies_are_warned_of(case_file, tmp_path):
     """A block of 0.1 x 0.1 x 2 m on its base: by check, and by run at the end of the first step."""
     case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))
@@ -76,7 +78,7 @@ def meeframe_contact_laws():
 
 
 @pytest.mark.filterwarnings("always:of two")
-def test_warnings_of_libraries_are_told_once_as_ours_are(case_file, tmp_path):
+def test_warnings_of_libraries_are_shown_once(case_file, tmp_path):
     plugin = tmp_path / "noisy.py"
     plugin.write_text(NOISY, encoding="utf-8")
     with case_file.open("a", encoding="utf-8") as text:
@@ -87,6 +89,7 @@ def test_warnings_of_libraries_are_told_once_as_ours_are(case_file, tmp_path):
     assert told == [f"warning: {plugin}, line 11: UserWarning: of two lines"]
 
 
+@pytest.mark.full
 def test_studies_warn_once_for_each_body(case_file, tmp_path, monkeypatch):
     """A sweep over two approaches and two widths of a slender block, and a comparison of two solvers on it."""
     case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))
@@ -129,10 +132,22 @@ def test_run_show_and_refusal_to_overwrite(case_file, tmp_path):
 
 def test_contact_that_its_zone_cuts_off_is_warned_of(case_file, tmp_path):
     assert "edge of its zone" not in meeframe_command("run", case_file, "--out", tmp_path / "within")[2]
-    case_file.write_text(case_file.read_text().replace('"40 um"', '"1 mm"'))
+    case_file.write_text(case_file.read_text().replace('"40 um"', '"1 mm"').replace('"uzawa"', '"auto"'))
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "beyond")
     assert status == 0
     assert "warning: the contact reaches the boundary of its zone and is cut off there" in err
+
+
+def test_figures_are_drawn_again_of_any_increment_in_any_format(case_file, tmp_path):
+    assert meeframe_command("run", case_file, "--out", tmp_path / "out")[0] == 0
+    status, out, _ = meeframe_command("figures", tmp_path / "out", "--step", "1", "--format", "pdf", "--out", tmp_path)
+    assert status == 0
+    assert (tmp_path / "pressure.pdf").read_bytes().startswith(b"%PDF")
+    assert str(tmp_path / "pressure.pdf") in out.splitlines()
+    for option, message in ((("--step", "9"), "no such increment"), (("--format", "bmp"), "allowed: png, pdf, svg")):
+        status, _, err = meeframe_command("figures", tmp_path / "out", *option)
+        assert status == 2
+        assert message in err
 
 
 def test_status_1_if_a_step_does_not_converge(case_file, tmp_path):
@@ -187,7 +202,7 @@ def test_bad_input_is_one_message_and_status_2(case_file, tmp_path, command, kin
     assert not (tmp_path / "out").exists()
 
 
-def test_files_given_for_others_are_told(case_file, tmp_path):
+def test_files_of_the_wrong_kind_are_named(case_file, tmp_path):
     study = tmp_path / "study.toml"
     study.write_text('case = "case.toml"\n[axes]\n"steps[1].approach" = ["1 um"]\n', encoding="utf-8")
     for arguments, told in (
@@ -347,7 +362,7 @@ def test_threads_of_a_run(case_file, tmp_path):
     assert meeframe_command("run", case_file, "--out", tmp_path / "out", "--threads", "9" * 30)[0] == 2
 
 
-def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch):
+def test_compilation_is_announced_once_for_cached_kernels(tmp_path, monkeypatch):
     """Not of functions that are compiled in each run, plugin files' or generated ones."""
 
     def kernel(x):
@@ -359,7 +374,7 @@ def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch
         numba.njit(kernel, cache=cache)(1)
 
     told = []
-    with console._report_compilation(told.append):
+    with progress._report_compilation(told.append):
         for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)

@@ -139,7 +139,7 @@ def test_conductivity_laws_are_those_of_both_fields_or_of_each(dragged, tmp_path
     ]  # fmt: skip
 
 
-def test_what_a_solver_refuses_is_told_and_the_others_go_on(dragged, tmp_path):
+def test_a_rejected_solver_is_reported_and_the_others_run(dragged, tmp_path):
     solvers = ["--solver", "projected-cg", "--solver", "newton"]
     status, out, _ = invoke("compare", dragged, *solvers, "--out", tmp_path / "out")
     assert status == 1
@@ -175,7 +175,7 @@ def test_a_run_that_does_not_converge_is_status_1(dragged, tmp_path):
         (["--solver", "newton", "--solver", "uzawa", "--contact-law", "tresca"], ": tresca, newton: contact.law.limit"),
     ],
 )
-def test_bad_choices_are_told_before_anything_is_computed(dragged, tmp_path, reductions, arguments, message):
+def test_bad_choices_are_reported_before_anything_is_computed(dragged, tmp_path, reductions, arguments, message):
     status, out, err = invoke("compare", dragged, *arguments, "--out", tmp_path / "out")
     assert (status, out) == (2, "")
     assert message in err
@@ -193,7 +193,7 @@ def test_results_are_not_overwritten_by_accident(dragged, tmp_path):
     assert len(numbers(tmp_path / "out")) == 1
 
 
-def test_what_is_finished_is_kept_if_the_run_is_stopped(dragged, tmp_path, monkeypatch):
+def test_an_interrupted_comparison_saves_finished_runs(dragged, tmp_path, monkeypatch):
     def stop(_):
         raise KeyboardInterrupt
 
@@ -385,7 +385,7 @@ def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write
         ("contact-law", ["signorini", COULOMB.replace("0.2", "-1")], "contact.law.mu = -1: must be >= 0"),
     ],
 )
-def test_choices_that_do_not_fit_are_told_and_the_others_go_on(write_case, laws, tmp_path, option, values, refusal):
+def test_unsuitable_choices_are_reported_and_the_others_run(write_case, laws, tmp_path, option, values, refusal):
     made = compare(write_case(), {option: values, "solver": ["newton", "uzawa"]}, tmp_path / "o", registry=laws)
     refused = {"refused": 2, "converged": 2}
     assert {status: [run.status for run in made.runs].count(status) for status in refused} == refused
@@ -399,7 +399,7 @@ def test_choices_that_do_not_fit_are_told_and_the_others_go_on(write_case, laws,
             np.testing.assert_allclose(step.traction[:, 2], single.steps[0].traction[:, 2], rtol=1e-7, atol=1e-3)
 
 
-def test_what_a_formulation_refuses_is_told_and_the_others_go_on(write_case, laws, tmp_path, monkeypatch):
+def test_a_rejected_formulation_is_reported_and_the_others_run(write_case, laws, tmp_path, monkeypatch):
     def refuse(*_):
         raise MaterialError("not this material")
 

@@ -114,8 +114,8 @@ def test_a_formulation_without_interior_fields(write_case, registry):
 
 
 def test_example_of_the_page(tmp_path, monkeypatch, capsys):
-    """The case and the Python code of docs/howto-interior.md run as they stand, and find Hertz's largest shear."""
-    page = (Path(__file__).parents[3] / "docs" / "howto-interior.md").read_text(encoding="utf-8")
+    """The case and the Python code of docs/howto/interior.md run as they stand, and find Hertz's largest shear."""
+    page = (Path(__file__).parents[3] / "docs" / "howto" / "interior.md").read_text(encoding="utf-8")
     case, code = (
         re.search(rf"^```{kind}\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[1] for kind in ("toml", "python")
     )

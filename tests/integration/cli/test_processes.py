@@ -101,7 +101,7 @@ except typer.Exit as ended:
 """
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_interruptions_in_compiled_code(name):
     done = python("-c", IN_COMPILED_CODE.replace("{signal}", name))

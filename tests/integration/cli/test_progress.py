@@ -2,13 +2,13 @@
 
 from types import SimpleNamespace
 
-from meeframe.cli import console
+from meeframe.api import progress
 
 
 def test_stages_that_take_turns_have_their_own_times(monkeypatch, capsys):
     now = [0.0]
-    monkeypatch.setattr(console, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    with console.progress() as show:
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    with progress.bars() as show:
         for stage, seconds in (("contact", 5.0), ("[red]writing", 2.0), ("contact", 70.0), ("[red]writing", 1.0)):
             show(stage, 0.5)
             now[0] += seconds

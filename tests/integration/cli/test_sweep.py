@@ -124,7 +124,9 @@ def test_a_grid_end_to_end(study, tmp_path, log):
     assert status == 0
     assert told.count("converged") == 12
     found = opened(out)
-    assert dict(found.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "node": 25}
+    assert dict(found.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "y": 5, "x": 5}
+    assert found.zone_pressure.dims[-2:] == ("y", "x")
+    assert (found.x.units, found.y.units, found.z.ndim) == ("m", "m", 0)
     np.testing.assert_allclose(found["steps[1].approach"], [1e-5, 2e-5, -1e-6])
     assert found["steps[1].approach"].units == "m"
     assert list(found["law"].values) == ["smooth", "rough"]
@@ -155,6 +157,7 @@ def test_a_grid_end_to_end(study, tmp_path, log):
     xarray.testing.assert_identical(opened(out), found)
 
 
+@pytest.mark.full
 def test_a_longer_axis_keeps_what_is_there(study, tmp_path, log):
     out, shorter = tmp_path / "out", LINE.replace("4e-5, count = 8", "2e-5, count = 2")
     assert sweep(study(shorter), out)[0] == 0
@@ -172,6 +175,7 @@ def test_a_longer_axis_keeps_what_is_there(study, tmp_path, log):
     assert files(out) == before, "what is no longer asked for is removed"
 
 
+@pytest.mark.full
 def test_a_changed_case_is_another_sweep(study, tmp_path, write_case):
     out, file = tmp_path / "out", study(LINE)
     assert sweep(file, out)[0] == 0
@@ -222,6 +226,7 @@ def test_points_that_fail_do_not_stop_the_others(study, tmp_path, log):
     assert (files(out), len(log("solved"))) == (before, solved)
 
 
+@pytest.mark.full
 def test_zones_of_different_meshes_and_every_increment(study, tmp_path):
     text = """
         case = "case.toml"
@@ -292,7 +297,7 @@ MAIN = (
 )  # fmt: skip
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, death, monkeypatch):
     out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
@@ -311,8 +316,12 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, 
     before, solved = files(out), log("solved")
     go_on()
     assert 2 <= len(before) < len(DEPTHS)
-    assert not (out / "sweep.h5").exists()
+    assert (out / "sweep.h5").exists() == (death is not signal.SIGKILL)
     if death is not signal.SIGKILL:
+        partial = opened(out)
+        assert (partial.status == "converged").sum() == len(before)
+        assert (partial.status == "unfinished").sum() == len(DEPTHS) - len(before)
+        assert (np.isnan(partial.max_pressure) == (partial.status == "unfinished")).all()
         assert not list(scratch.iterdir()), "nothing is left of the processes"
         assert status == 130, told.read_text()
         assert f"of 8 points are finished and in {out}; the same command continues" in told.read_text()
@@ -452,7 +461,7 @@ def meeframe_solvers():
 @pytest.mark.full
 @pytest.mark.filterwarnings("always:of a", "ignore:left out")
 @pytest.mark.parametrize("workers", [1, 2])
-def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, workers):
+def test_warnings_of_plugins_are_shown_once_for_all_processes(study, tmp_path, workers):
     plugin = tmp_path / "noisy.py"
     plugin.write_text(NOISY, encoding="utf-8")
     path = study(f'set = {{ "solver" = "noisy" }}\n{LINE}')
@@ -462,6 +471,7 @@ def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, wor
     assert told == [f"warning: {plugin}, line 14: UserWarning: of a step"]
 
 
+@pytest.mark.full
 def test_one_at_a_time_writes_a_folder(study, tmp_path, go_on):
     out, file = tmp_path / "out", study(LINE, free=FREE)
     with started("-m", "meeframe", *command(file, out, "--workers", 2)) as process:

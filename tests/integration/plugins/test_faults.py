@@ -155,7 +155,7 @@ def warned(case, _folder):
         ("apply", continued),
     ],
 )
-def test_a_formulation_that_fails_anywhere_is_told_with_file_line_and_cause(plugin, springs, tmp_path, fails, use):
+def test_a_failing_formulation_is_reported_with_file_line_and_cause(plugin, springs, tmp_path, fails, use):
     case = springs(fails)
     with pytest.raises(PluginFault) as raised:
         use(case, tmp_path / "out")
@@ -321,7 +321,7 @@ def meeframe_contact_laws():
 """
 
 
-def test_a_law_that_fails_in_a_later_step_is_told_where_that_is_looked_at(write_case, tmp_path):
+def test_a_law_that_fails_in_a_later_step_is_reported_there(write_case, tmp_path):
     """Warnings ask what the steps lead to."""
     file = tmp_path / "lasting.py"
     file.write_text(LASTING, encoding="utf-8")

@@ -64,6 +64,7 @@ def test_a_plugin_is_found_and_used(install, command, case_file):
     assert command("check", case_file("plane")).returncode == 0
 
 
+@pytest.mark.full
 def test_broken_plugins_are_reported_and_fail_only_what_needs_them(install, command, case_file):
     install("planes", GOOD.format(name="plane"))
     install("crash", "import math\n\nraise RuntimeError('wrong weather')")
@@ -112,7 +113,7 @@ EARLIER = """
 
 
 @pytest.mark.full
-def test_outdated_plugins_are_told_apart_and_leave_the_others_alone(install, command, case_file):
+def test_outdated_plugins_are_reported_and_the_others_work(install, command, case_file):
     install("planes", GOOD.format(name="plane"))
     install("ahead", GOOD.format(name="disc"), "meeframe>=99")
     install("behind", OUTDATED)
@@ -144,6 +145,7 @@ def test_outdated_plugins_are_told_apart_and_leave_the_others_alone(install, com
     assert "Traceback" not in refused.stderr
 
 
+@pytest.mark.full
 def test_duplicate_names_name_both_providers(install, command, case_file):
     install("spheres", GOOD.format(name="sphere"))
     done = command("check", case_file("cone"))

@@ -53,7 +53,7 @@ def _return_to_cone(trial, mu):
 
 @dataclass(frozen=True)
 class CompiledCoulomb(ContactLaw):
-    """What docs/plugins.md says of compiled laws."""
+    """What docs/howto/plugins.md says of compiled laws."""
 
     mu: float
 
@@ -196,8 +196,10 @@ SPOILT = {
     "the compliance depends on the prescribed data": lambda s, b: replace(
         s, matrix=s.matrix * (1 + b.conditions[3].data)
     ),
-    "is not met in u.nu": lambda s, _: replace(s, matrix=s.matrix * np.array([1.0, 1, 1.01, 1, 1])[:, None, None]),
-    "is not met in -phi": lambda s, _: replace(s, offset=s.offset * [1.0, 1, 1, -1, 1]),
+    "is not reproduced in u.nu": lambda s, _: replace(
+        s, matrix=s.matrix * np.array([1.0, 1, 1.01, 1, 1])[:, None, None]
+    ),
+    "is not reproduced in -phi": lambda s, _: replace(s, offset=s.offset * [1.0, 1, 1, -1, 1]),
     "a load gains energy": lambda s, _: replace(s, matrix=-s.matrix),
     "reciprocal theorem": lambda s, _: replace(s, matrix=twisted(s.matrix)),
     "recover has other values on the zone": lambda s, _: shifted(s),
@@ -298,7 +300,7 @@ def test_a_layer_is_no_half_space(layer):
         kits.check_indentation(formulation, body)
 
 
-def test_arrays_of_the_wrong_shape_are_told_before_contact_is_solved_with_them(layer):
+def test_arrays_of_the_wrong_shape_are_reported_before_contact_is_solved(layer):
     formulation, body, _ = layer
     with pytest.raises(AssertionError, match="offset is not finite"):
         kits.check_indentation(Altered(formulation, SPOILT["offset is not finite"]), body)

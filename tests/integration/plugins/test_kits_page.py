@@ -1,4 +1,4 @@
-"""The law with a compliance of its own on docs/plugins.md is registered, conforms, and does what the page says."""
+"""The law with a compliance on docs/howto/plugins.md is registered, conforms, and does what the page says."""
 
 import re
 from dataclasses import replace
@@ -15,7 +15,7 @@ from meeframe.testing import check_contact_law
 from meeframe.testing.contact import check_monotone
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
-PAGE = Path(__file__).parents[3] / "docs" / "plugins.md"
+PAGE = Path(__file__).parents[3] / "docs" / "howto" / "plugins.md"
 STIFFNESS = 1e12
 
 

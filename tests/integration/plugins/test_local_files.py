@@ -116,7 +116,7 @@ def test_a_result_says_which_file_made_it(write, case_file, tmp_path):
         (LAW.replace("def conductivity", "def kappa"), "class Linear lacks conductivity, which meeframe"),
     ],
 )  # fmt: skip
-def test_a_bad_file_is_told_with_line_and_cause(write, text, message):
+def test_a_bad_file_is_reported_with_line_and_cause(write, text, message):
     with pytest.raises(PluginError, match=f"plugin file .*laws.py.*{message}"):
         load(write(text))
 
@@ -159,7 +159,7 @@ WORN = """
 """
 
 
-def test_a_law_that_fails_is_told_with_line_and_cause_and_finished_steps_stay(write, case_file, tmp_path):
+def test_a_failing_law_is_reported_with_line_and_cause_and_finished_steps_stay(write, case_file, tmp_path):
     """In its second increment here; and before anything is computed, at its key, where it fails at once."""
     file, case, out = write(WORN), case_file.read_text(encoding="utf-8"), tmp_path / "out"
     drag = '\n[[steps]]\ntranslation = ["1 um", 0]\nincrements = 2\n'
@@ -206,6 +206,7 @@ PASSING = """
 """
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("fault", "told", "status"),
     [("1 / 0", "ZeroDivisionError: division by zero", 1), ("raise OSError(28, 'No room')", "[Errno 28] No room", 2)],

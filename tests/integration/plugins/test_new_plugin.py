@@ -125,7 +125,7 @@ def test_folders_that_hold_files_are_refused(tmp_path):
     assert "cannot be written" in err
 
 
-def test_without_out_a_folder_that_is_there_already_is_told_to_be_named_otherwise(tmp_path, monkeypatch):
+def test_an_existing_folder_is_not_overwritten_without_out(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "meeframe-mine").mkdir()
     (tmp_path / "meeframe-mine" / "notes.txt").write_text("mine")
@@ -135,9 +135,19 @@ def test_without_out_a_folder_that_is_there_already_is_told_to_be_named_otherwis
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_module_needs_nothing_but_the_contract(packages, kind):
-    """Of meeframe's modules, as docs/plugins.md says."""
+    """Of meeframe's modules, as docs/howto/plugins.md says."""
     text = (packages / kind / f"meeframe_new_{kind.replace('-', '_')}.py").read_text(encoding="utf-8")
     assert set(re.findall(r"^(?:from|import) (meeframe[\w.]*)", text, re.MULTILINE)) == {"meeframe.plugin"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_tests_of_a_new_package_need_nothing_but_the_contract_and_the_kits(packages, kind):
+    for file in (packages / kind / "tests").glob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        modules = {
+            ".".join(name.split(".")[:2]) for name in re.findall(r"^(?:from|import) (meeframe\.[\w.]*)", text, re.M)
+        }
+        assert modules <= {"meeframe.plugin", "meeframe.testing"}
 
 
 def test_the_example_of_a_formulation_has_one_thickness(packages, tmp_path):

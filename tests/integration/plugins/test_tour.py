@@ -1,4 +1,4 @@
-"""docs/tour-first-friction-law.md, run from top to bottom."""
+"""docs/tutorials/first-friction-law.md, run from top to bottom."""
 
 import re
 import shlex
@@ -12,7 +12,7 @@ from meeframe.cli import app
 from meeframe.plugin.registry import load
 from meeframe.testing import check_contact_law
 
-PAGE = Path(__file__).parents[3] / "docs" / "tour-first-friction-law.md"
+PAGE = Path(__file__).parents[3] / "docs" / "tutorials" / "first-friction-law.md"
 
 
 def run_block(language: str, text: str) -> None:
@@ -29,6 +29,7 @@ def run_block(language: str, text: str) -> None:
             assert done.exit_code == 0, f"{line}\n{done.output}"
 
 
+@pytest.mark.full
 def test_the_tour(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```(python|toml|sh)\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)

@@ -13,7 +13,7 @@ AT_LEAST = {
     "mee_indentation", "orthotropic_claims", "piezoelectric_indentation", "rough_surface", "slender_rods",
     "sliding_hertz", "spence", "tilted_flat_punch", "transversely_isotropic_indentation", "two_bodies", "verification",
 }  # fmt: skip
-SHORTEST = {"elliptic_hertz", "fclib", "hertz", "mee_indentation", "two_bodies"}
+SHORTEST = {"fclib", "hertz", "mee_indentation"}
 CASES = [pytest.param(name, marks=[] if name in SHORTEST else pytest.mark.full) for name in known_cases(FOLDER)]
 
 

@@ -27,6 +27,7 @@ study = load_study()
 COARSE = half_space_mesh(0.1, 0.005, 10, 5, Quad4())
 
 
+@pytest.mark.full
 def test_equal_elastic_bodies_against_hertz():
     found = study.hertz("equal")
     assert found.force == pytest.approx(found.exact, rel=0.015)
@@ -35,7 +36,7 @@ def test_equal_elastic_bodies_against_hertz():
     assert found.tangential < 1e-6
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("condition", ["EMII", "EMCI"])
 def test_opposite_poling_against_the_joined_half_space(condition):
     case = study.load("poled")

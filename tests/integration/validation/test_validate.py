@@ -238,14 +238,14 @@ def test_the_page_names_what_was_not_run(tmp_path):
     assert command("--validation", cases, "--out", tmp_path / "out")[0] == 0
     found = trust.joined([trust.read(json.loads((tmp_path / "out" / "validation.json").read_text()))])
     assert not found.passed
-    head = "\n".join(trust.page(found)).partition("|")[0]
+    head = trust.pages(found)["trust.md"].partition("|")[0]
     assert f"Full validation, 1 of {len(trust.known_cases(FOLDER))} cases" in head
     assert "Not run: cone, " in head
     assert " hertz" not in head.partition("Not run")[2]
 
 
 def test_the_example_of_the_page_is_a_case(tmp_path):
-    text = (Path(__file__).parents[3] / "docs" / "trust.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "validation" / "trust.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     make_case(tmp_path / "cases")
     (tmp_path / "cases" / "one" / "checks.py").write_text(example)
@@ -307,7 +307,7 @@ def report():
     return Validation(False, {"meeframe": "0"}, (case,), planned=2)
 
 
-def test_reasons_are_told_and_missing_numbers_are_null():
+def test_reasons_are_reported_and_missing_numbers_are_null():
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(validation_table(report()))
     text = console.export_text()

@@ -13,10 +13,10 @@ from meeframe.contact.problem import Status
 from meeframe.laws import IsotropicCoulomb
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.model.load import load_case
+from meeframe.model.step import Step
 from meeframe.results.records import Region
 from meeframe.results.summary import summary, summary_table
 
-Step = meeframe.Step
 STIFFNESS, RADIUS, MU = 1e14, 0.1, 0.3
 STRENGTH, RANGE = 1e8, 1e-5
 FARTHEST = STRENGTH / STIFFNESS
@@ -62,7 +62,7 @@ def tractions_on_springs(gap, stiffness=STIFFNESS):
 
 
 @pytest.mark.parametrize("solver", ["auto", "newton"])
-def test_touching_is_told_from_attracted(case, solver, registry):
+def test_touching_differs_from_attracted(case, solver, registry):
     """Four nodes are pulled to the indenter and touch it, under tension; those farther away are attracted and open."""
     from meeframe.plugin.registry import Kind
 

@@ -12,6 +12,7 @@ from meeframe.mesh import FrictionAxes
 from meeframe.model.cache import cached_reduce
 from meeframe.model.load import load_case
 from meeframe.model.solve import reduce
+from meeframe.model.step import Step
 from meeframe.results.records import RunStatus
 
 CONTACT = '\n[contact]\nlaw = {{name = "orthotropic-coulomb", mu1 = 0.1, mu2 = 0.4}}\naxes = {}\n'
@@ -87,7 +88,7 @@ def test_around_an_axis_a_twist_meets_the_second_coefficient(case, axes, coeffic
         np.testing.assert_allclose(np.einsum("ni,ni->n", traction[firm], arms) / pressure[firm], 0.0, atol=1e-6)
 
 
-def test_reduced_systems_from_the_cache_are_turned_too(case, tmp_path):
+def test_reduced_systems_from_the_cache_are_rotated(case, tmp_path):
     turned = dataclasses.replace(case, axes=FrictionAxes(around=(0.0, 0.0, 1.0)))
     for again in (turned, case, turned):
         expected, found = reduce(again), cached_reduce(again, tmp_path)
@@ -102,10 +103,10 @@ def test_forces_along_the_axis_without_friction_are_refused(case, axes, held):
     law, (along, across) = OrthotropicCoulomb(0.0, 0.4), np.eye(2)[[held, 1 - held]]
     first, force = dataclasses.replace(case.steps[0], increments=4), 0.1 * np.pi * 1e14 * 0.1 * 1e-5**2
     turned = dataclasses.replace(case, contact_law=law, axes=axes)
-    solved = dataclasses.replace(turned, steps=(first, meeframe.Step(tangential_force=tuple(force * along))))
+    solved = dataclasses.replace(turned, steps=(first, Step(tangential_force=tuple(force * along))))
     result = meeframe.solve_case(solved)
     assert result.status is RunStatus.CONVERGED
     totals = meeframe.resultants(result.zone, result.steps[-1])
     np.testing.assert_allclose(totals.force[:2], force * along, atol=1e-9 * force)
     with pytest.raises(CaseError, match=r"tangential_force = .*the laws of the contact admit no traction that resists"):
-        dataclasses.replace(turned, steps=(first, meeframe.Step(tangential_force=tuple(force * across))))
+        dataclasses.replace(turned, steps=(first, Step(tangential_force=tuple(force * across))))

@@ -16,6 +16,7 @@ from meeframe.model.cache import cached_reduce
 from meeframe.model.load import load_case
 from meeframe.model.second_body import SecondBody
 from meeframe.model.solve import reduce
+from meeframe.model.step import Step
 from meeframe.results.files import read_result
 from meeframe.results.records import RunStatus
 from meeframe.system.reduced import silent
@@ -63,7 +64,7 @@ def test_springs_in_series(case):
 
 def test_the_force_in_place_of_the_approach(case):
     (moved,) = meeframe.solve_case(case).steps
-    pressed = replace(case, steps=(meeframe.Step(normal_force=case_force(case, moved)),))
+    pressed = replace(case, steps=(Step(normal_force=case_force(case, moved)),))
     (step,) = meeframe.solve_case(pressed).steps
     assert step.loading.approach == pytest.approx(1e-5, rel=1e-8)
     np.testing.assert_allclose(step.second_body.displacement, moved.second_body.displacement, rtol=1e-7, atol=1e-14)

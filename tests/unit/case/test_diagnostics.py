@@ -12,6 +12,7 @@ from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.model.diagnostics import diagnostics, open_sides, sides_reached
 from meeframe.model.load import load_case
+from meeframe.model.step import Step
 from meeframe.results.records import Region
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
@@ -52,7 +53,7 @@ def test_a_force_that_friction_can_just_bear(write_case, registry, share, slides
 )
 def test_nothing_slides_where_nothing_pulls(write_case, registry, law, prescribed):
     """Without friction all nodes in contact are free to slip, and without a force none does."""
-    step = meeframe.Step(approach=1e-5, **prescribed)
+    step = Step(approach=1e-5, **prescribed)
     case = replace(load_case(write_case(), registry), contact_law=law, steps=(step,))
     (result,) = meeframe.solve_case(case).steps
     assert result.status is Status.CONVERGED
@@ -134,17 +135,18 @@ def pressed(bed, rubbing, *steps, poisson=0.3, cells=24, **changes):
     return [step.message for step in path.steps if step.increment == path.case.steps[step.step - 1].increments], path
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("steps", "poisson", "changes", "told"),
     [
-        ([meeframe.Step(approach=2e-5)], 0.3, {}, ["100%"]),
-        ([meeframe.Step(approach=2e-5, increments=2)], 0.3, {}, ["50%"]),
-        ([meeframe.Step(approach=2e-5, increments=10)], 0.3, {}, [""]),
-        ([meeframe.Step(approach=2e-5)], 0.5, {}, [""]),  # nothing moves along the surface
-        ([meeframe.Step(approach=2e-5)], 0.3, {"contact_law": Signorini()}, [""]),
-        ([meeframe.Step(approach=2e-5)], 0.3, {"indenter": FlatPunch(radius=1e-3)}, [""]),  # touches from the beginning
-        ([meeframe.Step(approach=2e-5), meeframe.Step(translation=(1e-6, 0.0))], 0.3, {}, ["100%", ""]),
-        ([meeframe.Step(approach=1e-5, increments=8), meeframe.Step(approach=2e-5)], 0.3, {}, ["", "46%"]),
+        ([Step(approach=2e-5)], 0.3, {}, ["100%"]),
+        ([Step(approach=2e-5, increments=2)], 0.3, {}, ["50%"]),
+        ([Step(approach=2e-5, increments=10)], 0.3, {}, [""]),
+        ([Step(approach=2e-5)], 0.5, {}, [""]),  # nothing moves along the surface
+        ([Step(approach=2e-5)], 0.3, {"contact_law": Signorini()}, [""]),
+        ([Step(approach=2e-5)], 0.3, {"indenter": FlatPunch(radius=1e-3)}, [""]),  # touches from the beginning
+        ([Step(approach=2e-5), Step(translation=(1e-6, 0.0))], 0.3, {}, ["100%", ""]),
+        ([Step(approach=1e-5, increments=8), Step(approach=2e-5)], 0.3, {}, ["", "46%"]),
     ],
 )
 def test_contact_that_comes_about_at_once(bed, rubbing, steps, poisson, changes, told):
@@ -154,12 +156,13 @@ def test_contact_that_comes_about_at_once(bed, rubbing, steps, poisson, changes,
         assert f"{share} {ONE_INCREMENT}" in message or not share
 
 
-def test_what_is_told_of_one_increment_is_so(bed, rubbing):
+@pytest.mark.full
+def test_diagnostics_of_one_increment_are_true(bed, rubbing):
     """Spence: the stick radius is 0.73 of the contact radius at every load for mu = 0.2, tractions along the surface
     taken not to move it along the normal, which changes it little."""
     exact, law = 0.7334, IsotropicCoulomb(0.2)
     once, often = (
-        pressed(bed, rubbing, meeframe.Step(approach=2e-5, increments=count), contact_law=law)[1] for count in (1, 20)
+        pressed(bed, rubbing, Step(approach=2e-5, increments=count), contact_law=law)[1] for count in (1, 20)
     )
     ratio = [(path.totals[-1].stick_area / path.totals[-1].contact_area) ** 0.5 for path in (once, often)]
     assert ratio[1] == pytest.approx(exact, abs=0.08)
@@ -168,10 +171,11 @@ def test_what_is_told_of_one_increment_is_so(bed, rubbing):
     assert dissipated[0] > 5.0 * dissipated[1]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("cells", "told"), [(8, 25), (12, 16), (16, 12), (24, 0), (40, 0)])
-def test_the_area_of_a_coarse_contact_is_as_uncertain_as_told(bed, rubbing, cells, told):
+def test_the_area_of_a_coarse_contact_is_as_uncertain_as_reported(bed, rubbing, cells, told):
     """Hertz: a circle of radius sqrt(R g), each node for one cell; 0: nothing is told, it is less than a tenth."""
-    (message,), path = pressed(bed, rubbing, meeframe.Step(approach=2e-5), cells=cells, contact_law=Signorini())
+    (message,), path = pressed(bed, rubbing, Step(approach=2e-5), cells=cells, contact_law=Signorini())
     found = re.search(rf"{AREA} (\d+)%", message)
     assert (int(found[1]) if found else 0) == told
     error = path.zone.weights[path.steps[-1].touching].sum() / (np.pi * bed.radius * 2e-5) - 1.0
@@ -179,14 +183,27 @@ def test_the_area_of_a_coarse_contact_is_as_uncertain_as_told(bed, rubbing, cell
 
 
 def test_a_single_node_in_contact(bed, rubbing):
-    (message,), _ = pressed(bed, rubbing, meeframe.Step(approach=1e-6), cells=9)
+    (message,), _ = pressed(bed, rubbing, Step(approach=1e-6), cells=9)
     assert "the contact has one node: its area is uncertain by about 50%" in message
 
 
 def test_a_system_without_cells_has_no_rim(bed, rubbing):
     system = replace(bed.half_space(8), cells=())
-    path = bed.follow(rubbing, system, meeframe.Step(approach=2e-5))
+    path = bed.follow(rubbing, system, Step(approach=2e-5))
     (step,) = path.steps
     assert path.totals[0].contact_area == pytest.approx(step.touching.mean() * bed.side**2) != 0.0
     assert "edge of its zone" not in step.message
     assert AREA not in step.message
+
+
+def test_a_law_of_a_plugin_that_cycles_is_pointed_to_the_check_of_plugins(synthetic):
+    """Laws of meeframe are checked by its own tests."""
+
+    class Law(IsotropicCoulomb):
+        pass
+
+    zone, step = synthetic.zone(), replace(synthetic.step(1e-6), status=Status.CYCLING)
+    assert any("meeframe plugins check FILE.py" in text for text in diagnostics(zone, step, Law(0.3)))
+    assert not any("plugins check" in text for text in diagnostics(zone, step, IsotropicCoulomb(0.3)))
+    other = replace(step, status=Status.ITERATION_LIMIT)
+    assert not any("plugins check" in text for text in diagnostics(zone, other, Law(0.3)))

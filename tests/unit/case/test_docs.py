@@ -1,4 +1,4 @@
-"""The examples of docs/case-files.md work as printed."""
+"""The examples of docs/reference/case-files.md work as printed."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from meeframe.model.load import load_case
 from meeframe.results.records import RunStatus
 
-PAGE = (Path(__file__).parents[3] / "docs" / "case-files.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "case-files.md").read_text(encoding="utf-8")
 
 
 def blocks(language):

@@ -5,17 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import meeframe
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Status
 from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.mesh import local_frames
 from meeframe.model.solve import solve_steps
+from meeframe.model.step import Step
 from meeframe.results.records import Region
 from meeframe.solvers import SemismoothNewton
-
-Step = meeframe.Step
 
 
 def test_torque_of_a_flat_punch_that_sticks(bed, rubbing):

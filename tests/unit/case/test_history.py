@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import meeframe
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
+from meeframe.model.step import Step
 from meeframe.results.records import Region
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
-
-Step = meeframe.Step
 
 EVERYTHING = {
     "approach": 3e-5,
@@ -129,6 +127,7 @@ def test_work_of_the_indenter_is_stored_or_dissipated(bed, rubbing, system, law)
     assert np.abs(lost).max() > 0.02 * np.abs(work).max()
 
 
+@pytest.mark.full
 def test_area_of_a_closed_loop_is_the_dissipated_energy(bed, rubbing):
     """Under constant normal force, without coupling; and the closed form of Mindlin and Deresiewicz."""
     system, force, swing = bed.half_space(12, 0.5), 1.5e3, 0.24
@@ -152,6 +151,7 @@ def test_area_of_a_closed_loop_is_the_dissipated_energy(bed, rubbing):
     assert dissipated == pytest.approx(exact, rel=0.05)
 
 
+@pytest.mark.full
 def test_work_around_a_loop_is_stored_or_dissipated_to_second_order(bed, rubbing, system):
     """In each of its strokes, while the pressure goes up and down, too."""
     corners, off = [(3e-5, 4e-6), (1.5e-5, 2e-6), (1.5e-5, -4e-6), (3e-5, 0.0)], []

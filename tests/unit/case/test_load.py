@@ -380,13 +380,13 @@ def test_missing_files(write_case, registry, tmp_path):
     expect(write_case((MESH, '[mesh]\nfile = "a.msh"\nunit = "kg"\n')), registry, "mesh.unit = 'kg': should be a unit")
 
 
-def test_a_wrong_entry_is_told_once(write_case, registry):
+def test_a_wrong_entry_is_reported_once(write_case, registry):
     with pytest.raises(CaseError) as caught:
         load_case(write_case(('"10 um"', '"10 V"')), registry)
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_all_problems_are_told_at_once(write_case, registry):
+def test_all_problems_are_reported_at_once(write_case, registry):
     path = write_case(('"100 mm"', '"100 V"'), ("rings = 2", "rings = 0"), ("batio3-cofe2o4", "unobtainium"))
     with pytest.raises(CaseError) as caught:
         load_case(path, registry)

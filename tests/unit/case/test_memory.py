@@ -13,12 +13,12 @@ from meeframe.fields.units import Quantity
 from meeframe.laws import IsotropicCoulomb
 from meeframe.laws.base import ContactLaw
 from meeframe.model.load import load_case
+from meeframe.model.step import Step
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
 from meeframe.results.records import Region
 from meeframe.results.summary import summary, summary_table
 
-Step = meeframe.Step
 MU, RATE, WEAK = 0.3, 0.5, 5e-6
 
 
@@ -114,7 +114,7 @@ def test_without_durations_nothing_speaks_of_them(write_case, laws):
     assert "duration" not in table_text(result)
 
 
-def test_the_duration_is_kept_with_the_result(write_case, laws, tmp_path):
+def test_the_duration_is_stored_with_the_result(write_case, laws, tmp_path):
     meeframe.run(load_case(write_case(more=f"{TIMED}{HURRIED}{SLIDE}duration = 3\n"), laws), tmp_path / "out")
     assert [step.loading.duration for step in meeframe.read_result(tmp_path / "out").steps] == [2.0, 2.0, 3.0]
 
@@ -161,6 +161,7 @@ def test_two_bodies_slip_as_one_body_as_soft_as_both(write_case, laws, second_bo
         np.testing.assert_allclose(ours.traction, theirs.traction, rtol=1e-8, atol=1e-3)
 
 
+@pytest.mark.full
 def test_a_run_and_its_restart_are_one_run_to_the_last_bit(write_case, laws, tmp_path):
     first = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["20 um", "3 um"]\nincrements = 3\n'
     second = '\n[[steps]]\ntranslation = ["4 um", 0]\nincrements = 3\n'

@@ -13,6 +13,7 @@ from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.model.load import load_case
 from meeframe.model.preflight import planned, undeformed
+from meeframe.model.step import Step
 from meeframe.solvers import Auto, ProjectedCG, Uzawa
 from meeframe.system.reduced import silent
 
@@ -29,7 +30,7 @@ def case(write_case, registry):
     return load_case(write_case(), registry)
 
 
-def test_a_solver_that_does_not_take_the_law_is_told_at_its_key(write_case, registry, case):
+def test_a_solver_that_rejects_the_law_is_named_at_its_key(write_case, registry, case):
     with pytest.raises(CaseError, match=rf"case\.toml: solver: {REFUSED}"):
         load_case(write_case(more=PCG + FRICTION), registry)
     with pytest.raises(CaseError, match=f"^{REFUSED}"):
@@ -45,11 +46,11 @@ def test_what_else_is_wrong_is_not_laid_to_the_solver(write_case, registry):
     assert "boundary" in str(raised.value)
 
 
-def test_a_resultant_that_a_solver_does_not_find_is_told_beforehand(case):
+def test_a_resultant_that_a_solver_cannot_find_is_reported_beforehand(case):
     """On a hill the sides bear a part of a tangential force by pressure, at another ratio everywhere."""
     points = case.mesh.points.copy()
     points[:, 2] -= 40.0 * np.minimum((points[:, :2] ** 2).sum(axis=1), 2.5e-5) * (points[:, 2] > -1e-9)
-    steps = (meeframe.Step(approach=1e-5), meeframe.Step(force_ratio=(0.01, 0.0)))
+    steps = (Step(approach=1e-5), Step(force_ratio=(0.01, 0.0)))
     hill = replace(case, mesh=replace(case.mesh, points=points), steps=steps)
     assert hill.solver == Auto()
     with pytest.raises(
@@ -75,7 +76,7 @@ class Shallow(Solver):
 
 
 def test_solvers_are_asked_about_every_step(case):
-    steps = (meeframe.Step(approach=1e-5), meeframe.Step(translation=(1e-6, 0.0)), meeframe.Step(approach=2e-5))
+    steps = (Step(approach=1e-5), Step(translation=(1e-6, 0.0)), Step(approach=2e-5))
     assert replace(case, solver=Shallow(), steps=steps[:2]).solver == Shallow()
     with pytest.raises(CaseError, match=r"solver 'shallow' at \[0\. 0\. 0\.\]"):
         replace(case, solver=Shallow(), steps=steps)
@@ -177,7 +178,7 @@ def test_potentials_that_an_insulating_contact_does_not_see_are_warned_of(case):
     volts = replace(case, potentials={"electric_potential": -3e4})
     assert volts.warnings == (IDLE.format("electric", "3e+04 V", "electric"),)
     assert not replace(volts, conductivity={"electric": StepConductivity(np.inf)}).warnings
-    steps = (meeframe.Step(approach=1e-5), meeframe.Step(scalars={"magnetic_potential": 20.0}))
+    steps = (Step(approach=1e-5), Step(scalars={"magnetic_potential": 20.0}))
     amperes = replace(case, steps=steps, conductivity={"electric": StepConductivity(np.inf)})
     told = IDLE.format("magnetic", "20 A", "magnetic")
     assert amperes.warnings == (told,)
@@ -205,17 +206,17 @@ def test_full_contact_that_is_meant_is_not_warned_of(case):
     """A flat punch over the whole face; a surface that has no edge, which does not keep an indenter from being away."""
     over = replace(case, indenter=FlatPunch(radius=1.0))
     assert not over.warnings
-    deep = replace(case, steps=(meeframe.Step(approach=1e-3),))
+    deep = replace(case, steps=(Step(approach=1e-3),))
     assert deep.preflight
     assert not replace(deep, formulation=Endless(case.formulation)).preflight
-    assert replace(case, steps=(meeframe.Step(approach=-1e-3),), formulation=Endless(case.formulation)).preflight
+    assert replace(case, steps=(Step(approach=-1e-3),), formulation=Endless(case.formulation)).preflight
 
 
 def test_contact_at_the_edge_of_a_period_is_none(case):
-    (step,) = meeframe.solve_case(replace(case, steps=(meeframe.Step(approach=1e-4),))).steps
+    (step,) = meeframe.solve_case(replace(case, steps=(Step(approach=1e-4),))).steps
     assert "the contact reaches the boundary of its zone at 16 element sides" in step.message
     assert "overlaps" not in step.message, "of which the edge is enough"
-    is_periodic = replace(case, steps=(meeframe.Step(approach=1e-4),), formulation=Endless(case.formulation))
+    is_periodic = replace(case, steps=(Step(approach=1e-4),), formulation=Endless(case.formulation))
     (step,) = meeframe.solve_case(is_periodic).steps
     assert step.touching.all()
     assert "edge" not in step.message
@@ -232,6 +233,6 @@ def test_laws_that_reach_across_the_gap_need_no_contact(write_case, registry):
 
 
 def test_one_step_that_touches_is_enough(case):
-    steps = (meeframe.Step(approach=-1e-5), meeframe.Step(approach=1e-5), meeframe.Step(approach=0.0))
+    steps = (Step(approach=-1e-5), Step(approach=1e-5), Step(approach=0.0))
     assert replace(case, steps=steps[:1]).warnings
     assert not replace(case, steps=steps).warnings

@@ -9,6 +9,7 @@ import pytest
 import meeframe
 from meeframe.common.errors import CaseError
 from meeframe.model.load import load_case
+from meeframe.model.step import Step
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n[conductivity.electric]\nname = "step"\nkappa = inf\n'
 FIRST = '\n[[steps]]\ntangential_force = [300, 0]\nelectric_potential = "3 V"\nincrements = 2\n'
@@ -107,7 +108,7 @@ def test_other_friction_axes_are_refused(write_case, registry):
     refused(path, registry, text)
 
 
-def test_a_run_with_turned_axes_is_continued_with_the_same(write_case, registry, tmp_path):
+def test_a_run_with_rotated_axes_is_continued_with_the_same(write_case, registry, tmp_path):
     path = write_case(more=LAW + FIRST)
     path.write_text(path.read_text().replace(*AXES))
     meeframe.run(load_case(path, registry), tmp_path / "first")
@@ -129,7 +130,7 @@ def test_from_objects(first, tmp_path, write_case, registry):
     from meeframe.model.restart import read_restart
 
     case = load_case(write_case(more=LAW + FIRST), registry)
-    going_on = dataclasses.replace(case, restart=read_restart(tmp_path / "first"), steps=(meeframe.Step(twist=0.0),))
+    going_on = dataclasses.replace(case, restart=read_restart(tmp_path / "first"), steps=(Step(twist=0.0),))
     (step,) = meeframe.solve_case(going_on).steps
     expected = first.steps[-1].traction
     np.testing.assert_allclose(step.traction, expected, atol=1e-9 * np.abs(expected).max())

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import meeframe
 from meeframe.laws import Signorini
 from meeframe.laws.base import ContactLaw
 from meeframe.model.diagnostics import snap_in, steepest_fall
+from meeframe.model.step import Step
 
 SNAP = "nodes snap into contact one by one"
 
@@ -48,7 +48,7 @@ def states(law, compliance, distance):
 
 
 @pytest.mark.parametrize("steepness", [0.9, 1.1])
-def test_what_is_told_is_when_a_node_has_several_states(bed, steepness):
+def test_several_states_of_a_node_are_reported(bed, steepness):
     system = bed.half_space(8)
     own = float(system.diagonal_blocks()[0, 2, 2])
     law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
@@ -78,9 +78,9 @@ def test_the_elements_that_are_named_do(bed):
     assert not list(snap_in(bed.half_space(17), law, step))
 
 
-def test_it_is_told_at_the_end_of_a_step(bed, rubbing, system):
+def test_snap_in_is_reported_at_the_end_of_a_step(bed, rubbing, system):
     own = float(system.diagonal_blocks()[0, 2, 2])
     for steepness, told in ((0.5, False), (1.5, True)):
         law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
-        path = bed.follow(rubbing, system, meeframe.Step(approach=2e-5, increments=2), contact_law=law)
+        path = bed.follow(rubbing, system, Step(approach=2e-5, increments=2), contact_law=law)
         assert [SNAP in step.message for step in path.steps] == [False, told]

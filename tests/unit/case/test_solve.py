@@ -13,7 +13,9 @@ from meeframe.indenters import Placement, Sphere
 from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.material import library_material
 from meeframe.mesh import block_mesh
+from meeframe.model.case import Case
 from meeframe.model.load import load_case
+from meeframe.model.step import Step
 from meeframe.results.records import RunStatus
 from meeframe.solvers import Uzawa
 
@@ -95,7 +97,7 @@ def test_potentials_of_the_indenter_reach_the_body_where_it_conducts(case):
         np.testing.assert_allclose(step.potentials[contact_fraction, 0], 7.0, rtol=1e-9)
         assert not step.potentials[~contact_fraction, 0].any()
         assert not step.potentials[:, 1].any()  # magnetically insulated
-        # springs give -phi = q / k, so a raised potential draws flux in: q < 0 (docs/theory.md)
+        # springs give -phi = q / k, so a raised potential draws flux in: q < 0 (docs/explanation/theory.md)
         assert meeframe.resultants(result.zone, step).charge < 0
 
 
@@ -109,15 +111,15 @@ def test_a_step_that_does_not_converge_says_so_and_the_next_one_goes_on(case):
 
 
 def test_a_case_from_objects(case):
-    """The ten lines of docs/case-files.md, on springs."""
+    """The ten lines of docs/reference/case-files.md, on springs."""
     material = library_material("batio3-cofe2o4")
     mesh = block_mesh(0.05, 0.12, 0.005, 4, 2, 1, Quad4())
-    made = meeframe.Case(
+    made = Case(
         material=material,
         mesh=mesh,
         conditions=tuple(meeframe.BoundaryCondition("base", field, "value") for field in range(5)),
         indenter=Sphere(RADIUS),
-        steps=(meeframe.Step(approach=1e-5), meeframe.Step(approach=2e-5)),
+        steps=(Step(approach=1e-5), Step(approach=2e-5)),
         formulation=case.formulation,
     )
     ours, theirs = meeframe.solve_case(made), meeframe.solve_case(case)
@@ -155,7 +157,7 @@ def test_supports_by_components_of_several_groups(case):
 
 def test_no_contact_is_remarked(case):
     """Once: in the first step with the distance."""
-    away = (meeframe.Step(-1e-5), meeframe.Step(-2e-5))
+    away = (Step(-1e-5), Step(-2e-5))
     step, other = meeframe.solve_case(dataclasses.replace(case, steps=away)).steps
     assert other.message.split("; ")[1:] == ["the indenter does not touch the body"]
     (doubt,) = step.message.split("; ")[1:]
@@ -168,8 +170,6 @@ def test_no_contact_is_remarked(case):
 
 
 def test_contact_at_the_edge_of_the_zone_is_remarked(case):
-    inner, outer = meeframe.solve_case(
-        dataclasses.replace(case, steps=(meeframe.Step(1e-6), meeframe.Step(1e-3)))
-    ).steps
+    inner, outer = meeframe.solve_case(dataclasses.replace(case, steps=(Step(1e-6), Step(1e-3)))).steps
     assert "edge of its zone" not in inner.message
     assert "the contact reaches the boundary of its zone at 16 element sides" in outer.message

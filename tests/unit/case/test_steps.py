@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import meeframe
 from meeframe.common.errors import CaseError
 from meeframe.model.load import load_case
+from meeframe.model.step import Step
 
-Step = meeframe.Step
 FRICTION = (
     '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n[conductivity]\nelectric = {name = "step", kappa = 1}\n'
 )

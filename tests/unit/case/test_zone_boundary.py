@@ -11,6 +11,7 @@ from meeframe.indenters import FlatPunch, RectangularPunch
 from meeframe.laws import IsotropicCoulomb
 from meeframe.model.diagnostics import boundary_sides, open_sides
 from meeframe.model.load import load_case
+from meeframe.model.step import Step
 from meeframe.results.summary import summary
 from meeframe.solvers import StoppingCriteria, Uzawa
 
@@ -44,12 +45,12 @@ def test_sides_where_the_indenter_ends_are_not_open(synthetic):
 def test_contact_that_is_cut_off_is_flagged(case, how):
     punch = FlatPunch(radius=1.0)
     changes = {
-        "too small a zone": {"steps": (meeframe.Step(1e-6), meeframe.Step(1e-3))},
-        "tilted over it": {"indenter": punch, "steps": (meeframe.Step(1e-6), meeframe.Step(1e-4, tilt=(1e-4, 0.0)))},
-        "over the whole face": {"indenter": punch, "steps": (meeframe.Step(1e-6), meeframe.Step(1e-3))},
+        "too small a zone": {"steps": (Step(1e-6), Step(1e-3))},
+        "tilted over it": {"indenter": punch, "steps": (Step(1e-6), Step(1e-4, tilt=(1e-4, 0.0)))},
+        "over the whole face": {"indenter": punch, "steps": (Step(1e-6), Step(1e-3))},
         "ends with it": {
             "indenter": RectangularPunch(2.5e-3, 2.5e-3),
-            "steps": (meeframe.Step(1e-6), meeframe.Step(1e-4, tilt=(1e-4, 0.0))),
+            "steps": (Step(1e-6), Step(1e-4, tilt=(1e-4, 0.0))),
         },
     }[how]
     result = meeframe.solve_case(replace(case, **changes))
@@ -62,7 +63,7 @@ def test_contact_that_is_cut_off_is_flagged(case, how):
 
 def test_contact_of_an_iteration_that_did_not_converge_is_not_flagged(case):
     """Whatever touches there; that the case overlaps its whole zone is told, as nothing else tells it."""
-    dragged, limits = meeframe.Step(1e-3, translation=(1e-5, 0.0)), StoppingCriteria(max_iterations=1)
+    dragged, limits = Step(1e-3, translation=(1e-5, 0.0)), StoppingCriteria(max_iterations=1)
     deep = replace(case, steps=(dragged,), contact_law=IsotropicCoulomb(0.3), solver=Uzawa(), limits=limits)
     (step,) = meeframe.solve_case(deep).steps
     assert step.status is not Status.CONVERGED

@@ -51,7 +51,7 @@ def in_local_axes(system: ReducedSystem, fields: Array) -> Array:
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_a_turned_system_is_the_same_relation(hidden: bool) -> None:
+def test_a_rotated_system_is_the_same_relation(hidden: bool) -> None:
     system = random_system()
     directions = RANDOM.normal(size=(N, 3)) * 10.0 ** RANDOM.uniform(-200, 200, (N, 1))
     other = rotate_frames(MatrixFree.of(system) if hidden else system, directions)
@@ -138,7 +138,7 @@ def cap() -> ReducedSystem:
 
 
 @pytest.mark.parametrize("angle", [0.7, -2.0])
-def test_frames_turned_one_way_and_angle_the_other_give_the_same_answer_on_a_curved_zone(cap, angle) -> None:
+def test_rotated_frames_and_opposite_angle_give_the_same_answer_on_a_curved_zone(cap, angle) -> None:
     expected = tractions(cap, socket_problem(cap, OrthotropicCoulomb(0.1, 0.5, 0.3)))
     e1, e2 = cap.frames[:, 0], cap.frames[:, 1]
     other = rotate_frames(cap, np.cos(angle) * e1 + np.sin(angle) * e2)

@@ -31,6 +31,7 @@ MIXED = {"x-": "vvvvv", "x+": "vfffv", "y-": "fffvf", "y+": "fvvff", "z-": "vvvv
 """Mechanical, electric and magnetic partitions that differ, with corners where three clamped faces meet."""
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("element", [Quad4(), Quad8(), Quad9(), Tri3(), Tri6()], ids=lambda e: e.name)
 def test_linear_fields_are_exact(element):
     mesh = box_mesh((1.0, 1.5, 0.8), (1, 2, 1), element)
@@ -47,6 +48,7 @@ def test_linear_fields_are_exact_in_any_unit_of_length():
     assert max(relative_errors(mesh, field, computed)) < 1e-8
 
 
+@pytest.mark.full
 @settings(max_examples=4, deadline=None)
 @given(materials(spread=0.5, coupling=0.5), st.integers(0, 1000))
 def test_linear_fields_are_exact_for_random_triclinic_materials(material, seed):
@@ -158,6 +160,7 @@ def imbalance(divisions: int, layers: int) -> float:
     return abs(total / (system.weights @ load[:, 2]))
 
 
+@pytest.mark.full
 def test_reaction_of_the_base_balances_the_load_as_the_mesh_is_refined():
     coarse, fine = imbalance(4, 3), imbalance(8, 6)
     assert coarse < 0.1
@@ -187,6 +190,7 @@ def compliance(n: int) -> Array:
     return np.linalg.inv(np.array(moduli))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("size", "divisions", "tolerance"),
     [

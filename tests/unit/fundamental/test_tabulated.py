@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from meeframe.common.errors import CaseError, MaterialError
-from meeframe.greens import LineIntegral, Tabulated, tabulated
+from meeframe.greens import LineIntegral, Tabulated
 from meeframe.testing.fundamental import relative_error, unit_vectors
 
 TOLERANCE = 1e-8
@@ -24,12 +24,14 @@ def assert_equals_line_integral(stiffness, offset, random):
     assert relative_error(t, exact[1]) < TOLERANCE
 
 
+@pytest.mark.full(except_for=2)
 def test_random_directions_and_distances(stiffness, random):
     """More points than one chunk of the kernel, in no order."""
     offset = unit_vectors(random, 25000) * 10.0 ** random.uniform(-6.0, 3.0, (25000, 1))
     assert_equals_line_integral(stiffness, offset, random)
 
 
+@pytest.mark.full(except_for=1)
 def test_boundaries_of_cells_and_faces(stiffness, random):
     cells = Tabulated().bind(stiffness).cells
     lines = 2.0 * np.arange(cells + 1) / cells - 1.0
@@ -56,6 +58,7 @@ def test_a_decoupled_anisotropic_potential(isotropic, random):
     assert np.abs(t[:, 3, 3] - flux).max() <= TOLERANCE * np.abs(flux).max()
 
 
+@pytest.mark.full(except_for=2)
 def test_sums_over_plane_pieces(stiffness, random):
     """Pieces of 0 to 40 points, each with a normal of its own, against sums of the line integral."""
     sizes = np.append(random.integers(1, 40, 60), [1, 0, 5])
@@ -129,10 +132,10 @@ def test_points_without_direction_spoil_only_themselves(bad, transversely_isotro
     np.testing.assert_array_equal(t[1:], good[1])
 
 
-def test_names_a_material_beyond_its_reach(monkeypatch, orthotropic):
-    monkeypatch.setattr(tabulated, "MAX_CELLS", 20)
-    with pytest.raises(MaterialError, match="too anisotropic"):
-        Tabulated().bind(orthotropic)
+@pytest.mark.full
+def test_rejects_a_material_beyond_its_tolerance(orthotropic):
+    with pytest.raises(MaterialError, match=r"a table of 64 cells exceeds the tolerance .*too anisotropic"):
+        Tabulated(tolerance=1e-15, cells=64).bind(orthotropic)
 
 
 @pytest.mark.parametrize("options", [{"cells": 0}, {"cells": 65}, {"tolerance": 0.0}, {"tolerance": float("nan")}])
@@ -150,6 +153,7 @@ np.save(sys.argv[2], Tabulated(tolerance=0.5, cells=1).bind(stiffness).evaluate(
 """
 
 
+@pytest.mark.full
 def test_without_compilation(orthotropic, random, tmp_path):
     """As debuggers run it; cells with many points and with few."""
     offset, normal = unit_vectors(random, 40), unit_vectors(random, 40)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from meeframe.mesh import nearby
 from meeframe.mesh.nearby import close_point_pairs
 
 
@@ -24,25 +23,13 @@ def test_as_a_tree_finds_them(distance):
     assert {*map(tuple, found)} == {*map(tuple, expected)}
 
 
-@pytest.fixture
-def trees(monkeypatch):
-    """How often a tree is asked."""
-    made = []
-    original = nearby._by_tree
-    monkeypatch.setattr(nearby, "_by_tree", lambda *given: made.append(1) or original(*given))
-    return made
-
-
-@pytest.mark.parametrize(
-    ("ratio", "asked"), [(1.0, 0), (np.sqrt(2.0), 0), (np.sqrt(3.0), 0), (np.sqrt(5.0), 0), (nearby._RATIO, 1)]
-)
-def test_a_tree_is_asked_only_where_points_line_up(ratio, asked, trees):
-    """Along the plane diagonals of a lattice, of as many points as it has on a side."""
+@pytest.mark.parametrize("ratio", [1.0, np.sqrt(2.0), np.sqrt(3.0), np.sqrt(5.0), 0.7548776662466927])
+def test_points_that_line_up(ratio):
+    """Along the plane diagonals of a lattice, or along the direction by which points are sorted (the last ratio)."""
     x, y = np.meshgrid(ratio * np.arange(70), np.arange(70), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     points = np.concatenate([points, points[::10]])
     found = close_point_pairs(points, 1e-9)
-    assert len(trees) == asked
     assert {*map(tuple, found)} == {(10 * k, 4900 + k) for k in range(490)}
 
 

@@ -86,7 +86,7 @@ def test_small_supports_of_a_large_body_hold_it():
     check_supports(body(stretched, a=ALL))
 
 
-def test_long_supports_hold_as_far_as_coordinates_tell():
+def test_long_supports_hold_to_the_precision_of_coordinates():
     """Along a long face, whose width alone prevents the rotation about the rod."""
     mesh = cube(1.0, 0.0, "a")
 

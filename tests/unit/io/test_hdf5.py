@@ -84,6 +84,7 @@ def made_sweep(count):
     return SweepResult("title", axes, {"force": numbers}, {"force": "N"}, *texts, notes={"case": "[mesh]"})
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("size", [0, 3000, 20_000])
 def test_a_sweep_that_finds_no_room_leaves_the_earlier_one(tmp_path, room, size):
     xarray = pytest.importorskip("xarray")

@@ -54,6 +54,7 @@ def killed_after(words: int, seconds: float, task) -> bytes:
     return told
 
 
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
 def test_a_run_that_is_killed_keeps_its_finished_increments(tmp_path, synthetic):
     expected = [synthetic.step(number * 1e-6, increment=number) for number in range(1, INCREMENTS_OF_A_RUN + 1)]

@@ -10,7 +10,7 @@ from meeframe.common.errors import MeshError, ResultError
 from meeframe.contact.problem import Status
 from meeframe.mesh import read_mesh
 from meeframe.results import files
-from meeframe.results.output import INCREMENTS, RESULT_FILE, check_output, clear_output, output_files, replacing
+from meeframe.results.output import INCREMENTS, RESULT_FILE, SERIES, check_output, clear_output, output_files, replacing
 from meeframe.results.records import RunStatus, Zone
 
 
@@ -277,8 +277,9 @@ def test_output_folder_is_made_refused_or_accepted(tmp_path):
 def test_clearing_removes_our_files_and_leftovers_alone(tmp_path):
     for name in (*output_files(), ".result.123.h5", "notes.txt"):
         (tmp_path / name).write_text("x")
-    (tmp_path / INCREMENTS).mkdir()
-    (tmp_path / INCREMENTS / "0001.h5").write_text("x")
+    for folder in (INCREMENTS, SERIES):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "0001").write_text("x")
     clear_output(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 

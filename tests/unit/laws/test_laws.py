@@ -1,4 +1,4 @@
-"""Built-in laws against numbers worked out by hand and the fixed points of docs/theory.md, Set and metric."""
+"""Built-in laws against hand-computed numbers and the fixed points of docs/explanation/theory.md, Set and metric."""
 
 import numpy as np
 import pytest
@@ -32,16 +32,17 @@ def test_isotropic_friction_by_hand() -> None:
 
 
 def test_orthotropic_slip_follows_the_associated_rule() -> None:
-    """Numbers of docs/theory.md, Set and metric. Eq. (12): -rho M^2 g / ||g||*."""
+    """Numbers of docs/explanation/theory.md, Set and metric. Eq. (12): -rho M^2 g / ||g||*."""
     traction = fixed_point(OrthotropicCoulomb(0.1, 0.6), np.array([-1.0, -1.0]), 1.0)
     assert traction == pytest.approx([-0.0164, -0.5918], abs=5e-5)
     rule = -np.array([0.1**2, 0.6**2]) / np.hypot(0.1, 0.6)
     assert traction == pytest.approx(rule, rel=1e-6)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("mu1", "mu2"), [(0.1, 0.6), (0.9, 0.2), (0.3, 0.3)])
 def test_euclidean_projection_with_unit_step_rests_at_the_same_point(mu1: float, mu2: float) -> None:
-    """The other consistent pair of set and metric (docs/theory.md, Set and metric), by minimisation."""
+    """The other consistent pair of set and metric (docs/explanation/theory.md, Set and metric), by minimisation."""
     slip, rho = np.array([0.7, -0.4]), 2.0
     angles = np.linspace(0.0, 2.0 * np.pi, 2_000_001)
     ellipse = rho * np.array([mu1 * np.cos(angles), mu2 * np.sin(angles)])
@@ -76,6 +77,7 @@ def test_zero_and_infinite_coefficients() -> None:
     assert OrthotropicCoulomb(INF, 0.5).tangential_scaling() == pytest.approx(np.eye(2))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("kappa", [0.0, 2.5, INF])
 def test_step_conductivity(kappa: float) -> None:
     law = StepConductivity(kappa)

@@ -1,4 +1,4 @@
-"""docs/materials.md: its examples run and its table is the library's."""
+"""docs/reference/materials.md: its examples run and its table is the library's."""
 
 import re
 import tomllib
@@ -8,7 +8,7 @@ import pytest
 
 from meeframe.material import Material, library, material_from_table
 
-PAGE = (Path(__file__).parents[3] / "docs" / "materials.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "materials.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL)
 
 

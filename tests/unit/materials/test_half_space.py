@@ -1,4 +1,4 @@
-"""Surface compliance against isotropic closed forms, the Stroh eigenproblem and the numbers of docs/theory.md."""
+"""Surface compliance against closed forms, the Stroh eigenproblem and the numbers of docs/explanation/theory.md."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_table_1_gives_the_numbers_of_the_theory_page() -> None:
 
 
 def test_unrounded_mixture_gives_table_2() -> None:
-    # xi11 as corrected, docs/theory.md; the printed digits of the others
+    # xi11 as corrected, docs/explanation/theory.md; the printed digits of the others
     mixed = mixture(library_material("batio3"), library_material("cofe2o4"), 0.5)
     xi = axisymmetric_compliance(mixed.stiffness)
     expected = [[2.03552e-12, 1.77480e-3, 1.93900e-6], [1.77480e-3, -2.35928e7, 2.85507e3]]
@@ -113,7 +113,7 @@ def test_compliance_is_hermitian_reversible_and_positive() -> None:
     assert np.linalg.eigvalsh(flipped + np.conj(flipped.transpose(0, 2, 1))).min() > 0
 
 
-def test_poling_reversed_or_turned() -> None:
+def test_poling_reversed_or_rotated() -> None:
     material = library_material("batio3-cofe2o4")
     xi = axisymmetric_compliance(material.stiffness)
     flip = np.outer([1, -1, -1], [1, -1, -1])

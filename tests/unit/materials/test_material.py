@@ -181,7 +181,7 @@ def test_quarter_turn_about_x2_moves_the_axis(table_1: Material) -> None:
 
 @pytest.mark.parametrize(("odd", "magnetic"), [("piezomagnetic", 1.0), ("magnetoelectric", -1.0)])
 def test_mirror_images(table_3: Material, odd: str, magnetic: float) -> None:
-    """docs/materials.md: values that a reflection in x1 = 0 maps onto each other, psi as it is or negated."""
+    """docs/reference/materials.md: values that a reflection in x1 = 0 maps onto each other, psi as it is or negated."""
     material = table_3.rotated(rotation_from_euler([0.3, 0.8, -0.5]))
     names = ("piezoelectric", odd)
     negated = replace(material, **{name: -getattr(material, name) for name in names})
@@ -232,7 +232,7 @@ def test_bad_axes_and_sequences_are_refused() -> None:
 
 def test_equal_mixture_of_phases_is_table_1(table_1: Material) -> None:
     mixed = mixture(library_material("batio3"), library_material("cofe2o4"), 0.5)
-    # unrounded constants, docs/theory.md, Half space
+    # unrounded constants, docs/explanation/theory.md, Half space
     assert mixed.elastic[2, 2, 2, 2] == pytest.approx(215.75e9)
     assert mixed.piezomagnetic[2, 2, 2] == pytest.approx(349.85)
     assert mixed.permittivity[2, 2] == pytest.approx(6.3465e-9)

@@ -69,6 +69,23 @@ def test_fields_that_are_rounding_are_none():
     assert unbalance(noisy).relative[2] == 0.0
 
 
+def test_fluxes_that_flow_between_grounds_only_are_compared_with_the_work_of_the_loads():
+    """Tension along x does a thousand times the work of the flux, of which all is missing."""
+
+    def flux(points, normals):
+        return np.column_stack([normals * [1e3, 0.0, 0.0], np.ones(len(points)), np.zeros(len(points))])
+
+    fields = faces("quad4", flux)
+    outside, face = float(2 * (EXTENT[0] * EXTENT[1] + 2 * EXTENT[0] * EXTENT[2])), EXTENT[1] * EXTENT[2]
+    insulated, conducting = np.zeros((4, 2)), np.ones((4, 2))
+    work_ratio = (1e3 * face * np.sqrt(3)) / (outside / 2)  # displacement of modulus sqrt(3), potential of one
+    assert unbalance(fields).relative[1] == pytest.approx(2.0)
+    assert unbalance(fields, conducting).relative[1] == pytest.approx(2.0)
+    assert unbalance(fields, insulated).relative[1] == pytest.approx(2.0 / work_ratio)
+    assert list(unbalance_warning(fields))
+    assert not list(unbalance_warning(fields, contact_fluxes=insulated))
+
+
 def test_open_boundaries_have_no_balance(synthetic):
     (block,) = half_space_mesh(1.0, 0.5, 4, 2, ELEMENTS["quad4"]).blocks
     points = half_space_mesh(1.0, 0.5, 4, 2, ELEMENTS["quad4"]).points

@@ -6,10 +6,12 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 from rich.console import Console
 
 from meeframe.contact.problem import Status
 from meeframe.elements import ELEMENTS
+from meeframe.results.canvas import NO_CONTACT
 from meeframe.results.figures import figures, save_figure
 from meeframe.results.picture import Picture
 from meeframe.results.records import Loading, Region, Zone, resultants
@@ -84,27 +86,28 @@ def test_table_shows_every_step_and_its_message(synthetic):
 def test_figures_are_drawn(tmp_path, synthetic):
     drawn = figures(synthetic.result(synthetic.step(1e-6)))
     assert set(drawn) == {
-        "pressure.png", "electric_potential.png", "magnetic_potential.png", "sections.png", "stick_slip.png",
+        "pressure", "electric_potential", "magnetic_potential", "sections", "stick_slip",
     }  # fmt: skip
     for name, figure in drawn.items():
-        save_figure(figure, tmp_path / name)
-        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+        for suffix, start in (("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")):
+            save_figure(figure, tmp_path / f"{name}.{suffix}")
+            assert (tmp_path / f"{name}.{suffix}").read_bytes().startswith(start)
 
 
 def test_titles_are_drawn_as_they_are(tmp_path, synthetic):
     """Dollars and what the font does not have, without a warning."""
     shown = dataclasses.replace(synthetic.result(synthetic.step(1e-6)).provenance, title=r"$\frac{$ 接触 $x_1^ \x07")
     for name, figure in figures(dataclasses.replace(synthetic.result(synthetic.step(1e-6)), provenance=shown)).items():
-        save_figure(figure, tmp_path / name)
-        assert (tmp_path / name).stat().st_size > 1000
+        save_figure(figure, tmp_path / f"{name}.png")
+        assert (tmp_path / f"{name}.png").stat().st_size > 1000
 
 
 def test_figures_carry_the_numbers_with_units(synthetic):
     drawn = figures(synthetic.result(synthetic.step(1e-6)))
-    axes, bar = drawn["pressure.png"].axes
+    axes, bar = drawn["pressure"].axes
     assert bar.get_ylabel() == "contact pressure [MPa]"
     assert axes.collections[0].get_array().max() == pytest.approx(1.0)
-    section = drawn["sections.png"].axes[2].lines[0].get_xydata()
+    section = drawn["sections"].axes[2].lines[0].get_xydata()
     assert section[np.argmin(np.abs(section[:, 0])), 1] == pytest.approx(-5.0)
     assert section[0, 0] == pytest.approx(-2.0)
 
@@ -117,23 +120,23 @@ def test_sections_have_the_tangential_traction_where_there_is_any(synthetic):
     frame = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turned.zone.frames[:] = frame
     for result in (synthetic.result(step), turned):
-        axes = figures(result)["sections.png"].axes[1]
+        axes = figures(result)["sections"].axes[1]
         assert axes.get_ylabel() == "traction along x\n[kPa]"
         np.testing.assert_allclose(axes.lines[1].get_ydata(), [0.0, 100.0, 100.0, 100.0, 0.0], atol=1e-9)
     without = dataclasses.replace(step, traction=step.traction * [0.0, 0.0, 1.0])
-    assert len(figures(synthetic.result(without))["sections.png"].axes) == 3
+    assert len(figures(synthetic.result(without))["sections"].axes) == 3
 
 
 def test_figures_show_the_step_the_edge_of_the_contact_and_the_nodes(synthetic):
     drawn = figures(synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6, number=2), planned=3))
-    assert drawn["pressure.png"].axes[0].get_title() == "a title\nstep 2, approach 2 µm\ncontact pressure"
-    edge = drawn["electric_potential.png"].axes[0].collections[1].get_paths()[0].vertices
+    assert drawn["pressure"].axes[0].get_title() == "a title\nstep 2, approach 2 µm\ncontact pressure"
+    edge = drawn["electric_potential"].axes[0].collections[1].get_paths()[0].vertices
     # nodes of the contact lie within 1.5 mm, the next ones at 2 mm: the line goes half way between, as drawn in mm
     assert np.abs(edge).max() == pytest.approx(1.5)
-    section, nodes = (line.get_xydata() for line in drawn["sections.png"].axes[0].lines)
+    section, nodes = (line.get_xydata() for line in drawn["sections"].axes[0].lines)
     np.testing.assert_allclose(nodes, np.column_stack([[-2, -1, 0, 1, 2], [0, 2, 2, 2, 0]]), atol=1e-9)
     np.testing.assert_allclose(nodes[:, 1], np.interp(nodes[:, 0], *section.T), atol=0.02)
-    alone = figures(synthetic.result(synthetic.step(1e-6)))["pressure.png"].axes[0]
+    alone = figures(synthetic.result(synthetic.step(1e-6)))["pressure"].axes[0]
     assert alone.get_title() == "a title\ncontact pressure"
 
 
@@ -143,14 +146,14 @@ def test_lengths_are_in_units_that_suit_the_zone(synthetic, size, unit):
     zone = dataclasses.replace(result.zone, points=size * result.zone.points, weights=size**2 * result.zone.weights)
     drawn = figures(dataclasses.replace(result, zone=zone))
     half = {"nm": 200.0, "µm": 20.0, "mm": 2.0, "m": 2.0}[unit]
-    for name in ("pressure.png", "stick_slip.png"):
+    for name in ("pressure", "stick_slip"):
         axes = drawn[name].axes[0]
         assert (axes.get_xlabel(), axes.get_ylabel()) == (f"x [{unit}]", f"y [{unit}]")
-    assert drawn["sections.png"].axes[-1].get_xlabel() == f"x [{unit}]"
-    assert drawn["sections.png"].axes[0].lines[0].get_xdata()[-1] == pytest.approx(half)
+    assert drawn["sections"].axes[-1].get_xlabel() == f"x [{unit}]"
+    assert drawn["sections"].axes[0].lines[0].get_xdata()[-1] == pytest.approx(half)
     area = resultants(zone, result.steps[-1]).slip_area
     metres = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "m": 1.0}[unit]
-    labels = [text.get_text() for text in drawn["stick_slip.png"].legends[0].get_texts()]
+    labels = [text.get_text() for text in drawn["stick_slip"].axes[0].get_legend().get_texts()]
     assert f"slip, {area / metres**2:.4g} {unit}²" in labels
 
 
@@ -181,7 +184,7 @@ def test_triangles_cover_their_cell(cell):
     assert areas.sum() == pytest.approx(4.0 if element.reference == "quadrilateral" else 0.5)
 
 
-def test_table_has_a_column_for_each_step_and_tells_what_failed_within(synthetic):
+def test_table_has_a_column_for_each_step_and_names_failures(synthetic):
     failed = dataclasses.replace(synthetic.step(2e-6, Status.STALLED, 2, 1), message="stalled on the way")
     arrived = dataclasses.replace(synthetic.step(3e-6, number=2, increment=2), message="arrived")
     console = Console(width=160, record=True, file=io.StringIO())
@@ -189,8 +192,8 @@ def test_table_has_a_column_for_each_step_and_tells_what_failed_within(synthetic
     text = console.export_text()
     (columns,) = [line for line in text.splitlines() if "unit" in line]
     assert "step 1 " in columns
-    assert "step 2.2 " in columns
-    assert "step 2.1: stalled on the way" in text
+    assert "step 2, increment 2 " in columns
+    assert "step 2, increment 1: stalled on the way" in text
     assert "not-converged: 3 of 3 increments" in text
     (energy,) = [line for line in text.splitlines() if "dissipated energy" in line]
     assert "8e-09" in energy
@@ -209,8 +212,9 @@ def test_summary_sums_the_energy_of_each_load_step(synthetic):
 
 
 def test_map_of_stick_and_slip(synthetic):
-    figure = figures(synthetic.result(synthetic.step(1e-6)))["stick_slip.png"]
-    (axes,), (legend,) = figure.axes, figure.legends
+    figure = figures(synthetic.result(synthetic.step(1e-6)))["stick_slip"]
+    (axes,) = figure.axes
+    legend = axes.get_legend()
     assert [text.get_text() for text in legend.get_texts()] == ["slip, 8 mm²", "stick, 1 mm²"]
     slip, stick = (np.concatenate([path.vertices for path in area.get_paths()]) for area in axes.collections)
     assert np.abs(slip).max() == pytest.approx(1.5), "half way from the nodes in contact to the next"
@@ -220,10 +224,12 @@ def test_map_of_stick_and_slip(synthetic):
 def test_history_of_several_increments(synthetic):
     steps = [synthetic.step(1e-6 * number, increment=number) for number in (1, 2)]
     failed = synthetic.step(9e-6, Status.CYCLING, increment=3)
-    normal, across, energy = figures(synthetic.result(*steps, failed))["history.png"].axes
+    normal, across, _, charge, _, energy = figures(synthetic.result(*steps, failed))["history"].axes
     np.testing.assert_allclose(normal.lines[0].get_xydata(), [[1.0, 9.0], [2.0, 18.0]])
     assert (normal.get_xlabel(), normal.get_ylabel()) == ("approach [µm]", "normal force [N]")
     np.testing.assert_allclose(across.lines[0].get_xydata(), [[100.0, 0.9], [100.0, 1.8]])
+    np.testing.assert_allclose(charge.lines[0].get_xydata(), [[9.0, 18.0], [18.0, 18.0]])
+    assert (charge.get_xlabel(), charge.get_ylabel()) == ("normal force [N]", "charge [µC]")
     assert (across.get_xlabel(), energy.get_ylabel()) == (
         "translation [nm]",
         "dissipated energy\nsince the beginning [nJ]",
@@ -242,7 +248,7 @@ def test_history_leaves_out_the_direction_in_which_nothing_happens(synthetic):
             traction = step.traction + np.abs(step.traction[:, 2:]) * [0.0, force, 0.0]
             loading = dataclasses.replace(step.loading, translation=np.array([1e-7 * number, motion]))
             steps.append(dataclasses.replace(step, loading=loading, traction=traction))
-        return len(figures(synthetic.result(*steps))["history.png"].axes[1].lines)
+        return len(figures(synthetic.result(*steps))["history"].axes[1].lines)
 
     assert (curves(0.0, 0.0), curves(0.0, 1e-9), curves(1e-8, 0.0), curves(0.0, 0.1)) == (1, 1, 2, 2)
 
@@ -275,8 +281,8 @@ def printed(result) -> str:
 def test_what_is_zero_throughout_is_left_out(synthetic):
     result = synthetic.result(*(elastic(synthetic.step(1e-6 * number, increment=number)) for number in (1, 2)))
     drawn = figures(result)
-    assert set(drawn) == {"pressure.png", "sections.png", "stick_slip.png", "history.png"}
-    assert [len(drawn[name].axes) for name in ("sections.png", "history.png")] == [1, 1]
+    assert set(drawn) == {"pressure", "sections", "history"}, "no stick and slip without friction"
+    assert [len(drawn[name].axes) for name in ("sections", "history")] == [1, 2]
     text = printed(result)
     assert "contact area" in text
     assert not [word for word in ("charge", "flux", "potential", "stick", "energy", "tilt", "torque") if word in text]
@@ -297,11 +303,11 @@ def test_table_has_motions_that_were_free_or_are_not_zero(synthetic):
 
 
 def test_no_contact_is_said_in_words(synthetic):
-    step = synthetic.step(0.0)
+    step_in_contact, step = synthetic.step(1e-6), synthetic.step(0.0)
     apart = dataclasses.replace(step, region=np.zeros_like(step.region))
     assert not apart.traction.any()
-    for name in ("pressure.png", "stick_slip.png"):
-        figure = figures(synthetic.result(apart))[name]
+    for name in ("pressure", "stick_slip"):
+        figure = figures(synthetic.result(step_in_contact, apart), "last")[name]
         (axes,) = figure.axes  # no bar of colours
         assert [text.get_text() for text in axes.texts] == ["no contact"]
         assert not axes.collections
@@ -317,11 +323,11 @@ def test_attraction_across_the_gap_is_drawn(synthetic, touches):
     traction[:, 2] = np.where(inside, 2e6, 1e3)
     region = np.where(middle & touches, Region.SLIP, Region.OPEN)
     drawn = figures(synthetic.result(dataclasses.replace(step, traction=traction, region=region)))
-    axes, bar = drawn["pressure.png"].axes
+    axes, bar = drawn["pressure"].axes
     assert not axes.texts
     assert bar.get_ylabel() == "contact pressure [MPa]"
     np.testing.assert_allclose([axes.get_xlim(), axes.get_ylim()], 1.5 * np.array([[-1.0, 1.0]] * 2))
-    words = [text.get_text() for text in drawn["stick_slip.png"].axes[0].texts]
+    words = [text.get_text() for text in drawn["stick_slip"].axes[0].texts]
     assert words == ([] if touches else ["no contact"])
 
 
@@ -333,7 +339,7 @@ def test_round_off_is_no_history(synthetic):
         noise = 1.0 + 1e-12 * (-1) ** number
         loading = dataclasses.replace(step.loading, translation=np.array([1e-7 * number, noise * 1e-20]))
         steps.append(dataclasses.replace(step, traction=step.traction * noise, loading=loading))
-    normal, across, _ = figures(synthetic.result(*steps))["history.png"].axes
+    normal, across, *_ = figures(synthetic.result(*steps))["history"].axes
     assert np.ptp(normal.get_ylim()) > 1e-2 * 9.0
     assert np.ptp(normal.get_xlim()) > 1e-2 * 1.0
     assert not normal.yaxis.get_major_formatter().get_useOffset()
@@ -355,15 +361,16 @@ def test_edge_of_the_contact_is_that_of_hertz_on_a_coarse_grid(synthetic):
             displacement=np.zeros((len(r), 3)),
             region=np.where(r < radius, Region.SLIP, Region.OPEN),
         )
-        axes = figures(synthetic.result(step))["pressure.png"].axes[0]
+        axes = figures(synthetic.result(step))["pressure"].axes[0]
         shading, outside, line = axes.collections
         edge = np.linalg.norm(line.get_paths()[0].vertices, axis=1)
         assert edge.mean() == pytest.approx(radius * 1e3, abs=0.2)
         assert np.ptp(edge) < 0.25  # half way between nodes it is 0.56, and 0.39 for the largest radius
-        # beyond the line the shading of elements in which there is pressure is covered, by the colour of none
+        # beyond the line the shading of elements in which there is pressure is covered: no contact is no zero pressure
         cells = place.cells[0][1]
         shaded = cells[(pressure > 0.0)[cells].any(axis=1)]
-        np.testing.assert_array_equal(outside.get_facecolor()[0], shading.to_rgba(0.0))
+        np.testing.assert_array_equal(outside.get_facecolor()[0], to_rgba(NO_CONTACT))
+        assert np.abs(outside.get_facecolor()[0] - shading.to_rgba(0.0)).max() > 0.5
         from_middle = np.linalg.norm(outside.get_paths()[0].vertices, axis=1)
         assert from_middle.min() == pytest.approx(edge.min(), abs=1e-9)
         assert from_middle.max() == pytest.approx(1e3 * r[shaded].max())
@@ -397,7 +404,7 @@ def test_a_comparison_has_rows_of_what_is_there_and_says_what_to_think_of_its_nu
 def test_long_titles_have_several_lines(synthetic):
     result = synthetic.result(synthetic.step(1e-6))
     titled = dataclasses.replace(result, provenance=dataclasses.replace(result.provenance, title="words " * 30))
-    *lines, what = figures(titled)["pressure.png"].axes[0].get_title().split("\n")
+    *lines, what = figures(titled)["pressure"].axes[0].get_title().split("\n")
     assert " ".join(lines) == ("words " * 30).strip()
     assert max(map(len, lines)) < 60
     assert what == "contact pressure"

@@ -48,6 +48,7 @@ def test_covered_parts_of_nodes(synthetic):
     assert (half.stick_area, half.slip_area, half.contact_area) == pytest.approx((0.5e-6, 4e-6, 4.5e-6))
 
 
+@pytest.mark.full(except_for=2)
 @EVERY
 def test_everything_something_nothing(name, synthetic):
     zone, step = flat_zone(name), synthetic.step(1e-6)

@@ -64,8 +64,8 @@ def test_a_field_that_is_added_shows_everywhere(extended, synthetic, tmp_path):
     assert "work of the contact" in text(summary_table(result))
 
     drawn = figures(result)
-    assert drawn["normal_work.png"].axes[0].get_title().endswith("work of the pressure")
-    assert "work of the pressure" in " ".join(axes.get_ylabel() for axes in drawn["sections.png"].axes)
+    assert drawn["normal_work"].axes[0].get_title().endswith("work of the pressure")
+    assert "work of the pressure" in " ".join(axes.get_ylabel() for axes in drawn["sections"].axes)
     assert "normal_work.png" in output_files()
 
     assert numbers_of(synthetic.zone(), step)["work"] == pytest.approx(energy)

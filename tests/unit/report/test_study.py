@@ -28,7 +28,7 @@ SHAPES = {"curves": (), "sections": (25,), "maps": (25, 2)}
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_every_kind_is_drawn_and_told(synthetic, kind):
+def test_every_kind_is_drawn_and_described(synthetic, kind):
     study = Study(
         "fig-00", "a study", "the paper's words", kind, "linear", (panel(synthetic.zone(), SHAPES[kind]),) * 2
     )
@@ -52,7 +52,7 @@ def test_every_kind_is_drawn_and_told(synthetic, kind):
 
 
 @pytest.mark.parametrize("kind", ["sections", "maps"])
-def test_each_run_is_drawn_on_its_own_zone(synthetic, kind):
+def test_each_run_is_drawn_on_its_zone(synthetic, kind):
     zone = synthetic.zone()
     wide = replace(zone, points=2 * zone.points, weights=4 * zone.weights)
     one = replace(panel(zone, SHAPES[kind]), zones=(zone, wide))

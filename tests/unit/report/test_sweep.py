@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from meeframe.results.sweep_files import dataset
 from meeframe.results.sweep_records import SweepAxis, SweepResult
 from meeframe.study.reports.sweep import SweepPlot, sweep_figure, sweep_table
 
@@ -55,7 +56,7 @@ def test_lines_are_named_beside_the_pictures(sweep):
     ],
 )
 def test_labels_below_a_picture_do_not_cover_each_other(labels, upright, heading):
-    """Those of the study on docs/sweep.md, 65 letters each, were written on top of each other."""
+    """Those of the study on docs/howto/sweep.md, 65 letters each, were written on top of each other."""
     texts, area = np.full(len(labels), "converged"), {"contact_area": np.arange(1.0, len(labels) + 1.0)}
     points = SweepResult("", (SweepAxis("point", tuple(labels)),), area, {"contact_area": "m^2"}, *[texts] * 3)
     figure = sweep_figure(points, [SweepPlot(("contact_area",))])
@@ -121,3 +122,24 @@ def test_the_table_has_what_is_plotted(sweep):
     assert "contact area [m^2]" in text
     assert "6e-06" in text
     assert "pressure" not in text
+
+
+def test_nodes_of_a_grid_are_on_x_and_y_in_any_order():
+    pytest.importorskip("xarray")
+    x, y = (grid.ravel() for grid in np.meshgrid([0.0, 1.0, 3.0], [-1.0, 2.0]))
+    shuffled = np.random.default_rng(5).permutation(len(x))
+    nodes = {"x": x[shuffled] + 1e-16, "y": y[shuffled], "z": np.full(len(x), 0.5)}
+    pressure = nodes["x"] + 10 * nodes["y"]
+    axes = (SweepAxis("mu", ("0", "1"), np.array([0.0, 1.0]), "1"),)
+    texts = [np.full(2, text) for text in ("converged", "", "0")]
+    fields = {"zone_pressure": np.stack([pressure, 2 * pressure])}
+    made = SweepResult(
+        "title", axes, {"force": np.ones(2)}, {"force": "N", "zone_pressure": "Pa"}, *texts, fields, nodes
+    )
+    found = dataset(made)
+    assert found.zone_pressure.dims == ("mu", "y", "x")
+    np.testing.assert_allclose(found.zone_pressure.sel(mu=1), 2 * (found.x + 10 * found.y).T)
+    assert float(found.zone_pressure.sel(mu=0, y=2, method="nearest").sel(x=3, method="nearest")) == pytest.approx(23)
+    assert (found.x.units, found.z.item(), found.mu.units) == ("m", 0.5, "1")
+    scattered = {**nodes, "x": nodes["x"] + np.array([0, 0, 0, 0, 0, 0.1])}
+    assert dataset(dataclasses.replace(made, nodes=scattered)).zone_pressure.dims == ("mu", "node")

@@ -43,3 +43,29 @@ def verdict(found):
 )
 def test_the_verdict_says_on_how_many_comparisons_it_rests(found, told):
     assert verdict(found).rstrip() == told
+
+
+@pytest.mark.parametrize(("physical", "compared"), [(0.0, True), (5.0, False), (0.5, True)])
+def test_noise_on_the_physical_scale_of_a_field_is_not_compared(physical, compared):
+    """Potentials of the order of 1e-6 of two formulations differ by their factor, of a field that may be uncoupled."""
+    noise = {"one": 1e-6, "other": 3e-6}
+    runs = tuple(
+        VerifiedRun(
+            name,
+            size,
+            10,
+            str(Status.CONVERGED),
+            steps={
+                1: {
+                    "force": Measured(1 + 0.1 * size**2, 1.0),
+                    "max_magnetic_potential": Measured(value, value, physical=physical),
+                }
+            },
+        )
+        for name, value in noise.items()
+        for size in SIZES
+    )
+    found = Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
+    quantities = {estimate.quantity for estimate in found.estimates}
+    assert ("max_magnetic_potential" in quantities) == compared
+    assert verdict(found).startswith("result: disagree" if compared else "result: agree")

@@ -104,7 +104,7 @@ class Misled(ReducedSystem, FieldwiseApply):
 
 
 @pytest.mark.parametrize("solver", [ProjectedCG(), SemismoothNewton()], ids=["projected-cg", "newton"])
-def test_a_state_is_judged_by_all_of_its_displacement(solver: Solver) -> None:
+def test_the_residual_uses_the_whole_displacement(solver: Solver) -> None:
     """Whatever the solver itself iterates on: what it calls solved of other responses is not, and the reverse."""
     honest = replace(problem(), contact_law=Signorini())
     misled = replace(honest, system=Misled.of(honest.system))
@@ -136,7 +136,6 @@ def test_fixed_step_of_the_paper_converges_to_the_automatic_answer() -> None:
     automatic = solve(problem(), Uzawa())
     fixed = solve(problem(), Uzawa(step_normal=5e12, step_tangential=3e12))
     assert automatic.status is fixed.status is Status.CONVERGED
-    assert fixed.iterations > 3 * automatic.iterations
     assert fixed.state.load == pytest.approx(automatic.state.load, rel=1e-7, abs=1.0)
 
 
@@ -188,7 +187,7 @@ def test_continuation_from_a_smaller_load() -> None:
     assert second.state.load == pytest.approx(direct.state.load, rel=1e-7, abs=1.0)
 
 
-def test_the_judge_sees_every_kind_of_violation() -> None:
+def test_the_residual_shows_every_kind_of_violation() -> None:
     case = problem(conductivity=(1e-5, 0.0))
     good = solve(case, Uzawa()).state
     assert residual(case, good) < 1e-9

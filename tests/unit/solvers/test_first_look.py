@@ -123,7 +123,7 @@ def test_a_solution_that_does_not_know_it_is_found_by_a_step(problem, solution) 
     assert (found.status, found.iterations) == (Status.CONVERGED, 1)
 
 
-def test_iterations_that_end_before_they_are_looked_at_are_judged(problem, solution) -> None:
+def test_iterations_that_end_between_checks_are_evaluated(problem, solution) -> None:
     """At the limit, by the laws and not by what the solver says."""
     estimates = (0.7, *np.full(9, 0.5), 0.0)
     found = solve(problem, Guessing(solution, estimates), replace(LIMITS, max_iterations=4))
@@ -145,7 +145,7 @@ def test_the_criterion_of_the_paper_looks_at_each_state(problem, solution, estim
     assert solver.aims == [StoppingCriteria().tolerance]
 
 
-def test_solvers_are_told_the_tolerance_once(problem, solution) -> None:
+def test_solvers_receive_the_tolerance_once(problem, solution) -> None:
     solver = Guessing(solution, (0.7, 0.5, 0.0))
     solve(problem, solver, LIMITS)
     assert solver.aims == [TOLERANCE]

@@ -31,7 +31,7 @@ FRICTION = [IsotropicCoulomb(MU), OrthotropicCoulomb(0.06, 0.6, 0.3)]
 XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     "given", [("approach",), ("approach", "translation"), ("translation", "potentials")], ids="-".join
 )
@@ -46,7 +46,7 @@ def test_resultants_give_the_motions_back_with_friction(law, given) -> None:
         np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-8)
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", [Uzawa(step_normal=6e11, step_tangential=4e11), *GRADIENT[1:]], ids=str)
 @pytest.mark.parametrize("share", [0.5, 0.98])
 def test_tangential_force_in_proportion_to_the_normal_one(solver, share) -> None:
@@ -139,6 +139,7 @@ def test_tilt_of_the_punch_against_its_closed_form() -> None:
     assert motion == pytest.approx([APPROACH, angle], rel=0.03)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", GRADIENT, ids=str)
 def test_six_motions_at_once(solver) -> None:
     problem, modes = flat_punch(IsotropicCoulomb(0.4), cells=8)
@@ -156,6 +157,7 @@ def test_six_motions_at_once(solver) -> None:
     np.testing.assert_allclose(state.motion, motion, rtol=1e-7)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 def test_hertz_at_a_given_force(solver) -> None:
     exact = indent(XI, Sphere(RADIUS), APPROACH)

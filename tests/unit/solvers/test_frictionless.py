@@ -125,7 +125,7 @@ class CappedOutOfSight(Signorini):
     ],
 )
 @pytest.mark.parametrize("n", [50, 3000])
-def test_laws_are_tried_at_their_own_nodes_wherever_they_hold_them(law: Callable[[Array], Signorini], n: int) -> None:
+def test_laws_with_nodal_data_are_evaluated_at_their_nodes(law: Callable[[Array], Signorini], n: int) -> None:
     most = np.full(n, np.inf)
     assert ProjectedCG().accepts(problem(law(most), n))
     most[n // 2] = 1e7
@@ -133,6 +133,6 @@ def test_laws_are_tried_at_their_own_nodes_wherever_they_hold_them(law: Callable
 
 
 @pytest.mark.parametrize("law", [lambda most: CappedByName({"pressure": most}), CappedInSlots])
-def test_laws_of_their_own_nodes_are_known_as_such(law: Callable[[Array], Signorini]) -> None:
+def test_laws_with_nodal_data_are_recognised(law: Callable[[Array], Signorini]) -> None:
     assert has_nodal_data(law(np.full(30, np.inf)), 30)
     assert not has_nodal_data(law(np.full(30, np.inf)), 31)

@@ -115,7 +115,7 @@ def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> N
     )
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("kappa", "strength"), [(0.1, 1.0), (1.0, 0.1), (30.0, 0.3)])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
 def test_solvers_find_the_same(across, law, kappa, strength) -> None:
@@ -128,7 +128,7 @@ def test_solvers_find_the_same(across, law, kappa, strength) -> None:
         check_same(other.state, newton.state)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "translation", "potentials")])
 @pytest.mark.parametrize("solver", [SemismoothNewton(), BarzilaiBorwein()], ids=lambda solver: type(solver).__name__)
 def test_prescribed_forces_and_charges(across, solver, given) -> None:
@@ -143,5 +143,4 @@ def test_prescribed_forces_and_charges(across, solver, given) -> None:
 def test_newtons_method_converges_quadratically(across) -> None:
     solution = solve(across(Signorini(), 3.0, 0.2), SemismoothNewton())
     last = solution.history[-4:, 1]
-    assert solution.iterations <= 12
     assert last[-1] <= 100.0 * last[-2] ** 2 or last[-1] < 1e-13

@@ -6,7 +6,6 @@ from typing import final
 import numpy as np
 import pytest
 
-import meeframe.solvers.auto as auto_module
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import (
     ContactProblem,
@@ -160,7 +159,7 @@ def test_force_up_to_the_limit_of_friction(sphere, law, share) -> None:
     np.testing.assert_allclose(found, [totals["x"], 0.0, press], rtol=1e-7, atol=1e-7 * press)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 def test_forces_beyond_the_limit_of_friction_are_named(sphere, solver) -> None:
     problem = sphere("transverse", IsotropicCoulomb(0.6), cells=6, drag=0.0)
@@ -210,6 +209,7 @@ def test_eccentric_force_tilts_a_flat_punch() -> None:
     assert "no pressure and friction" in tipping.message
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 def test_hertz_at_a_given_force_with_a_charged_conductor(solver) -> None:
     """Force, charge and magnetic flux of given approach and potentials; here the other way round."""
@@ -276,14 +276,3 @@ def test_solvers_that_find_no_motion_are_refused(sphere) -> None:
     problem = freed(sphere("transverse", Signorini(), cells=8), press=1e3, electric=0.0)
     with pytest.raises(CaseError, match=r"found 0 of the 2 motions.*auto"):
         solve(problem, Motionless())
-
-
-def test_auto_hands_the_motion_on(sphere, monkeypatch) -> None:
-    problem = freed(sphere("orthotropic", IsotropicCoulomb(0.6), cells=8, drag=0.0), press=1e4, x=2e3)
-    expected = solved(problem).state
-    stages = [replace(stage, stall_window=0) for stage in auto_module.STAGES[:2]]
-    monkeypatch.setattr(auto_module, "STAGES", (*stages, auto_module.STAGES[2]))
-    monkeypatch.setattr(auto_module, "PROGRESS_FACTOR", 0.0)
-    solution = solved(problem, Auto(), StoppingCriteria())
-    assert solution.iterations > 3
-    np.testing.assert_allclose(solution.state.motion, expected.motion, rtol=1e-7)

@@ -80,7 +80,7 @@ def beside(problem: ContactProblem, state: ContactState, changed: str, size: flo
     [(COULOMB, name) for name in ("perfect", "alone", "finite", "little", "power", "insulated", "free")]
     + [(Signorini(), "perfect"), (OrthotropicCoulomb(0.2, 0.5, 0.4), "perfect")],
 )
-def test_the_equation_knows_what_the_judge_finds(law, name: str, changed: str, made) -> None:
+def test_the_equation_agrees_with_the_independent_residual(law, name: str, changed: str, made) -> None:
     problem = made(law, name)
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
     scales, biactive = problem_scales(problem), ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()

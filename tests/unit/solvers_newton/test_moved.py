@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from meeframe.contact.problem import AT_REST, PrescribedResultant
-from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.laws.base import ContactLaw
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton.linear import newton_step
-from meeframe.solvers.newton.residual import NEGLIGIBLE_FRACTION, ContactResidual, ResidualState
+from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 
 MU = 0.3
 SINGLE = float(np.finfo(np.float32).eps)
@@ -34,112 +34,6 @@ def far_off(problem) -> ResidualState:
     load[:, 2] = -np.abs(load[:, 2])
     motion = equation.units * random.normal(size=len(equation.units))
     return equation.at(load, np.zeros(n), np.zeros(n, bool), motion)
-
-
-@pytest.mark.parametrize("size", [1.0, 1e-4, 1e-8])
-def test_what_moves_is_known_to_single_precision_of_the_change(size: float, conducting) -> None:
-    """However small it is beside the load; the part of the free motions to the last digits."""
-    problem = moving(conducting(48, 0.3, IsotropicCoulomb(MU)))
-    point, random = far_off(problem), np.random.default_rng(1)
-    n, units = len(point.load), point.equation.units
-    biactive, contact_fraction = np.arange(n) % 5 == 0, random.random(n)
-    change = size * point.equation.scales.load * random.normal(size=(n, 5))
-    motion = point.motion + size * units * random.normal(size=len(units))
-    moved, expected = (
-        ask(point.load + change, contact_fraction, biactive, motion) for ask in (point.at_load, point.equation.at)
-    )
-    caused = problem.system.apply(moved.load - point.load)
-    # fields of other units add to one: by as much as each causes there alone
-    parts = [np.abs(problem.system.apply(np.where(np.arange(5) == k, change, 0.0))).max(axis=0) for k in range(5)]
-    off, largest = (
-        np.abs(moved.relative_displacement - expected.relative_displacement).max(axis=0),
-        np.sum(parts, axis=0),
-    )
-    round_off = 1e-13 * (
-        np.abs(expected.relative_displacement).max(axis=0) + np.abs(problem.system.apply(point.load)).max(axis=0)
-    )
-    assert (off <= 20.0 * SINGLE * largest + round_off).all()
-    if size > 1e-6:
-        assert (off > 1e-2 * SINGLE * np.abs(caused).max(axis=0)).any()  # not by a product in double precision
-    for name in ("load", "contact_fraction", "biactive", "motion", "balance"):
-        np.testing.assert_array_equal(getattr(moved, name), getattr(expected, name))
-    assert 0.0 < moved.round_off < NEGLIGIBLE_FRACTION * moved.violation
-    allowed = 1e4 * SINGLE * size + 1e-10
-    np.testing.assert_allclose(
-        moved.residual, expected.residual, rtol=0, atol=allowed * np.abs(expected.residual).max()
-    )
-
-
-def test_motions_alone_are_exact(conducting) -> None:
-    problem = moving(conducting(48, 0.3, IsotropicCoulomb(MU)))
-    point = far_off(problem)
-    for k, unit in enumerate(point.equation.units):
-        motion = point.motion.copy()
-        motion[k] += 0.3 * unit
-        moved, expected = (
-            ask(point.load, point.contact_fraction, point.biactive, motion)
-            for ask in (point.at_load, point.equation.at)
-        )
-        scale = np.abs(expected.relative_displacement).max(axis=0) + np.abs(problem.system.apply(point.load)).max(
-            axis=0
-        )
-        assert (np.abs(expected.relative_displacement - point.relative_displacement) > 1e-3 * scale).any()
-        assert (np.abs(moved.relative_displacement - expected.relative_displacement) <= 1e-13 * scale).all()
-
-
-def test_with_a_matrix_all_digits_count(sphere) -> None:
-    point = far_off(moving(sphere("orthotropic", IsotropicCoulomb(MU), (1.0, np.inf), cells=8)))
-    load = point.load * (1.0 + 1e-3 * np.random.default_rng(2).normal(size=point.load.shape))
-    moved, expected = (
-        ask(load, point.contact_fraction, point.biactive, 1.1 * point.motion)
-        for ask in (point.at_load, point.equation.at)
-    )
-    np.testing.assert_array_equal(moved.relative_displacement, expected.relative_displacement)
-    np.testing.assert_array_equal(moved.residual, expected.residual)
-    assert moved.round_off == 0.0
-
-
-def check_rounded(moved: ResidualState, expected: ResidualState) -> float:
-    """What is left out is no more than is said, and too little to matter; how much it is of what is said."""
-    off = float(np.abs(moved.residual - expected.residual).max())
-    assert off <= moved.round_off + 1e-13
-    assert off <= NEGLIGIBLE_FRACTION * expected.violation
-    np.testing.assert_array_equal(moved.balance, expected.balance)
-    return off / moved.round_off if moved.round_off else 0.0
-
-
-@pytest.mark.full(except_for=4)
-@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.4)])
-@pytest.mark.parametrize("flux", [StepConductivity(np.inf), StepConductivity(1e-9), Insulating()])
-def test_round_off_is_known_over_many_moves(law: ContactLaw, flux: ConductivityLaw, conducting, at_solution) -> None:
-    """Larger and smaller ones beside a solution: it adds up, and what is said of it is not far too much."""
-    problem = conducting(48, 0.3, law, flux, dragged=(3e-7, 1e-7))
-    solution, random = at_solution(problem), np.random.default_rng(3)
-    point, shares = solution, []
-    for size in (1e-1, 1e-6, 1e-2, 1.0, 1e-4, 1e-3, 1e-2, 1e-5):
-        load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
-        load[:, :3] = law.project(load[:, :3])
-        before = point.round_off
-        point = point.at_load(load, solution.contact_fraction, solution.biactive, solution.motion)
-        shares.append(
-            check_rounded(point, point.equation.at(load, point.contact_fraction, point.biactive, point.motion))
-        )
-        assert point.round_off == 0.0 or point.round_off > before
-    assert max(shares) > 1e-3
-
-
-def test_where_round_off_would_count_there_is_none(conducting, at_solution) -> None:
-    """A step that ends at the solution is exact, wherever it began."""
-    solution = at_solution(conducting(48, 0.3, IsotropicCoulomb(MU)))
-    random = np.random.default_rng(2)
-    nodes = solution.contact_fraction, solution.biactive, solution.motion
-    for size in (1.0, 1e-2, 1e-4):
-        load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
-        beside = solution.at_load(load, *nodes)
-        assert beside.round_off > 0.0
-        moved = beside.at_load(solution.load, *nodes)
-        assert moved.round_off == 0.0
-        np.testing.assert_array_equal(moved.residual, solution.equation.at(solution.load, *nodes).residual)
 
 
 def beyond(point: ResidualState, node: int, end: float, share: float) -> ResidualState:

@@ -41,7 +41,7 @@ def solutions(problem: ContactProblem) -> list[Array]:
     return found
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @pytest.mark.parametrize(("material", "drag"), [("transverse", 7.5), ("orthotropic", 5.0)])
 def test_where_no_solution_exists_nobody_says_converged(sphere, solver, material, drag) -> None:

@@ -34,24 +34,6 @@ def test_products(precision: type, error: float) -> None:
     np.testing.assert_allclose(product, np.einsum("ijc,jc->ic", matrices, vectors), atol=error * 10.0)
 
 
-@pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("count", [0, 1, 2048, 5000])
-def test_products_at_some_of_many_nodes(count: int) -> None:
-    """However many parts they are worked on in."""
-    matrices, n = RANDOM.normal(size=(2, 3, count)), count + 100
-    nodes = np.sort(RANDOM.permutation(n)[:count])
-    blocks = held(matrices).products(np.dtype(float))
-    everywhere, product = RANDOM.normal(size=(3, n)), RANDOM.normal(size=(2, count))
-    expected = product + np.einsum("ijc,jc->ic", matrices, everywhere[:, nodes])
-    blocks.add_at(everywhere, nodes, product)
-    np.testing.assert_allclose(product, expected, atol=1e-13)
-    vectors, spread = RANDOM.normal(size=(3, count)), RANDOM.normal(size=(2, n))
-    expected = spread.copy()
-    expected[:, nodes] = np.einsum("ijc,jc->ic", matrices, vectors)
-    blocks.scatter(vectors, nodes, spread)
-    np.testing.assert_allclose(spread, expected, atol=1e-13)
-
-
 def test_sums_and_products_of_blocks() -> None:
     first, second = sparse(4, 4), sparse(4, 4)
     np.testing.assert_array_equal(whole(held(first).plus(held(second)), 4), first + second)
@@ -80,7 +62,7 @@ def test_entries_are_changed_at_some_nodes_and_only_there() -> None:
     np.testing.assert_array_equal(whole(held(matrices).with_entries(2, 1, nodes, 4.0), 3), expected)
 
 
-def test_turned_axes_of_the_first_two_components() -> None:
+def test_rotated_axes_of_the_first_two_components() -> None:
     matrices, angle = sparse(4, 3), RANDOM.random(NODES) * 2.0 * np.pi
     cosine, sine = np.cos(angle), np.sin(angle)
     turn = np.zeros((4, 4, NODES))

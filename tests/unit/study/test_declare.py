@@ -142,7 +142,7 @@ def test_maps_that_show_different_quantities(write):
 
 
 def test_the_documented_study_is_one(tmp_path):
-    page = Path(__file__).parents[3] / "docs" / "reproduce.md"
+    page = Path(__file__).parents[3] / "docs" / "howto" / "reproduce.md"
     (example,) = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     (tmp_path / "emii.toml").write_text("")
     (tmp_path / "study.toml").write_text(example, encoding="utf-8")

@@ -57,7 +57,7 @@ def test_references_that_do_not_converge_count(write, registry, tmp_path):
     [("mesh.contact_width", '["4 mm", "8 mm"]', (4e-3, 8e-3)), ("mesh.divisions", "[4, 6]", (5e-3, 5e-3))],
 )
 @pytest.mark.parametrize("kind", ["sections", "maps"])
-def test_every_run_has_the_zone_of_its_own_mesh(write, registry, tmp_path, kind, vary, values, sizes):
+def test_every_run_has_the_zone_of_its_mesh(write, registry, tmp_path, kind, vary, values, sizes):
     """Springs: the pressure is their stiffness times the depth of the paraboloid, at the nodes of each mesh."""
     path = write("{ pressure = 1.0 }", kind=kind, vary=vary, values=values)
     study = solve_study(path, tmp_path / "cache", registry=registry)

@@ -18,6 +18,7 @@ def test_the_papers_figures_are_there():
     assert {f"fig-{number:02d}" for number in range(3, 15)} <= set(STUDIES)
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("name", STUDIES)
 def test_first_and_last_run_and_references_are_cases(name):
     study, tables = load_study(STUDIES[name])

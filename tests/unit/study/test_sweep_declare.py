@@ -107,7 +107,7 @@ def test_keys_side_by_side(read):
     assert (axis.labels, axis.values) == (("4, 2", "4, 3"), None), "told apart by both"
 
 
-def test_values_that_are_nearly_the_same_are_told_apart(read):
+def test_nearly_equal_values_are_distinguished(read):
     study = read('case = "c.toml"\naxes = { mu = [0.1, 0.1000000001, 0.2] }')
     axis, changes = axis_of(study)
     assert axis.labels == ("0.1", "0.1000000001", "0.2")
@@ -214,7 +214,7 @@ def test_nothing_to_run(read):
 
 
 def test_the_documented_study_is_one(read):
-    page = Path(__file__).parents[3] / "docs" / "sweep.md"
+    page = Path(__file__).parents[3] / "docs" / "howto" / "sweep.md"
     first, *_ = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     study = read(first)
     assert len(list(study.changes())) == 5 * 2 * 2 + 1
@@ -222,7 +222,7 @@ def test_the_documented_study_is_one(read):
 
 def test_the_documented_selections_work(read, tmp_path, monkeypatch):
     """Quantities that are the numbers of the points, over the axes of the page."""
-    page = (Path(__file__).parents[3] / "docs" / "sweep.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "howto" / "sweep.md").read_text(encoding="utf-8")
     first, *_ = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     (select,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "open_dataset" in code]
     axes = read(re.sub(r"\[\[points\]\].*?\n\n", "", first, flags=re.DOTALL)).result_axes()
@@ -240,7 +240,7 @@ def test_the_documented_selections_work(read, tmp_path, monkeypatch):
     np.testing.assert_array_equal(found["insulating"], numbers[:, :, 0])
 
 
-def test_an_axis_may_have_a_name_of_its_own(read):
+def test_an_axis_may_have_a_name(read):
     axis, changes = axis_of(read('case = "c.toml"\n[axes.mu]\n"contact.law.mu" = [0.1, 0.3]'))
     assert axis.name == "mu"
     np.testing.assert_array_equal(axis.values, [0.1, 0.3])

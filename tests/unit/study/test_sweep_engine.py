@@ -144,7 +144,7 @@ def test_an_outcome_is_read_back_bit_for_bit(point, tmp_path):
     assert case_key(here.case) == here.key
 
 
-def test_what_is_kept_and_what_is_tried_again(tmp_path):
+def test_finished_points_are_reused_and_failed_ones_repeated(tmp_path):
     for status, kept in ((PointStatus.REFUSED, True), (PointStatus.FAILED, False)):
         write_outcome(tmp_path / status, Outcome(status, "why"))
         found = read_outcome(tmp_path / status)

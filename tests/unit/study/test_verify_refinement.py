@@ -65,6 +65,6 @@ def test_sizes_of_elements():
         ({"mesh": MESH, "formulation": "skfen"}, PluginError, "unknown formulation 'skfen'"),
     ],
 )
-def test_what_cannot_be_coarsened_is_told(registry, tables, error, message):
+def test_a_mesh_that_cannot_be_coarsened_is_named(registry, tables, error, message):
     with pytest.raises(error, match=message):
         coarsen(tables, 2.0, registry)

@@ -14,6 +14,7 @@ from meeframe.study.verify import verify
 AWAY = "the indenter does not touch the undeformed body: at an approach of {} m it stays {} m or more from the nodes"
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("depths", "away", "rest"), [((-1, 2, -1.5), (-1, -1.5), 0), (range(-7, 1), range(-7, -2), 7)])
 def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, away, rest):
     study = tmp_path / "study.toml"
@@ -29,7 +30,8 @@ def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, aw
     assert not rest or told[-1] == f"{rest} of {2 * len(depths)} points were not checked for such warnings"
 
 
-def test_sweeps_ask_some_points_of_many_and_none_that_is_kept(write_case, registry, tmp_path, monkeypatch):
+@pytest.mark.full
+def test_sweeps_check_some_points_of_many_and_no_finished_ones(write_case, registry, tmp_path, monkeypatch):
     """From the first to the last; those that are kept have been told of."""
     study = tmp_path / "study.toml"
     axis = '"steps[1].approach" = { from = 1e-6, to = -30e-6, count = 62 }'
@@ -52,7 +54,7 @@ def test_sweeps_ask_some_points_of_many_and_none_that_is_kept(write_case, regist
     assert len(told) == 2
 
 
-def test_comparisons_tell_once_of_all_that_agree(write_case, registry, tmp_path):
+def test_comparisons_warn_once_for_equal_bodies(write_case, registry, tmp_path):
     """And not of a law that attracts."""
     case = write_case(('"10 um"', '"-10 um"'))
     told = []
@@ -70,7 +72,7 @@ class Told(Exception):
     """Stops a study before anything is computed."""
 
 
-def test_verifications_tell_of_the_case(write_case, registry, tmp_path):
+def test_verifications_warn_about_the_case(write_case, registry, tmp_path):
     def warn(text):
         raise Told(text)
 

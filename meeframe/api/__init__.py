@@ -1,0 +1,1 @@
+"""Cases built and solved in Python; the names are exported by `meeframe`."""

@@ -1,0 +1,196 @@
+"""Parts of a case built in Python, each with the keys of its table in a case file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+from pydantic import ValidationError
+
+from meeframe.common.errors import CaseError
+from meeframe.fields import MEE
+from meeframe.formulations.base import Formulation
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.laws import Signorini
+from meeframe.laws.base import ContactLaw
+from meeframe.material import Material
+from meeframe.mesh import FrictionAxes, MeshRecipe
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.model.body_tables import BoundaryTable
+from meeframe.model.schema import StepTable
+from meeframe.model.values import Table
+from meeframe.plugin.validation import Problem, problems_of
+
+Amount = float | str
+"""Number in SI units, or text with a unit such as '5 mm'."""
+
+
+def entries(part: Any) -> dict[str, Any]:
+    """Return the entries of the table that a part of a case stands for: its fields that differ from their defaults."""
+    table = {entry.name: getattr(part, entry.name) for entry in fields(part) if entry.name != "scalars"}
+    defaults = {entry.name: entry.default for entry in fields(part)}
+    scalars = getattr(part, "scalars", {})
+    given = {key: value for key, value in table.items() if value is not None and not _same(value, defaults[key])}
+    return given | dict(scalars)
+
+
+def _same(value: Any, default: Any) -> bool:
+    return type(value) is type(default) and bool(value == default)
+
+
+def _check(part: "Step | Boundary", model: type[Table]) -> None:
+    """Raise CaseError unless the entries of a part are valid; fields that plugins add are checked by the case."""
+    table = {key: value for key, value in entries(part).items() if key not in part.scalars}
+    try:
+        model.model_validate(table)
+    except ValidationError as error:
+        lines = (f"{type(part).__name__}: {from_zero(problem)}" for problem in problems_of(error, model))
+        raise CaseError("\n".join(lines)) from None
+
+
+def from_zero(problem: Problem) -> Problem:
+    """Return a problem whose text counts the entries of lists from zero, as Python does."""
+    return replace(problem, location=tuple(key - 1 if isinstance(key, int) else key for key in problem.location))
+
+
+def _brief(part: Any) -> str:
+    return f"{type(part).__name__}({', '.join(f'{key}={value!r}' for key, value in entries(part).items())})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """Load step; quantities that it does not name stay as the previous step left them.
+
+    For each motion of the indenter either the motion, measured from first contact, or the conjugate resultant is given.
+
+    Parameters
+    ----------
+    approach, normal_force : float or str, optional
+        Approach [m], or normal force [N], >= 0 in compression.
+    translation, tangential_force, force_ratio : pair of float or str, optional
+        Translation [m], tangential force [N], or tangential over normal force, along e1 and e2; one number together
+        with `direction`.
+    direction : float or str, optional
+        Angle from e1 of those quantities that are one number [rad].
+    tilt, moment : pair of float or str, optional
+        Tilt [rad] or moment [N m] about e1 and e2.
+    twist, torque : float or str, optional
+        Twist [rad] or torque [N m] about the axis.
+    electric_potential, charge : float or str, optional
+        Potential of the indenter [V], or charge [C].
+    magnetic_potential, magnetic_flux : float or str, optional
+        Potential of the indenter [A], or magnetic flux [Wb].
+    duration : float or str, optional
+        Time of the whole step [s], for laws that need it.
+    increments : int, optional
+        Number of equal increments.
+    scalars : mapping of str to float or str, optional
+        Potentials or total fluxes of scalar fields that plugins add, by name.
+
+    Raises
+    ------
+    CaseError
+        If a value is not allowed or two of them determine the same motion.
+    """
+
+    approach: Amount | None = None
+    normal_force: Amount | None = None
+    translation: Amount | Sequence[Amount] | None = None
+    tangential_force: Amount | Sequence[Amount] | None = None
+    force_ratio: Amount | Sequence[Amount] | None = None
+    direction: Amount | None = None
+    tilt: Sequence[Amount] | None = None
+    moment: Sequence[Amount] | None = None
+    twist: Amount | None = None
+    torque: Amount | None = None
+    electric_potential: Amount | None = None
+    charge: Amount | None = None
+    magnetic_potential: Amount | None = None
+    magnetic_flux: Amount | None = None
+    duration: Amount | None = None
+    increments: int = 1
+    scalars: Mapping[str, Amount] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check(self, StepTable.of(MEE))
+
+    def __repr__(self) -> str:
+        """Return the prescribed quantities alone."""
+        return _brief(self)
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Boundary conditions on face groups; what is not prescribed has zero flux.
+
+    Parameters
+    ----------
+    group : str or sequence of str
+        Names of the face groups.
+    displacement, traction : sequence of float or str, optional
+        Three components each in global axes, 'free' where nothing is prescribed [m], [Pa].
+    electric_potential, electric_flux : float or str, optional
+        Potential [V], or outward flux D.nu [C/m^2].
+    magnetic_potential, magnetic_flux : float or str, optional
+        Potential [A], or outward flux B.nu [Wb/m^2].
+    scalars : mapping of str to float or str, optional
+        Potentials or fluxes of scalar fields that plugins add, by name.
+
+    Raises
+    ------
+    CaseError
+        If a value is not allowed.
+    """
+
+    group: str | Sequence[str]
+    displacement: Sequence[Amount] | None = None
+    traction: Sequence[Amount] | None = None
+    electric_potential: Amount | None = None
+    electric_flux: Amount | None = None
+    magnetic_potential: Amount | None = None
+    magnetic_flux: Amount | None = None
+    scalars: Mapping[str, Amount] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check(self, BoundaryTable.of(MEE))
+
+    def __repr__(self) -> str:
+        """Return the prescribed quantities alone."""
+        return _brief(self)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact zone with its law.
+
+    Parameters
+    ----------
+    law : ContactLaw, optional
+        Law of the tractions; frictionless by default.
+    zone : str, optional
+        Name of the face group that may come into contact.
+    axes : FrictionAxes, optional
+        Direction of the local axis e1, from which laws measure their angles.
+    """
+
+    law: ContactLaw = field(default_factory=Signorini)
+    zone: str = "contact"
+    axes: FrictionAxes | None = None
+
+
+@dataclass(frozen=True)
+class SecondBody:
+    """Second of two deformable bodies in its own coordinates, in which its contact zone faces up.
+
+    Parameters
+    ----------
+    material, mesh, boundary, formulation
+        As for `Case`.
+    zone : str, optional
+        Name of the face group that may come into contact.
+    """
+
+    material: str | Mapping[str, Any] | Material
+    mesh: MeshRecipe | SurfaceMesh
+    boundary: Sequence[Boundary] = ()
+    zone: str = "contact"
+    formulation: Formulation = field(default_factory=DenseBEM)

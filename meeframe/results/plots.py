@@ -1,0 +1,75 @@
+"""Figures of a result on axes of matplotlib."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from meeframe.common.errors import ResultError
+from meeframe.results import figures
+from meeframe.results.canvas import house_style
+from meeframe.results.history import curves, draw_curve, unloading
+from meeframe.results.records import Result
+from meeframe.results.selection import Which, select
+
+
+@dataclass(frozen=True)
+class Plots:
+    """Figures of a result, each on given axes or on new ones, which are returned.
+
+    The argument `step` selects the increment: the number of a load step, from 1, for its last increment; (step,
+    increment); 'last'; or an increment such as result[3]. The default is the one of the peak load.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    """
+
+    result: Result
+
+    def pressure(self, ax: Any = None, *, step: Which = None) -> Any:
+        """Draw the contact pressure; open nodes have the colour of the background."""
+        return self.map("pressure", ax, step=step)
+
+    def map(self, name: str, ax: Any = None, *, step: Which = None) -> Any:
+        """Draw the map of a scalar field such as 'electric_potential' or 'gap', with its bar."""
+        return self._on(ax, lambda axes: figures.draw_map(axes, self.result, name, step, self._title(step)))
+
+    def section(self, name: str = "pressure", ax: Any = None, *, step: Which = None) -> Any:
+        """Draw a scalar field, or 'tangential traction', along x through the middle of the contact zone."""
+        return self._on(ax, lambda axes: figures.draw_section(axes, self.result, name, step))
+
+    def stick_slip(self, ax: Any = None, *, step: Which = None) -> Any:
+        """Draw the regions of stick and slip. Raises ResultError for a case without friction."""
+        if not figures.has_friction(self.result):
+            raise ResultError("the contact has no friction, and thus neither stick nor slip")
+        return self._on(ax, lambda axes: figures.draw_stick_slip(axes, self.result, step, self._title(step)))
+
+    def history(self, name: str = "normal force", ax: Any = None) -> Any:
+        """Draw a curve of the converged increments, with open markers where the indenter unloads.
+
+        The names are 'normal force' over approach, 'tangential force' over translation, 'contact area' over approach,
+        'charge' and 'magnetic flux' over normal force, and 'dissipated energy', as far as the case has them.
+        """
+        drawn = {curve.name: curve for curve in curves(self.result)}
+        if not drawn:
+            raise ResultError("a history needs at least two converged increments")
+        if name not in drawn:
+            raise ResultError(f"the history has no curve {name!r}; allowed: {', '.join(drawn)}")
+        return self._on(ax, lambda axes: draw_curve(axes, drawn[name], unloading(self.result)))
+
+    def convergence(self, ax: Any = None, *, step: Which = None) -> Any:
+        """Draw the residual of the solver over its iterations."""
+        return self._on(ax, lambda axes: figures.draw_convergence(axes, self.result, step))
+
+    def _title(self, step: Which) -> str:
+        return figures.title_of(self.result, select(self.result, step))
+
+    def _on(self, axes: Any, draw: Callable[[Any], None]) -> Any:
+        with house_style():
+            if axes is None:
+                from matplotlib import pyplot
+
+                axes = pyplot.subplots(layout="constrained")[1]
+            draw(axes)
+        return axes

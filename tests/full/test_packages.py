@@ -1,0 +1,119 @@
+"""Wheels and sdists of all distributions, in an environment of their own: without uv, without the repository."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import meeframe
+
+ROOT = Path(__file__).parents[2]
+NAMES = ("meeframe", "meeframe_laws", "meeframe_halfspace", "meeframe_hmatrix", "meeframe_skfem")
+
+pytestmark = pytest.mark.skipif(shutil.which("uv") is None, reason="uv builds the distributions")
+
+
+def run(*command, cwd=None, **variables):
+    """Standard output of a command that succeeds."""
+    done = subprocess.run(
+        list(map(str, command)), cwd=cwd, capture_output=True, text=True, timeout=1200, env=os.environ | variables
+    )
+    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def distributions(tmp_path_factory):
+    """Folder with an sdist and a wheel, made from that sdist, of each distribution."""
+    folder = tmp_path_factory.mktemp("dist")
+    run("uv", "build", "--quiet", "--all-packages", "--out-dir", folder, cwd=ROOT)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory, distributions):
+    """Runs commands of an environment that has the wheels alone, in an empty folder."""
+    folder = tmp_path_factory.mktemp("empty")
+    environment = folder / "environment"
+    run(sys.executable, "-m", "venv", environment)
+    wheels = [next(distributions.glob(f"{name}-*.whl")) for name in NAMES]
+    pip = (environment / "bin" / "python", "-m", "pip", "--quiet", "--disable-pip-version-check")
+    run(*pip, "install", *wheels, cwd=folder)
+    outside = {"PATH": f"{environment / 'bin'}{os.pathsep}{os.defpath}", "PYTHONPATH": "", "VIRTUAL_ENV": ""}
+    outside |= {"NUMBA_CACHE_DIR": str(folder / "kernels"), "PYTHONDONTWRITEBYTECODE": ""}
+    assert shutil.which("uv", path=outside["PATH"]) is None
+
+    def command(*arguments):
+        return run(environment / "bin" / arguments[0], *arguments[1:], cwd=folder, **outside)
+
+    command.folder = folder
+    return command
+
+
+def test_distributions_hold_the_code_its_types_and_the_licence(distributions):
+    for name in NAMES:
+        check_distribution(distributions, name)
+
+
+def check_distribution(distributions, name):
+    wheel = zipfile.ZipFile(next(distributions.glob(f"{name}-*.whl"))).namelist()
+    with tarfile.open(next(distributions.glob(f"{name}-*.tar.gz"))) as archive:
+        source = archive.getnames()
+    for files in (wheel, [file.partition("/")[2] for file in source]):
+        assert f"{name}/__init__.py" in files
+        assert f"{name}/py.typed" in files
+        assert any(Path(file).name == "LICENSE" for file in files)
+        assert not any("tests" in Path(file).parts for file in files)
+    if name == "meeframe":
+        examples = {f"meeframe/examples/{path.name}" for path in (ROOT / "meeframe" / "examples").glob("*.toml")}
+        templates = {path.relative_to(ROOT).as_posix() for path in (ROOT / "meeframe").rglob("*.template")}
+        assert len(examples) > 5
+        assert examples | templates < set(wheel)
+
+
+def test_wheels_alone_run_the_main_case_and_new_plugins(place, tmp_path):
+    """One test, since its environment takes a minute to install."""
+    check_main_case(place, tmp_path)
+    check_doctor(place)
+    place("meeframe", "example", "rough")
+    assert "ok" in place("meeframe", "check", "rough.toml")
+    for kind in ("contact-law", "solver"):
+        check_new_plugin(place, kind)
+
+
+def check_main_case(place, tmp_path):
+    assert place("meeframe", "--version").strip() == f"meeframe {meeframe.__version__}"
+    place("meeframe", "example", "emii")
+    place("meeframe", "run", "emii.toml", "--out", "out")
+    step = json.loads((place.folder / "out" / "summary.json").read_text(encoding="utf-8"))["steps"][-1]
+    assert step["status"] == "converged"
+    location = place("python", "-c", "import meeframe; print(meeframe.__file__)").strip()
+    assert ROOT not in Path(location).parents
+    here = meeframe.run(ROOT / "validation" / "transversely_isotropic_indentation" / "emii.toml", tmp_path)
+    force = meeframe.resultants(here.zone, here.steps[-1]).force
+    assert step["force"] == pytest.approx(force.tolist(), rel=1e-6, abs=1e-6 * abs(force[2]))
+
+
+def check_doctor(place):
+    """It finds no problem, and names what is missing."""
+    report = place("meeframe", "doctor")
+    assert "0 problems" in report
+    assert "pip install 'meeframe[sweep]'" in report
+    for name in NAMES[1:]:
+        assert name.replace("_", "-") in report
+    assert str(place.folder / "kernels") in report
+
+
+def check_new_plugin(place, kind):
+    """It installs beside meeframe from a wheel, is listed, and passes its own tests."""
+    place("meeframe", "new-plugin", kind, f"new-{kind}")
+    package = place.folder / f"meeframe-new-{kind}"
+    place("python", "-m", "pip", "--quiet", "--disable-pip-version-check", "install", f"{package}[test]")
+    assert f"new-{kind}" in place("meeframe", "plugins")
+    assert " passed" in place("python", "-m", "pytest", "-q", package)

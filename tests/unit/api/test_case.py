@@ -1,0 +1,289 @@
+"""Cases built in Python: the same as those of case files, there and back, with messages that name the arguments."""
+
+import dataclasses
+import inspect
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.fields import MEE
+from meeframe.model.body_tables import BlockTable, BoundaryTable, FileTable, HalfSpaceTable, SecondBodyTable
+from meeframe.model.schema import StepTable
+from meeframe.plugin.registry import load
+
+ROOT = Path(__file__).parents[3]
+CASES = sorted(
+    path
+    for folder in ("validation", "plugins")
+    for path in (ROOT / folder).rglob("*.toml")
+    if "[material]" in path.read_text(encoding="utf-8")
+)
+
+STEPS = (meeframe.Step(approach="10 um", increments=2), meeframe.Step(translation=["1 um", 0], charge="0 C"))
+CONDUCTING = {"electric": meeframe.StepConductivity("1e-3 F/m^2")}
+
+
+def build(**changes) -> meeframe.Case:
+    parts = {
+        "material": "batio3-cofe2o4",
+        "mesh": meeframe.mesh.block("50 mm", "120 mm", "5 mm", divisions=4, rings=2, layers=1),
+        "boundary": [meeframe.Boundary("base", displacement=[0, 0, 0], electric_potential=0, magnetic_potential=0)],
+        "indenter": meeframe.Sphere("100 mm"),
+        "contact": meeframe.OrthotropicCoulomb(0.1, "30 %"),
+        "conductivity": CONDUCTING,
+        "steps": STEPS,
+    }
+    return meeframe.Case(**parts | changes)
+
+
+TEXT = """
+[material]
+name = "batio3-cofe2o4"
+[mesh]
+half_width = 0.05
+height = 0.12
+contact_width = 0.005
+divisions = 4
+rings = 2
+layers = 1
+[[boundary]]
+group = "base"
+displacement = [0, 0, 0]
+electric_potential = 0
+magnetic_potential = 0
+[contact]
+law = {name = "orthotropic-coulomb", mu1 = 0.1, mu2 = 0.3}
+[conductivity]
+electric = {name = "step", kappa = 1e-3}
+[indenter]
+name = "sphere"
+radius = 0.1
+[[steps]]
+approach = 1e-5
+increments = 2
+[[steps]]
+translation = [1e-6, 0]
+charge = 0
+"""
+
+
+def assert_same_model(one, other) -> None:
+    """Checked cases are the same to the last digit."""
+    np.testing.assert_array_equal(one.material.stiffness, other.material.stiffness)
+    np.testing.assert_array_equal(one.mesh.points, other.mesh.points)
+    for name in ("steps", "placement", "potentials", "zone", "axes", "limits", "title"):
+        assert getattr(one, name) == getattr(other, name), name
+    for name in ("indenter", "contact_law", "formulation", "solver", "output"):
+        assert repr(getattr(one, name)) == repr(getattr(other, name)), name
+    assert repr(dict(one.conductivity)) == repr(dict(other.conductivity))
+    assert repr(one.conditions) == repr(other.conditions)
+    assert (one.second_body is None) == (other.second_body is None)
+    if one.second_body is not None:
+        np.testing.assert_array_equal(one.second_body.material.stiffness, other.second_body.material.stiffness)
+        np.testing.assert_array_equal(one.second_body.mesh.points, other.second_body.mesh.points)
+        assert repr(one.second_body.conditions) == repr(other.second_body.conditions)
+        assert one.second_body.formulation == other.second_body.formulation
+
+
+@pytest.mark.parametrize("file", CASES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_there_and_back(file, tmp_path, monkeypatch):
+    """A case file, the case, another case file in another folder: the same model."""
+    case = meeframe.Case.from_toml(file)
+    assert_same_model(case.checked, meeframe.load_case(file))
+    (tmp_path / "inner").mkdir()
+    case.to_toml(tmp_path / "inner" / "case.toml")
+    monkeypatch.chdir(tmp_path)
+    again = meeframe.Case.from_toml("inner/case.toml")
+    assert_same_model(again.checked, case.checked)
+
+
+def test_python_and_file_give_the_same_result():
+    ours = build().solve()
+    theirs = meeframe.Case.from_toml(TEXT).solve()
+    assert ours.status == theirs.status == "converged"
+    for one, other in zip(ours, theirs, strict=True):
+        for name in ("traction", "displacement", "potentials", "fluxes", "total_slip"):
+            scale = np.abs(getattr(other, name)).max()
+            np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-12, atol=1e-12 * scale)
+
+
+def test_a_case_is_shown_in_a_line():
+    elements = build().checked.mesh.n_elements
+    assert repr(build(title="a title")) == (
+        f"Case('a title': batio3-cofe2o4, {elements} elements, 2 load steps, 3 increments)"
+    )
+
+
+def test_the_result_holds_the_case():
+    case = build()
+    assert meeframe.Case.from_toml(case.solve().provenance.case_text).to_toml() == case.to_toml()
+
+
+@pytest.mark.parametrize(
+    ("part", "table"),
+    [
+        (meeframe.Step, StepTable.of(MEE)),
+        (meeframe.Boundary, BoundaryTable.of(MEE)),
+        (meeframe.SecondBody, SecondBodyTable),
+    ],
+)
+def test_parts_have_the_keys_of_case_files(part, table):
+    names = {field.name for field in dataclasses.fields(part)} - {"scalars"}
+    assert names == set(table.model_fields)
+
+
+@pytest.mark.parametrize(
+    ("recipe", "table"),
+    [
+        (meeframe.mesh.block, BlockTable),
+        (meeframe.mesh.half_space, HalfSpaceTable),
+        (meeframe.mesh.file, FileTable),
+    ],
+)
+def test_meshes_have_the_keys_and_defaults_of_case_files(recipe, table):
+    parameters = {name.replace("path", "file"): entry for name, entry in inspect.signature(recipe).parameters.items()}
+    assert set(parameters) == set(table.model_fields) - {"type"}
+    for name, parameter in parameters.items():
+        field = table.model_fields[name]
+        assert field.is_required() == (parameter.default is inspect.Parameter.empty)
+        assert field.is_required() or field.default == parameter.default
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: meeframe.Step(approach="5 s"), "Step: approach = '5 s': has the wrong unit; expected a number in m"),
+        (lambda: meeframe.Step(approach=1e-5, normal_force=1), "approach and normal_force are both given"),
+        (lambda: meeframe.Boundary("base", displacement=[0, 0]), r"Boundary: displacement\[2\]: missing entry"),
+        (lambda: meeframe.Sphere("-1 mm"), "Sphere: radius = '-1 mm': must be > 0"),
+        (lambda: meeframe.law("dmmt"), "contact law 'dmmt'.*did you mean 'dmt'"),
+        (lambda: meeframe.law("isotropic-coulomb", mue=0.3), "mue = 0.3: unknown key; did you mean 'mu'"),
+        (lambda: meeframe.solver("newton", steps=2), "solver 'newton': steps = 2: unknown key"),
+        (lambda: build(mesh=meeframe.mesh.half_space("5 s", 8)), "Case: mesh.contact_width = '5 s': has the wrong"),
+        (lambda: build(contact=meeframe.Contact(zone="lid")), "Case: contact.zone = 'lid': no face group 'lid'"),
+        (lambda: build(boundary=[meeframe.Boundary("lid", traction=[0, 0, 0])]), r"Case: boundary\[0\].group = 'lid'"),
+        (lambda: build(potentials={"electric": 1}), "Case: potentials.electric = 1: unknown key"),
+        (lambda: build(steps=[meeframe.Step(tilt=[0, 0])]), r"Case: steps\[0\]: the first load step gives neither"),
+        (lambda: build(material="pzt-44"), "Case: material: unknown material 'pzt-44'; did you mean 'pzt-4'"),
+        (lambda: build(restart="nowhere"), "Case: restart = 'nowhere': no result in nowhere"),
+        (lambda: meeframe.Case.from_toml("a = 1\nb ="), "the text is no case file"),
+    ],
+)  # fmt: skip
+def test_messages_name_argument_value_and_what_is_allowed(make, message):
+    with pytest.raises(meeframe.MeeframeError, match=message):
+        make()
+
+
+def test_objects_of_every_registered_name():
+    """What needs no keys can be made by its name, and is what case files make of it."""
+    registry = load()
+    for maker, kind in (
+        (meeframe.law, "contact law"),
+        (meeframe.conductivity, "conductivity law"),
+        (meeframe.solver, "solver"),
+    ):
+        for entry in registry.entries:
+            required = (
+                [
+                    field
+                    for field in dataclasses.fields(entry.record.factory)
+                    if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+                ]
+                if entry.kind == kind
+                else [None]
+            )
+            if not required:
+                assert type(maker(entry.record.name)) is entry.record.factory
+
+
+def test_material_mesh_and_parts_as_objects(tmp_path):
+    from meeframe.material import library_material
+
+    case = build(material=library_material("pzt-4"), placement=meeframe.Placement(x="1 mm"), title="objects")
+    case.to_toml(tmp_path / "case.toml")
+    assert_same_model(meeframe.load_case(tmp_path / "case.toml"), case.checked)
+
+
+def test_a_mesh_as_an_object_gives_the_same_model_but_no_case_file():
+    case = build(mesh=build().checked.mesh)
+    assert_same_model(case.checked, build().checked)
+    with pytest.raises(meeframe.CaseError, match=r"mesh: case files do not hold points; allowed: meeframe.mesh.block"):
+        case.to_toml()
+    with pytest.raises(meeframe.CaseError, match="Case: mesh = 5: should be a table"):
+        build(mesh=5)
+
+
+def test_an_unregistered_law_solves_but_has_no_case_file():
+    @dataclasses.dataclass(frozen=True)
+    class Mine(type(meeframe.Signorini()).__mro__[1]):
+        def project(self, trial):
+            return meeframe.Signorini().project(trial)
+
+        def tangential_scaling(self):
+            return np.zeros((2, 2))
+
+    case = build(contact=Mine(), steps=STEPS[:1])
+    with pytest.raises(meeframe.CaseError, match="has no name in case files"):
+        case.to_toml()
+    np.testing.assert_allclose(
+        case.solve()[-1].traction,
+        build(contact=meeframe.Signorini(), steps=STEPS[:1]).solve()[-1].traction,
+        rtol=1e-6,
+        atol=1,
+    )
+
+
+def interrupting(after: int):
+    """Progress that sends SIGINT to this process during the increment after so many."""
+    state = {"sent": False}
+
+    def report(stage: str, fraction: float) -> None:
+        if stage == "contact" and fraction > after / 3 + 1e-9 and not state["sent"]:
+            state["sent"] = True
+            signal.raise_signal(signal.SIGINT)
+
+    return report
+
+
+def test_interruption_keeps_what_is_finished(tmp_path):
+    case = build()
+    whole = case.solve()
+    with pytest.raises(KeyboardInterrupt) as caught:
+        case.solve(progress=interrupting(2))
+    assert isinstance(caught.value, meeframe.Interrupted)
+    assert len(caught.value.result) == 2
+    assert caught.value.result.status == "unfinished"
+    with pytest.raises(meeframe.Interrupted) as caught:
+        case.solve(tmp_path / "out", progress=interrupting(2))
+    assert "2 of 3 increments are finished" in caught.value.__notes__[0]
+    for result in (caught.value.result, meeframe.Result.load(tmp_path / "out")):
+        assert len(result) == 2
+        for one, other in zip(result, whole[:2], strict=True):
+            np.testing.assert_allclose(one.traction, other.traction, rtol=1e-12, atol=1e-6)
+
+
+def test_import_is_light():
+    """`import meeframe` imports neither numpy nor pydantic; names are completed all the same."""
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, meeframe; print(*sorted({'numpy', 'pydantic', 'numba', 'matplotlib'} & set(sys.modules)), end='')"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == ""
+    assert {"Case", "Sphere", "mesh", "law", "Result"} <= set(dir(meeframe))
+
+
+def test_bars_are_shown_where_they_are_wanted(capsys):
+    case = build(steps=STEPS[:1])
+    case.solve()
+    case.solve(progress=False)
+    assert capsys.readouterr().err == "", "neither a terminal nor a notebook"
+    case.solve(progress=True)
+    assert "contact" in capsys.readouterr().err
+    stages = []
+    case.solve(progress=lambda stage, fraction: stages.append(stage))
+    assert "contact" in stages

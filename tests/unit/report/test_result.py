@@ -1,0 +1,246 @@
+"""Tables, datasets, figures on axes, and scenes of a result, against its raw arrays."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import meeframe
+from meeframe.contact.problem import Status
+from meeframe.results.figures import figures
+from meeframe.results.files import write_result
+from meeframe.results.selection import select
+from meeframe.results.vtk import write_fields
+
+
+@pytest.fixture
+def result(synthetic):
+    """Pressed in two increments, dragged in one, drawn off in another; in all of them the pressure is 1 MPa / µm."""
+    steps = [
+        synthetic.step(1e-6, increment=1),
+        synthetic.step(3e-6, increment=2),
+        synthetic.step(3e-6, number=2),
+        synthetic.step(2e-6, number=3),
+    ]
+    return meeframe.Result.of(synthetic.result(*steps))
+
+
+def axes():
+    return Figure().subplots()
+
+
+def test_a_result_is_a_sequence_of_increments(result):
+    assert len(result) == 4
+    assert list(result) == list(result.steps)
+    assert result[-1] is result.steps[-1]
+    assert result[:2] == result.steps[:2]
+
+
+@pytest.mark.parametrize(
+    ("which", "index"),
+    [(None, 2), ("peak", 2), ("last", 3), (1, 1), ((1, 1), 0), ("1.1", 0), ("1", 1), (3, 3), ("3", 3)],
+)
+def test_an_increment_is_chosen_by_its_numbers_and_the_peak_is_the_default(result, which, index):
+    assert result.select(which) is result.steps[index]
+    assert result.select(result[index]) is result[index]
+
+
+@pytest.mark.parametrize("which", [4, (1, 3), "1.3", "one", "1.2.3", ""])
+def test_an_increment_that_is_not_there_is_refused(result, which):
+    with pytest.raises(
+        meeframe.MeeframeError, match=r"no such increment; allowed: peak, last, .* 1 \(increments 1 to 2\)"
+    ):
+        select(result, which)
+
+
+def test_dataframe_has_a_row_for_each_increment(result):
+    table = result.to_dataframe()
+    assert list(zip(table["step"], table["increment"], strict=True)) == [(1, 1), (1, 2), (2, 1), (3, 1)]
+    totals = [meeframe.resultants(result.zone, step) for step in result]
+    np.testing.assert_array_equal(table["approach"], [step.loading.approach for step in result])
+    for name in ("normal_force", "charge", "magnetic_flux", "contact_area", "max_pressure", "dissipated_energy"):
+        np.testing.assert_array_equal(table[name], [getattr(total, name) for total in totals])
+    np.testing.assert_array_equal(table[["force_x", "force_y", "force_z"]], [total.force for total in totals])
+    np.testing.assert_array_equal(table["tilt_1"], [step.loading.tilt[0] for step in result])
+    assert set(table["status"]) == {"converged"}
+    units = table.attrs["units"]
+    assert {units[name] for name in ("approach", "charge", "contact_area")} == {"m", "C", "m^2"}
+    assert set(units) | {"step", "increment", "status"} == set(table.columns)
+
+
+def test_dataframe_leaves_out_rotations_that_are_zero_and_not_free(result):
+    def columns(**loading):
+        steps = (dataclasses.replace(step, loading=dataclasses.replace(step.loading, **loading)) for step in result)
+        return set(dataclasses.replace(result, steps=tuple(steps)).to_dataframe().columns)
+
+    nothing = {"tilt": np.zeros(2), "twist": 0.0}
+    assert not {"tilt_1", "moment_1", "twist", "torque"} & columns(**nothing)
+    assert {"twist", "torque"} <= columns(**nothing, prescribed={"torque": np.zeros(1)})
+
+
+def test_dataset_of_a_grid_has_x_and_y(result):
+    data = result.to_xarray()
+    assert dict(data.sizes) == {"increment": 4, "x": 5, "y": 5, "component": 3, "tangent": 2}
+    assert data["pressure"].dims == ("increment", "x", "y")
+    for number, point in enumerate(result.zone.points):
+        here = data.sel(x=point[0], y=point[1], method="nearest").isel(increment=1)
+        assert float(here["pressure"]) == -result[1].traction[number, 2]
+        assert float(here["electric_potential"]) == result[1].potentials[number, 0]
+        np.testing.assert_array_equal(here["traction"], result[1].traction[number])
+        np.testing.assert_array_equal(here["total_slip"], result[1].total_slip[number])
+    assert float((data["weights"] * data["pressure"]).sum(["x", "y"])[1]) == pytest.approx(
+        float(data["normal_force"][1])
+    )
+    assert (data["pressure"].attrs["units"], data["x"].attrs["units"]) == ("Pa", "m")
+    assert (data["magnetic_flux"].attrs["units"], data["total_magnetic_flux"].attrs["units"]) == ("Wb/m^2", "Wb")
+    np.testing.assert_array_equal(data["indenter_electric_potential"], 3.0)
+    assert list(data["step"].values) == [1, 1, 2, 3]
+
+
+def test_dataset_of_scattered_nodes_has_nodes(result):
+    moved = result.zone.points + np.random.default_rng(1).uniform(-1e-4, 1e-4, result.zone.points.shape)
+    data = dataclasses.replace(result, zone=dataclasses.replace(result.zone, points=moved)).to_xarray()
+    assert data["pressure"].dims == ("increment", "node")
+    np.testing.assert_array_equal(data["pressure"][2], -result[2].traction[:, 2])
+    np.testing.assert_array_equal(data["x"], moved[:, 0])
+
+
+def test_a_result_that_is_read_has_the_same_tables(result, tmp_path):
+    write_result(tmp_path, result)
+    read = meeframe.Result.load(tmp_path)
+    assert read.to_dataframe().equals(result.to_dataframe())
+    assert read.to_xarray().equals(result.to_xarray())
+    assert read._repr_html_().startswith("<div><table><caption>a title")
+
+
+def test_tables_without_their_libraries_name_the_extra(result, monkeypatch):
+    import sys
+
+    for name in ("pandas", "xarray", "pyvista"):
+        monkeypatch.setitem(sys.modules, name, None)
+    for make, extra in ((result.to_dataframe, "data"), (result.to_xarray, "data"), (result.to_pyvista, "interactive")):
+        with pytest.raises(meeframe.MeeframeError, match=rf"pip install 'meeframe\[{extra}\]'"):
+            make()
+
+
+def test_force_over_approach_in_three_lines(result):
+    table = result.to_dataframe()
+    line = table.plot(x="approach", y="normal_force", ax=axes()).lines[0]
+    np.testing.assert_allclose(line.get_xydata(), np.column_stack([[1e-6, 3e-6, 3e-6, 2e-6], [9, 27, 27, 18]]))
+
+
+def test_figures_on_given_axes(result):
+    on = axes()
+    assert result.plot.pressure(on) is on
+    assert on.get_aspect() == 1.0
+    assert (on.get_xlabel(), on.get_title()) == ("x [mm]", "a title\nstep 2, approach 3 µm\ncontact pressure")
+    bar = on.figure.axes[1]
+    assert bar.get_ylabel() == "contact pressure [MPa]"
+    assert on.collections[0].get_array().max() == pytest.approx(3.0)
+    assert result.plot.pressure(axes(), step=3).collections[0].get_array().max() == pytest.approx(2.0)
+    section = result.plot.section("electric_potential", axes(), step=(1, 1))
+    assert section.get_ylabel() == "electric potential\n[V]"
+    np.testing.assert_allclose(section.lines[1].get_ydata(), result[0].potentials[result.zone.points[:, 1] == 0.0, 0])
+    labels = [text.get_text() for text in result.plot.stick_slip(axes()).get_legend().get_texts()]
+    assert labels == ["slip, 8 mm²", "stick, 1 mm²"]
+    convergence = result.plot.convergence(axes())
+    assert (convergence.get_xlabel(), convergence.get_yscale()) == ("iteration", "log")
+    np.testing.assert_array_equal(convergence.lines[0].get_xydata(), result[2].history)
+    with pytest.raises(meeframe.MeeframeError, match=r"unknown field 'presure'; .*pressure"):
+        result.plot.map("presure", axes())
+
+
+def test_figures_without_axes_are_new_ones_of_pyplot(result):
+    from matplotlib import pyplot
+
+    new = result.plot.pressure()
+    assert new.figure.number in pyplot.get_fignums()
+    pyplot.close(new.figure)
+
+
+def test_history_tells_unloading_from_loading(result):
+    curve = result.plot.history(ax=axes())
+    np.testing.assert_allclose(curve.lines[0].get_xydata(), [[1, 9], [3, 27], [3, 27], [2, 18]])
+    np.testing.assert_allclose(curve.lines[1].get_xydata(), [[2, 18]])
+    assert curve.lines[1].get_markerfacecolor() == "white"
+    assert [text.get_text() for text in curve.get_legend().get_texts()] == ["loading", "unloading"]
+    area = result.plot.history("contact area", axes())
+    assert (area.get_ylabel(), area.lines[0].get_ydata()[0]) == ("contact area [mm²]", pytest.approx(9.0))
+    assert result.plot.history("charge", axes()).get_xlabel() == "normal force [N]"
+    with pytest.raises(meeframe.MeeframeError, match="no curve 'heat'; allowed: normal force, tangential force"):
+        result.plot.history("heat", axes())
+
+
+def test_open_nodes_have_no_colour_and_the_edge_keeps_that_of_the_contact(result):
+    """A uniform pressure is drawn uniformly up to the edge: no colour between it and zero."""
+    values = result.plot.pressure(axes()).collections[0].get_array()
+    drawn = result.plot.pressure(axes()).collections[0]
+    used = np.unique(drawn._triangulation.triangles)
+    np.testing.assert_allclose(values[used], 3.0)
+
+
+def test_round_off_is_drawn_as_zero(result, synthetic):
+    """What is 1e-12 of the potential at the peak has no map after unloading."""
+    last = dataclasses.replace(result[-1], potentials=1e-12 * result[-1].potentials)
+    unloaded = dataclasses.replace(result, steps=(*result.steps[:-1], last))
+    assert "electric_potential" in figures(unloaded)
+    assert "electric_potential" not in figures(unloaded, "last")
+
+
+def test_no_stick_and_slip_without_friction(result):
+    smooth = [
+        dataclasses.replace(step, traction=step.traction * [0, 0, 1], region=np.minimum(step.region, 1))
+        for step in result
+    ]
+    without = dataclasses.replace(result, steps=tuple(smooth))
+    assert "stick_slip" not in figures(without)
+    with pytest.raises(meeframe.MeeframeError, match="no friction"):
+        without.plot.stick_slip(axes())
+
+
+def test_failed_increments_are_no_peak(result):
+    broken = dataclasses.replace(result[2], traction=np.full_like(result[2].traction, np.nan), status=Status.DIVERGED)
+    assert select(dataclasses.replace(result, steps=(*result[:2], broken, result[3]))) is result[1]
+
+
+@pytest.fixture(scope="module")
+def indented():
+    """Two load steps on a small block, with its boundary fields."""
+    return meeframe.Case(
+        material="batio3-cofe2o4",
+        mesh=meeframe.mesh.block("50 mm", "120 mm", "5 mm", divisions=4, rings=2, layers=1),
+        boundary=[meeframe.Boundary("base", displacement=[0, 0, 0], electric_potential=0, magnetic_potential=0)],
+        indenter=meeframe.Sphere("100 mm"),
+        steps=[meeframe.Step(approach="20 um"), meeframe.Step(approach="10 um")],
+    ).solve()
+
+
+def test_scene_of_body_and_zone(indented):
+    pytest.importorskip("pyvista")
+    scene = indented.to_pyvista(1, warp=2.0)
+    step = indented[0]
+    np.testing.assert_allclose(
+        scene["body"].points, step.boundary.points + 2.0 * step.boundary.values[:, :3], atol=1e-7
+    )
+    np.testing.assert_array_equal(scene["zone"]["contact pressure [Pa]"], -step.traction[:, 2])
+    assert scene["body"]["displacement [m]"].shape == (len(step.boundary.points), 3)
+    assert scene["body"].n_cells == sum(len(nodes) for _, nodes in step.boundary.cells)
+
+
+def test_series_of_boundary_fields(indented, tmp_path):
+    import meshio
+
+    write_fields(tmp_path, indented)
+    text = (tmp_path / "fields.pvd").read_text(encoding="utf-8")
+    for number, step in enumerate(indented, 1):
+        assert f'timestep="{number}" part="0" file="fields.series/{number:04d}.vtu"' in text
+        mesh = meshio.read(tmp_path / "fields.series" / f"{number:04d}.vtu")
+        np.testing.assert_allclose(mesh.point_data["displacement [m]"], step.boundary.values[:, :3])
+
+
+def test_the_house_style_is_one_of_matplotlib():
+    from matplotlib import pyplot
+
+    with pyplot.style.context(meeframe.STYLE):
+        assert pyplot.rcParams["image.cmap"] == "cividis"
