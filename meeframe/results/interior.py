@@ -15,7 +15,7 @@ from meeframe.results.records import StepResult, Zone, split_load
 from meeframe.system.capabilities import InteriorFields
 from meeframe.system.reduced import ReducedSystem
 
-_BOX_POINTS: Final = (25, 25, 21)
+_BOX_POINTS: Final = (17, 17, 15)
 """Numbers of points of `PointGrid.below_contact` along e1, e2 and the normal."""
 _BOX_WIDTH, _BOX_DEPTH = 1.5, 2.5
 """Half width and depth of that box, in half widths of the contact."""

@@ -6,7 +6,7 @@ from meeframe_halfspace import HalfSpace
 
 from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4
-from meeframe.fields import FieldScaling
+from meeframe.fields import FieldScaling, ScalarField
 from meeframe.material import Material, library_material, rotation_about
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
@@ -221,3 +221,30 @@ def test_no_load_causes_no_fields():
     result = interior(system, np.zeros(system.offset.shape), np.array([[0.0, 0.0, -0.3]]))
     assert not result.stress.any()
     assert not result.displacement.any()
+
+
+def test_a_further_scalar_field():
+    """A heat source on the surface: temperature Q / (2 pi k r) and heat flux Q / (2 pi r^2) in the depth."""
+    thermal = ScalarField(
+        "thermal",
+        "temperature",
+        "K",
+        "heat_flux",
+        "W/m^2",
+        "heat",
+        "W",
+        "thermal_conductivity",
+        "W/m/K",
+        "W/m^2/K",
+        "K/m",
+    )
+    material = library_material("batio3-cofe2o4").with_field(thermal, 2.5)
+    mesh = half_space_mesh(20.0, 0.4, 8, 1, Quad4())
+    system = HalfSpace(matrix_up_to=0).reduce(Body(material.stiffness, mesh, (), "contact", material.fields))
+    load = np.zeros(system.offset.shape)
+    load[np.linalg.norm(system.points, axis=1).argmin(), 5] = -1.0 / 0.05**2
+    points = np.array([[0.0, 0.0, -1.0], [0.6, 0.0, -0.8]])
+    result = interior(system, load, points, material.fields)
+    np.testing.assert_allclose(result.potentials[:, 2], 1.0 / (2.0 * np.pi * 2.5), rtol=2e-3)
+    np.testing.assert_allclose(result.flux_densities[:, 2], points / (2.0 * np.pi), atol=5e-4)
+    assert not result.stress.any()

@@ -7,11 +7,11 @@ import pytest
 
 from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4, Quad9, Tri6
-from meeframe.fields import FieldScaling
+from meeframe.fields import FieldScaling, ScalarField
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import library_material, rotation_about
 from meeframe.mesh import box_mesh, half_space_mesh
-from meeframe.mesh.body import Body
+from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.results.interior import interior
 from meeframe.system.capabilities import InteriorFields
 from meeframe.testing.manufactured import LinearField, PointSourceField, prescribe
@@ -117,3 +117,37 @@ def test_a_semi_infinite_mesh():
     assert errors[0] / errors[1] > 2.2
     with pytest.raises(CaseError, match="outside the body"):
         interior(system, load, np.array([[0.0, 0.0, 0.5]]))
+
+
+THERMAL = ScalarField(
+    name="thermal",
+    value_name="temperature",
+    value_unit="K",
+    flux_name="heat_flux",
+    flux_unit="W/m^2",
+    resultant="heat",
+    resultant_unit="W",
+    coefficient="thermal_conductivity",
+    coefficient_unit="W/m/K",
+    conductance_unit="W/m^2/K",
+    strength_unit="K/m",
+)
+
+
+def test_a_further_scalar_field():
+    """Uniform heat flux through a block on a base at zero temperature, beside a uniform pressure of no interest."""
+    material = library_material("batio3-cofe2o4").with_field(THERMAL, 2.5)
+    mesh = box_mesh(SIDES, (1, 2, 1), Quad4())
+    conditions = tuple(BoundaryCondition("z-", field, "value") for field in range(6))
+    system = DenseBEM().reduce(Body(material.stiffness, mesh, conditions, "z+", material.fields))
+    load = np.zeros(system.offset.shape)
+    load[:, 5] = 7.0
+    points = inside(mesh, np.array([[0.5, 0.5, 0.5], [0.2, 0.7, 0.9]]))
+    result = interior(system, load, points, material.fields)
+    height = points[:, 2] - mesh.points[:, 2].min()
+    np.testing.assert_allclose(result.potentials[:, 2], -7.0 / 2.5 * height, rtol=1e-4)
+    np.testing.assert_allclose(result.flux_densities[:, 2], [[0.0, 0.0, 7.0]] * 2, atol=1e-3)
+    np.testing.assert_allclose(result.field_strengths[:, 2], [[0.0, 0.0, 2.8]] * 2, atol=1e-3)
+    assert {row.name: row.unit for row in result.maxima()}["thermal_field"] == "K/m"
+    with pytest.raises(CaseError, match=r"the load has shape .* and 5 fields"):
+        interior(system, load, points)
