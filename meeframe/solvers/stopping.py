@@ -162,9 +162,9 @@ class LoadCycle:
     ----------
     stored : Array, optional
         Scaled load, contact fraction and motion that were stored last; None before the first.
-    until : int
+    next_store : int
         Iteration at which another one is stored.
-    farthest : float
+    max_distance : float
         Largest distance from the stored one since.
     returns : int
         Number of times the loads have returned to it.

@@ -225,7 +225,7 @@ def _krylov_step(
     residual = rows.select(-blocks.residual).astype(rows.precision)
     right = residual - rows.image(blocks, prescribed) if prescribed.any() else residual
     if not (np.isfinite(prescribed).all() and rows.a.finite and rows.b.finite and np.isfinite(right).all()):
-        raise LinAlgError("equations of what is no number")
+        raise LinAlgError("the equations are not finite")
     multiplication, columns = rows.multiplication(), rows.motion_columns(equation.modes)
     precondition = preconditioner(rows)
     responses = np.empty_like(columns)

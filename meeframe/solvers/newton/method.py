@@ -8,7 +8,7 @@ import numpy as np
 from meeframe.contact.conduction import Mask
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_motion
-from meeframe.contact.nested import coarse_problem, nested_start
+from meeframe.contact.nested import nested_start
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
@@ -140,9 +140,7 @@ def estimated_residual(iterate: Iterate) -> float | None:
 def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
     """Return the start of an iteration; see SemismoothNewton.init."""
     n, restrictions = len(problem.gap), MAX_RESTRICTIONS if _is_matrix_free(problem) else 0
-    coarse = coarse_problem(problem) if start is None and restrictions else None
-    coarse_iterate = None if coarse is None else _coarse_solution(coarse.problem)
-    prolonged = None if coarse_iterate is None else nested_start(problem, lambda _: coarse_iterate)
+    prolonged = nested_start(problem, _coarse_solution) if start is None and restrictions else None
     start = start if prolonged is None else prolonged
     contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(problem, start)
     motion = start_motion(problem, start)
