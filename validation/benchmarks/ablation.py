@@ -99,7 +99,7 @@ ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
     "nested grids": (
         "a start from the solution on every second node",
         lambda: _together(
-            _constant(method, "coarse_problem", lambda problem: None)(),
+            _constant(method, "nested_start", lambda problem, solution: None)(),
             _constant(projected_cg, "nested_start", lambda problem, solution: None)(),
         ),
     ),
