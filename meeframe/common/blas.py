@@ -1,5 +1,6 @@
 """A limit on the threads of BLAS while threads of meeframe share the work."""
 
+import sys
 from functools import lru_cache
 from threading import Lock
 from types import TracebackType
@@ -23,7 +24,7 @@ class _OneThread:
     def __enter__(self) -> None:
         with self._lock:
             if self._limits is None:
-                self._limits = _libraries().limit(limits=1, user_api="blas")
+                self._limits = _libraries(len(sys.modules)).limit(limits=1, user_api="blas")
             self._entries += 1
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
@@ -35,8 +36,12 @@ class _OneThread:
 
 
 @lru_cache(maxsize=1)
-def _libraries() -> ThreadpoolController:
-    """Return the thread pools of this process: looking for them takes milliseconds, more than a small solution does."""
+def _libraries(_n_modules: int) -> ThreadpoolController:
+    """Return the thread pools of this process.
+
+    Looking for them takes milliseconds, more than a small solution does. A module that is imported later may load a
+    further library, so that they are looked for again when the number of modules has changed.
+    """
     return ThreadpoolController()
 
 

@@ -135,7 +135,7 @@ class ProjectedCG(Solver):
     Notes
     -----
     The contact must be frictionless, unilateral and insulating. Newton's method solves for pressures and fluxes
-    together, which takes no longer where the flux depends on the pressure and two thirds of the time where it jumps.
+    together where the contact conducts.
 
     References
     ----------

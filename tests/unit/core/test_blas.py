@@ -22,15 +22,18 @@ def test_the_limit_holds_until_the_last_one_is_out():
             leave.wait()
 
     with threadpool_limits(2, "blas"), ThreadPoolExecutor(1) as pool:
-        with ONE_BLAS_THREAD:
-            other = pool.submit(overlap)
-            entered.wait()
-        assert counts() == {1}
-        with ONE_BLAS_THREAD:
-            leave.set()
-            other.result()
+        try:
+            with ONE_BLAS_THREAD:
+                other = pool.submit(overlap)
+                entered.wait()
             assert counts() == {1}
-        assert counts() == {2}
+            with ONE_BLAS_THREAD:
+                leave.set()
+                other.result()
+                assert counts() == {1}
+            assert counts() == {2}
+        finally:
+            leave.set()
 
 
 def test_it_ends_with_errors_and_within_itself():
