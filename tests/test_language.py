@@ -18,7 +18,7 @@ OPENINGS = re.compile(r"(Of|What|Whether|That|See|As|How|Where|The same|Those)\b
 DIALECT = {
     "own_response": "diagonal",
     "block_response": "apply_fields",
-    "rough_response": "approximate_apply",
+    "rough_response": "apply_fields",
     "roughly_ahead": "approximate_relative_displacement",
     "RoughInverse": "ApproximateInverse",
     "ROUGH": "APPROXIMATE_TOLERANCE",

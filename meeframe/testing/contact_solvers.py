@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 from meeframe.contact.channels import flux_channels
+from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import (
     ContactProblem,
     ContactSolution,
@@ -56,7 +57,9 @@ _INDENTATIONS: Final = st.fixed_dictionaries(
 """Paraboloids on a half space; SI units."""
 
 
-def check_solver(solver: Solver, limits: StoppingCriteria | None = None, friction: bool = True) -> None:
+def check_solver(
+    solver: Solver, limits: StoppingCriteria | None = None, friction: bool = True, conduction: bool = True
+) -> None:
     """Check that a solver is frozen and pure and solves a range of contact problems correctly.
 
     The problems are insulated, conducting and frictional indentation, conduction across a gap, and compliant surfaces
@@ -73,6 +76,8 @@ def check_solver(solver: Solver, limits: StoppingCriteria | None = None, frictio
         Stopping criteria.
     friction
         False for a solver of frictionless contact of rigid surfaces only.
+    conduction
+        False for a solver of insulating contact only.
 
     Raises
     ------
@@ -81,7 +86,7 @@ def check_solver(solver: Solver, limits: StoppingCriteria | None = None, frictio
     """
     check_frozen(solver)
     limits = limits or StoppingCriteria()
-    for name, problem in _problems(friction).items():
+    for name, problem in _problems(friction, conduction).items():
         with _unchanged(problem, name):
             _check_accepted(solver, problem, name)
             _check_pure(solver, problem, name)
@@ -92,7 +97,10 @@ def check_solver(solver: Solver, limits: StoppingCriteria | None = None, frictio
             _check_pressure(problem, limits, solution, name)
     system = half_space_system(_COMPLIANCE, 5e-3, 6)
     search_for(
-        _INDENTATIONS, lambda parameters: _check_drawn(solver, limits, friction, system, parameters), 25, simplify=False
+        _INDENTATIONS,
+        lambda parameters: _check_drawn(solver, limits, friction, conduction, system, parameters),
+        25,
+        simplify=False,
     )
 
 
@@ -181,7 +189,12 @@ def _check_pressure(problem: ContactProblem, limits: StoppingCriteria, solution:
 
 
 def _check_drawn(
-    solver: Solver, limits: StoppingCriteria, friction: bool, system: ReducedSystem, parameters: dict[str, Any]
+    solver: Solver,
+    limits: StoppingCriteria,
+    friction: bool,
+    conduction: bool,
+    system: ReducedSystem,
+    parameters: dict[str, Any],
 ) -> None:
     """Check an indentation drawn by hypothesis."""
     x, y, _ = system.points.T
@@ -191,7 +204,8 @@ def _check_drawn(
         else Signorini()
     )
     height = (x**2 + parameters["aspect"] * y**2) / 0.2
-    approach, kappa, drag = (parameters[name] for name in ("approach", "kappa", "drag"))
+    approach, drag = parameters["approach"], parameters["drag"]
+    kappa = parameters["kappa"] if conduction else (0.0, 0.0)
     problem = indentation_problem(system, height, approach, law, kappa, (1e4, -20.0), drag)
     name = f"indentation {parameters}"
     solution = _solve(problem, solver, limits, name)
@@ -199,7 +213,7 @@ def _check_drawn(
         _check_pressure(problem, limits, solution, name)
 
 
-def _problems(friction: bool) -> dict[str, ContactProblem]:
+def _problems(friction: bool, conduction: bool) -> dict[str, ContactProblem]:
     system = half_space_system(_COMPLIANCE, 5e-3, 10)
     x, y, _ = system.points.T
     offset = np.column_stack([4e-4 * x, -3e-4 * y, 2e-3 * x - 1e-3 * y, 1e6 * x, -2e3 * y])
@@ -213,23 +227,22 @@ def _problems(friction: bool) -> dict[str, ContactProblem]:
         "resistive": indentation_problem(system, height, 5e-5, Signorini(), finite),
     }
     laws = (GapConductivity(2e-11, 2e-6, 5e3), GapConductivity(8e-7, 2e-6, 10.0))
-    conducting = problems["conducting"]
-    problems["across the gap"] = replace(conducting, channels=flux_channels(laws[0], laws[1]))
+    problems["across the gap"] = replace(problems["conducting"], channels=flux_channels(laws[0], laws[1]))
     if friction:
         law, drag = OrthotropicCoulomb(0.1, 0.5, 0.4), (8e-6, 3e-6)
         problems["friction"] = indentation_problem(system, height, 5e-5, law, (0.0, np.inf), translation=drag)
         soft = SoftAttractedContact(1e9, 1e-5, 0.3, 0.05)
         problems["soft surfaces"] = indentation_problem(system, height, 5e-5, soft, translation=drag)
-    base = problems["friction" if friction else "conducting"]
+    base = problems["friction" if friction else "conducting" if conduction else "insulated"]
     normal, tangential, charge = ((2, -1.0, 1e4), (0, 1.0, 1.2e3), (4, -1.0, 1e-4))
-    prescribed_resultants = (normal, tangential, charge) if friction else (normal, charge)
+    prescribed_resultants = (normal,) + (tangential,) * friction + (charge,) * conduction
     problems["resultants"] = replace(
         base,
         prescribed_resultants=tuple(
             _prescribe_resultant(system.weights, *arguments) for arguments in prescribed_resultants
         ),
     )
-    return problems
+    return {name: problem for name, problem in problems.items() if conduction or not conducting(problem)}
 
 
 def _prescribe_resultant(weights: Array, field: int, direction: float, total: float) -> PrescribedResultant:

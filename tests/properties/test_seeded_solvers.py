@@ -445,4 +445,4 @@ def test_an_exact_state_has_converged(problem: ContactProblem) -> None:
 @pytest.mark.full
 def test_solvers_without_fault_pass() -> None:
     check_solver(Reports(lambda iterate: iterate))
-    check_solver(ProjectedCG(), friction=False)
+    check_solver(ProjectedCG(), friction=False, conduction=False)

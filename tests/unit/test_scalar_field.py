@@ -211,7 +211,7 @@ def test_case_files_results_and_reports_show_it(tmp_path: Path) -> None:
     console = Console(width=160, record=True, file=StringIO())
     console.print(summary_table(read))
     table = console.export_text()
-    assert re.search(r"heat +│ W ", table)
+    assert re.search(r"heat out of the body +│ W ", table)
     assert re.search(r"temperature of the indenter +│ K ", table)
     assert "temperature" in figures(read)
 

@@ -67,9 +67,16 @@ def test_commits_of_changed_code_are_marked(tmp_path, changed, mark):
     assert commit.endswith("+") == bool(mark)
 
 
-def answer(solved, residual=5e-11, apart=0.0) -> dict:
-    return {"built": 0.5, "solved": solved, "clock": solved, "iterations": 7, "turns": 1, "residual": residual} | {
-        "apart": apart,
+def answer(solved, residual=5e-11, gap_difference=0.0) -> dict:
+    return {
+        "setup": 0.5,
+        "solution": solved,
+        "solution_wall": solved,
+        "iterations": 7,
+        "repetitions": 1,
+        "residual": residual,
+    } | {
+        "gap_difference": gap_difference,
         "area": 0.1,
         "mean_gap": 1e-5,
         "approach_error": 1e-6,
@@ -84,14 +91,14 @@ def frictionless(**others) -> dict:
 
 
 def test_the_faster_of_the_other_codes_counts(tmp_path):
-    met = frictionless(Tamaas=answer(20.0), ContactMechanics=answer(6.0, apart=1e-9))
+    met = frictionless(Tamaas=answer(20.0), ContactMechanics=answer(6.0, gap_difference=1e-9))
     page = page_of(tmp_path, {"half_space": met}).stdout
     quantity = "sphere, 512 x 512: speed relative to the faster of the other codes"
     assert f"| {quantity} | 12.0 times; with set-up 6.5 times |" in page
     assert "meeframe is 12.6 times faster" in " ".join(page.split())
     assert "0.80 to 0.80 times the wall time of one thread" in " ".join(page.split())
     assert (tmp_path / "half_space_periodic.png").exists()
-    slow = frictionless(Tamaas=answer(5.0, residual=1e-12), ContactMechanics=answer(6.0, apart=1e-7))
+    slow = frictionless(Tamaas=answer(5.0, residual=1e-12), ContactMechanics=answer(6.0, gap_difference=1e-7))
     page = page_of(tmp_path, {"half_space": slow}).stdout
     assert f"| {quantity} | 10.0 times; with set-up 5.5 times |" in page
     assert "| largest difference of mean gaps between codes, relative to the depth | 1e-07 |" in page
@@ -112,7 +119,7 @@ def test_largest_residuals_are_shown(tmp_path):
 @pytest.mark.parametrize("theirs", [1e-6, 1e-9])
 def test_residuals_and_products_of_friction_are_shown(tmp_path, theirs):
     def one(residual, products=40):
-        times = {"seconds": 1.0, "processor": 1.0, "built": 0.1, "iterations": 5, "products": products}
+        times = {"seconds": 1.0, "processor": 1.0, "setup": 0.1, "iterations": 5, "products": products}
         return times | {"residual": residual, "force": 1e-12, "traction": 0.07, "difference": 0.01}
 
     periodic = {"meeframe": one(1e-11), "Tamaas, Condat, 10000 iterations": one(theirs)}

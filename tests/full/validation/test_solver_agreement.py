@@ -71,7 +71,7 @@ def solved(case, solver):
 def assert_agree(case, *more):
     """Forces and fluxes as of Newton's method, from zero: no case here has a second solution."""
     others = [Auto(), BarzilaiBorwein(), Nesterov(), Uzawa(), *more]
-    if isinstance(case.contact_law, Signorini):
+    if ProjectedCG().accepts(case):
         others.append(ProjectedCG())
     reference = solved(case, SemismoothNewton())
     resultants = case.system.weights @ reference.load
@@ -121,7 +121,7 @@ def test_normal_force(system, condition):
         given, gap=given.gap + APPROACH, prescribed_resultants=(pressed(given, -float(system.weights @ load[:, 2])),)
     )
     assert_agree(free)
-    for solver in (SemismoothNewton(), ProjectedCG()):
+    for solver in (SemismoothNewton(), Nesterov()):
         assert solved(free, solver).motion[0] == pytest.approx(APPROACH, rel=1e-8)
 
 

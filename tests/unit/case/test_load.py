@@ -212,7 +212,7 @@ WRONG = {
     ),
     "unknown material": (
         [("batio3-cofe2o4", "unobtainium")],
-        "material: unknown material 'unobtainium'; the library has",
+        "material: unknown material 'unobtainium'; ",
     ),
     "a word of some names": ([('"sphere"', '"punch"')], "did you mean 'flat-punch' or 'rectangular-punch'? allowed: "),
     "unknown indenter": ([('"sphere"', '"spere"')], "indenter.name: unknown indenter 'spere'; did you mean 'sphere'?"),
