@@ -248,6 +248,15 @@ def interrupting(after: int):
     return report
 
 
+@pytest.fixture
+def ctrl_c_raises():
+    """Handle SIGINT as a program of its own does: asyncio or Dask may have changed that in this process."""
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, previous if previous is not None else signal.default_int_handler)
+
+
+@pytest.mark.usefixtures("ctrl_c_raises")
 def test_interruption_keeps_what_is_finished(tmp_path):
     case = build()
     whole = case.solve()
