@@ -17,12 +17,12 @@ from typing import Final, final
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from meeframe.contact.conduction import Mask
+from meeframe.contact.conduction import Mask, potential_diagonal
 from meeframe.contact.free_motion import potentials
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.solvers.krylov import gmres
-from meeframe.system.capabilities import ApproximateInverse, apply_fields, diagonal
+from meeframe.system.capabilities import ApproximateInverse, apply_fields
 
 TOLERANCE: Final = 1e-13
 """Relative tolerance of iterations for the flux equations."""
@@ -174,8 +174,7 @@ class Elimination:
             matrix = np.ascontiguousarray(blocks).reshape(len(fields) * n, len(fields) * n)
         approximate = system.capability(ApproximateInverse) if conducting and matrix is None else None
         inverse = None if approximate is None else approximate.approximate_inverse(conducting)
-        self_compliance = diagonal(system, range(problem.fields.size))[:, POTENTIALS]
-        return cls(problem, mechanical, conducting, matrix, self_compliance, inverse)
+        return cls(problem, mechanical, conducting, matrix, potential_diagonal(problem), inverse)
 
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
         """Return the conductors of resistances (n, channels); `previous` where these have not changed."""

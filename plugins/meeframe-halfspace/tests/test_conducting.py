@@ -46,7 +46,7 @@ def test_many_biactive_nodes(n: int, potentials: tuple[float, float]):
     ],
 )
 def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material, has_biactive):
-    """The same holds at biactive nodes."""
+    """Both solvers agree, with biactive nodes and without."""
     problem = sphere(48, kappa, potentials, material)
     limits = StoppingCriteria(tolerance=1e-9)
     ours, theirs = (solve(problem, solver, limits) for solver in (Nesterov(), SemismoothNewton()))

@@ -1,4 +1,4 @@
-"""The same load on a half space by transforms and by boundary elements: stress, D and B agree, with second order."""
+"""Stress, D and B of one load by transforms and by boundary elements agree with second order."""
 
 import numpy as np
 from meeframe_halfspace import HalfSpace

@@ -53,7 +53,7 @@ def _return_to_cone(trial, mu):
 
 @dataclass(frozen=True)
 class CompiledCoulomb(ContactLaw):
-    """What docs/howto/plugins.md says of compiled laws."""
+    """Compiled laws work as docs/howto/plugins.md says."""
 
     mu: float
 

@@ -135,7 +135,7 @@ def test_an_existing_folder_is_not_overwritten_without_out(tmp_path, monkeypatch
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_module_needs_nothing_but_the_contract(packages, kind):
-    """Of meeframe's modules, as docs/howto/plugins.md says."""
+    """A generated module imports meeframe.plugin alone, as docs/howto/plugins.md says."""
     text = (packages / kind / f"meeframe_new_{kind.replace('-', '_')}.py").read_text(encoding="utf-8")
     assert set(re.findall(r"^(?:from|import) (meeframe[\w.]*)", text, re.MULTILINE)) == {"meeframe.plugin"}
 

@@ -178,7 +178,7 @@ def test_messages_name_argument_value_and_what_is_allowed(make, message):
 
 
 def test_objects_of_every_registered_name():
-    """What needs no keys can be made by its name, and is what case files make of it."""
+    """Objects without keys can be made by name and equal those that case files make."""
     registry = load()
     for maker, kind in (
         (meeframe.law, "contact law"),

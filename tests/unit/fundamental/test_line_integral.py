@@ -24,7 +24,7 @@ def test_is_the_mean_over_the_half_circle(stiffness, random):
 
 @pytest.mark.parametrize("name", ["transversely_isotropic", "orthotropic"])
 def test_few_points_of_the_trapezoidal_rule_are_enough(name, random, request):
-    """As docs/explanation/theory.md has it: the error falls by a factor of 50 or more with each 4 points, to 2e-12."""
+    """The error falls by a factor of 50 or more with each 4 points, to 2e-12 (docs/explanation/theory.md)."""
     stiffness, offset = request.getfixturevalue(name), unit_vectors(random, 200)
     _, triad = triads(offset)
     expected, _ = LineIntegral().bind(stiffness).evaluate(offset, offset)

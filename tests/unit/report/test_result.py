@@ -181,7 +181,7 @@ def test_open_nodes_have_no_colour_and_the_edge_keeps_that_of_the_contact(result
 
 
 def test_round_off_is_drawn_as_zero(result, synthetic):
-    """What is 1e-12 of the potential at the peak has no map after unloading."""
+    """A potential of 1e-12 of that at the peak has no map after unloading."""
     last = dataclasses.replace(result[-1], potentials=1e-12 * result[-1].potentials)
     unloaded = dataclasses.replace(result, steps=(*result.steps[:-1], last))
     assert "electric_potential" in figures(unloaded)

@@ -56,7 +56,7 @@ def test_lines_are_named_beside_the_pictures(sweep):
     ],
 )
 def test_labels_below_a_picture_do_not_cover_each_other(labels, upright, heading):
-    """Those of the study on docs/howto/sweep.md, 65 letters each, were written on top of each other."""
+    """Labels of 65 letters, as of the study on docs/howto/sweep.md, do not overlap."""
     texts, area = np.full(len(labels), "converged"), {"contact_area": np.arange(1.0, len(labels) + 1.0)}
     points = SweepResult("", (SweepAxis("point", tuple(labels)),), area, {"contact_area": "m^2"}, *[texts] * 3)
     figure = sweep_figure(points, [SweepPlot(("contact_area",))])
