@@ -100,12 +100,12 @@ def keys_of(value: Any, registry: Registry) -> dict[str, Any]:
     for entry in dataclasses.fields(value):
         if not entry.init:
             continue
-        given = getattr(value, entry.name)
+        argument = getattr(value, entry.name)
         default = entry.default
         if entry.default_factory is not dataclasses.MISSING:
             default = entry.default_factory()
-        if given is not None and not _same(given, default):
-            table[entry.name] = described(given, registry)
+        if argument is not None and not _same(argument, default):
+            table[entry.name] = described(argument, registry)
     return table
 
 

@@ -29,8 +29,8 @@ def entries(part: Any) -> dict[str, Any]:
     table = {entry.name: getattr(part, entry.name) for entry in fields(part) if entry.name != "scalars"}
     defaults = {entry.name: entry.default for entry in fields(part)}
     scalars = getattr(part, "scalars", {})
-    given = {key: value for key, value in table.items() if value is not None and not _same(value, defaults[key])}
-    return given | dict(scalars)
+    non_default = {key: value for key, value in table.items() if value is not None and not _same(value, defaults[key])}
+    return non_default | dict(scalars)
 
 
 def _same(value: Any, default: Any) -> bool:

@@ -57,14 +57,14 @@ def doctor() -> None:
     from meeframe.common.literal import LiteralTable
     from meeframe.plugin import registry
 
-    found = list(findings(registry.load()))
+    results = list(findings(registry.load()))
     table = LiteralTable(box=None, pad_edge=False, show_header=False)
     section = ""
-    for finding in found:
+    for finding in results:
         table.add_row(finding.section if finding.section != section else "", finding.name, finding.text)
         section = finding.section
     console.stdout().print(table)
-    problems = [finding for finding in found if finding.problem]
+    problems = [finding for finding in results if finding.problem]
     print(f"{len(problems)} problem{'s' * (len(problems) != 1)}")
     raise typer.Exit(console.NOT_CONVERGED if problems else console.CONVERGED)
 
@@ -92,7 +92,7 @@ def findings(registry: "Registry") -> Iterator[Finding]:
 
 def _threads() -> Iterator[Finding]:
     import numba
-    import scipy.linalg  # noqa: F401  # loads the BLAS of scipy beside that of numpy
+    import scipy.linalg  # noqa: F401  # loads the BLAS of scipy in addition to that of numpy
     from threadpoolctl import threadpool_info
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()

@@ -85,7 +85,7 @@ class IndenterMotions:
 
     @staticmethod
     def _scalars(names: Sequence[str]) -> dict[str, slice]:
-        return {name: slice(place, place + 1) for place, name in enumerate(names, N_RIGID)}
+        return {name: slice(index, index + 1) for index, name in enumerate(names, N_RIGID)}
 
 
 MOTIONS: Final = IndenterMotions().motions

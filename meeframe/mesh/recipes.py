@@ -122,7 +122,7 @@ def file(
     return _recipe("file", {"file": Path(path), **keys}, file)
 
 
-def _recipe(kind: str, given: Mapping[str, Any], function: Callable[..., MeshRecipe]) -> MeshRecipe:
+def _recipe(kind: str, arguments: Mapping[str, Any], function: Callable[..., MeshRecipe]) -> MeshRecipe:
     """Return the recipe of given arguments, without those that are the defaults of the function."""
     defaults = function.__kwdefaults__ or {}
-    return MeshRecipe({"type": kind, **{key: value for key, value in given.items() if value != defaults.get(key)}})
+    return MeshRecipe({"type": kind, **{key: value for key, value in arguments.items() if value != defaults.get(key)}})

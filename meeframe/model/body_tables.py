@@ -29,7 +29,7 @@ from meeframe.model.values import (
 )
 from meeframe.plugin.validation import Problem, TableError, problems_of
 
-_REACH: Final = 16.0
+_RELATIVE_HALF_WIDTH: Final = 16.0
 """Extent of the mesh of a half space around its contact zone, in widths of the zone."""
 
 
@@ -66,7 +66,10 @@ class HalfSpaceTable(GradedTable):
     @property
     def half_widths(self) -> tuple[float, float]:
         """Value of half_width, by default that many widths of the contact zone."""
-        return self.half_width or (_REACH * self.contact_width[0], _REACH * self.contact_width[1])
+        return self.half_width or (
+            _RELATIVE_HALF_WIDTH * self.contact_width[0],
+            _RELATIVE_HALF_WIDTH * self.contact_width[1],
+        )
 
 
 class FileTable(Table):

@@ -100,26 +100,26 @@ class Case(CaseData):
         self.formulation.check(self.body)
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
-        check_reach(self.indenter, self.placement, self.mesh, self.zone)
-        place = find_contact_zone(self.mesh, self.zone)
-        gap_of_law(self.contact_law, place.points)
-        check_tractions(self.contact_law, len(place.points))
+        check_indenter(self.indenter, self.placement, self.mesh, self.zone)
+        contact_zone = find_contact_zone(self.mesh, self.zone)
+        gap_of_law(self.contact_law, contact_zone.points)
+        check_tractions(self.contact_law, len(contact_zone.points))
         for channel in self.channels:
-            check_conductivity(channel.law, len(place.points))
+            check_conductivity(channel.law, len(contact_zone.points))
         check_fields(self.second_body, self.fields)
         check_alike(self.second_body, self.formulation)
         check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])
         else:
-            check_same_zone(self.restart, place, self.axes)
+            check_same_zone(self.restart, contact_zone, self.axes)
         resists = resistance(self.placement, self.mesh, self.zone, self.axes, self.contact_law, self.channels)
         for number, step in enumerate(self.steps, 1):
             check_names(step, self.motions)
             check_duration(step, number, self.contact_law)
             check_pull(step, self.contact_law)
             check_resisted(step, self.motions, resists)
-        law_of_increment(self.contact_law, np.zeros(len(place.points)), self.steps[0].increment_duration)
+        law_of_increment(self.contact_law, np.zeros(len(contact_zone.points)), self.steps[0].increment_duration)
         check_solver(self, self.solver)
 
     @property
@@ -159,8 +159,8 @@ def ignore(text: str) -> None:
     """Ignore a warning."""
 
 
-def _check_keys(what: str, given: Iterable[str], allowed: Sequence[str]) -> None:
-    for key in given:
+def _check_keys(what: str, keys: Iterable[str], allowed: Sequence[str]) -> None:
+    for key in keys:
         if key not in allowed:
             raise CaseError(f"{what}: unknown name {key!r}; {choices(key, allowed)}")
 
@@ -171,7 +171,7 @@ def check_title(title: str) -> None:
         raise CaseError("holds the character NUL; allowed: any other in a title")
 
 
-def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:
+def check_indenter(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:
     """Raise CaseError unless a part of the indenter lies above the contact zone."""
     if not np.isfinite(initial_gap(indenter, find_contact_zone(mesh, zone), placement)).any():
         raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")
@@ -186,7 +186,7 @@ def resistance(
     channels: tuple[FluxChannel, ...],
 ) -> NDArray[np.bool_]:
     """Return which of the indenter's motions the law and the channels of the contact may resist, (motions,)."""
-    place = find_contact_zone(mesh, zone)
-    frames, reference = frames_along(place, axes), placement.reference(place.points)
-    modes = motion_modes(place.points, frames, placement.base, reference, field_set(channels))
+    contact_zone = find_contact_zone(mesh, zone)
+    frames, reference = frames_along(contact_zone, axes), placement.reference(contact_zone.points)
+    modes = motion_modes(contact_zone.points, frames, placement.base, reference, field_set(channels))
     return resisted(modes, law, channels)

@@ -115,8 +115,8 @@ def _wrong_in_state(
     relative_displacement = indenter_position(problem, state.motion) - state.displacement
     traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2]), 0.0)
     gap = np.where(traction < 0.0, 0.0, np.maximum(relative_displacement[:, 2], 0.0))
-    asked = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
-    given = traction[asked], gap[asked], relative_displacement[asked, column]
+    mask = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
+    arguments = traction[mask], gap[mask], relative_displacement[mask, column]
     with np.errstate(all="ignore"):
-        kappa = law.conductivity(*given)
-    yield from _answers(kappa, *given, ~(kappa >= 0.0))
+        kappa = law.conductivity(*arguments)
+    yield from _answers(kappa, *arguments, ~(kappa >= 0.0))

@@ -32,7 +32,7 @@ class Output:
     Parameters
     ----------
     figures, vtu
-        Whether PNG figures and fields.vtu are written beside result.h5 and summary.json.
+        Whether PNG figures and fields.vtu are written in addition to result.h5 and summary.json.
     fields
         Names of optional fields in result.h5 (docs/reference/results.md); None: those that the case loads. Raises
         CaseError for other names.

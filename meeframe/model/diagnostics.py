@@ -17,7 +17,7 @@ from meeframe.mesh.measures import corners
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
 from meeframe.plugin.hookspecs import PROJECT
-from meeframe.plugin.sources import OWN_PACKAGES
+from meeframe.plugin.sources import BUNDLED_PACKAGES
 from meeframe.results.records import Region, StepResult, Zone, zone_of
 from meeframe.system.capabilities import diagonal
 from meeframe.system.reduced import ReducedSystem
@@ -50,7 +50,7 @@ _GAPS_PER_LOOK: Final = 100
 """Number of gaps for a refinement in the interval with the steepest decrease and in its neighbours."""
 _LOOKS: Final = 3
 """Number of refinements of the steepest decrease."""
-_BESIDE: Final = 1e-3
+_RELATIVE_OFFSET: Final = 1e-3
 """Distance of a point beyond the side of an element, as a fraction of the way from its middle to the side."""
 
 
@@ -120,7 +120,7 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
     the extent of the zone or a tenth of a radian; a prescribed tangential force or torque is all that friction can
     bear, so that the motion is not determined.
     """
-    if step.status is Status.CYCLING and type(law).__module__.partition(".")[0] not in {PROJECT, *OWN_PACKAGES}:
+    if step.status is Status.CYCLING and type(law).__module__.partition(".")[0] not in {PROJECT, *BUNDLED_PACKAGES}:
         yield "a law that violates its contract can cause this: `meeframe plugins check FILE.py` tests a plugin"
     if step.status is not Status.CONVERGED:
         yield "the next increment starts from the last one that converged"
@@ -194,10 +194,10 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
 
 def _rim(zone: Zone, step: StepResult) -> int:
     """Return the number of nodes in contact that share an element with a node out of contact."""
-    beside = np.zeros(len(step.touching), bool)
+    at_open_node = np.zeros(len(step.touching), bool)
     for _, nodes in zone.cells:
-        beside[nodes[~step.touching[nodes].all(axis=1)]] = True
-    return int((step.touching & beside).sum())
+        at_open_node[nodes[~step.touching[nodes].all(axis=1)]] = True
+    return int((step.touching & at_open_node).sum())
 
 
 def _large(zone: Zone, step: StepResult) -> Iterator[str]:
@@ -244,8 +244,8 @@ def steepest_fall(law: ContactLaw) -> float:
     gaps = _TRIAL_GAPS
     for _ in range(1 + _LOOKS):
         fall = -np.diff(law.adhesion(gaps)) / np.diff(gaps)
-        place = int(fall.argmax())
-        gaps = np.linspace(gaps[max(place - 1, 0)], gaps[min(place + 2, len(gaps) - 1)], _GAPS_PER_LOOK)
+        index = int(fall.argmax())
+        gaps = np.linspace(gaps[max(index - 1, 0)], gaps[min(index + 2, len(gaps) - 1)], _GAPS_PER_LOOK)
     return max(float(fall.max()), 0.0)
 
 
@@ -294,7 +294,7 @@ def open_sides(zone: Zone, gaps: Callable[[Array, Array], Array] | None) -> Indi
     sides, away = boundary_sides(zone)
     if gaps is None or not len(sides):
         return sides
-    beyond = zone.points[sides].mean(axis=1) + _BESIDE * away
+    beyond = zone.points[sides].mean(axis=1) + _RELATIVE_OFFSET * away
     on: Indices = sides[np.isfinite(gaps(beyond, zone.frames[sides[:, 0]]))]
     return on
 

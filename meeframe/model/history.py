@@ -58,15 +58,15 @@ def held(start: Converged, prescribed: Controls) -> Controls:
     return ramped({key: start.value(key) for key in start.motions.motions}, start, prescribed)
 
 
-def ramped(controls: Controls, start: Converged, given: Controls, fraction: float = 1.0) -> Controls:
+def ramped(controls: Controls, start: Converged, prescribed: Controls, fraction: float = 1.0) -> Controls:
     """Return the controls after a fraction of the linear way from a step's start to its given values.
 
-    Controls that are not given remain.
+    Controls that are not prescribed remain.
     """
     columns = start.motions.columns
-    taken = [columns[key] for key in given]
+    taken = [columns[key] for key in prescribed]
     others = {key: value for key, value in controls.items() if columns[key] not in taken}
-    return others | {key: (1.0 - fraction) * start.value(key) + fraction * value for key, value in given.items()}
+    return others | {key: (1.0 - fraction) * start.value(key) + fraction * value for key, value in prescribed.items()}
 
 
 def extrapolate(law: ContactLaw, before: Converged, here: Converged) -> ContactState | None:

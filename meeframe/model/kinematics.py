@@ -31,7 +31,7 @@ from meeframe.system.reduced import ReducedSystem
 
 _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they count as perpendicular."""
-_REACH: Final = 2.0
+_RELATIVE_SEARCH_DISTANCE: Final = 2.0
 """Distance around the edge of the indenter that is considered, in the longest sides of cells."""
 _FIRM: Final = 1e6
 """Tangential step of a law, in stiffnesses of a node, at which it returns the traction of a given slip."""
@@ -96,18 +96,18 @@ class IndenterKinematics:
 
     def gaps(self, points: Array, frames: Array) -> Array:
         """Return the gap (m,) [m] at points (m, 3) with frames (m, 3, 3), of the indenter just touching the zone."""
-        cells, place = self.system.cells, self.case.placement
+        cells, placement = self.system.cells, self.case.placement
         zone = ContactZone(points, frames, np.ones(len(points)), cells, np.arange(len(points)))
         # its height refers to the highest point of the system's zone, whichever points are evaluated
-        lowered = place.lowest(points)[2] - place.lowest(self.system.points)[2]
-        return initial_gap(self.case.indenter, zone, place, float(lowered))
+        lowered = placement.lowest(points)[2] - placement.lowest(self.system.points)[2]
+        return initial_gap(self.case.indenter, zone, placement, float(lowered))
 
     @cached_property
     def _touching_rim(self) -> IndenterEdge | None:
         if self.case.indenter.pointwise:
             return None
-        reach = _REACH * longest_side(self.system.points, self.system.cells)
-        rim = find_indenter_edge(self.gaps, self.system.points, self.system.frames, reach)
+        search_distance = _RELATIVE_SEARCH_DISTANCE * longest_side(self.system.points, self.system.cells)
+        rim = find_indenter_edge(self.gaps, self.system.points, self.system.frames, search_distance)
         return rim and replace(rim, gap=self._lowered(rim.gap))
 
     def rim(self, increment: Increment) -> IndenterEdge | None:
@@ -120,8 +120,8 @@ class IndenterKinematics:
     @cached_property
     def modes(self) -> Array:
         """Modes of the indenter's motions, (motions, n, fields); see motion_modes."""
-        place = self.system.points, self.system.frames, self.case.placement.base, self.reference
-        return motion_modes(*place, self.case.fields)
+        geometry = self.system.points, self.system.frames, self.case.placement.base, self.reference
+        return motion_modes(*geometry, self.case.fields)
 
     @cached_property
     def measures(self) -> Array:

@@ -43,7 +43,7 @@ def check_tractions(law: ContactLaw, n: int) -> None:
 def _check_tractions(law: ContactLaw, trial: Array) -> None:
     """Apply check_tractions to trial tractions (n, 3)."""
     n, gap = len(trial), np.zeros(trial.shape)
-    asked: dict[str, tuple[Callable[[Array, Array], object], tuple[int, ...]]] = {
+    calls: dict[str, tuple[Callable[[Array, Array], object], tuple[int, ...]]] = {
         "project": (lambda trial, _: law.project(trial), (n, 3)),
         "tangential_scaling": (lambda _trial, _gap: law.tangential_scaling(), (2, 2)),
         "resolve": (lambda trial, gap: law.resolve(trial, gap, _STEPS), (n, 3)),
@@ -51,14 +51,14 @@ def _check_tractions(law: ContactLaw, trial: Array) -> None:
         "tangent": (lambda trial, _: law.tangent(trial), (n, 3, 3)),
         "tangents": (lambda trial, gap: law.tangents(trial, gap, _STEPS), (n, 3, 3)),
     }
-    for method, (ask, shape) in asked.items():
+    for method, (ask, shape) in calls.items():
         if getattr(type(law), method) is getattr(ContactLaw, method):
             continue
-        what, given = f"{method} of the contact law {type(law).__name__}", (trial.copy(), gap.copy())
+        what, arguments = f"{method} of the contact law {type(law).__name__}", (trial.copy(), gap.copy())
         tried = _PLAIN.get(method, trial)
         with np.errstate(all="ignore"):
-            answer = ask(*given)
-        if not all(map(np.array_equal, given, (trial, gap))):
+            answer = ask(*arguments)
+        if not all(map(np.array_equal, arguments, (trial, gap))):
             raise CaseError(f"{what} changes its argument; allowed: a new array")
         if method != "tangents":
             _check_array(what, answer, shape, tried)
@@ -98,12 +98,12 @@ def check_conductivity(law: ConductivityLaw, n: int) -> None:
 
     check_conduction of meeframe.model.conduction checks the values where the case needs them.
     """
-    asked = np.linspace(-1e6, 0.0, n), np.zeros(n), np.ones(n)
-    given = tuple(array.copy() for array in asked)
+    arguments = np.linspace(-1e6, 0.0, n), np.zeros(n), np.ones(n)
+    copies = tuple(array.copy() for array in arguments)
     with np.errstate(all="ignore"):
-        kappa = law.conductivity(*given)
+        kappa = law.conductivity(*copies)
     what = f"conductivity of the conductivity law {type(law).__name__}"
-    if not all(map(np.array_equal, given, asked)):
+    if not all(map(np.array_equal, copies, arguments)):
         raise CaseError(f"{what} changes its arguments; allowed: new arrays")
     _check_array(what, kappa, (n,))
 

@@ -190,11 +190,11 @@ def _validate(tables: Mapping[str, Any], registry: Registry, fields: FieldSet) -
 def _restart(table: RestartTable | None, folder: Path, file: str) -> Restart | None:
     if table is None:
         return None
-    place = Problem(("restart", "from"), "", table.folder)
+    problem = Problem(("restart", "from"), "", table.folder)
     try:
-        return read_restart(folder / table.folder, f"{file}: {place}".lstrip(": ").rstrip(": "))
+        return read_restart(folder / table.folder, f"{file}: {problem}".lstrip(": ").rstrip(": "))
     except MeeframeError as error:
-        raise TableError(replace(place, text=str(error))) from None
+        raise TableError(replace(problem, text=str(error))) from None
 
 
 def _mesh(table: MeshTable, registry: Registry, folder: Path) -> SurfaceMesh:

@@ -16,7 +16,7 @@ from meeframe.laws.base import is_conducting
 from meeframe.mesh import check_contact_zone, check_mesh, check_supports, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.model.body_tables import SecondBodyTable
-from meeframe.model.case import Case, check_reach, check_title, resistance
+from meeframe.model.case import Case, check_indenter, check_title, resistance
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.preflight import check_solver
 from meeframe.model.restart import Restart, check_same_zone
@@ -57,19 +57,21 @@ def locate_in_second_body(error: MeeframeError, table: SecondBodyTable, body: Bo
 
 
 def _locate(error: MeeframeError, table: CaseTable | SecondBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
-    place = _place(error, table, body, checks)
+    problem = _failed_check(error, table, body, checks)
     if isinstance(error, TableError):
-        return error.problems[0].inside(*place.location)
-    return replace(place, text=str(error), cause=error.__cause__)
+        return error.problems[0].inside(*problem.location)
+    return replace(problem, text=str(error), cause=error.__cause__)
 
 
-def _place(error: MeeframeError, table: CaseTable | SecondBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
+def _failed_check(
+    error: MeeframeError, table: CaseTable | SecondBodyTable, body: Body, checks: Iterator[Check]
+) -> Problem:
     for problem, check in checks:
         try:
             with faults_of_plugins():
                 check()
-        except MeeframeError as found:
-            if str(found) == str(error):
+        except MeeframeError as other:
+            if str(other) == str(error):
                 return problem
     for number in range(len(table.boundary)):
         others = table.boundary[:number] + table.boundary[number + 1 :]
@@ -105,9 +107,9 @@ def _case_checks(
     zone = table.contact.zone
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
-    yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, placement, body.mesh, zone)
-    place, law = find_contact_zone(body.mesh, zone), table.contact.law
-    points = place.points
+    yield Problem(("indenter",), ""), partial(check_indenter, table.indenter.named, placement, body.mesh, zone)
+    contact_zone, law = find_contact_zone(body.mesh, zone), table.contact.law
+    points = contact_zone.points
     yield Problem(("contact", "law"), ""), partial(gap_of_law, law, points)
     yield Problem(("contact", "law"), ""), partial(check_tractions, law, len(points))
     conductivities = table.conductivity.laws
@@ -121,7 +123,7 @@ def _case_checks(
         yield Problem(("steps", 0), ""), partial(check_first, steps[0])
     else:
         source = Problem(("restart", "from"), "", table.restart.folder)
-        yield source, partial(check_same_zone, restart, place, table.contact.axes)
+        yield source, partial(check_same_zone, restart, contact_zone, table.contact.axes)
     for field, conductivity in conductivities.items():
         yield Problem(("conductivity", field), ""), partial(is_conducting, conductivity)
     channels = flux_channels(*conductivities.values(), fields=body.fields)

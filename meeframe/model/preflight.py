@@ -46,16 +46,16 @@ class RigidSystem(ReducedSystem):
 
 def undeformed(case: CaseData) -> IndenterKinematics:
     """Return the indenter of a case on its undeformed body."""
-    place = find_contact_zone(case.mesh, case.zone)
-    frames, offset = frames_along(place, case.axes), np.zeros((len(place.points), case.fields.size))
-    return IndenterKinematics(case, RigidSystem(place.points, frames, place.weights, place.cells, offset))
+    zone = find_contact_zone(case.mesh, case.zone)
+    frames, offset = frames_along(zone, case.axes), np.zeros((len(zone.points), case.fields.size))
+    return IndenterKinematics(case, RigidSystem(zone.points, frames, zone.weights, zone.cells, offset))
 
 
 def planned(kinematics: IndenterKinematics) -> Iterator[Increment]:
     """Yield the increment to the end of each load step; motions that are not prescribed keep their initial values."""
     here, controls = beginning(kinematics)
     for step in kinematics.case.steps:
-        controls = ramped(controls, here, step.given)
+        controls = ramped(controls, here, step.prescribed)
         yield kinematics.increment(controls, here, step.increment_duration)
 
 
@@ -100,7 +100,7 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
         return
     yield (
         f"the indenter does not touch the undeformed body: at an approach of {deepest:.3g} m it stays {nearest:.3g} m "
-        f"or more from the nodes of the contact zone {case.zone!r}{_beside(case)}"
+        f"or more from the nodes of the contact zone {case.zone!r}{_outside_zone(case)}"
     )
 
 
@@ -122,7 +122,7 @@ def _approach(increment: Increment) -> float:
     return float(increment.base[RIGID_MOTIONS["approach"]][0])
 
 
-def _beside(case: CaseData) -> str:
+def _outside_zone(case: CaseData) -> str:
     """Return words stating that the lowest point of the indenter lies outside the contact zone, '' if it does not."""
     points = find_contact_zone(case.mesh, case.zone).points
     x, y, _ = case.placement.lowest(points)

@@ -15,7 +15,7 @@ from meeframe.results.files import read_result
 from meeframe.results.records import StepResult
 from meeframe.system.reduced import ReducedSystem
 
-_SAME_PLACE: Final = 1e-9
+_COINCIDENCE_TOLERANCE: Final = 1e-9
 """Distance below which points coincide, as a fraction of the extent of the contact zone."""
 _SAME_AXES: Final = 1e-6
 """Difference of components of unit vectors below which frames coincide."""
@@ -56,7 +56,7 @@ def check_same_zone(restart: Restart, zone: ContactZone, axes: FrictionAxes | No
             "allowed: the same contact zone"
         )
     distance = float(np.abs(restart.points - zone.points).max())
-    if distance > _SAME_PLACE * np.ptp(zone.points, axis=0).max():
+    if distance > _COINCIDENCE_TOLERANCE * np.ptp(zone.points, axis=0).max():
         raise CaseError(
             f"the contact zone of that run has points up to {distance:.3g} m away from those here; "
             "allowed: the same contact zone"
@@ -74,8 +74,10 @@ def check_same_body(restart: Restart, system: ReducedSystem) -> None:
     """Raise CaseError unless the load of the earlier run's state causes its displacement in this body."""
     state = restart.step.state
     expected = system.offset + system.apply(state.load)
-    own = np.einsum("nJK,nK->nJ", np.abs(system.diagonal_blocks()), np.abs(state.load))
-    size = np.maximum(np.abs(expected), own).max(axis=0)  # own: a scale also for a field that is zero but for round-off
+    local_response = np.einsum("nJK,nK->nJ", np.abs(system.diagonal_blocks()), np.abs(state.load))
+    size = np.maximum(np.abs(expected), local_response).max(
+        axis=0
+    )  # local_response: a scale also for a field that is zero but for round-off
     missed = np.abs(state.displacement - expected).max(axis=0)
     worst = float((missed / np.where(size > 0.0, size, 1.0)).max())
     if not worst <= _SAME_BODY:

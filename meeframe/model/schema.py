@@ -99,18 +99,18 @@ def _divided(value: Any, info: ValidationInfo, contract: type, record: type, oth
         value = {"name": value}
     if not isinstance(value, Mapping):
         return value
-    own = tuple(field.name for field in dataclasses.fields(record))
-    rest = {key: item for key, item in value.items() if key not in (*own, *others)}
+    names = tuple(field.name for field in dataclasses.fields(record))
+    rest = {key: item for key, item in value.items() if key not in (*names, *others)}
     if isinstance(rest.get("name"), contract):  # an object, in a case that is built in Python
         made = rest.pop("name")
         if rest:
             key = next(iter(rest))
-            raise TableError(Problem((key,), f"unknown key; {choices(key, (*own, *others))}", rest[key]))
+            raise TableError(Problem((key,), f"unknown key; {choices(key, (*names, *others))}", rest[key]))
     else:
-        made = registry_of(info).create(CONTRACTS[contract], rest, (*own, *others))
+        made = registry_of(info).create(CONTRACTS[contract], rest, (*names, *others))
     return {
         "named": made,
-        "record": build(record, {key: value[key] for key in own if key in value}),
+        "record": build(record, {key: value[key] for key in names if key in value}),
         **{key: value[key] for key in others if key in value},
     }
 
@@ -210,10 +210,10 @@ class StepTable(Table):
 
     def step(self) -> Step:
         """Return the load step."""
-        given = {name: getattr(self, name) for name in StepTable.model_fields if name != "direction"}
+        values = {name: getattr(self, name) for name in StepTable.model_fields if name != "direction"}
         names = (name for scalar in self.field_set.scalars for name in (scalar.value_name, scalar.resultant))
         scalars = {name: value for name in names if (value := getattr(self, name)) is not None}
-        return Step(**given, scalars=scalars, fields=self.field_set)
+        return Step(**values, scalars=scalars, fields=self.field_set)
 
 
 def _checked(key: str, quantity: Quantity, table: Mapping[str, Any]) -> float:
@@ -230,7 +230,7 @@ class RestartTable(Table):
 
 
 class OutputTable(Table):
-    """Table [output]: files beside result.h5 and summary.json, and the optional fields in result.h5."""
+    """Table [output]: files in addition to result.h5 and summary.json, and the optional fields in result.h5."""
 
     figures: Flag = True
     vtu: Flag = True

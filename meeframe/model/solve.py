@@ -94,8 +94,8 @@ def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
     With two bodies, the second one retains only what contact needs, see reduce_for_contact. Raises MeshError, CaseError
     or MaterialError if a formulation does not accept its body, TooLargeError if its matrices do not fit into memory.
     """
-    *second_body, own = bodies_of(case)
-    return joined(case, [*(reduce_for_contact(*body, progress) for body in second_body), reduce_body(*own, progress)])
+    *second_body, first = bodies_of(case)
+    return joined(case, [*(reduce_for_contact(*body, progress) for body in second_body), reduce_body(*first, progress)])
 
 
 def joined(case: Case, systems: Iterable[ReducedSystem]) -> ReducedSystem:
@@ -115,8 +115,8 @@ def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
 
     They are reduced in this order: the system of the body may hold large matrices, from which its fields are recovered.
     """
-    own = (case.formulation, case.body)
-    return (own,) if case.second_body is None else ((case.second_body.formulation, case.second_body.body), own)
+    first = (case.formulation, case.body)
+    return (first,) if case.second_body is None else ((case.second_body.formulation, case.second_body.body), first)
 
 
 def reduce_body(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
@@ -183,7 +183,7 @@ def solve_steps(
         onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
-            controls = ramped(before, begin, step.given, increment / step.increments)
+            controls = ramped(before, begin, step.prescribed, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():

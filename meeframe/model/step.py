@@ -17,7 +17,7 @@ from meeframe.indenters.base import N_RIGID, IndenterMotions
 from meeframe.laws.base import ContactLaw, is_adhesive
 from meeframe.plugin.validation import Problem, TableError, choices
 
-_LEAST_PART: Final = 1e-9
+_LEAST_FRACTION: Final = 1e-9
 """Least part of a motion along the normal; smaller parts are round-off of the frames."""
 
 Pair = tuple[float, float]
@@ -82,13 +82,13 @@ class Step:
                 raise CaseError(f"scalars: unknown name {key!r}; {choices(key, names)}")
         scalars = {key: _in_si(key, value, motions) for key, value in self.scalars.items()}
         object.__setattr__(self, "scalars", scalars)
-        for key, value in self.given.items():
+        for key, value in self.prescribed.items():
             columns = motions.columns[key]
             if value.shape != (columns.stop - columns.start,) or not np.isfinite(value).all():
                 count = "one finite number" if columns.stop - columns.start == 1 else "two finite numbers"
-                given = scalars[key] if key in scalars else getattr(self, key)
-                raise CaseError(f"{key} = {given!r}; allowed: {count} [{motions.units[key]}]")
-        for one, other in combinations(self.given, 2):
+                original = scalars[key] if key in scalars else getattr(self, key)
+                raise CaseError(f"{key} = {original!r}; allowed: {count} [{motions.units[key]}]")
+        for one, other in combinations(self.prescribed, 2):
             if motions.columns[one] == motions.columns[other]:
                 raise CaseError(
                     f"{one} and {other} are both given; allowed: one of them, the other one follows from it"
@@ -99,7 +99,7 @@ class Step:
             raise CaseError(f"increments = {self.increments!r}; allowed: whole numbers from 1")
 
     @property
-    def given(self) -> Mapping[str, Array]:
+    def prescribed(self) -> Mapping[str, Array]:
         """Prescribed quantities by key, (1,) or (2,)."""
         values = {key: getattr(self, key) for key in _rigid_keys()} | dict(self.scalars)
         return {key: np.atleast_1d(np.asarray(value, float)) for key, value in values.items() if value is not None}
@@ -140,7 +140,7 @@ def check_first(step: Step) -> None:
 
 def check_pull(step: Step, law: ContactLaw) -> None:
     """Raise TableError if a load step pulls on surfaces that do not attract each other."""
-    force = step.given.get("normal_force", np.zeros(1)).item()
+    force = step.prescribed.get("normal_force", np.zeros(1)).item()
     if force < 0 and not is_adhesive(law):
         allowed = "allowed: numbers >= 0 [N], pressing on the body, unless the contact law is adhesive"
         raise TableError(Problem(("normal_force",), allowed, force))
@@ -165,11 +165,11 @@ def check_names(step: Step, motions: IndenterMotions) -> None:
 
 def check_resisted(step: Step, motions: IndenterMotions, resists: NDArray[np.bool_]) -> None:
     """Raise TableError if a resultant is prescribed for a motion that nothing resists; resists: (motions.size,)."""
-    for key, value in step.given.items():
+    for key, value in step.prescribed.items():
         if key not in motions.motions and np.any((value != 0.0) & ~resists[motions.columns[key]]):
             why = "insulate" if key in step.scalars else "admit no traction that resists this motion"
-            given = value.item() if value.size == 1 else value.tolist()
-            raise TableError(Problem((key,), f"the laws of the contact {why}; allowed: 0, or other laws", given))
+            number = value.item() if value.size == 1 else value.tolist()
+            raise TableError(Problem((key,), f"the laws of the contact {why}; allowed: 0, or other laws", number))
 
 
 def resisted(modes: Array, contact: ContactLaw, channels: tuple[FluxChannel, ...]) -> NDArray[np.bool_]:
@@ -181,5 +181,5 @@ def resisted(modes: Array, contact: ContactLaw, channels: tuple[FluxChannel, ...
     moving = modes[:N_RIGID, :, MECHANICAL]
     size = np.abs(moving).max(axis=(1, 2))
     held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
-    mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_PART * size
+    mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_FRACTION * size
     return np.concatenate([mechanical, [channel.is_conducting for channel in channels]])

@@ -4,7 +4,7 @@ Contracts, records and helpers for writing laws, indenters, elements, fundamenta
 and the hook with which they are registered. Building blocks for formulations on surface meshes are in
 `meeframe.plugin.surfaces`, those of boundary elements in `meeframe.plugin.boundary_elements`.
 
-These names are kept from version to version; all other modules may change. They are imported at their first use, so
+These names do not change between versions; all other modules may change. They are imported at their first use, so
 that `import meeframe.plugin` is quick.
 """
 

@@ -21,7 +21,7 @@ from meeframe.plugin.hookspecs import PROJECT
 
 LOCAL: Final = f"{PROJECT}_file_"
 """Prefix of the names of modules from local files."""
-OWN_PACKAGES: Final = frozenset({"meeframe_halfspace", "meeframe_hmatrix", "meeframe_laws", "meeframe_skfem"})
+BUNDLED_PACKAGES: Final = frozenset({"meeframe_halfspace", "meeframe_hmatrix", "meeframe_laws", "meeframe_skfem"})
 """Plugins of this project; failures in them are defects, reported by a traceback."""
 _LIBRARIES: Final = frozenset({"site-packages", "dist-packages"})
 
@@ -167,7 +167,7 @@ def faults_of_plugins(*passing: type[Exception]) -> Iterator[None]:
             raise
         packages = {
             entry_point.module.partition(".")[0] for entry_point in metadata.entry_points(group=PROJECT)
-        } - OWN_PACKAGES
+        } - BUNDLED_PACKAGES
         frames = list(traceback.walk_tb(error.__traceback__))
         last = max(
             (number for number, (frame, _) in enumerate(frames) if _is_plugin_code(frame, packages)), default=None
@@ -187,7 +187,7 @@ def _is_plugin_code(frame: FrameType, packages: Set[str]) -> bool:
 def _is_caller_code(frame: FrameType, plugin: FrameType) -> bool:
     """Return whether a frame is in none of meeframe, the libraries and the folder of the plugin."""
     package = frame.f_globals.get("__name__", "").partition(".")[0]
-    if package in sys.stdlib_module_names | OWN_PACKAGES | {PROJECT}:
+    if package in sys.stdlib_module_names | BUNDLED_PACKAGES | {PROJECT}:
         return False
     file = Path(frame.f_globals.get("__file__") or frame.f_code.co_filename)
     in_plugin_folder = Path(plugin.f_code.co_filename).parent in file.parents

@@ -88,11 +88,11 @@ class LocalProblem:
             raise CaseError(
                 f"mu of the FCLIB problem is {self.mu[contact]} at contact {contact}; allowed: numbers >= 0"
             )
-        own = np.diag(self.matrix)
-        if own.min() <= 0.0:
-            contact = int(own.argmin()) // PER_CONTACT
+        diagonal = np.diag(self.matrix)
+        if diagonal.min() <= 0.0:
+            contact = int(diagonal.argmin()) // PER_CONTACT
             raise CaseError(
-                f"W of the FCLIB problem has {own.min()} on its diagonal at contact {contact}; "
+                f"W of the FCLIB problem has {diagonal.min()} on its diagonal at contact {contact}; "
                 "allowed: numbers > 0, since a contact without compliance has no solution"
             )
 
@@ -147,7 +147,7 @@ def write_local(path: Path, problem: LocalProblem, solution: LocalSolution | Non
     """
     with replacing(path) as temporary, changed_file(temporary, "w") as file:
         local = file.create_group(_LOCAL)
-        _put_whole(local, "spacedim", PER_CONTACT)
+        _put_integer(local, "spacedim", PER_CONTACT)
         _put_matrix(local.create_group("W"), problem.matrix)
         vectors = local.create_group("vectors")
         vectors["q"], vectors["mu"] = np.asarray(problem.q, float), np.asarray(problem.mu, float)
@@ -194,7 +194,7 @@ def read_solution(path: Path) -> LocalSolution | None:
         try:
             if _SOLUTION not in file:
                 return None
-            size = _whole(file[_LOCAL]["W"], "m")
+            size = _integer(file[_LOCAL]["W"], "m")
             u, r = (_numbers(file[_SOLUTION], name) for name in ("u", "r"))
             if not (len(u) == len(r) == size and np.isfinite(u).all() and np.isfinite(r).all()):
                 raise ValueError(f"u ({len(u)},), r ({len(r)},); allowed: finite numbers ({size},)")
@@ -211,12 +211,12 @@ def _opened(path: Path) -> Any:
 
 
 def _local(local: Any) -> LocalProblem:
-    dimension = _whole(local, "spacedim")
+    dimension = _integer(local, "spacedim")
     if dimension != PER_CONTACT:
         raise CaseError(f"spacedim = {dimension}; allowed: {PER_CONTACT}")
     if "V" in local or "R" in local:
         raise CaseError("has equality constraints (V, R, s); allowed: problems without them")
-    rows, columns = (_whole(local["W"], name) for name in ("m", "n"))
+    rows, columns = (_integer(local["W"], name) for name in ("m", "n"))
     if rows != columns:
         raise CaseError(f"W has {rows} rows and {columns} columns; allowed: as many")
     check_size(rows // PER_CONTACT)
@@ -227,8 +227,8 @@ def _local(local: Any) -> LocalProblem:
 
 def _matrix(group: Any) -> Array:
     """Return a matrix in full, from any of the three ways in which it may be stored; entries that repeat add up."""
-    full = np.zeros((_whole(group, "m"), _whole(group, "n")))
-    count = _whole(group, "nz")
+    full = np.zeros((_integer(group, "m"), _integer(group, "n")))
+    count = _integer(group, "nz")
     p, i, x = (_numbers(group, name) for name in ("p", "i", "x"))
     if count >= 0:
         rows, columns, x = i[:count], p[:count], x[:count]
@@ -238,10 +238,10 @@ def _matrix(group: Any) -> Array:
         rows, columns, x = _lines(p, full.shape[0]), i[: p[-1]], x[: p[-1]]
     else:
         raise ValueError(f"nz = {count} of its matrix; allowed: -2, -1 and numbers >= 0")
-    places = np.column_stack([rows, columns])
-    outside = ((places < 0) | (places >= full.shape)).any(axis=1)
+    indices = np.column_stack([rows, columns])
+    outside = ((indices < 0) | (indices >= full.shape)).any(axis=1)
     if outside.any():
-        row, column = places[outside][0]
+        row, column = indices[outside][0]
         raise ValueError(f"an entry of its matrix is at row {row}, column {column} of {full.shape}, counted from 0")
     np.add.at(full, (rows, columns), x)
     return full
@@ -259,7 +259,7 @@ def _put_matrix(group: Any, matrix: Array) -> None:
     stored = sparse.csc_array(matrix)
     full = {"nzmax": stored.nnz, "m": matrix.shape[0], "n": matrix.shape[1], "nz": _COLUMNS}
     for name, number in full.items():
-        _put_whole(group, name, number)
+        _put_integer(group, name, number)
     group["p"], group["i"] = stored.indptr.astype(np.int32), stored.indices.astype(np.int32)
     group["x"] = stored.data.astype(float)
 
@@ -269,11 +269,11 @@ def _put_solution(file: Any, solution: LocalSolution) -> None:
     group["u"], group["r"] = np.asarray(solution.u, float), np.asarray(solution.r, float)
 
 
-def _put_whole(group: Any, name: str, number: int) -> None:
+def _put_integer(group: Any, name: str, number: int) -> None:
     group[name] = np.array([number], np.int32)
 
 
-def _whole(group: Any, name: str) -> int:
+def _integer(group: Any, name: str) -> int:
     return int(_numbers(group, name)[0])
 
 

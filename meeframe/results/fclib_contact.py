@@ -93,10 +93,10 @@ def contact_problem(local: LocalProblem) -> ContactProblem:
     n = len(local.mu)
     scale = _scales(local)
     matrix = np.zeros((n, N_FIELDS, n, N_FIELDS))
-    own = np.where(scale == 0.0, np.diag(local.matrix).mean(), 0.0)
+    extra = np.where(scale == 0.0, np.diag(local.matrix).mean(), 0.0)
     scaled = scale[:, None] * local.matrix
     scaled *= scale
-    np.einsum("ii->i", scaled)[:] += own
+    np.einsum("ii->i", scaled)[:] += extra
     blocks = scaled.reshape(n, PER_CONTACT, n, PER_CONTACT)
     matrix[:, COMPONENTS[:, None], :, COMPONENTS] = blocks.transpose(1, 3, 0, 2)
     nodes = np.arange(n)
@@ -209,8 +209,8 @@ def _condensed(
     equations = compliance[np.ix_(pairs, pairs)] + np.diag(of_fields.flat[pairs])
     scale = np.diag(equations) ** -0.5  # makes the equations independent of units
     factor = lu_factor(scale[:, None] * equations * scale)
-    given = np.column_stack([compliance[np.ix_(pairs, dofs)], relative_displacement[pairs]])
-    caused = compliance[np.ix_(dofs, pairs)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * given))
+    right_hand_sides = np.column_stack([compliance[np.ix_(pairs, dofs)], relative_displacement[pairs]])
+    caused = compliance[np.ix_(dofs, pairs)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * right_hand_sides))
     return matrix - caused[:, :-1], q - caused[:, -1]
 
 

@@ -165,14 +165,14 @@ def draw_map(axes: Any, result: Result, name: str, which: Which = None, title: s
     values = nodal_values(result, row, step)
     factor, unit = prefixed(values[felt], row.unit)
     if of_contact:
-        # the open nodes beside the contact take the pressure of their neighbours: no colour fades before the edge
+        # the open nodes next to the contact take the pressure of their neighbours: no colour fades before the edge
         values = picture.extended(values, felt)
     limits = {"vmin": min(values[felt].min() / factor, 0.0)} if of_contact else {}
     drawn = picture.shade(axes, values / factor, felt, vmax=values[felt].max() / factor or 1.0, **limits)
     axes.figure.colorbar(drawn, ax=axes, label=f"{row.label} [{unit}]")
     if step.touching.any() and not step.touching.all():
         edge = picture.values(_edge(zone, step))
-        rim = picture.beside(step.touching, ~step.touching)
+        rim = picture.triangles_at(step.touching, ~step.touching)
         if of_contact and not (felt & ~step.touching).any():
             axes.tricontourf(rim, edge, [-2 * _BETWEEN[1], 0], colors=[NO_CONTACT])
         axes.tricontour(rim, edge, [0.0], colors="#D55E00" if of_contact else "white", linewidths=1.2)
@@ -220,7 +220,7 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     if not step.touching.any():
         _no_contact(axes, picture)
         return
-    edge, contact = _edge(result.zone, step), picture.beside(step.touching)
+    edge, contact = _edge(result.zone, step), picture.triangles_at(step.touching)
     sticking = np.where(step.region == Region.STICK, 1.0, -1.0) * np.abs(edge)
     shown = ((edge, "slip", totals.slip_area), (sticking, "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):

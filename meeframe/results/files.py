@@ -275,10 +275,10 @@ def _put(group: Any, name: str, values: Any) -> Any:
 
 
 def _put_cells(group: Any, cells: tuple[tuple[str, Indices], ...]) -> None:
-    own = group.create_group("cells")
-    own.attrs["note"] = "numbers into points; meshio cell types"
+    cells_group = group.create_group("cells")
+    cells_group.attrs["note"] = "numbers into points; meshio cell types"
     for number, (cell_type, connectivity) in enumerate(cells):
-        _put(own, str(number), connectivity).attrs.update({"type": cell_type, "units": "1"})
+        _put(cells_group, str(number), connectivity).attrs.update({"type": cell_type, "units": "1"})
 
 
 def _put_boundary_mesh(group: Any, boundary: NodalFields) -> None:
@@ -287,10 +287,12 @@ def _put_boundary_mesh(group: Any, boundary: NodalFields) -> None:
 
 
 def _read(file: Any) -> Result:
-    attributes, places = file.attrs, file["zone"]
-    n = len(places["points"])
+    attributes, zone_group = file.attrs, file["zone"]
+    n = len(zone_group["points"])
     shapes = {"points": (n, 3), "frames": (n, 3, 3), "weights": (n,)}
-    zone = Zone(**{name: numbers_of(places, name, shapes[name]) for name in _ZONE_UNITS}, cells=_get_cells(places, n))
+    zone = Zone(
+        **{name: numbers_of(zone_group, name, shapes[name]) for name in _ZONE_UNITS}, cells=_get_cells(zone_group, n)
+    )
     return Result(
         provenance=Provenance(
             title=text_of(file, "title"),
@@ -328,9 +330,9 @@ def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: A
     if "second_body" in group:
         second_body = SecondSurface(**_get_fields(group["second_body"], rows, n))
     if "boundary" in group:
-        own, shared = group["boundary"], file["boundary"]
+        values_group, shared = group["boundary"], file["boundary"]
         p = len(shared["points"])
-        fields = (numbers_of(own, name, (p, field_set.size)) for name in ("values", "fluxes"))
+        fields = (numbers_of(values_group, name, (p, field_set.size)) for name in ("values", "fluxes"))
         boundary = NodalFields(numbers_of(shared, "points", (p, 3)), _get_cells(shared, p), *fields)
     held = [row for row in schema.nodal_fields(field_set) if row.attribute]
     zero = text_of(group, "zero").split()
@@ -415,9 +417,9 @@ def _get_cells(group: Any, n: int) -> tuple[tuple[str, Indices], ...]:
     """Return the cells of a group, whose numbers refer to n points."""
     cells = []
     for name in sorted(group["cells"], key=int):
-        own = group["cells"][name]
-        connectivity: Indices = numbers_of(group["cells"], name, own.shape, "iu")
+        dataset = group["cells"][name]
+        connectivity: Indices = numbers_of(group["cells"], name, dataset.shape, "iu")
         if connectivity.ndim != 2 or ((connectivity < 0) | (connectivity >= n)).any():
-            raise ValueError(f"{own.name} are no numbers into {n} points")
-        cells.append((text_of(own, "type"), connectivity))
+            raise ValueError(f"{dataset.name} are no numbers into {n} points")
+        cells.append((text_of(dataset, "type"), connectivity))
     return tuple(cells)

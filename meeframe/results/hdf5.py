@@ -27,13 +27,13 @@ class _Sink:
 
     def write(self, data: Any) -> int:
         """Write the data; return the number of bytes, all of them."""
-        place, full = self._file.tell(), memoryview(data).cast("B")
+        position, full = self._file.tell(), memoryview(data).cast("B")
         left = full
         try:
             while left:
                 left = left[self._file.write(left) :]
         except OSError as error:
-            self._go_on_in_memory(error, place).write(full)
+            self._go_on_in_memory(error, position).write(full)
         return len(full)
 
     def truncate(self, size: int) -> int:
@@ -43,11 +43,11 @@ class _Sink:
         except OSError as error:
             return self._go_on_in_memory(error, self._file.tell()).truncate(size)
 
-    def _go_on_in_memory(self, error: OSError, place: int) -> io.BytesIO:
+    def _go_on_in_memory(self, error: OSError, position: int) -> io.BytesIO:
         self._file.seek(0)
         with self._file as full:
             memory = io.BytesIO(full.read())
-        memory.seek(place)
+        memory.seek(position)
         self.error, self._file = error, memory
         return memory
 
@@ -67,7 +67,7 @@ def sink(path: Path, mode: str) -> Iterator[_Sink]:
 @contextmanager
 def changed_file(path: Path, mode: str) -> Iterator[Any]:
     """Open an HDF5 file to be written, mode "w", or changed, "r+". Raises OSError if it cannot be written."""
-    with sink(path, mode) as own, h5py.File(own, mode) as file:
+    with sink(path, mode) as stream, h5py.File(stream, mode) as file:
         yield file
 
 

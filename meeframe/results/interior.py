@@ -108,10 +108,10 @@ class PointGrid:
         }[len(wide)]
         nodes = []
         for corner in corners:
-            place = [slice(None)] * 3
+            index = [slice(None)] * 3
             for axis, end in zip(wide, corner, strict=True):
-                place[axis] = slice(1, None) if end else slice(None, -1)
-            nodes.append(numbers[tuple(place)].ravel())
+                index[axis] = slice(1, None) if end else slice(None, -1)
+            nodes.append(numbers[tuple(index)].ravel())
         return names[len(wide)], np.stack(nodes, axis=1)
 
 
@@ -261,17 +261,17 @@ def interior(
     positions = grid.points if grid is not None else np.asarray(points, float)
     if positions.ndim != 2 or positions.shape[1] != 3 or not len(positions) or not np.isfinite(positions).all():
         raise CaseError(f"points have shape {positions.shape}; allowed: (m, 3) finite numbers, m > 0")
-    found = capability.evaluate(load, positions)
-    displacement, potentials = split_load(found.values)
-    slopes = found.gradients[:, MECHANICAL]
+    interior_fields = capability.evaluate(load, positions)
+    displacement, potentials = split_load(interior_fields.values)
+    slopes = interior_fields.gradients[:, MECHANICAL]
     return InteriorResult(
-        points=found.points,
+        points=interior_fields.points,
         displacement=displacement,
         potentials=potentials,
         strain=(slopes + slopes.transpose(0, 2, 1)) / 2.0,
-        stress=found.fluxes[:, :, MECHANICAL],
-        field_strengths=-found.gradients[:, POTENTIALS],
-        flux_densities=found.fluxes[:, :, POTENTIALS].transpose(0, 2, 1),
+        stress=interior_fields.fluxes[:, :, MECHANICAL],
+        field_strengths=-interior_fields.gradients[:, POTENTIALS],
+        flux_densities=interior_fields.fluxes[:, :, POTENTIALS].transpose(0, 2, 1),
         fields=fields,
         grid=grid,
     )

@@ -129,7 +129,7 @@ def check_output(folder: Path, overwrite: bool) -> None:
         raise ResultError(f"output folder {folder} is not empty ({listed}); {otherwise}")
 
 
-def check_place(file: Path) -> None:
+def check_writable(file: Path) -> None:
     """Check that a file can be written in its folder, which must exist, without any change. Raises ResultError."""
     try:
         if file.is_dir():

@@ -52,8 +52,8 @@ class Picture:
         from matplotlib.tri import Triangulation
 
         factor, unit = scale or lengths([zone])
-        parts = [connectivity for name, connectivity in zone.cells if name == "quad"]
-        quads = np.concatenate(parts) if parts else np.empty((0, 4), np.int64)
+        blocks = [connectivity for name, connectivity in zone.cells if name == "quad"]
+        quads = np.concatenate(blocks) if blocks else np.empty((0, 4), np.int64)
         middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
         normal = zone.frames[:, 2].mean(axis=0)
         axes = local_frames(normal[None] / np.linalg.norm(normal))[0, :2]
@@ -68,9 +68,9 @@ class Picture:
         The square is cut at the zone's edges.
         """
         low, high = self.points[chosen].min(axis=0), self.points[chosen].max(axis=0)
-        reach = 0.75 * (high - low).max() or np.ptp(self.points, axis=0).max()
-        begin = np.maximum((low + high) / 2 - reach, self.points.min(axis=0))
-        end = np.minimum((low + high) / 2 + reach, self.points.max(axis=0))
+        half_width = 0.75 * (high - low).max() or np.ptp(self.points, axis=0).max()
+        begin = np.maximum((low + high) / 2 - half_width, self.points.min(axis=0))
+        end = np.minimum((low + high) / 2 + half_width, self.points.max(axis=0))
         return (float(begin[0]), float(end[0])), (float(begin[1]), float(end[1]))
 
     def values(self, nodal: Array) -> Array:
@@ -80,7 +80,7 @@ class Picture:
     def extended(self, nodal: Array, inside: NDArray[np.bool_]) -> Array:
         """Return values (n,) with those outside replaced by the mean of the inner nodes of the same cells.
 
-        inside: (n,) nodes that keep their values. Nodes beside none of them become zero.
+        inside: (n,) nodes that keep their values. Nodes without such a neighbour become zero.
         """
         total, count = np.zeros(len(nodal)), np.zeros(len(nodal))
         flat = self.triangulation.triangles
@@ -91,12 +91,12 @@ class Picture:
                 np.add.at(count, cells[:, column], inner.sum(axis=1))
         return np.where(inside, nodal, total / np.maximum(count, 1.0))
 
-    def shade(self, axes: Any, nodal: Array, beside: NDArray[np.bool_] | None = None, **limits: float) -> Any:
-        """Draw values (n,) at the nodes as colours over the zone, or over the triangles beside some nodes (n,).
+    def shade(self, axes: Any, nodal: Array, inside: NDArray[np.bool_] | None = None, **limits: float) -> Any:
+        """Draw values (n,) at the nodes as colours over the zone, or over the triangles at nodes `inside` (n,).
 
         limits: vmin, vmax.
         """
-        flat = self.triangulation if beside is None else self.beside(beside)
+        flat = self.triangulation if inside is None else self.triangles_at(inside)
         drawn = axes.tripcolor(flat, self.values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
         drawn.set_in_layout(False)  # it ends with its axes; matplotlib would find its extent triangle by triangle
         return drawn
@@ -109,16 +109,16 @@ class Picture:
         from matplotlib.tri import LinearTriInterpolator
 
         y = self.triangulation.y[self.triangulation.triangles]
-        across = self._part((y.min(axis=1) <= 0.0) & (y.max(axis=1) >= 0.0))
+        across = self._subset((y.min(axis=1) <= 0.0) & (y.max(axis=1) >= 0.0))
         return [LinearTriInterpolator(across, self.values(values))(x, np.zeros_like(x)) for values in nodal]
 
-    def beside(self, *kinds: NDArray[np.bool_]) -> Any:
+    def triangles_at(self, *kinds: NDArray[np.bool_]) -> Any:
         """Return the triangles at nodes (n,) of every kind: contours are found faster in few triangles."""
         triangles = self.triangulation.triangles
         at = [(self.values(kind.astype(float)) > 0.0)[triangles].any(axis=1) for kind in kinds]
-        return self._part(np.logical_and.reduce(at))
+        return self._subset(np.logical_and.reduce(at))
 
-    def _part(self, chosen: NDArray[np.bool_]) -> Any:
+    def _subset(self, chosen: NDArray[np.bool_]) -> Any:
         """Return the triangulation by these triangles (t,) alone, or all if there are none.
 
         matplotlib's triangulations have at least one triangle.

@@ -87,8 +87,8 @@ class Loading:
         duration: float | None = None,
         fields: FieldSet = MEE,
     ) -> "Loading":
-        """Return the loading of all motions of an indenter, (motions,), at the places of IndenterMotions."""
-        approach, translation, tilt, twist = (motion[place] for place in RIGID_MOTIONS.values())
+        """Return the loading of all motions of an indenter, (motions,), in the order of IndenterMotions."""
+        approach, translation, tilt, twist = (motion[columns] for columns in RIGID_MOTIONS.values())
         potentials = zip(fields.scalars, motion[N_RIGID:].tolist(), strict=True)
         scalars = {scalar.value_name: value for scalar, value in potentials}
         rigid = float(approach[0]), translation, tilt, float(twist[0])
@@ -99,7 +99,7 @@ class Loading:
 
     @property
     def motion(self) -> Array:
-        """Motions of the indenter, (motions,), at the places of IndenterMotions."""
+        """Motions of the indenter, (motions,), in the order of IndenterMotions."""
         rigid = (np.atleast_1d(getattr(self, name)) for name in RIGID_MOTIONS)
         return np.concatenate([*rigid, list(self.scalars.values())])
 
@@ -208,8 +208,8 @@ class StepResult:
     def __repr__(self) -> str:
         """Return words instead of long arrays."""
         touching = f"{self.touching.sum()} of {len(self.region)} nodes in contact"
-        place = f"step {self.step}, increment {self.increment}, approach {self.loading.approach:.6g} m"
-        return f"StepResult({place}: {self.status}, {touching})"
+        location = f"step {self.step}, increment {self.increment}, approach {self.loading.approach:.6g} m"
+        return f"StepResult({location}: {self.status}, {touching})"
 
     @property
     def touching(self) -> NDArray[np.bool_]:
@@ -327,8 +327,8 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
 
 
 def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
-    parts = chosen.astype(float) if step.area_fraction is None else np.where(chosen, step.area_fraction, 0.0)
-    return float(_areas(zone) @ parts)
+    fractions = chosen.astype(float) if step.area_fraction is None else np.where(chosen, step.area_fraction, 0.0)
+    return float(_areas(zone) @ fractions)
 
 
 @memoize_by_identity
@@ -339,8 +339,8 @@ def _areas(zone: Zone) -> Array:
         return zone.weights
     areas = np.zeros(len(zone.points))
     for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
-        own = np.linalg.norm(vector_areas(zone.points[outline]), axis=1)
-        np.add.at(areas, nodes, own[:, None] / nodes.shape[1])
+        element_areas = np.linalg.norm(vector_areas(zone.points[outline]), axis=1)
+        np.add.at(areas, nodes, element_areas[:, None] / nodes.shape[1])
     # straight sides miss a little of curved elements: all of them together have the area of the zone
     areas *= zone.weights.sum() / areas.sum()
     return areas

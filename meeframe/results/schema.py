@@ -262,12 +262,12 @@ class Total:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of its components as separate numbers."""
-        return tuple(f"{self.name}_{part}" for part in self.components) or (self.name,)
+        return tuple(f"{self.name}_{component}" for component in self.components) or (self.name,)
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Labels of its components."""
-        return tuple(f"{self.label} {part}" for part in self.components) or (self.label,)
+        return tuple(f"{self.label} {component}" for component in self.components) or (self.label,)
 
 
 _XYZ: Final = ("x", "y", "z")
@@ -315,10 +315,10 @@ MOTION_TOTALS: Final = tuple(
         name,
         IndenterMotions().units[name],
         name.replace("_", " "),
-        _IN_PLANE if place.stop - place.start == 2 else (),
+        _IN_PLANE if columns.stop - columns.start == 2 else (),
         _motion(name),
     )
-    for name, place in IndenterMotions().motions.items()
+    for name, columns in IndenterMotions().motions.items()
 )
 """Motions and potentials of the indenter, as in Loading."""
 

@@ -43,12 +43,12 @@ def select(result: Result, which: Which = None) -> StepResult:
     if which == "last":
         return result.steps[-1]
     numbers = _numbers(which)
-    found = [step for step in result.steps if numbers == (step.step, step.increment)[: len(numbers)]]
-    if not numbers or not found:
+    matches = [step for step in result.steps if numbers == (step.step, step.increment)[: len(numbers)]]
+    if not numbers or not matches:
         last: dict[int, int] = {step.step: step.increment for step in result.steps}
         steps = ", ".join(f"{step} (increments 1 to {count})" for step, count in last.items())
         raise ResultError(f"step {which!r}: no such increment; allowed: peak, last, and load steps {steps}")
-    return found[-1]
+    return matches[-1]
 
 
 def _numbers(which: int | tuple[int, int] | str) -> Sequence[int]:

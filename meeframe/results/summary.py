@@ -156,12 +156,12 @@ def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[
     The approach is not among them.
     """
     motions = IndenterMotions(shown[0].fields if shown else MEE)
-    for name, place in list(motions.motions.items())[1:]:
-        free = any(motions.columns[key] == place for step in shown for key in step.loading.prescribed)
-        moved = [np.atleast_1d(getattr(step.loading, name)) for step in shown]
-        if not free and not np.any(moved):
+    for name, columns in list(motions.motions.items())[1:]:
+        free = any(motions.columns[key] == columns for step in shown for key in step.loading.prescribed)
+        values = [np.atleast_1d(getattr(step.loading, name)) for step in shown]
+        if not free and not np.any(values):
             continue
-        yield from _components(name + " of the indenter" * (name not in RIGID_MOTIONS), motions.units[name], moved)
+        yield from _components(name + " of the indenter" * (name not in RIGID_MOTIONS), motions.units[name], values)
         if name in _ABOUT:
             about = _ABOUT[name]
             yield from _components(about, motions.units[about], [np.atleast_1d(total[about]) for total in totals])

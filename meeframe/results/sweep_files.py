@@ -36,7 +36,7 @@ def write_sweep(folder: Path, sweep: SweepResult) -> None:
     """
     check_installed()
     h5netcdf, backends = import_module("h5netcdf"), import_module("xarray.backends")
-    with replacing(folder / SWEEP_FILE) as path, sink(path, "w") as own, h5netcdf.File(own, "w") as file:
+    with replacing(folder / SWEEP_FILE) as path, sink(path, "w") as stream, h5netcdf.File(stream, "w") as file:
         dataset(sweep).dump_to_store(backends.H5NetCDFStore(file))
 
 
@@ -73,10 +73,10 @@ def dataset(sweep: SweepResult) -> Any:
         values = np.array(axis.labels, object) if axis.values is None else axis.values
         units = {"units": axis.unit} if axis.unit else {}
         coordinates[axis.name] = [axis.name], values, {"long_name": axis.name, **units}
-    for name, place in sweep.nodes.items() if grid is None else grid.coordinates(sweep.nodes["z"]):
-        if not isinstance(place, tuple):
-            place = [NODE] if place.ndim == 1 else [*names, NODE], place
-        coordinates[name] = *place, {"units": "m", "long_name": name}
+    for name, coordinate in sweep.nodes.items() if grid is None else grid.coordinates(sweep.nodes["z"]):
+        if not isinstance(coordinate, tuple):
+            coordinate = [NODE] if coordinate.ndim == 1 else [*names, NODE], coordinate
+        coordinates[name] = *coordinate, {"units": "m", "long_name": name}
     return xarray.Dataset(variables, coordinates, {"format": FORMAT, "title": sweep.title, **sweep.notes})
 
 
@@ -115,10 +115,10 @@ def _grid(nodes: Mapping[str, Array]) -> _Grid | None:
         _, first, inverse = np.unique(rounded, return_index=True, return_inverse=True)
         lines.append(nodes[name][first])
         numbers.append(inverse)
-    (x, y), place = lines, numbers[1] * len(lines[0]) + numbers[0]
-    if len(x) * len(y) != len(place) or len(np.unique(place)) != len(place):
+    (x, y), position = lines, numbers[1] * len(lines[0]) + numbers[0]
+    if len(x) * len(y) != len(position) or len(np.unique(position)) != len(position):
         return None
-    return _Grid(x, y, np.argsort(place).reshape(len(y), len(x)))
+    return _Grid(x, y, np.argsort(position).reshape(len(y), len(x)))
 
 
 def _attributes(unit: str, label: str) -> dict[str, str]:

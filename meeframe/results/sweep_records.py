@@ -58,6 +58,6 @@ class SweepResult:
         values = self.quantities[quantity]
         if values.ndim == len(self.axes):
             return values
-        place = np.maximum((~np.isnan(self.quantities["residual"])).sum(axis=-1) - 1, 0)
-        result: Array = np.take_along_axis(values, place[..., None], axis=-1)[..., 0]
+        last = np.maximum((~np.isnan(self.quantities["residual"])).sum(axis=-1) - 1, 0)
+        result: Array = np.take_along_axis(values, last[..., None], axis=-1)[..., 0]
         return result

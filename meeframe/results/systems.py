@@ -15,7 +15,7 @@ from meeframe.system.capabilities import AnyArray
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
-Found = TypeVar("Found")
+Value = TypeVar("Value")
 
 FORMAT: Final = "meeframe-system 1"
 ARRAYS: Final = "meeframe-kept-system 1"
@@ -70,7 +70,7 @@ def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) 
     return _read(path, FORMAT, key, system)
 
 
-def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Found | None:
+def _read(path: Path, kind: str, key: str, take: Callable[[Any], Value]) -> Value | None:
     """Return the data read from a file of this kind and key; None if there is no complete one."""
     try:
         with h5py.File(path, "r") as file:

@@ -73,12 +73,12 @@ def _row(zone: Zone, step: StepResult) -> tuple[StepResult, dict[str, Any]]:
 
 def _numbers(step: StepResult, values: dict[str, Any], hidden: set[str]) -> dict[str, Any]:
     rows = [row for row in _quantities(step.fields) if row.name not in hidden]
-    whole = {
+    totals = {
         "iterations": step.iterations,
         "contact_at_zone_boundary": step.contact_at_zone_boundary,
         "status": str(step.status),
     }
-    return {"step": step.step, "increment": step.increment, **schema.numbers(rows, values), **whole}
+    return {"step": step.step, "increment": step.increment, **schema.numbers(rows, values), **totals}
 
 
 def dataset(result: Result) -> Any:

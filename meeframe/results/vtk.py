@@ -17,7 +17,7 @@ from meeframe.system.reduced import NodalFields
 
 _VTK_CELLS: Final = ("triangle", "triangle6", "quad", "quad8", "quad9")
 """Cell types that VTK supports, by meshio's names."""
-_SAME_PLACE: Final = 1e-9
+_COINCIDENCE_TOLERANCE: Final = 1e-9
 """Distance below which points coincide, as a fraction of the extent of the contact zone."""
 
 
@@ -109,16 +109,16 @@ def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
     """
     n = len(zone.points)
     pairs = close_point_pairs(
-        np.concatenate([zone.points, boundary.points]), _SAME_PLACE * np.ptp(zone.points, axis=0).max()
+        np.concatenate([zone.points, boundary.points]), _COINCIDENCE_TOLERANCE * np.ptp(zone.points, axis=0).max()
     )
     pairs = pairs[(pairs[:, 0] < n) & (pairs[:, 1] >= n)]
     nearest = np.full(len(boundary.points), -1)
     nearest[pairs[:, 1] - n] = pairs[:, 0]
     inside = np.zeros(len(boundary.points), bool)
-    for _, own in zone.cells:
+    for _, zone_cells in zone.cells:
         for _, cells in boundary.cells:
-            if cells.shape[1] == own.shape[1]:
-                inside[cells[_rows_among(nearest[cells], own)]] = True
+            if cells.shape[1] == zone_cells.shape[1]:
+                inside[cells[_rows_among(nearest[cells], zone_cells)]] = True
     return np.flatnonzero(inside), nearest[inside]
 
 

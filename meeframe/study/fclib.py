@@ -22,7 +22,7 @@ from meeframe.results.fclib import (
     write_solution,
 )
 from meeframe.results.fclib_contact import friction_coefficient, local_problem, local_solution, solve_local
-from meeframe.results.output import check_place
+from meeframe.results.output import check_writable
 from meeframe.results.records import StepResult
 from meeframe.solvers import StoppingCriteria
 from meeframe.study.choices import Choice
@@ -67,7 +67,7 @@ def export_increment(
         raise CaseError(f"--increment {increment}; allowed: 1 to {case.n_increments}, the increments of the case")
     if out.exists() and not overwrite:
         raise ResultError(f"{out} exists; name another file or pass --overwrite")
-    check_place(out)
+    check_writable(out)
     friction_coefficient(case.contact_law)  # raises before anything is computed
     system = reduce(case, progress)
     step = next(islice(solve_steps(case, system, progress, boundary=False), increment - 1, None))
@@ -125,7 +125,7 @@ def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, regis
             raise ResultError(f"{error}; pass --overwrite to replace it") from None
         previous = None
     if previous is None or overwrite:
-        check_place(path)
+        check_writable(path)
     solution, outcome = solve_local(problem, chosen, limits)
     remarks = [
         f"{len(problem.mu)} contacts",

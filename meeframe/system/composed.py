@@ -102,10 +102,10 @@ class Rotation:
             self.n_fields,
         )
 
-    def change(self, values: AnyArray, given: Sequence[int], wanted: Sequence[int]) -> AnyArray:
-        """Return components `wanted`, (n, k), of values (n, l) with components `given`, in the precision of these."""
-        changed = np.zeros((len(wanted), len(values)), values.dtype)
-        rows, columns = {field: k for k, field in enumerate(wanted)}, {field: k for k, field in enumerate(given)}
+    def change(self, values: AnyArray, source: Sequence[int], target: Sequence[int]) -> AnyArray:
+        """Return components `target`, (n, k), of values (n, l) with components `source`, in the precision of these."""
+        changed = np.zeros((len(target), len(values)), values.dtype)
+        rows, columns = {field: k for k, field in enumerate(target)}, {field: k for k, field in enumerate(source)}
         for (i, j), entry in self.entries.items():
             if i in rows and j in columns:
                 changed[rows[i]] += entry * values[:, columns[j]]
@@ -139,9 +139,9 @@ class Term:
     rotation: Rotation | None = None
     nodes: Indices | None = None
 
-    def to_body(self, values: AnyArray, given: Sequence[int], wanted: Sequence[int]) -> AnyArray:
+    def to_body(self, values: AnyArray, source: Sequence[int], target: Sequence[int]) -> AnyArray:
         """Return components of nodal values of the composition at the nodes and in the frames of the body."""
-        return self.at_body(values if self.rotation is None else self.rotation.inverse.change(values, given, wanted))
+        return self.at_body(values if self.rotation is None else self.rotation.inverse.change(values, source, target))
 
     def at_body(self, values: AnyArray) -> AnyArray:
         """Return nodal values (n, ...) of the composition in the order of the nodes of the body."""
@@ -151,10 +151,10 @@ class Term:
         ordered[self.nodes] = values
         return ordered
 
-    def from_body(self, values: AnyArray, given: Sequence[int], wanted: Sequence[int]) -> AnyArray:
+    def from_body(self, values: AnyArray, source: Sequence[int], target: Sequence[int]) -> AnyArray:
         """Return components of nodal values of the body at the nodes and in the frames of the composition."""
         gathered = values if self.nodes is None else values[self.nodes]
-        return gathered if self.rotation is None else self.rotation.change(gathered, given, wanted)
+        return gathered if self.rotation is None else self.rotation.change(gathered, source, target)
 
     def blocks_from_body(self, blocks: Array) -> Array:
         """Return blocks (n, 5, 5) of the body at the nodes and in the frames of the composition."""
@@ -263,8 +263,12 @@ class ComposedSystem(
     def diagonal(self, fields: Sequence[int]) -> Array:
         """Return the diagonals of `diagonal_blocks` in k fields, (n, k)."""
         if len(self.terms) == 1 and self.terms[0].rotation is None:
-            own = diagonal(self.terms[0].system, fields)
-            return own if self.extra_compliance is None else own + self.extra_compliance[:, list(fields), list(fields)]
+            blocks = diagonal(self.terms[0].system, fields)
+            return (
+                blocks
+                if self.extra_compliance is None
+                else blocks + self.extra_compliance[:, list(fields), list(fields)]
+            )
         return self.diagonal_blocks()[:, list(fields), list(fields)]
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
@@ -292,20 +296,20 @@ class ComposedSystem(
     @cached_property
     def _coarsening(self) -> Coarsening | None:
         """The coarsening, None if the coarse nodes of the bodies do not coincide."""
-        parts = [_required(term.system, Multigrid).coarsen() for term in self.terms]
-        system = self._on_nodes([(part.system, part.nodes) for part in parts])
-        return None if system is None else Coarsening(system, parts[0].nodes, parts[0].prolong)
+        coarsenings = [_required(term.system, Multigrid).coarsen() for term in self.terms]
+        system = self._on_nodes([(coarsening.system, coarsening.nodes) for coarsening in coarsenings])
+        return None if system is None else Coarsening(system, coarsenings[0].nodes, coarsenings[0].prolong)
 
     def restrict(self, nodes: Indices) -> Subsystem | None:
         """Return the composition of the restricted bodies; None if these do not exist or have other nodes."""
-        parts = []
+        subsystems = []
         for term in self.terms:
-            part = _required(term.system, Restriction).restrict(nodes if term.nodes is None else term.nodes[nodes])
-            if part is None:
+            subsystem = _required(term.system, Restriction).restrict(nodes if term.nodes is None else term.nodes[nodes])
+            if subsystem is None:
                 return None
-            parts.append((part.system, part.nodes))
-        system = self._on_nodes(parts)
-        return None if system is None else Subsystem(system, parts[0][1])
+            subsystems.append((subsystem.system, subsystem.nodes))
+        system = self._on_nodes(subsystems)
+        return None if system is None else Subsystem(system, subsystems[0][1])
 
     def edge_correction(self, pressure: Array, indenter_edge: IndenterEdge | None = None) -> EdgeCorrection:
         """Return the sum of the corrections of all bodies, with the area fraction of the first one."""
@@ -337,18 +341,18 @@ class ComposedSystem(
     def _sum_blocks(self, blocks: Sequence[Array], extra: Array | None = None) -> Array:
         """Return the sum of blocks (n, 5, 5) of the bodies and of extra ones of the composition."""
         total: Array | int = 0 if extra is None else extra
-        for term, own in zip(self.terms, blocks, strict=True):
-            total = total + term.blocks_from_body(own)
+        for term, block in zip(self.terms, blocks, strict=True):
+            total = total + term.blocks_from_body(block)
         return np.asarray(total)
 
-    def _on_nodes(self, parts: Sequence[tuple[ReducedSystem, Indices]]) -> "ComposedSystem | None":
+    def _on_nodes(self, systems: Sequence[tuple[ReducedSystem, Indices]]) -> "ComposedSystem | None":
         """Return the composition of systems on some nodes of each body; None if these nodes do not coincide."""
-        (first, nodes), terms = parts[0], []
-        for term, (system, own) in zip(self.terms, parts, strict=True):
+        (first, nodes), terms = systems[0], []
+        for term, (system, members) in zip(self.terms, systems, strict=True):
             number = np.full(len(self.points), -1)
-            number[own] = np.arange(len(own))
+            number[members] = np.arange(len(members))
             partners = number[nodes if term.nodes is None else term.nodes[nodes]]
-            if len(own) != len(nodes) or partners.min(initial=0) < 0:
+            if len(members) != len(nodes) or partners.min(initial=0) < 0:
                 return None
             rotation = None if term.rotation is None else term.rotation.at(nodes)
             terms.append(Term(system, rotation, None if term.nodes is None else partners))

@@ -14,7 +14,7 @@ from meeframe.system.composed import Rotation, Term, compose
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
-MIN_TANGENTIAL_PART: Final = 1e-9
+MIN_TANGENTIAL_COMPONENT: Final = 1e-9
 """Smallest tangential fraction of a direction; below it the direction is taken as normal to the surface."""
 
 
@@ -77,7 +77,7 @@ def rotated_frames(frames: Array, directions: Array) -> Array:
     unit = directions / np.where(largest > 0.0, largest, 1.0)
     along = np.einsum("nai,ni->na", frames[:, :2], unit)
     length = np.linalg.norm(along, axis=1, keepdims=True)
-    tangential = length > MIN_TANGENTIAL_PART
+    tangential = length > MIN_TANGENTIAL_COMPONENT
     cosine, sine = np.where(tangential, along / np.where(tangential, length, 1.0), [1.0, 0.0]).T[:, :, None]
     rotated = frames.copy()
     rotated[:, 0] = cosine * frames[:, 0] + sine * frames[:, 1]

@@ -62,8 +62,8 @@ def combine_bodies(first: ReducedSystem, second_body: ReducedSystem) -> Composed
     """
     partners, fields = match_nodes(first, second_body), range(first.n_fields)
     blocks = np.tile(np.eye(first.n_fields), (len(partners), 1, 1))
-    turned_over = second_body.frames[partners] * TURN_OVER
-    blocks[:, MECHANICAL, MECHANICAL] = first.frames @ turned_over.transpose(0, 2, 1)
+    rotated_frames = second_body.frames[partners] * TURN_OVER
+    blocks[:, MECHANICAL, MECHANICAL] = first.frames @ rotated_frames.transpose(0, 2, 1)
     second = Term(second_body, Rotation.of(blocks), partners)
     offset = first.offset - second.from_body(second_body.offset, fields, fields)
     return compose(first, (Term(first), second), first.frames, offset)

@@ -34,7 +34,7 @@ SINGLE_PRECISION: Final = 1e-4
 """Largest relative error of operations in single precision."""
 BOUNDS: Final = {"float64": ROUND_OFF, "float32": 1e-5}
 """Largest relative errors of displacements, by the precision of the load."""
-PARTS: Final = ((-0.2, 0.2), (-0.3, 0.5), (-1.0, -0.7), (-0.1, 0.1))
+RECTANGLES: Final = ((-0.2, 0.2), (-0.3, 0.5), (-1.0, -0.7), (-0.1, 0.1))
 """Tested parts of the zone, in half widths along both axes; one of them is at a corner."""
 CANCELLED: Final = 0.1
 """Displacements below this fraction of a typical one may be sums that cancel, as couplings of two similar bodies."""
@@ -77,12 +77,12 @@ def check_fieldwise_apply(system: ReducedSystem) -> None:
         alone[:, list(loaded)] = block
         expected = system.apply(alone)[:, list(fields)]
         for precision, bound in BOUNDS.items():
-            given = block.astype(precision)
-            copy = given.copy()
-            result = fieldwise.apply_fields(given, loaded, fields)
+            argument = block.astype(precision)
+            copy = argument.copy()
+            result = fieldwise.apply_fields(argument, loaded, fields)
             what = f"apply_fields of loads {precision} in fields {loaded}"
             require(result.shape == expected.shape, f"{what} in fields {fields} is not (n, k)", result.shape)
-            require(np.array_equal(given, copy), "apply_fields changes its argument", len(load))
+            require(np.array_equal(argument, copy), "apply_fields changes its argument", len(load))
             error = _error(system, result, expected, fields)
             require(error < bound, f"{what} is not apply in fields {fields}: solvers would fail", error)
     blocks = system.diagonal_blocks()
@@ -98,7 +98,7 @@ def check_approximate_inverse(system: ReducedSystem) -> None:
     approximate = system.capability(ApproximateInverse)
     if approximate is None:
         return
-    inside = np.asarray((np.abs(_place(system)) < INTERIOR).all(axis=1))
+    inside = np.asarray((np.abs(_normalized_positions(system)) < INTERIOR).all(axis=1))
     loads = np.random.default_rng(4).normal(size=(2, *system.offset.shape)) * typical_load(system) * inside[:, None]
     for fields in CHOICES:
         inverse = approximate.approximate_inverse(fields)
@@ -107,14 +107,14 @@ def check_approximate_inverse(system: ReducedSystem) -> None:
         chosen = list(fields)
         alone = np.zeros_like(loads)
         alone[:, :, chosen] = loads[:, :, chosen]
-        moved = np.array([system.apply(load)[:, chosen] for load in alone])
-        copy = moved.copy()
-        result = np.array([inverse(displacement) for displacement in moved])
+        displacements = np.array([system.apply(load)[:, chosen] for load in alone])
+        copy = displacements.copy()
+        result = np.array([inverse(displacement) for displacement in displacements])
         what = f"approximate_inverse in fields {fields}"
-        fits = result.shape == moved.shape and bool(np.isfinite(result).all())
+        fits = result.shape == displacements.shape and bool(np.isfinite(result).all())
         require(fits, f"{what} gives no finite loads (n, k)", result.shape)
-        require(np.array_equal(moved, copy), f"{what} changes its argument", len(moved))
-        error = worst(inverse(2.0 * moved[0] - 3.0 * moved[1]), 2.0 * result[0] - 3.0 * result[1])
+        require(np.array_equal(displacements, copy), f"{what} changes its argument", len(displacements))
+        error = worst(inverse(2.0 * displacements[0] - 3.0 * displacements[1]), 2.0 * result[0] - 3.0 * result[1])
         require(error < SINGLE_PRECISION, f"{what} is not linear: Krylov iterations would fail", error)
         unit = typical_load(system)[chosen]
         pairs = zip(result[:, inside] / unit, alone[:, inside][:, :, chosen] / unit, strict=True)
@@ -128,7 +128,9 @@ def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:
     distinct = len(np.unique(nodes)) == len(nodes) == len(there.points) < len(system.points)
     require(distinct, "nodes of a coarser system are not distinct nodes of the finer system", len(nodes))
     for name in ("points", "frames", "offset"):
-        here, expected = (part.reshape(len(nodes), -1) for part in (getattr(there, name), getattr(system, name)[nodes]))
+        here, expected = (
+            array.reshape(len(nodes), -1) for array in (getattr(there, name), getattr(system, name)[nodes])
+        )
         error = worst(here, expected)
         require(error < ROUND_OFF, f"{name} of a coarser system are not those of its nodes", error)
     load = smooth_loads(there)[0] * _fading(there)[:, None]
@@ -148,21 +150,24 @@ def check_restriction(system: ReducedSystem) -> None:
     restriction = system.capability(Restriction)
     if restriction is None:
         return
-    nodes, place = np.arange(len(system.points)), _place(system)
-    single = [nodes[np.abs(place - (x, y)).sum(axis=1).argmin()][None] for x in (-1, 0, 1) for y in (-1, 0, 1)]
-    for asked in (*(nodes[((place >= low) & (place <= high)).all(axis=1)] for low, high in PARTS), *single):
-        part = restriction.restrict(asked)
-        if part is not None:
-            check_part(system, part, asked)
+    nodes, positions = np.arange(len(system.points)), _normalized_positions(system)
+    single = [nodes[np.abs(positions - (x, y)).sum(axis=1).argmin()][None] for x in (-1, 0, 1) for y in (-1, 0, 1)]
+    for requested in (
+        *(nodes[((positions >= low) & (positions <= high)).all(axis=1)] for low, high in RECTANGLES),
+        *single,
+    ):
+        subsystem = restriction.restrict(requested)
+        if subsystem is not None:
+            check_subsystem(system, subsystem, requested)
     require(restriction.restrict(nodes[:0]) is None, "restrict returns a subsystem for no nodes", 0)
 
 
-def check_part(system: ReducedSystem, part: Subsystem, asked: Indices) -> None:
+def check_subsystem(system: ReducedSystem, subsystem: Subsystem, requested: Indices) -> None:
     """Check that a part contains the requested nodes (k,), with their data, and responds as the whole does."""
-    nodes, there = part.nodes, part.system
+    nodes, there = subsystem.nodes, subsystem.system
     distinct = len(np.unique(nodes)) == len(nodes) == len(there.points) < len(system.points)
     require(distinct, "nodes of a subsystem are not distinct nodes of the system", len(nodes))
-    require(bool(np.isin(asked, nodes).all()), "a subsystem lacks some of the requested nodes", len(nodes))
+    require(bool(np.isin(requested, nodes).all()), "a subsystem lacks some of the requested nodes", len(nodes))
     for name in ("points", "frames", "offset", "weights"):
         same = np.array_equal(getattr(there, name), getattr(system, name)[nodes])
         require(same, f"{name} of a subsystem are not those of its nodes", len(nodes))
@@ -172,8 +177,8 @@ def check_part(system: ReducedSystem, part: Subsystem, asked: Indices) -> None:
     require(
         error < ROUND_OFF, "a subsystem responds differently from the system: another problem would be solved", error
     )
-    own, expected = there.diagonal_blocks(), system.diagonal_blocks()[nodes]
-    error = worst(own.reshape(len(nodes), -1), expected.reshape(len(nodes), -1))
+    blocks, expected = there.diagonal_blocks(), system.diagonal_blocks()[nodes]
+    error = worst(blocks.reshape(len(nodes), -1), expected.reshape(len(nodes), -1))
     require(error < ROUND_OFF, "diagonal_blocks of a subsystem are not those of its nodes", error)
     check_fieldwise_apply(there)
 
@@ -183,7 +188,7 @@ def check_edge_correction(system: ReducedSystem) -> None:
     resolution = system.capability(EdgeResolution)
     if resolution is None:
         return
-    r = np.linalg.norm(_place(system), axis=1) / CONTACT
+    r = np.linalg.norm(_normalized_positions(system), axis=1) / CONTACT
     pressure = np.sqrt(np.maximum(1.0 - r**2, 0.0)) * typical_load(system)[2]
     n = len(pressure)
     far = IndenterEdge(np.full(n, np.inf), np.zeros((n, 2)), np.full(n, np.inf))
@@ -207,15 +212,15 @@ def check_interior_fields(system: ReducedSystem) -> None:
     interior = system.capability(InteriorFields)
     if interior is None:
         return
-    middle = int(np.linalg.norm(_place(system), axis=1).argmin())
+    middle = int(np.linalg.norm(_normalized_positions(system), axis=1).argmin())
     width = float(np.ptp(system.points, axis=0).max())
     inwards = system.frames[middle].T @ np.array([0.037, -0.053, -0.3])
     point, step = system.points[middle] + width * inwards, INTERIOR_STEP * width
     points = point + step * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
     load = smooth_loads(system)[0]
-    given = load.copy()
+    argument = load.copy()
     none, once, twice = (interior.evaluate(factor * load, points) for factor in (0.0, 1.0, 2.0))
-    require(np.array_equal(load, given), "evaluate changes its load", len(load))
+    require(np.array_equal(load, argument), "evaluate changes its load", len(load))
     n_points, n_fields = len(points), system.n_fields
     shapes = once.values.shape, once.gradients.shape, once.fluxes.shape
     fits = shapes == ((n_points, n_fields), (n_points, n_fields, 3), (n_points, 3, n_fields))
@@ -239,12 +244,12 @@ def _error(system: ReducedSystem, result: Array, expected: Array, fields: Sequen
 
 def _fading(system: ReducedSystem) -> Array:
     """Return a function (n,) that is one in the middle of the zone and zero at its border."""
-    shape: Array = (1.0 - _place(system) ** 2).prod(axis=1)
+    shape: Array = (1.0 - _normalized_positions(system) ** 2).prod(axis=1)
     return shape
 
 
-def _place(system: ReducedSystem) -> Array:
+def _normalized_positions(system: ReducedSystem) -> Array:
     """Return positions of the nodes along the first two axes, (n, 2), from -1 to 1."""
     low, high = system.points.min(axis=0), system.points.max(axis=0)
-    place: Array = (2.0 * system.points - low - high)[:, :2] / (high - low)[:2]
-    return place
+    positions: Array = (2.0 * system.points - low - high)[:, :2] / (high - low)[:2]
+    return positions

@@ -41,12 +41,12 @@ class Shape(ABC):
         """Return the radius a [m] for which an uncharged indenter has no singularity at the contact edge."""
 
     @abstractmethod
-    def flat_part(self, a: float) -> float:
+    def flat_approach(self, a: float) -> float:
         """Return the approach [m] due to the bounded density; the remainder acts like that of a flat punch."""
 
     @abstractmethod
     def density(self, r: Array, a: float) -> Array:
-        """Return the bounded density on r < a whose potential is (flat part - height) inside."""
+        """Return the bounded density on r < a whose potential is (flat approach - height) inside."""
 
     @abstractmethod
     def potential(self, r: Array, a: float) -> Array:
@@ -67,7 +67,7 @@ class FlatPunch(Shape):
         """Return the radius of the punch."""
         return self.radius
 
-    def flat_part(self, a: float) -> float:
+    def flat_approach(self, a: float) -> float:
         """Return zero, because all of the approach acts at the flat end."""
         return 0.0
 
@@ -94,7 +94,7 @@ class Sphere(Shape):
         """Return sqrt(R g)."""
         return float(np.sqrt(self.radius * approach))
 
-    def flat_part(self, a: float) -> float:
+    def flat_approach(self, a: float) -> float:
         """Return a^2/R."""
         return a**2 / self.radius
 
@@ -123,7 +123,7 @@ class Cone(Shape):
         """Return 2 g/(pi tan(angle))."""
         return 2.0 * approach / (np.pi * float(np.tan(self.angle)))
 
-    def flat_part(self, a: float) -> float:
+    def flat_approach(self, a: float) -> float:
         """Return pi a tan(angle)/2."""
         return np.pi * a * float(np.tan(self.angle)) / 2.0
 
@@ -274,7 +274,7 @@ def indent(
         raise MeeframeError(f"no contact: approach {approach:g} m, and the potentials lift the surface by {-shift:g} m")
     a = shape.contact_radius(approach + shift)
     edge, bounded = np.zeros(3), np.zeros(3)
-    flat = np.concatenate(([-(approach - shape.flat_part(a))], potentials))
+    flat = np.concatenate(([-(approach - shape.flat_approach(a))], potentials))
     edge[active] = inverse @ flat / np.pi**2
     bounded[active] = -inverse[:, 0]
     if not isinstance(shape, FlatPunch):

@@ -115,7 +115,9 @@ def hertz_gap(r: Array, contact_radius: float, radius: float) -> Array:
     return np.asarray(contact_radius**2 / (np.pi * radius) * (root + (m * m - 2.0) * np.arctan(root)))
 
 
-def weak_attraction(sigma: Callable[[Array], Array], contact_radius: float, radius: float, reach: float) -> float:
+def weak_attraction(
+    sigma: Callable[[Array], Array], contact_radius: float, radius: float, outer_radius: float
+) -> float:
     """Return the pull [N] of an attraction that is too weak to change the Hertzian gap, at fixed approach.
 
     Parameters
@@ -126,7 +128,7 @@ def weak_attraction(sigma: Callable[[Array], Array], contact_radius: float, radi
         Contact radius [m].
     radius
         Radius of the paraboloid [m].
-    reach
+    outer_radius
         Radius up to which the attraction is integrated [m].
 
     Notes
@@ -140,7 +142,7 @@ def weak_attraction(sigma: Callable[[Array], Array], contact_radius: float, radi
         remainder = 1.0 - 2.0 / np.pi * np.arcsin(contact_radius / r)
         return float(2.0 * np.pi * t * remainder * sigma(hertz_gap(np.array([r]), contact_radius, radius))[0])
 
-    upper = np.sqrt(reach**2 - contact_radius**2)
+    upper = np.sqrt(outer_radius**2 - contact_radius**2)
     return float(quad(density, 0.0, upper, limit=500, epsrel=1e-8)[0])
 
 

@@ -234,7 +234,7 @@ class FullStick:
         return self.stiffness(approach) * approach * self.power / (self.power + 1.0)
 
 
-def beside_bonded_punch(r: float, poisson: float) -> float:
+def outside_bonded_punch(r: float, poisson: float) -> float:
     """Return W(r), r >= 1: normal displacement outside a bonded flat punch of unit radius and displacement.
 
     See the notes of `FullStick`.

@@ -86,7 +86,7 @@ def conducting_sphere(
     return replace(case, electric=electric, magnetic=magnetic).problem()
 
 
-def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple[ContactProblem, Array]:
+def released(problem: ContactProblem, state: ContactState, *prescribed: str) -> tuple[ContactProblem, Array]:
     """Return a problem of SphereCase with the resultants of its solution as data, and the motions to be found.
 
     Parameters
@@ -95,25 +95,25 @@ def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple
         A problem of SphereCase.
     state
         Its solution.
-    *given
+    *prescribed
         Motions that become unknown, of 'approach', 'translation' and 'potentials'.
     """
     system, zero = problem.system, np.zeros_like(problem.potentials)
     force, (charge, flux) = resultant(system, state.load)
     prescribed_resultants: list[PrescribedResultant] = []
     motions: list[float] = []
-    if "approach" in given:
+    if "approach" in prescribed:
         prescribed_resultants += [prescribe_resultant(system, PRESS, -force[2])]
         motions += [APPROACH]
         problem = replace(problem, gap=problem.gap + APPROACH)
-    if "translation" in given:
+    if "translation" in prescribed:
         prescribed_resultants += [
             prescribe_resultant(system, SLIDE, force[0]),
             prescribe_resultant(system, SLIDE_2, force[1]),
         ]
         motions += [*problem.translation[0]]
         problem = replace(problem, translation=zero)
-    if "potentials" in given:
+    if "potentials" in prescribed:
         prescribed_resultants += [
             prescribe_resultant(system, VOLTAGE, charge),
             prescribe_resultant(system, MAGNETOMOTIVE, flux),

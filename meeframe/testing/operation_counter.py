@@ -93,10 +93,10 @@ class OperationCounter(
 
     def restrict(self, nodes: Indices) -> Subsystem | None:
         """Return that of the inner system, whose products are counted, too."""
-        part = self._inner(Restriction).restrict(nodes)
-        if part is None:
+        subsystem = self._inner(Restriction).restrict(nodes)
+        if subsystem is None:
             return None
-        return replace(part, system=replace(OperationCounter.of(part.system), products=self.products))
+        return replace(subsystem, system=replace(OperationCounter.of(subsystem.system), products=self.products))
 
     def edge_correction(self, pressure: Array, indenter_edge: IndenterEdge | None = None) -> EdgeCorrection:
         """Return that of the inner system."""

@@ -15,7 +15,7 @@ from meeframe.cli import app
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.model.load import load_case
 from meeframe.plugin.registry import load
-from meeframe.plugin.sources import OWN_PACKAGES
+from meeframe.plugin.sources import BUNDLED_PACKAGES
 from meeframe.study.validate import known_cases
 
 ROOT = Path(__file__).parents[2]
@@ -113,7 +113,7 @@ def test_two_commands_do_all_setup():
 def test_what_is_inside_names_everything_registered():
     inside = README.split("## What is inside")[1].split("\n## ")[0]
     listed = set(re.findall(r"`([\w-]+)`", inside))
-    own = {"meeframe", *(package.replace("_", "-") for package in OWN_PACKAGES)}
+    own = {"meeframe", *(package.replace("_", "-") for package in BUNDLED_PACKAGES)}
     assert listed == {entry.record.name for entry in load().entries if entry.provider.name in own}
 
 

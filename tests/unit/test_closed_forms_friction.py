@@ -11,9 +11,9 @@ from meeframe.testing.closed_forms_friction import (
     HertzContact,
     PartialSlip,
     SphereTorsion,
-    beside_bonded_punch,
     bonding_factor,
     contact_modulus,
+    outside_bonded_punch,
     shear_modulus,
 )
 from meeframe.testing.elastic_half_space import elastic_half_space
@@ -123,11 +123,11 @@ def test_bonding_factor() -> None:
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.5])
 def test_the_surface_beside_a_bonded_punch(poisson: float) -> None:
     """It meets the punch at its edge, and far away it is that of its load."""
-    assert beside_bonded_punch(1.0, poisson) == pytest.approx(1.0)
+    assert outside_bonded_punch(1.0, poisson) == pytest.approx(1.0)
     far = 2 * bonding_factor(poisson) / (np.pi * 1e3)
-    assert beside_bonded_punch(1e3, poisson) == pytest.approx(far, rel=1e-5)
+    assert outside_bonded_punch(1e3, poisson) == pytest.approx(far, rel=1e-5)
     if poisson == 0.5:
-        assert beside_bonded_punch(1.7, poisson) == pytest.approx(2 / np.pi * np.arcsin(1 / 1.7))
+        assert outside_bonded_punch(1.7, poisson) == pytest.approx(2 / np.pi * np.arcsin(1 / 1.7))
 
 
 @pytest.mark.full(except_for=1)
@@ -138,7 +138,7 @@ def test_under_full_stick_the_surface_reaches_the_indenter_at_the_edge(power: in
     approach = 0.7 * exact.approach_factor
     a = exact.contact_radius(approach)
     moved, _ = quad(
-        lambda b: beside_bonded_punch(a / b, poisson) * power * exact.approach_factor * b ** (power - 1), 0.0, a
+        lambda b: outside_bonded_punch(a / b, poisson) * power * exact.approach_factor * b ** (power - 1), 0.0, a
     )
     assert approach - moved == pytest.approx(0.02 * a**power, rel=1e-6)
     step = 1e-6 * approach

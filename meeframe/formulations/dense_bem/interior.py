@@ -103,10 +103,10 @@ class InteriorRepresentation:
             return _at_point(blocks, kernel, accuracy, coupling, position)
 
         with ThreadPoolExecutor(get_num_threads()) as pool:
-            found = list(pool.map(fields, points / units.length))
-        self._check_inside(points, np.array([angle for _, _, angle in found]))
-        u = units.values_si(np.array([value for value, _, _ in found]))
-        slopes = np.array([gradient for _, gradient, _ in found])
+            results = list(pool.map(fields, points / units.length))
+        self._check_inside(points, np.array([angle for _, _, angle in results]))
+        u = units.values_si(np.array([value for value, _, _ in results]))
+        slopes = np.array([gradient for _, gradient, _ in results])
         gradients = units.values_si(slopes.transpose(0, 2, 1)).transpose(0, 2, 1) / units.length
         return PointFields.of(points, u, gradients, self.stiffness)
 

@@ -140,10 +140,10 @@ class SweepTable(Table):
         Points of the axes come first, with the last axis varying fastest, then the listed points.
         """
         axes = self.varied()
-        for places in product(*(range(len(axis.labels)) for axis, _ in axes)) if axes else ():
-            chosen = [(axis, changes, place) for (axis, changes), place in zip(axes, places, strict=True)]
-            label = ", ".join(f"{axis.name} = {axis.labels[place]}" for axis, _, place in chosen)
-            yield label, self.set | {k: v for _, changes, place in chosen for k, v in changes[place].items()}
+        for indices in product(*(range(len(axis.labels)) for axis, _ in axes)) if axes else ():
+            chosen = [(axis, changes, index) for (axis, changes), index in zip(axes, indices, strict=True)]
+            label = ", ".join(f"{axis.name} = {axis.labels[index]}" for axis, _, index in chosen)
+            yield label, self.set | {k: v for _, changes, index in chosen for k, v in changes[index].items()}
         for run in self.points:
             yield run.label, self.set | run.set
 
@@ -181,10 +181,10 @@ def _axis_of_lists(name: str, lists: Mapping[str, list[Any]]) -> tuple[SweepAxis
     if len(set(labels)) < len(labels):  # numbers differ by less than the digits of words
         labels = [_exact(value) for value in first]
     _check_distinct("values", labels, _identities(first))
-    places = _coordinates(first)
-    if places is None:
+    coordinates = _coordinates(first)
+    if coordinates is None:
         return SweepAxis(name, tuple(labels)), changes
-    return SweepAxis(name, tuple(labels), places, _unit(first)), changes
+    return SweepAxis(name, tuple(labels), coordinates, _unit(first)), changes
 
 
 def _exact(value: Any) -> str:
@@ -194,8 +194,8 @@ def _exact(value: Any) -> str:
 
 def _coordinates(values: Sequence[Any]) -> Array | None:
     """Return the coordinates of values on an axis; None unless all have one."""
-    places = [place for place in map(coordinate_of, values) if place is not None]
-    return np.array(places) if len(places) == len(values) else None
+    coordinates = [coordinate for coordinate in map(coordinate_of, values) if coordinate is not None]
+    return np.array(coordinates) if len(coordinates) == len(values) else None
 
 
 def _identities(values: Sequence[Any]) -> list[Hashable]:
@@ -203,11 +203,11 @@ def _identities(values: Sequence[Any]) -> list[Hashable]:
 
     Numbers with units are compared to 12 digits because unit conversion loses the last ones.
     """
-    places = _coordinates(values)
-    if places is None:
+    coordinates = _coordinates(values)
+    if coordinates is None:
         return [_exact(value) for value in values]
     digits = 12 if any(isinstance(value, str) for value in values) else 17
-    return [f"{place:.{digits}g}" for place in places]
+    return [f"{coordinate:.{digits}g}" for coordinate in coordinates]
 
 
 def _label_of(value: Any, axis: SweepAxis) -> str:

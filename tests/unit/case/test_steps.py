@@ -48,9 +48,9 @@ def test_keys(write_case, registry, text):
     step = second(write_case, registry, text)
     assert step.increments == (7 if "increments" in text else 1)
     assert step.duration == (2e-3 if "duration" in text else None)
-    assert set(step.given) == set(TAKEN[text])
+    assert set(step.prescribed) == set(TAKEN[text])
     for key, value in TAKEN[text].items():
-        assert step.given[key] == pytest.approx(value, rel=1e-14, abs=1e-21)
+        assert step.prescribed[key] == pytest.approx(value, rel=1e-14, abs=1e-21)
 
 
 REFUSED = {
@@ -123,7 +123,7 @@ def test_the_first_step_must_press(write_case, registry):
 
 
 @pytest.mark.parametrize(
-    ("given", "text"),
+    ("prescribed", "text"),
     [
         ({"approach": math.nan}, r"approach = nan; allowed: one finite number \[m\]"),
         ({"translation": 1.0}, r"translation = 1.0; allowed: two finite numbers \[m\]"),
@@ -140,15 +140,15 @@ def test_the_first_step_must_press(write_case, registry):
         ({"approach": np.zeros((2, 2))}, r"approach = .*; allowed: one finite number \[m\]"),
     ],
 )
-def test_steps_from_python_are_checked_too(given, text):
+def test_steps_from_python_are_checked_too(prescribed, text):
     with pytest.raises(CaseError, match=text):
-        Step(**given)
+        Step(**prescribed)
 
 
 def test_steps_from_python_take_units():
     step = Step(normal_force="5 kN", translation=("1 um", 0.0), force_ratio=None, duration="2 ms")
     assert step == Step(normal_force=5e3, translation=(1e-6, 0.0), duration=2e-3)
-    assert step.given["translation"].tolist() == [1e-6, 0.0]
+    assert step.prescribed["translation"].tolist() == [1e-6, 0.0]
 
 
 @pytest.mark.parametrize("force", [-5.0, np.float64(-5.0), np.array(-5.0), np.array([-5.0]), [-5], (np.float32(-5),)])

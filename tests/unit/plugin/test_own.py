@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from meeframe.plugin.registry import Kind, load
-from meeframe.plugin.sources import OWN_PACKAGES
+from meeframe.plugin.sources import BUNDLED_PACKAGES
 from meeframe.solvers.auto import STAGES
 
 TEMPLATES = resources.files("meeframe.plugin") / "templates"
@@ -32,5 +32,5 @@ def test_imports_of_templates_are_sorted(kind, file):
 def test_packages_of_this_repository_are_the_projects_own():
     folder = Path(__file__).parents[3] / "plugins"
     assert {plugin.name.replace("-", "_") for plugin in folder.iterdir() if (plugin / "pyproject.toml").exists()} == (
-        OWN_PACKAGES
+        BUNDLED_PACKAGES
     )

@@ -46,8 +46,8 @@ def test_triangles_beside_nodes_of_each_kind(synthetic) -> None:
     zone = synthetic.zone()
     picture = Picture.of(zone)
     middle = np.linalg.norm(zone.points, axis=1) < 1e-9
-    assert len(picture.beside(middle).triangles) == 4 * 4
-    assert len(picture.beside(middle, ~middle).triangles) == 4 * 4
+    assert len(picture.triangles_at(middle).triangles) == 4 * 4
+    assert len(picture.triangles_at(middle, ~middle).triangles) == 4 * 4
     corner = np.abs(zone.points[:, :2]).min(axis=1) > 1.5e-3
-    assert len(picture.beside(corner).triangles) == 4 * 4
-    assert len(picture.beside(middle, corner).triangles) == len(picture.triangulation.triangles) == 4 * 16
+    assert len(picture.triangles_at(corner).triangles) == 4 * 4
+    assert len(picture.triangles_at(middle, corner).triangles) == len(picture.triangulation.triangles) == 4 * 16
