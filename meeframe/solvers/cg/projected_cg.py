@@ -182,7 +182,7 @@ class ProjectedCG(Solver):
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Make one step along a conjugate direction."""
-        return _iterate(_take_step(_memory(iterate)))
+        return _iterate(_take_step(iterate.memory_as(_Memory)))
 
 
 def _begin(problem: ContactProblem, start: ContactState | None, scales: Scales) -> _Memory:
@@ -302,12 +302,6 @@ def _iterate(memory: _Memory) -> Iterate:
     load = np.zeros((memory.problem.fields.size, len(memory.pressure))).T  # field by field
     np.negative(memory.pressure, out=load[:, NORMAL])
     return Iterate(load, (memory.pressure > 0.0).astype(float), memory, memory.motion, _estimate(memory))
-
-
-def _memory(iterate: Iterate) -> _Memory:
-    if not isinstance(iterate.memory, _Memory):
-        raise TypeError("the iterate was not made by ProjectedCG.init")
-    return iterate.memory
 
 
 def _scatter(values: Array, free: Indices, n: int) -> Array:

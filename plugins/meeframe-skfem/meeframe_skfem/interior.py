@@ -86,7 +86,7 @@ def locate(mesh: VolumeMesh, points: Array) -> tuple[Indices, Array]:
     corners = mesh.points[mesh.cells]
     low, high = corners.min(axis=1), corners.max(axis=1)
     margin = _MARGIN * (high - low).max(axis=1, keepdims=True)
-    found, coordinates = np.full(len(points), -1), np.zeros((len(points), 3))
+    cells, coordinates = np.full(len(points), -1), np.zeros((len(points), 3))
     excess = np.full(len(points), OUTSIDE)
     step = max(1, _BATCH // len(corners))
     for start in range(0, len(points), step):
@@ -99,8 +99,8 @@ def locate(mesh: VolumeMesh, points: Array) -> tuple[Indices, Array]:
         order = np.lexsort((distances, point))
         first = order[np.unique(point[order], return_index=True)[1]]
         inside = first[distances[first] <= excess[point[first]]]
-        found[point[inside]], coordinates[point[inside]] = cell[inside], xi[inside]
-    return found, coordinates
+        cells[point[inside]], coordinates[point[inside]] = cell[inside], xi[inside]
+    return cells, coordinates
 
 
 def _reference_coordinates(element: VolumeElement, nodes: Array, points: Array) -> Array:
@@ -111,8 +111,8 @@ def _reference_coordinates(element: VolumeElement, nodes: Array, points: Array) 
         residual = points - np.einsum("mn,mnx->mx", shapes, nodes)
         maps = np.einsum("mnk,mnx->mxk", slopes, nodes)
         change = np.linalg.solve(maps, residual[..., None])[..., 0]
-        moved = np.clip(xi + change, -MAX_COORDINATE, MAX_COORDINATE)
-        largest, xi = np.abs(moved - xi).max(initial=0.0), moved
+        updated = np.clip(xi + change, -MAX_COORDINATE, MAX_COORDINATE)
+        largest, xi = np.abs(updated - xi).max(initial=0.0), updated
         if largest < MAX_CHANGE:
             break
     return xi

@@ -156,7 +156,7 @@ def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
     node = between[np.linalg.norm(smooth.system.points[between, :2] - place, axis=1).argmin()]
     bump = np.arange(len(smooth.gap)) == node
     problem = replace(smooth, gap=np.where(bump, 0.6 * smooth.gap.min(), smooth.gap))
-    started = newton._memory(SemismoothNewton().init(problem, None))
+    started = SemismoothNewton().init(problem, None).memory_as(newton._Memory)
     assert started.neighbourhood is not None
     assert node not in started.neighbourhood.nodes
     found, whole = solutions(problem, monkeypatch)
