@@ -64,7 +64,7 @@ class Case:
         Conductivity laws of the contact, such as {"electric": meeframe.StepConductivity(float("inf"))}; insulating by
         default.
     placement : Placement, optional
-        Place and axis of the indenter.
+        Position and axis of the indenter.
     potentials : mapping of str to float or str, optional
         Initial potentials of the indenter, such as {"electric_potential": "5 V"}; zero by default.
     formulation : Formulation, optional

@@ -47,7 +47,7 @@ class Case(CaseData):
     steps : tuple of Step
         Load steps in their order.
     placement : Placement, optional
-        Place and axis of the indenter.
+        Position and axis of the indenter.
     potentials : mapping of str to float, optional
         Initial potentials of the indenter by name, such as {"electric_potential": 5.0} [V]; zero if not given.
     restart : Restart, optional

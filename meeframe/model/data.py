@@ -80,7 +80,7 @@ class CaseData:
 
     @cached_property
     def motions(self) -> IndenterMotions:
-        """Names and places of the motions of the indenter."""
+        """Names and indices of the motions of the indenter."""
         return IndenterMotions(self.fields)
 
     @cached_property

@@ -36,7 +36,7 @@ For a sphere, tangential tractions are then accurate to some per cent (docs/refe
 _NOTICED: Final = 1e-3
 """Ratio of tangential to normal tractions, and of gaps to displacements, below which they count as zero."""
 _COARSE: Final = 0.1
-"""Relative uncertainty of the contact area above which a diagnostic is given."""
+"""Relative uncertainty of the contact area above which a diagnostic is reported."""
 _OF_RIM: Final = 0.5
 """Factor on the fraction of a contact's nodes at its boundary, to the power 3/2, in the error estimate of the area.
 
@@ -178,7 +178,7 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     count, rim = int(step.touching.sum()), _rim(zone, step)
     new = np.bincount(onsets.number, minlength=2)[1:]
     late = onsets.number == 1 + new.argmax()
-    shear, pressure = (np.linalg.norm(part) for part in (step.traction[late, :2], step.traction[late, 2]))
+    shear, pressure = (np.linalg.norm(traction) for traction in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes equidistant nodes come into contact together, whatever the increments
     much = new.max() > max(_LARGEST_ONSET * count, rim / 2)
     if law.tangential_scaling().any() and much and shear > _NOTICED * pressure:

@@ -18,8 +18,8 @@ Controls = Mapping[str, Array]
 class Converged:
     """Converged state from which a computation continues.
 
-    motions: names and places of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
-    places; total_slip: (n, 2) and slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the
+    motions: names and indices of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
+    indices; total_slip: (n, 2) and slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the
     undeformed body.
     """
 

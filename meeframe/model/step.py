@@ -122,7 +122,7 @@ def _in_si(key: str, value: Any, motions: IndenterMotions) -> Any:
         if isinstance(value, str):
             return quantity.convert(value)
         if isinstance(value, list | tuple):
-            value = tuple(quantity.convert(part) if isinstance(part, str) else part for part in value)
+            value = tuple(quantity.convert(number) if isinstance(number, str) else number for number in value)
         numbers = np.asarray(value)
         if value is not None and numbers.dtype.kind not in "fiu":
             raise ValueError(f"expected {quantity.expected}")

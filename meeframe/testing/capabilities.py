@@ -146,7 +146,7 @@ def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:
 
 
 def check_restriction(system: ReducedSystem) -> None:
-    """Check that parts of the zone contain the requested nodes and respond to loads there as the whole does."""
+    """Check that parts of the zone contain the requested nodes and respond to loads there as the whole zone does."""
     restriction = system.capability(Restriction)
     if restriction is None:
         return
@@ -163,7 +163,7 @@ def check_restriction(system: ReducedSystem) -> None:
 
 
 def check_subsystem(system: ReducedSystem, subsystem: Subsystem, requested: Indices) -> None:
-    """Check that a part contains the requested nodes (k,), with their data, and responds as the whole does."""
+    """Check that a part contains the requested nodes (k,), with their data, and responds as the whole zone does."""
     nodes, there = subsystem.nodes, subsystem.system
     distinct = len(np.unique(nodes)) == len(nodes) == len(there.points) < len(system.points)
     require(distinct, "nodes of a subsystem are not distinct nodes of the system", len(nodes))

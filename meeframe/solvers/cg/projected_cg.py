@@ -70,7 +70,7 @@ class Preconditioner:
 
 
 MAX_STEPS_BETWEEN_RENEWALS: Final = 50
-"""Largest number of steps before the gap is computed anew, free of accumulated round-off."""
+"""Largest number of steps before the gap is recomputed, free of accumulated round-off."""
 COARSE_TOLERANCE, MAX_COARSE_STEPS = 1e-3, 100
 """Residual at which the coarse problem for the start is stopped, and the largest number of steps on it.
 
@@ -96,7 +96,7 @@ class _Memory:
     weight: (n,) of the inner product; pressure: (n,); gap: (n,) with the indenter at rest; motion: (m,); active_modes:
     modes on the nodes with pressure or overlap, which move next; free: (f,) nodes that the last step moved; direction,
     residual: (f,) of that step; product: of its preconditioned residual with the residual; age: steps since the gap was
-    last computed anew.
+    last recomputed.
     """
 
     problem: ContactProblem
@@ -264,7 +264,7 @@ def _conjugate(memory: _Memory) -> _Memory:
 
 
 def _renew(memory: _Memory) -> _Memory:
-    """Return the state at its pressure, balanced anew, without accumulated round-off of the gap."""
+    """Return the state at its pressure, balanced again, without accumulated round-off of the gap."""
     if memory.modes.numbers.size:
         free = np.flatnonzero(memory.pressure > 0.0)
         balanced = memory.modes.restrict(free).balance(memory.pressure[free])

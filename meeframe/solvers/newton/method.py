@@ -152,7 +152,7 @@ def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
     else:
         equation, nodes, restrictions = neighbourhood.equation, neighbourhood.nodes, restrictions - 1
     state = equation.at(load[nodes], contact_fraction[nodes], _is_partial(contact_fraction[nodes]), motion)
-    # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
+    # an attractive contact may adhere in its present state, so that the indenter is not lifted off first
     keeps_motion = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
     if not keeps_motion and (np.abs(state.balance) > BALANCE_TOLERANCE).any():
         state = equation.at(state.load, contact_fraction, state.biactive, _balanced_motion(problem, state))

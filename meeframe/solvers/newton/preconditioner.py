@@ -37,10 +37,10 @@ SINGLE_ROUND_OFF: Final = 1e-6
 def preconditioner(jacobian: ReducedJacobian) -> Linear:
     """Return the approximate inverse of the coupled rows, (r c,) of (r c,).
 
-    At nodes between open and closed pressure and gap are zero. In the preconditioner their gap is paired with the
-    pressure, as everywhere in contact, and the condition of zero pressure with the contact fraction, which alone can
-    satisfy it, through the response that it causes nearby. Fluxes of these nodes count as fully conducted, since they
-    act on the nodes around whatever part of them is. Gain: up to 1.77 (validation/benchmarks/ablation.py).
+    At biactive nodes pressure and gap are zero. In the preconditioner their gap is paired with the pressure, as
+    everywhere in contact, and the condition of zero pressure with the contact fraction, which alone can satisfy it,
+    through the response that it causes nearby. Fluxes of these nodes count as fully conducted, since they act on the
+    surrounding nodes at any contact fraction. Gain: up to 1.77 (validation/benchmarks/ablation.py).
     """
     n_fields = jacobian.equation.problem.fields.size
     if n_fields not in jacobian.components:
@@ -104,8 +104,8 @@ def _responses_nearby(solve: Linear, jumps: Array, jacobian: ReducedJacobian, no
     for color in range(colors.max() + 1):
         right = np.zeros_like(jumps)
         right[:, nodes[colors == color]] = jumps[:, nodes[colors == color]]
-        pairs = colors[cause] == color
-        values[:, pairs] = solve(right)[:, neighbours[pairs]]
+        of_color = colors[cause] == color
+        values[:, of_color] = solve(right)[:, neighbours[of_color]]
     positions = np.arange(len(jumps))[:, None] * len(points) + neighbours
     columns = np.broadcast_to(cause, positions.shape)
     touched, which = np.unique(positions, return_inverse=True)
@@ -204,7 +204,7 @@ class _Rotation:
 def _displacement_rows(jacobian: ReducedJacobian, self_compliance: NodeBlocks) -> Mask:
     """Return the rows (l, c) that prescribe displacements.
 
-    In these the response of a node to its own load outweighs the load itself, or does not fall far behind, where a node
+    In these the response of a node to its own load outweighs the load itself, or is not much smaller, where a node
     slips: loads of its neighbours move it as well. self_compliance: (f, l) response of the displacements to the
     unknowns of the node.
     """

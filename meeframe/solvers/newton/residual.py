@@ -317,7 +317,7 @@ class ResidualState:
     @cached_property
     def violation(self) -> float:
         """Largest component of the residual or the balance."""
-        return float(max(np.abs(part).max(initial=0.0) for part in (self.residual, self.balance)))
+        return float(max(np.abs(values).max(initial=0.0) for values in (self.residual, self.balance)))
 
     @cached_property
     def law_residual(self) -> float:
