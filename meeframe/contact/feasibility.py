@@ -12,7 +12,7 @@ Insufficient friction shows once every law is satisfied, everything that resists
 from typing import Final
 
 import numpy as np
-import scipy  # its submodules are imported where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.contact.free_motion import maximal_traction, motions, reserve
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance

@@ -61,7 +61,7 @@ class Diagnostics:
 
     Parameters
     ----------
-    mechanism
+    kinematics
         Kinematics of the indenter on the reduced system.
     warnings
         Warnings of the formulations of the case, in words.
@@ -300,7 +300,7 @@ def open_sides(zone: Zone, gaps: Callable[[Array, Array], Array] | None) -> Indi
 
 
 def sides_reached(step: StepResult, sides: Indices) -> int:
-    """Return the number of the sides (m, 2) that the contact has reached.
+    """Return how many of the sides (m, 2) are in contact.
 
     It is zero where full contact is intended, as indicated by a uniform gap over the zone.
     """

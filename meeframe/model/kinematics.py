@@ -180,10 +180,10 @@ class IndenterKinematics:
         felt = modes[:, :, 2].any(axis=1) | (modes * state.load)[:, :, POTENTIALS].any(axis=(1, 2))
         return replace(state, motion=np.where(felt, state.motion, 0.0))
 
-    def reached(
+    def converged_state(
         self, increment: Increment, state: ContactState, touches: NDArray[np.bool_], start: Converged
     ) -> Converged:
-        """Return a state of the contact zone, with these nodes (n,) in contact, as one to continue from."""
+        """Return the converged state to continue from, for a state of the contact zone with nodes (n,) in contact."""
         motion = increment.base.copy()
         motion[increment.free] += state.motion
         slip = slip_of(increment, state)

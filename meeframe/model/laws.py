@@ -32,9 +32,8 @@ def gap_of_law(law: ContactLaw, points: Array) -> Array:
 def check_tractions(law: ContactLaw, n: int) -> None:
     """Raise CaseError unless the contact law returns valid arrays for n nodes.
 
-    It must return one traction for each node, with the quantities that belong to it; leave the arrays unchanged that it
-    is given; and return finite tractions for finite trial ones. Further requirements are left to its conformance kit;
-    without these shapes a run ends in the middle.
+    It must return one traction for each node, with the quantities that belong to it; leave its arguments unchanged; and
+    return finite tractions for finite trial ones. Further requirements are left to its conformance kit.
     """
     for first in range(0, len(_TRIALS), n):  # small zones have too few nodes for all at once
         _check_tractions(law, np.resize(np.roll(_TRIALS, -first, axis=0), (n, 3)))

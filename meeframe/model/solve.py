@@ -189,8 +189,8 @@ def solve_steps(
             with faults_of_plugins():
                 planned = kinematics.increment(controls, here, step.increment_duration)
                 start = _start(planned, last, here)
-                reached, result = _solve(kinematics, planned, here, start, (number, increment), share)
-                last, here = here if reached is not here else None, reached
+                end, result = _solve(kinematics, planned, here, start, (number, increment), share)
+                last, here = here if end is not here else None, end
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)
                 warns = boundary and ends and number == 1
@@ -260,9 +260,9 @@ def _solve(
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=kinematics.settled(increment, solution.state, touches))
     region = regions(increment, solution, touches)
-    reached = kinematics.reached(increment, solution.state, touches, here)
-    result = _step_result(kinematics, increment, here, reached, solution, region, numbers)
-    return (reached if solution.status is Status.CONVERGED else here), result
+    end = kinematics.converged_state(increment, solution.state, touches, here)
+    result = _step_result(kinematics, increment, here, end, solution, region, numbers)
+    return (end if solution.status is Status.CONVERGED else here), result
 
 
 def provenance(case: Case) -> Provenance:
@@ -282,7 +282,7 @@ def _step_result(
     kinematics: IndenterKinematics,
     increment: Increment,
     start: Converged,
-    reached: Converged,
+    end: Converged,
     solution: ContactSolution,
     region: Indices,
     numbers: tuple[int, int],
@@ -292,7 +292,7 @@ def _step_result(
     displacement, potentials, second_body = _surfaces(kinematics.system, state)
     return StepResult(
         loading=Loading.of(
-            reached.motion,
+            end.motion,
             increment.prescribed,
             kinematics.reference,
             kinematics.case.placement.base,
@@ -308,8 +308,8 @@ def _step_result(
         fluxes=fluxes,
         contact_fraction=state.contact_fraction,
         slip=slip_of(increment, state),
-        total_slip=reached.total_slip,
-        slip_path=reached.slip_path,
+        total_slip=end.total_slip,
+        slip_path=end.slip_path,
         dissipation=kinematics.dissipation(increment, start, state, region),
         region=region,
         status=solution.status,

@@ -67,7 +67,7 @@ def _required_by() -> str:
 
 
 def _accepts(factory: type, name: str, arguments: Sequence[inspect.Parameter]) -> bool:
-    """Return whether a method accepts the arguments of the abstract method by position, each in the same place."""
+    """Return whether a method accepts the arguments of the abstract method by position, each at the same index."""
     method = inspect.getattr_static(factory, name)
     if isinstance(method, property) or not callable(getattr(factory, name)):
         return False

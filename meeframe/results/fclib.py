@@ -41,8 +41,7 @@ PER_CONTACT: Final = 3
 LARGEST: Final = 5_000
 """Largest number of contacts of a problem.
 
-Its matrix is held in full, 1.8 GB at this size; our solvers need four times that in addition (by Newton's method six
-times).
+Its matrix is held in full, 1.8 GB at this size; solvers need four times that in addition (Newton's method six times).
 """
 _UNREADABLE: Final = (KeyError, ValueError, TypeError, IndexError, OSError, RuntimeError)
 """Exceptions of h5py and numpy for files that are damaged or hold something else."""

@@ -86,7 +86,7 @@ class ContactResidual:
     inverse : callable or None
         Approximate inverse of the system in these fields; None if it has none or is stored as a matrix.
     count : int
-        Number of nodes of the zone, of which those of the equation may be a part: the others have zero residual.
+        Number of nodes of the whole zone; nodes without an equation have zero residual.
     """
 
     problem: ContactProblem
@@ -106,7 +106,7 @@ class ContactResidual:
     def of(cls, problem: ContactProblem, full_problem: ContactProblem | None = None) -> "ContactResidual":
         """Return the equation of a problem.
 
-        full_problem: the problem of which it is a part and which sets the scales; by default the problem itself.
+        full_problem: problem on the whole zone, which sets the scales; by default the problem itself.
         """
         full_problem = full_problem or problem
         scales = problem_scales(full_problem)
@@ -275,7 +275,7 @@ class ResidualState:
     balance: Array
 
     def with_contact_fraction(self, contact_fraction: Array, biactive: Mask) -> "ResidualState":
-        """Return the equation at the same load with other contact fractions (n,) and biactive nodes (n,)."""
+        """Return the state at the same load with other contact fractions (n,) and biactive nodes (n,)."""
         contact_fraction = np.where(biactive, contact_fraction, self.trial[:, 2] < 0.0)
         nodes = np.flatnonzero((contact_fraction != self.contact_fraction) | (biactive != self.biactive))
         scales, sigma, fraction = self.equation.scales, self.sigma[nodes], contact_fraction[nodes]
@@ -304,7 +304,7 @@ class ResidualState:
         return np.asarray(self.biactive & (self.switch > 0.0) & (self.switch < 1.0))
 
     def find_switched(self, before: "ResidualState") -> Mask:
-        """Return the nodes (n,) that have opened or closed since a point before, where that changes the conduction."""
+        """Return the nodes (n,) that opened or closed since an earlier state, where that changes the conduction."""
         return np.asarray(((self.contact_fraction > 0.0) != (before.contact_fraction > 0.0)) & self.jump.any(axis=1))
 
     @cached_property
@@ -328,8 +328,8 @@ class ResidualState:
     def node_residual(self) -> Array:
         """Violation by fluxes and contact fractions at the nodes (n,), in the measure of meeframe.contact.residual.
 
-        The part of a potential drop that the fluxes leave counts as if the body had the compliance of the whole
-        contact, not that of a node, and fractions count by themselves.
+        The residual of a potential drop counts as if the body had the compliance of the whole contact instead of that
+        of a node; contact fractions count without a factor.
         """
         scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.biactive)
         compliance = np.diag(scales.compliance)[POTENTIALS]

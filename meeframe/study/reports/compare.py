@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 REFUSED: Final = "refused"
 UNFINISHED: Final = "unfinished"
 _ROUND_OFF: Final = 1e-6
-"""Tangential tractions below this part of the largest pressure are not drawn."""
+"""Tangential tractions below this fraction of the largest pressure are not drawn."""
 
 _RUNS_PER_TABLE: Final = 4
 """Number of runs side by side that fit in a terminal."""

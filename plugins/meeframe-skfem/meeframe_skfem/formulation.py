@@ -99,7 +99,7 @@ class FiniteElements(Formulation):
         return solve_body(*self._prepare(body), self.linear_solver, progress)
 
     def _prepare(self, body: Body) -> tuple[MatchedBody, Layout, Units]:
-        uses_pardiso(self.linear_solver)  # says so if it is not there
+        uses_pardiso(self.linear_solver)  # raises CaseError if it is required but not installed
         check_mesh(body.mesh)
         matched = match(body, self._volume(body))
         units = Units(characteristic_length(matched.body), FieldScaling.of(body.stiffness))
