@@ -33,7 +33,7 @@ _LARGEST_ONSET: Final = 0.25
 
 For a sphere, tangential tractions are then accurate to some per cent (docs/reference/case-files.md).
 """
-_NOTICED: Final = 1e-3
+_NEGLIGIBLE_RATIO: Final = 1e-3
 """Ratio of tangential to normal tractions, and of gaps to displacements, below which they count as zero."""
 _COARSE: Final = 0.1
 """Relative uncertainty of the contact area above which a diagnostic is reported."""
@@ -94,19 +94,19 @@ class Diagnostics:
         case = kinematics.case
         sides = sides_reached(result, self.zone_boundary) if result.status is Status.CONVERGED else 0
         # contact that reaches the boundary already implies an overlap of the whole zone
-        foreseen = list(preflight(kinematics)) if warns and not sides else []
-        said = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(foreseen)))
+        warnings = list(preflight(kinematics)) if warns and not sides else []
+        sentences = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(warnings)))
         if onsets is not None:
-            said += diagnostics_on_end(zone, result, case.contact_law, onsets)
-            said += snap_in(kinematics.system, case.contact_law, result)
+            sentences += diagnostics_on_end(zone, result, case.contact_law, onsets)
+            sentences += snap_in(kinematics.system, case.contact_law, result)
         if warns:
-            said += [*self.warnings(), *foreseen, *unused_potentials(kinematics)]
-        return replace(with_message(result, said), contact_at_zone_boundary=sides > 0)
+            sentences += [*self.warnings(), *warnings, *unused_potentials(kinematics)]
+        return replace(with_message(result, sentences), contact_at_zone_boundary=sides > 0)
 
 
-def with_message(result: StepResult, said: Iterable[str]) -> StepResult:
+def with_message(result: StepResult, sentences: Iterable[str]) -> StepResult:
     """Return the result with further sentences in its message."""
-    return replace(result, message="; ".join([result.message, *said]))
+    return replace(result, message="; ".join([result.message, *sentences]))
 
 
 def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False) -> Iterator[str]:
@@ -161,7 +161,7 @@ class ContactOnsets:
         """
         if step.status is not Status.CONVERGED:
             return self
-        apart = self.gap > _NOTICED * np.abs(step.displacement[:, 2]).max()
+        apart = self.gap > _NEGLIGIBLE_RATIO * np.abs(step.displacement[:, 2]).max()
         number = np.where(self.touching | ~apart, self.number, step.increment)
         return ContactOnsets(step.gap, step.touching, np.where(step.touching, number, 0))
 
@@ -181,7 +181,7 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     shear, pressure = (np.linalg.norm(traction) for traction in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes equidistant nodes come into contact together, whatever the increments
     much = new.max() > max(_LARGEST_ONSET * count, rim / 2)
-    if law.tangential_scaling().any() and much and shear > _NOTICED * pressure:
+    if law.tangential_scaling().any() and much and shear > _NEGLIGIBLE_RATIO * pressure:
         yield (
             f"{new.max() / count:.0%} of the contact formed in one increment, and its slip includes motion before it "
             "touched: use more `increments`"

@@ -20,7 +20,7 @@ from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
-from meeframe.model.history import Converged, extrapolate, ramped
+from meeframe.model.history import ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
 from meeframe.model.systems import checked
@@ -183,7 +183,7 @@ def solve_steps(
         onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
-            controls = ramped(before, begin, step.prescribed, increment / step.increments)
+            controls = ramp(before, begin, step.prescribed, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
@@ -216,7 +216,7 @@ def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float
     clock(stage, (done + fraction) / planned)
 
 
-def _start(increment: Increment, last: Converged | None, here: Converged) -> ContactState | None:
+def _start(increment: Increment, last: ConvergedState | None, here: ConvergedState) -> ContactState | None:
     """Return the initial guess of an increment: the converged state, or its continuation.
 
     Where surfaces attract each other or conduct, or friction depends on the slip, several solutions may exist: the one
@@ -243,11 +243,11 @@ def _start(increment: Increment, last: Converged | None, here: Converged) -> Con
 def _solve(
     kinematics: IndenterKinematics,
     increment: Increment,
-    here: Converged,
+    here: ConvergedState,
     start: ContactState | None,
     numbers: tuple[int, int],
     progress: Progress,
-) -> tuple[Converged, StepResult]:
+) -> tuple[ConvergedState, StepResult]:
     """Return the state after an increment, or the one before if it does not converge, and its result.
 
     start: initial guess of the solver; numbers: of the step and the increment.
@@ -258,7 +258,7 @@ def _solve(
     increment = replace(increment, problem=problem)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
-    solution = replace(solution, state=kinematics.settled(increment, solution.state, touches))
+    solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))
     region = regions(increment, solution, touches)
     end = kinematics.converged_state(increment, solution.state, touches, here)
     result = _step_result(kinematics, increment, here, end, solution, region, numbers)
@@ -281,8 +281,8 @@ def _software() -> dict[str, str]:
 def _step_result(
     kinematics: IndenterKinematics,
     increment: Increment,
-    start: Converged,
-    end: Converged,
+    start: ConvergedState,
+    end: ConvergedState,
     solution: ContactSolution,
     region: Indices,
     numbers: tuple[int, int],

@@ -210,8 +210,8 @@ def _condensed(
     scale = np.diag(equations) ** -0.5  # makes the equations independent of units
     factor = lu_factor(scale[:, None] * equations * scale)
     right_hand_sides = np.column_stack([compliance[np.ix_(fluxes, dofs)], relative_displacement[fluxes]])
-    caused = compliance[np.ix_(dofs, fluxes)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * right_hand_sides))
-    return matrix - caused[:, :-1], q - caused[:, -1]
+    response = compliance[np.ix_(dofs, fluxes)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * right_hand_sides))
+    return matrix - response[:, :-1], q - response[:, -1]
 
 
 def _no_body(_load: Array) -> NodalFields:

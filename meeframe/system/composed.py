@@ -80,7 +80,7 @@ class Rotation:
         return not any(isinstance(entry, np.ndarray) for entry in self.entries.values())
 
     @cached_property
-    def mixed(self) -> tuple[frozenset[int], ...]:
+    def coupled_fields(self) -> tuple[frozenset[int], ...]:
         """For each field, all fields coupled to it, itself included."""
         groups = [{field} for field in range(self.n_fields)]
         for i, j in self.entries:
@@ -92,7 +92,7 @@ class Rotation:
 
     def closure(self, fields: Sequence[int]) -> list[int]:
         """Return all fields coupled to some fields; the latter, in their order, if they are coupled to no others."""
-        closed = frozenset[int]().union(*(self.mixed[field] for field in fields))
+        closed = frozenset[int]().union(*(self.coupled_fields[field] for field in fields))
         return list(fields) if len(closed) == len(fields) else sorted(closed)
 
     def at(self, nodes: Indices) -> "Rotation":

@@ -94,7 +94,7 @@ def check_fieldwise_apply(system: ReducedSystem) -> None:
 
 
 def check_approximate_inverse(system: ReducedSystem) -> None:
-    """Check that `approximate_inverse` is linear and roughly recovers loads inside the zone from displacements."""
+    """Check that `approximate_inverse` is linear and approximately recovers loads inside the zone."""
     approximate = system.capability(ApproximateInverse)
     if approximate is None:
         return

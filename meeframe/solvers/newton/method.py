@@ -121,17 +121,19 @@ class SemismoothNewton(Solver):
         allowed = MAX_MERIT_RATIO * max(memory.merits)
         flips = memory.flips
         for fraction in STEP_FRACTIONS if direction.finite else ():
-            flips, stepped = _take_step(state, flips, direction, fraction)
-            if stepped.merit < allowed:
-                merits = (*memory.merits, stepped.merit)[-MERIT_WINDOW:]
-                memory = replace(memory, state=stepped, merits=merits, flips=flips, fall=stepped.merit / state.merit)
+            flips, candidate = _take_step(state, flips, direction, fraction)
+            if candidate.merit < allowed:
+                merits = (*memory.merits, candidate.merit)[-MERIT_WINDOW:]
+                memory = replace(
+                    memory, state=candidate, merits=merits, flips=flips, fall=candidate.merit / state.merit
+                )
                 return _iterate(memory)
         memory = replace(memory, flips=flips)
         if memory.neighbourhood is not None:
             memory = _on_zone(problem, memory, memory.neighbourhood)
-        stepped = _gradient_steps(problem, memory.state, memory.flips > MAX_FLIPS, memory.burst)
+        candidate = _gradient_steps(problem, memory.state, memory.flips > MAX_FLIPS, memory.burst)
         burst = min(2 * memory.burst, MAX_BURST)
-        return _iterate(replace(_restart(memory, stepped, memory.flips), burst=burst))
+        return _iterate(replace(_restart(memory, candidate, memory.flips), burst=burst))
 
 
 def estimated_residual(iterate: Iterate) -> float | None:
@@ -179,17 +181,17 @@ def _take_step(state: ResidualState, flips: Array, step: Step, fraction: float) 
     load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(state.load[:, POTENTIALS])] = 0.0
     contact_fraction = state.contact_fraction + fraction * step.local[:, FRACTION]
     contact_fraction[np.abs(contact_fraction) < ROUND_OFF] = 0.0
-    stepped = equation.at(load, contact_fraction, state.biactive, motion)
-    flips = flips + stepped.find_switched(state)
-    becomes_biactive = (flips > MAX_FLIPS) & ~stepped.biactive
+    candidate = equation.at(load, contact_fraction, state.biactive, motion)
+    flips = flips + candidate.find_switched(state)
+    becomes_biactive = (flips > MAX_FLIPS) & ~candidate.biactive
     if becomes_biactive.any():
-        contact_fraction, increment = stepped.contact_fraction.copy(), stepped.closing_increment
-        near = np.flatnonzero(becomes_biactive & (np.abs(stepped.trial[:, 2]) < increment))
+        contact_fraction, increment = candidate.contact_fraction.copy(), candidate.closing_increment
+        near = np.flatnonzero(becomes_biactive & (np.abs(candidate.trial[:, 2]) < increment))
         contact_fraction[near] = np.clip(
-            state.contact_fraction[near] - stepped.trial[near, 2] / increment[near], 0.0, 1.0
+            state.contact_fraction[near] - candidate.trial[near, 2] / increment[near], 0.0, 1.0
         )
-        stepped = stepped.with_contact_fraction(contact_fraction, stepped.biactive | becomes_biactive)
-    return flips, stepped
+        candidate = candidate.with_contact_fraction(contact_fraction, candidate.biactive | becomes_biactive)
+    return flips, candidate
 
 
 def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:

@@ -334,12 +334,12 @@ class ResidualState:
         scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.biactive)
         compliance = np.diag(scales.compliance)[POTENTIALS]
         conducted = compliance / (compliance * share + self.equation.self_compliance * (1.0 - share))
-        left: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
+        violation: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
         contact_fraction = np.clip(self.contact_fraction[at], 0.0, 1.0)
-        left[at] = np.maximum(
-            left[at], np.abs(contact_fraction - switch(contact_fraction, self.trial[at, 2], scales.pressure))
+        violation[at] = np.maximum(
+            violation[at], np.abs(contact_fraction - switch(contact_fraction, self.trial[at, 2], scales.pressure))
         )
-        return left
+        return violation
 
     def _trial_by_fraction(self) -> Array:
         """Return the trial (n, 3) at which the laws are linearised.
@@ -378,8 +378,8 @@ class ResidualState:
         other = np.flatnonzero(trial[:, 2] != self.trial[:, 2])
         if other.size:  # value of that linearisation at the actual trial
             off = by_trial[other, :, 2] * (self.trial[other, 2:] - trial[other, 2:])
-            left = self.load[other, MECHANICAL] - fixed_point_map(law, trial, gap, r)[other] - off
-            residual[other, MECHANICAL] = left / scales.pressure
+            remainder = self.load[other, MECHANICAL] - fixed_point_map(law, trial, gap, r)[other] - off
+            residual[other, MECHANICAL] = remainder / scales.pressure
         a, b = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()
         for i, j in np.ndindex(3, 3):
             a[i, j] = by_trial[:, i, j] * (-1.0 / scales.pressure)
@@ -401,8 +401,8 @@ class ResidualState:
             )
             share = share - self.drive * drop_slope
         if is_adhesive(law):
-            pulled = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
-            gap_slope = -pulled if gap_slope is None else gap_slope - pulled
+            by_attraction = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
+            gap_slope = -by_attraction if gap_slope is None else gap_slope - by_attraction
         for k, field in enumerate(range(N_MECHANICAL, fraction)):
             unit = scales.displacement[field]
             drive = self.drive[:, k] / unit

@@ -11,7 +11,7 @@ import numpy as np
 
 from meeframe.plugin import Array
 from meeframe_halfspace.kernels import NEAR, fill_far, fill_rows, tabulate
-from meeframe_halfspace.response import PointResponse, mirrored
+from meeframe_halfspace.response import PointResponse, mirror_parity
 
 Shape = Literal["bilinear", "constant"]
 
@@ -66,7 +66,7 @@ def far_table(
     hop: step of the offsets in spacings; the entry has half as many digits if it is larger than one.
     """
     for _, table in far_tables(response, spacing, shape, size, [entry], hop):
-        return unfolded(table, mirrored(response.entry(entry)[0]))
+        return unfold(table, mirror_parity(response.entry(entry)[0]))
     return np.zeros((size[0], 2 * size[1] - 1))
 
 
@@ -89,7 +89,7 @@ def far_tables(
     for entry in entries:
         coefficients, odd = response.entry(entry)
         if len(coefficients):
-            alike[odd, 0 if mirrored(coefficients) else ny - 1].append((entry, coefficients))
+            alike[odd, 0 if mirror_parity(coefficients) else ny - 1].append((entry, coefficients))
     for (odd, middle), of_kind in alike.items():
         most = max(1, TABLES // (8 * nx * (middle + ny)))
         for batch in (of_kind[first : first + most] for first in range(0, len(of_kind), most)):
@@ -107,7 +107,7 @@ def _fill_far(
     fill_far(first, last, steps, series, odd, weights, middle, tables)
 
 
-def unfolded(half: Array, mirror: int) -> Array:
+def unfold(half: Array, mirror: int) -> Array:
     """Return a table (nx, 2 ny - 1) from its half at offsets j >= 0, see far_tables."""
     return np.concatenate([mirror * half[:, :0:-1], half], axis=1) if mirror else half
 

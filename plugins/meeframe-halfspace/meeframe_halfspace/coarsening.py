@@ -25,7 +25,7 @@ def coarse_grid(grid: Grid) -> Grid | None:
     return Grid(np.arange(size[0] * size[1]).reshape(size), spacing, grid.frame)
 
 
-def numbered(grid: Grid, size: tuple[int, int]) -> Grid:
+def row_major_grid(grid: Grid, size: tuple[int, int]) -> Grid:
     """Return a subgrid of that size, numbered row by row."""
     return Grid(np.arange(size[0] * size[1]).reshape(size), grid.spacing, grid.frame)
 

@@ -23,7 +23,7 @@ BLOCK: Final = 5 * 2**17
 """Bytes of spectra in one block, which should fit the cache of the processor."""
 CACHE_LINE: Final = 8
 """Numbers in a line of the cache: blocks have a multiple of it of rows or columns."""
-SHARED: Final = 2**22
+MIN_SHARED_BYTES: Final = 2**22
 """Bytes of all spectra of a product above which threads share it, as measured in docs/explanation/halfspace.md."""
 MAX_WORKSPACE: Final = 2**25
 """Largest number of bytes that a thread reserves between products for each purpose: see _workspace."""
@@ -169,7 +169,7 @@ class Convolution:
             (multiply, _blocks(half, py * complex_.itemsize * most)),
             (transform_back, _blocks(ny, px * precision.itemsize * count)),
         ]
-        _work(stages, numba.get_num_threads() if spectra.nbytes >= SHARED else 1)
+        _work(stages, numba.get_num_threads() if spectra.nbytes >= MIN_SHARED_BYTES else 1)
         if count == len(fields):
             return answer
         response = np.zeros((len(fields), nx, ny), precision)

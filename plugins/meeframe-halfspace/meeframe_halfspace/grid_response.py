@@ -13,7 +13,7 @@ import scipy  # submodules are loaded on first use
 from meeframe.plugin import Array
 from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
 from meeframe_halfspace.kernels import fill_symbol
-from meeframe_halfspace.response import PointResponse, mirrored, series_entry
+from meeframe_halfspace.response import PointResponse, mirror_parity, series_entry
 
 DOUBLE: Final = np.dtype(np.float64)
 Window = Literal["bilinear", "constant", "trigonometric"]
@@ -213,7 +213,7 @@ def free_symbol(table: Array, response: PointResponse, number: int, padded: tupl
         Size (px, py) of the padded grid, even.
     """
     coefficients, odd = response.entry(number)
-    parity, mirror = (-1 if odd else 1), mirrored(coefficients)
+    parity, mirror = (-1 if odd else 1), mirror_parity(coefficients)
     if mirror:
         half = _half_symbol(table, (parity * mirror, mirror), padded)
         return half if response.parities is not None else full_entry(half, mirror, padded[1])

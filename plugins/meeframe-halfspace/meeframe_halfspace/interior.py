@@ -148,11 +148,11 @@ class HalfSpaceInterior(InteriorFields):
         for field in range(n_fields):
             loads = np.zeros((n_fields, _ANGLES), complex)
             loads[field] = 1.0
-            y[:, :, field] = self.propagated(waves, loads, 0.0)[0].T
+            y[:, :, field] = self.waves_at_depth(waves, loads, 0.0)[0].T
         z = np.linalg.inv(y) + 1j * np.einsum("wa,aij->wij", waves, coupling)
         return float(np.linalg.eigvals(inverse_t @ z).real.min())
 
-    def propagated(self, waves: Array, loads: ComplexArray, depth: float) -> ComplexArray:
+    def waves_at_depth(self, waves: Array, loads: ComplexArray, depth: float) -> ComplexArray:
         """Return values and derivatives (4, f, w) of waves (w, 2) of the load (f, w) at a depth [m]."""
         even, odd = self.series
         inverse_t, coupling = self.forms
@@ -256,7 +256,7 @@ class _Spectrum:
             loads[self.loaded] = transform[:, *wave_indices].reshape(len(transform), -1)[:, used] * factor[used]
             waves = np.stack([kx[used], ky[used]], axis=1)
             spread = np.zeros((4, n_fields, len(k)), complex)
-            spread[..., used] = self.interior.propagated(waves, loads, depth)
+            spread[..., used] = self.interior.waves_at_depth(waves, loads, depth)
             along_y = spread.reshape(4 * n_fields, -1, len(qy)) @ phase_y
             if on_grid:
                 total += (phase_x[:, rows] @ along_y).real
@@ -298,7 +298,7 @@ class _Spectrum:
         if halvings not in self.polar:
             self.polar[halvings] = self._polar_waves(end)
         waves, loads = self.polar[halvings]
-        spread = self.interior.propagated(waves, loads, depth).reshape(-1, len(waves))
+        spread = self.interior.waves_at_depth(waves, loads, depth).reshape(-1, len(waves))
         (x, y), indices = _lines(points)
         total = np.zeros((len(spread), len(points)) if indices is None else (len(spread), len(x), len(y)))
         present = np.flatnonzero(spread.any(axis=1))

@@ -106,7 +106,7 @@ class PointResponse:
 
         The plane of symmetry contains the normal and the first axis.
         """
-        result = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
+        result = np.array([mirror_parity(self.entry(number)[0]) for number in self.numbers])
         for signs in product((1, -1), repeat=self.layout.n_fields - 1):
             of_fields = np.outer((1, *signs), (1, *signs))
             parities = np.concatenate([of_fields[self.layout.upper], of_fields[self.layout.strict]])
@@ -130,7 +130,7 @@ def series_entry(even: Array, odd: Array, number: int) -> tuple[Array, bool]:
     return np.ascontiguousarray(full[:count]), antisymmetric
 
 
-def mirrored(coefficients: Array) -> int:
+def mirror_parity(coefficients: Array) -> int:
     """Return 1 or -1 if a series (n, 2) is even or odd in the angle, as in media with planes of symmetry; else 0."""
     cosines, sines = coefficients.any(axis=0)
     return int(cosines) - int(sines)

@@ -25,7 +25,7 @@ from meeframe.plugin import (
     Restriction,
     Subsystem,
 )
-from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
+from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, row_major_grid
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
 from meeframe_halfspace.entries import entries_to_matrix
@@ -189,7 +189,7 @@ class HalfSpaceSystem(
             convolution=convolution_of(response),
             shares=self.shares[nodes],
         )
-        return Coarsening(system, nodes, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
+        return Coarsening(system, nodes, partial(_prolong, self.grid, grid.size, self.convolution.periodic))
 
     def restrict(self, nodes: Indices) -> Subsystem | None:
         """Return the half space on a smaller free grid, which depends on the nodes alone."""
@@ -200,7 +200,7 @@ class HalfSpaceSystem(
         response = self._response_on(size) if subgrid.size <= MAX_SUBGRID_FRACTION * len(self.points) else None
         if response is None:
             return None
-        inner, grid = subgrid.ravel(), numbered(self.grid, size)
+        inner, grid = subgrid.ravel(), row_major_grid(self.grid, size)
         arrays = self.points[inner], self.frames[inner], self.weights[inner], coarse_cells(grid), self.offset[inner]
         return Subsystem(HalfSpaceSystem(*arrays, grid, *response, self.shares[inner]), inner)
 
@@ -242,7 +242,7 @@ def convolution_of(response: GridResponse) -> Convolution:
     return Convolution(symbol, response.size, response.padded, scale)
 
 
-def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:
+def _prolong(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:
     """Return values (n, k) at the nodes of a grid from values (m, k) on the coarser grid of a size."""
     coarse = values.T.reshape(-1, *size)
     return grid.scatter(bilinear(coarse, grid.size, periodic))
