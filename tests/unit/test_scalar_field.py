@@ -1,6 +1,6 @@
-"""A further scalar field, defined here, crosses the whole framework: a decoupled potential obeying Laplace's equation.
+"""An additional scalar field, a decoupled potential that satisfies Laplace's equation, works in the whole framework.
 
-Added to a magneto-electro-elastic body, it changes none of the other fields, and itself is what it is alone.
+Added to a magneto-electro-elastic body, it changes no other field and agrees with the same problem solved alone.
 """
 
 import re
@@ -109,7 +109,7 @@ def indentation(
     )
 
 
-def solved(problem: ContactProblem) -> ContactState:
+def solve_problem(problem: ContactProblem) -> ContactState:
     solution = solve(problem, Auto(), CRITERIA)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state
@@ -122,20 +122,20 @@ def equal(one: Array, other: Array, tolerance: float = 1e-7) -> None:
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("drag", [0.0, 3e-6], ids=["frictionless", "friction"])
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_three_channels_are_two_and_a_scalar_alone(name: str, drag: float) -> None:
-    """The scalar alone is the electric potential of a body without coupling and with its coefficient as permittivity.
+def test_scalar_field_agrees_with_separate_problem(name: str, drag: float) -> None:
+    """The scalar alone is the electric potential of an uncoupled body with the coefficient as permittivity.
 
-    It crosses the contact that the coupled body makes: what is compared with has the gap and the law of that contact.
+    It is conducted across the contact of the coupled body, so the reference has the gap and the law of that contact.
     """
     material = library_material("batio3-cofe2o4")
     warm, formulation = material.with_field(HEAT, CONDUCTIVITY), FORMULATIONS[name]
     fields = warm.fields
     assert fields == FieldSet((*MEE.scalars, HEAT))
     given = 2e3, -3.0
-    two = solved(indentation(reduced(formulation, material.stiffness, MEE), MEE, LAWS, given, drag))
+    two = solve_problem(indentation(reduced(formulation, material.stiffness, MEE), MEE, LAWS, given, drag))
     system = reduced(formulation, warm.stiffness, fields)
     laws = (*LAWS, StepConductivity(KAPPA))
-    three = solved(indentation(system, fields, laws, (*given, POTENTIAL), drag))
+    three = solve_problem(indentation(system, fields, laws, (*given, POTENTIAL), drag))
     for column in range(MEE.size):
         equal(three.load[:, column], two.load[:, column])
         equal(three.displacement[:, column], two.displacement[:, column])
@@ -154,24 +154,27 @@ def test_three_channels_are_two_and_a_scalar_alone(name: str, drag: float) -> No
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_a_field_set_may_have_one_scalar_alone(name: str) -> None:
-    """Elastic contact that conducts heat: the same with the scalar after the two of the default set, which rest."""
+def test_field_set_with_a_single_scalar(name: str) -> None:
+    """Heat conduction in elastic contact is the same if the scalar follows the two potentials of the default set,
+    which vanish."""
     elastic = Material.isotropic(2e11, 0.3).with_field(HEAT, CONDUCTIVITY)
     columns = [0, 1, 2, 5]
     stiffness = np.ascontiguousarray(elastic.stiffness[:, columns][:, :, columns])
     fields, formulation = FieldSet((HEAT,)), FORMULATIONS[name]
-    one = solved(indentation(reduced(formulation, stiffness, fields), fields, [StepConductivity(KAPPA)], (POTENTIAL,)))
+    one = solve_problem(
+        indentation(reduced(formulation, stiffness, fields), fields, [StepConductivity(KAPPA)], (POTENTIAL,))
+    )
     system = reduced(formulation, elastic.stiffness, elastic.fields)
     laws = [StepConductivity(kappa) for kappa in (0.0, 0.0, KAPPA)]
-    three = solved(indentation(system, elastic.fields, laws, (0.0, 0.0, POTENTIAL)))
+    three = solve_problem(indentation(system, elastic.fields, laws, (0.0, 0.0, POTENTIAL)))
     equal(one.load, three.load[:, columns])
     equal(one.displacement[:, MECHANICAL], three.displacement[:, MECHANICAL])
     equal(one.displacement[:, POTENTIALS], three.displacement[:, 5:])
     assert one.load[:, 3].any()
 
 
-def test_case_files_results_and_reports_show_it(tmp_path: Path) -> None:
-    """Its coefficient, law, potential and resultant are keys of a case file; everything that is written names it."""
+def test_scalar_field_in_case_files_results_and_reports(tmp_path: Path) -> None:
+    """Coefficient, law, potential and resultant are keys of a case file, and all output names the field."""
     registry = replace(plugins.load(), scalar_fields=(HEAT,))
     (tmp_path / "warm.toml").write_text(CASE, encoding="utf-8")
     case = load_case(tmp_path / "warm.toml", registry)
@@ -216,7 +219,7 @@ def test_case_files_results_and_reports_show_it(tmp_path: Path) -> None:
     assert "temperature" in figures(read)
 
 
-def test_hierarchical_matrices_refuse_it() -> None:
+def test_hierarchical_matrices_reject_it() -> None:
     warm = library_material("batio3-cofe2o4").with_field(HEAT, CONDUCTIVITY)
     mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (6, 6), 3, Quad4())
     with pytest.raises(CaseError, match="compiled for 5 fields, the body has 6"):
@@ -227,8 +230,8 @@ def test_hierarchical_matrices_refuse_it() -> None:
 @pytest.mark.parametrize(
     "formulation", [FiniteElements(), DenseBEM(quadrature_tolerance=1e-8)], ids=["fem", "dense-bem"]
 )
-def test_a_finite_body_responds_field_by_field(formulation: Formulation) -> None:
-    """Its compliance is that of the coupled fields beside that of the scalar."""
+def test_finite_body_with_uncoupled_fields(formulation: Formulation) -> None:
+    """The compliance consists of that of the coupled fields and that of the scalar."""
     material, other = library_material("pzt-4"), replace(Material.isotropic(2e11, 0.3), permittivity=CONDUCTIVITY)
     mesh = block_mesh((0.01, 0.01), 0.01, (0.005, 0.005), (3, 3), 1, 2, Quad4())
 

@@ -1,4 +1,4 @@
-"""Conducting contact without friction, also with biactive nodes at the contact edge."""
+"""Test frictionless conducting contact, with and without biactive nodes at the contact edge."""
 
 import numpy as np
 import pytest
@@ -45,8 +45,8 @@ def test_many_biactive_nodes(n: int, potentials: tuple[float, float]):
         (np.inf, (0.0, 30.0), "orthotropic-mee", True),
     ],
 )
-def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material, has_biactive):
-    """Both solvers agree, with biactive nodes and without."""
+def test_solvers_agree(kappa, potentials, material, has_biactive):
+    """Newton's method and gradient steps agree, with and without biactive nodes."""
     problem = sphere(48, kappa, potentials, material)
     limits = StoppingCriteria(tolerance=1e-9)
     ours, theirs = (solve(problem, solver, limits) for solver in (Nesterov(), SemismoothNewton()))
@@ -59,8 +59,8 @@ def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material
 
 @pytest.mark.parametrize("solver", [Nesterov(), BarzilaiBorwein()])
 @pytest.mark.parametrize("kappa", [3e-7, 1e-6])
-def test_fluxes_close_in_where_contacts_hardly_conduct(solver: Solver, kappa: float):
-    """Resistances about a million times the nodes' own responses: fluxes near the answer are still of use."""
+def test_convergence_with_large_contact_resistance(solver: Solver, kappa: float):
+    """Resistances are about a million times the nodal compliance; inexact fluxes still reduce the residual."""
     problem = sphere(16, kappa, (2.0, 0.5), "orthotropic-mee")
     ours, theirs = (solve(problem, one, StoppingCriteria(tolerance=1e-8)) for one in (solver, SemismoothNewton()))
     assert ours.status is Status.CONVERGED, ours.message

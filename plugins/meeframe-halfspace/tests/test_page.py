@@ -1,4 +1,4 @@
-"""docs/explanation/halfspace.md: what it shows in code is right, and what it says of files works in a case file."""
+"""The code and the statements about files on docs/explanation/halfspace.md are correct."""
 
 import re
 import tomllib
@@ -18,17 +18,17 @@ PAGE = (Path(__file__).parents[3] / "docs" / "explanation" / "halfspace.md").rea
 FORMULATION, ROUGH, MAP = (tomllib.loads(text) for text in re.findall(r"^```toml\n(.*?)^```", PAGE, re.DOTALL | re.M))
 
 
-def created(contract, table, folder=Path()):
+def create_indenter(contract, table, folder=Path()):
     found = registry.load()
     return type(found)(**{**vars(found), "folder": folder}).create(CONTRACTS[contract], table)
 
 
 def test_defaults_of_the_formulation():
-    assert created(Formulation, FORMULATION["formulation"]) == HalfSpace()
+    assert create_indenter(Formulation, FORMULATION["formulation"]) == HalfSpace()
 
 
 def test_self_affine_table():
-    surface = created(Indenter, ROUGH["indenter"])
+    surface = create_indenter(Indenter, ROUGH["indenter"])
     assert isinstance(surface, SelfAffine)
     assert surface.surface().std() == pytest.approx(2e-6)
     assert (surface.period, surface.roll_off, surface.shortest) == pytest.approx((2e-3, 1e-3, 1.25e-4))
@@ -39,7 +39,7 @@ def test_height_map_table(tmp_path):
         "ncols 5\nnrows 4\nxllcenter 0\nyllcenter 0\ncellsize 2\nNODATA_value -99\n"
         "1 2 3 2 1\n2 9 -99 4 2\n2 4 5 4 2\n1 2 3 2 1\n"
     )
-    surface = created(Indenter, MAP["indenter"], tmp_path)
+    surface = create_indenter(Indenter, MAP["indenter"], tmp_path)
     assert isinstance(surface, MeasuredHeights)
     heights = surface.height(np.array([-2e-6, 4e-6]), np.array([1e-6, 3e-6]))
     assert heights[0] == pytest.approx(0.0, abs=1e-18)  # the peak
@@ -59,8 +59,8 @@ def test_python_examples():
     assert heights[pressure > 0].min() > np.quantile(heights, 0.7), "peaks touch"
 
 
-def test_the_two_kinds_of_heights_face_each_other(tmp_path):
-    """One array, by a file as measured and from Python turned over, is one indenter."""
+def test_height_map_is_negated_sampled_heights(tmp_path):
+    """An array as a measured map, and its negative as heights in Python, give the same indenter."""
     x, y = np.linspace(-2e-6, 2e-6, 5), np.linspace(-3e-6, 3e-6, 7)
     heights = np.random.default_rng(5).uniform(0.0, 1e-8, (5, 7))
     np.save(tmp_path / "map.npy", heights.T)
@@ -69,6 +69,6 @@ def test_the_two_kinds_of_heights_face_each_other(tmp_path):
     np.testing.assert_allclose(measured.height(*grid), SampledHeights.on_grid(x, y, -heights).height(*grid), atol=1e-20)
 
 
-def test_a_wrong_key_is_named():
+def test_unknown_key_is_named():
     with pytest.raises(ValueError, match="density"):
-        created(Formulation, {"name": "half-space", "density": "cubic"})
+        create_indenter(Formulation, {"name": "half-space", "density": "cubic"})

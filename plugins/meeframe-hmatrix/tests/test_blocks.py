@@ -1,4 +1,4 @@
-"""Hierarchical matrices by themselves: products, compression, truncated factors, against dense linear algebra."""
+"""Products, compression and truncated factors of hierarchical matrices agree with dense linear algebra."""
 
 import pickle
 from concurrent.futures import ThreadPoolExecutor
@@ -31,7 +31,7 @@ LEAF = 12
 
 
 def hierarchical(matrix, rows, columns, tolerance):
-    """Blocks of a matrix whose entries are smooth away from the diagonal; ranges of rows and columns are places."""
+    """Return the blocks of a matrix whose entries are smooth away from the diagonal."""
     near = not (rows.stop <= columns.start - LEAF or columns.stop <= rows.start - LEAF)
     entries = matrix[rows, columns]
     if not near:
@@ -48,7 +48,7 @@ def halves(part):
 
 
 def kernel_matrix(rows, columns):
-    """1 / distance along a line, unsymmetric, and diagonally dominant where square."""
+    """Return 1 / distance along a line: unsymmetric, and diagonally dominant if square."""
     x, y = np.linspace(0, 1, rows), np.linspace(0, 1, columns)
     matrix = 1.0 / (np.abs(x[:, None] - y) + 0.01) * (1 + 0.3 * np.sin(5 * x[:, None] + y))
     return matrix + (300.0 * np.eye(rows) if rows == columns else 0.0)
@@ -56,7 +56,7 @@ def kernel_matrix(rows, columns):
 
 @pytest.fixture(scope="module")
 def matrices():
-    """A square matrix whose halves are divided differently, right-hand sides, and both as blocks (1e-9)."""
+    """Return a square matrix whose halves are divided differently, right-hand sides, and both as blocks (1e-9)."""
     square, wide = kernel_matrix(190, 190), kernel_matrix(190, 110)
     return square, wide, whole(square, 1e-9), whole(wide, 1e-9)
 
@@ -69,7 +69,7 @@ def error(actual, expected):
     return np.linalg.norm(actual - expected) / np.linalg.norm(expected)
 
 
-def test_products_are_those_of_the_matrix(matrices):
+def test_products_match_the_matrix(matrices):
     square, wide, block, wide_block = matrices
     random = np.random.default_rng(1)
     assert {type(leaf) for leaf in leaves(block)} == {Dense, LowRank}
@@ -79,13 +79,13 @@ def test_products_are_those_of_the_matrix(matrices):
         assert error(to_dense(blocks), matrix) < 2e-9
         assert error(multiply(blocks, x), matrix @ x) < 1e-8
         assert error(multiply_transposed(blocks, y), matrix.T @ y) < 1e-8
-        for same in (blocks, convert(blocks, np.float32)):  # merged otherwise it is to be the same to the last digit
+        for same in (blocks, convert(blocks, np.float32)):  # another way of merging gives the same digits
             product = product_of(same)
             assert error(product(x[:, 0]), to_dense(convert(same, float)) @ x[:, 0]) < 1e-13
             assert product.numbers.size == stored(blocks)
 
 
-def test_copies_have_numbers_independent_of_the_original(matrices):
+def test_copies_are_independent_of_the_original(matrices):
     _, _, block, _ = matrices
     x = np.random.default_rng(7).normal(size=(block.columns.stop, 2))
     expected = multiply(block, x)
@@ -97,7 +97,7 @@ def test_copies_have_numbers_independent_of_the_original(matrices):
     assert np.array_equal(multiply(block, x), expected)
 
 
-def test_vectors_may_lie_in_memory_in_any_way(matrices):
+def test_products_accept_any_memory_layout(matrices):
     square, _, block, _ = matrices
     x = np.random.default_rng(8).normal(size=(2 * block.columns.stop, 4))
     one = np.broadcast_to(x[0, 0], (block.columns.stop, 1))
@@ -106,7 +106,7 @@ def test_vectors_may_lie_in_memory_in_any_way(matrices):
         assert error(multiply_transposed(block, part), square.T @ part) < 1e-8
 
 
-def test_nothing_that_waits_is_begun_after_an_error(monkeypatch):
+def test_waiting_tasks_are_cancelled_after_an_error(monkeypatch):
     ended, begun = Event(), []
 
     class Pool(ThreadPoolExecutor):
@@ -129,7 +129,7 @@ def test_nothing_that_waits_is_begun_after_an_error(monkeypatch):
     assert len(begun) <= get_num_threads()
 
 
-def test_blocks_of_two_precisions_and_vectors_of_other_lengths_are_refused(matrices):
+def test_mixed_precisions_and_wrong_lengths_are_rejected(matrices):
     _, _, block, _ = matrices
     ((first, second), (third, fourth)) = block.children
     mixed = Split(block.rows, block.columns, ((first, second), (convert(third, np.float32), fourth)))
@@ -145,7 +145,7 @@ def test_blocks_of_two_precisions_and_vectors_of_other_lengths_are_refused(matri
 @pytest.mark.parametrize(
     ("tolerance", "dtype"), [(1e-2, float), (1e-5, float), (1e-8, float), (1e-2, np.float32), (SINGLE, np.float32)]
 )
-def test_compression_keeps_its_tolerance_and_the_best_rank(tolerance, dtype):
+def test_compression_meets_tolerance_with_optimal_rank(tolerance, dtype):
     random = np.random.default_rng(2)
     u, v = (np.linalg.qr(random.normal(size=(size, 60)))[0] for size in (200, 150))
     values = 10.0 ** -np.linspace(0, 12, 60)
@@ -162,7 +162,7 @@ def test_compression_keeps_its_tolerance_and_the_best_rank(tolerance, dtype):
         assert best <= left.shape[1] <= best + 1
 
 
-def test_nothing_has_no_rank():
+def test_zero_matrix_has_rank_zero():
     zero = np.zeros((40, 30))
     compressed = compress(zero.dot, zero.T.dot, zero.shape, 2, 1e-3)
     for left, right in (recompress(zero, np.eye(30), 1e-3), compressed, truncate(zero.copy(), 1e-3)):
@@ -182,12 +182,12 @@ def test_truncation_in_single_precision_does_not_depend_on_units(size):
 
 @pytest.mark.parametrize("precision", [np.float32, np.float64])
 @pytest.mark.parametrize("entry", [np.nan, np.inf])
-def test_truncation_refuses_what_is_not_finite(precision, entry):
+def test_truncation_rejects_nonfinite_entries(precision, entry):
     matrix = np.ones((6, 5), precision)
     matrix[2, 3] = entry
     with pytest.raises(np.linalg.LinAlgError, match="not finite"):
         truncate(matrix, 1e-3)
-    if precision == np.float32:  # in double precision the singular values see to it
+    if precision == np.float32:  # in double precision, the singular value decomposition raises
         matrix[2, 3] = entry
         with np.errstate(invalid="ignore"), pytest.raises(np.linalg.LinAlgError, match="not finite"):
             recompress(np.eye(6, dtype=precision), matrix, 1e-3)
@@ -195,7 +195,7 @@ def test_truncation_refuses_what_is_not_finite(precision, entry):
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(("tolerance", "rows"), [(1e-2, 190), (1e-4, 1040), (1e-4, 190), (1e-7, 190)])
-def test_factors_solve_within_their_tolerance(tolerance, rows):
+def test_factors_solve_to_tolerance(tolerance, rows):
     square, wide = kernel_matrix(rows, rows), kernel_matrix(rows, 110)
     block, wide_block = whole(square, 1e-9), whole(wide, 1e-9)
     x = np.random.default_rng(3).normal(size=(len(square), 2))
@@ -213,11 +213,11 @@ def test_factors_solve_within_their_tolerance(tolerance, rows):
 
 
 def to_dense_lower(factors, size):
-    """The lower factor, from its inverse."""
+    """Return the lower factor, from its inverse."""
     return np.linalg.inv(solution(factors, Form.LOWER, np.eye(size)))
 
 
-def test_chosen_fields_are_those_of_the_matrix_where_a_block_is_nothing():
+def test_products_in_chosen_fields_with_empty_blocks():
     random = np.random.default_rng(6)
     nodes, start = 6, 100
     near, left, right = random.normal(size=(2, 15, 15)), random.normal(size=(15, 2)), random.normal(size=(2, 15))
@@ -238,7 +238,7 @@ def test_chosen_fields_are_those_of_the_matrix_where_a_block_is_nothing():
 
 
 @pytest.mark.full
-def test_single_precision_adds_nothing_to_coarse_truncation(matrices):
+def test_single_precision_error_is_below_truncation(matrices):
     square, _, block, _ = matrices
     single = convert(block, np.float32)
     assert {to_dense(leaf).dtype for leaf in leaves(single)} == {np.dtype(np.float32)}

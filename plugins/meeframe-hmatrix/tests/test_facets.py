@@ -1,4 +1,5 @@
-"""Integrals over the plane parts of far leaves, from few values of the kernel, against those element by element."""
+"""Integrals over plane facets of far leaves, interpolated from few kernel values, agree with those element by
+element."""
 
 from dataclasses import replace
 
@@ -28,16 +29,16 @@ def relative(found, expected) -> float:
     return float(np.linalg.norm(found - expected) / np.linalg.norm(expected)) if expected.any() else 0.0
 
 
-def turned(body: Body) -> Body:
-    """About an axis of no symmetry, so that no plane is parallel to two axes."""
+def rotate(body: Body) -> Body:
+    """Rotate points about an axis such that no plane is parallel to two coordinate axes."""
     turn = rotation_about((1.0, -2.0, 0.7), 0.6)
     return replace(body, mesh=replace(body.mesh, points=body.mesh.points @ turn.T))
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
-@pytest.mark.parametrize("make", [lambda make: make(8), lambda make: turned(make(8, Tri3()))], ids=["quad4", "tri3"])
-def test_integrals_are_those_element_by_element(make_block, monkeypatch, make, tolerance):
+@pytest.mark.parametrize("make", [lambda make: make(8), lambda make: rotate(make(8, Tri3()))], ids=["quad4", "tri3"])
+def test_integrals_match_element_by_element(make_block, monkeypatch, make, tolerance):
     integrals = integrals_of(make(make_block), monkeypatch)
     accuracy = integrals.accuracy._replace(tolerance=tolerance)
     fine = replace(integrals, accuracy=accuracy._replace(tolerance=1e-8))
@@ -68,7 +69,7 @@ def test_integrals_are_those_element_by_element(make_block, monkeypatch, make, t
 
 
 @pytest.mark.full
-def test_facets_are_the_planes_of_a_leaf(make_block, monkeypatch):
+def test_facets_are_planes_of_a_leaf(make_block, monkeypatch):
     integrals = integrals_of(make_block(8), monkeypatch)
     for leaf, parts in facets(integrals).items():
         assert {site for part in parts for site in part.sites} == set(range(leaf.sites.start, leaf.sites.stop))
@@ -80,7 +81,7 @@ def test_facets_are_the_planes_of_a_leaf(make_block, monkeypatch):
 
 @pytest.mark.full
 @pytest.mark.parametrize("element", [Quad8(), Tri3()], ids=["quad8", "tri3"])
-def test_curved_surfaces_have_none(make_block, monkeypatch, element):
+def test_curved_surfaces_have_no_facets(make_block, monkeypatch, element):
     body = make_block(6, element)
     size = np.ptp(body.mesh.points, axis=0)
     bulge = 0.1 * size * np.cos(body.mesh.points / size).sum(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""The formulation against dense boundary elements: matrices, compliance, contact; its contract and its refusals."""
+"""Test the formulation against dense boundary elements: matrices, compliance, contact, contract, rejected input."""
 
 import pickle
 from dataclasses import replace
@@ -33,13 +33,13 @@ TOLERANCES = (1e-3, 1e-5)
 
 
 def relative(actual, expected):
-    """Largest difference of (n, ...) by field, relative to the largest value of the field."""
+    """Return the largest difference (n, ...) by field, relative to the largest value of the field."""
     return np.abs(actual - expected).max(axis=0) / np.abs(expected).max(axis=0)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def small_leaves():
-    """Leaves of ten nodes, so that coarse meshes have far blocks."""
+    """Use leaves of ten nodes, so that coarse meshes have far blocks."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(formulation, "LEAF_SIZE", 10)
         yield
@@ -47,17 +47,17 @@ def small_leaves():
 
 @pytest.fixture(scope="module")
 def dense(make_block):
-    """With integrals finer than those of any tolerance here."""
+    """Return dense boundary elements with integrals finer than those of any tolerance here."""
     return DenseBEM(quadrature_tolerance=1e-9).reduce(make_block(8))
 
 
 @pytest.fixture(scope="module")
 def systems(make_block):
-    """The reduced systems of the tolerances."""
+    """Return the reduced systems by tolerance."""
     return {tolerance: HierarchicalBEM(tolerance=tolerance).reduce(make_block(8)) for tolerance in TOLERANCES}
 
 
-def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, systems, smooth_load):
+def test_compliance_converges_to_dense_with_tolerance(dense, systems, smooth_load):
     for tolerance, system in systems.items():
         matrix = system.boundary.system.matrix
         assert sum(isinstance(leaf, LowRank) for leaf in leaves(matrix)) > 50
@@ -74,12 +74,12 @@ def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, sy
 
 
 def clusters(cluster):
-    """A cluster and all below."""
+    """Yield a cluster and all its descendants."""
     return [cluster, *(below for child in cluster.children for below in clusters(child))]
 
 
 def first_source(sampled, source, tolerance):
-    """A choice of equations that is good for nothing."""
+    """Select useless equations."""
     places = np.flatnonzero(source == 0)
     return np.zeros((len(sampled), len(places))), places
 
@@ -90,7 +90,7 @@ def first_source(sampled, source, tolerance):
     [(1e-3, interpolation), (1e-5, interpolation), (1e-3, first_source)],
     ids=["1e-3", "1e-5", "bad choices"],
 )
-def test_far_blocks_are_those_of_integrals_of_all_equations(make_block, monkeypatch, tolerance, choice):
+def test_far_blocks_match_integrals_of_all_equations(make_block, monkeypatch, tolerance, choice):
     monkeypatch.setattr(cross_approximation, "interpolation", choice)
     seen = []
     monkeypatch.setattr(formulation, "assemble", lambda *given: seen.append(given) or assemble(*given))
@@ -113,14 +113,14 @@ def test_far_blocks_are_those_of_integrals_of_all_equations(make_block, monkeypa
         assert checked > least
 
 
-def test_fields_on_the_boundary_are_those_of_dense_matrices(dense, systems, smooth_load):
+def test_boundary_fields_match_dense(dense, systems, smooth_load):
     found, expected = (s.recover(smooth_load(dense)) for s in (systems[1e-5], dense))
     assert np.array_equal(found.points, expected.points)
     assert (relative(found.values, expected.values) < 1e-4).all()
     assert (relative(found.fluxes, expected.fluxes) < 1e-4).all()
 
 
-def test_contact_with_friction_is_that_of_dense_matrices(dense, systems):
+def test_frictional_contact_matches_dense(dense, systems):
     x, y, _ = dense.points.T
     loads = []
     for system in (dense, systems[1e-5], systems[1e-3]):
@@ -150,17 +150,17 @@ def test_half_space(smooth_load):
     assert (relative(found, expected) < 5e-5).all()
 
 
-def test_conforms():
+def test_conformance():
     check_formulation(HierarchicalBEM(tolerance=1e-5), tolerance=1e-3)
 
 
 @pytest.mark.full
-def test_the_same_twice_over(make_block, smooth_load, systems):
+def test_results_are_deterministic(make_block, smooth_load, systems):
     again = HierarchicalBEM(tolerance=1e-3).reduce(make_block(8))
     assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))
 
 
-def test_few_products_are_stored_and_none_in_copies(systems, smooth_load):
+def test_memory_of_stored_products(systems, smooth_load):
     system = systems[1e-3]
     load = smooth_load(system)
     whole = system.apply(load)
@@ -190,7 +190,7 @@ def test_stored_arrays_give_the_same_system_and_fields(make_block, smooth_load, 
     assert np.array_equal(again.recover(load).values, system.recover(load).values)
 
 
-def test_arrays_that_are_no_tree_are_refused(make_block, systems):
+def test_invalid_arrays_are_rejected(make_block, systems):
     kept = systems[1e-3].to_arrays()
     with pytest.raises(ValueError, match="reshape"):
         unpacked(kept["table"], kept["numbers"][:-1])
@@ -216,7 +216,7 @@ def test_arrays_that_are_no_tree_are_refused(make_block, systems):
 
 @pytest.mark.full
 @pytest.mark.parametrize("leaf_size", [10, 36], ids=["divided", "one leaf"])
-def test_truncated_inverse_of_a_slender_rod_is_right_or_none(monkeypatch, leaf_size):
+def test_truncated_inverse_of_slender_rod_is_accurate_or_absent(monkeypatch, leaf_size):
     monkeypatch.setattr(formulation, "LEAF_SIZE", leaf_size)
     divisions = {10: 8, 36: 4}[leaf_size]
     clamped = tuple(BoundaryCondition("base", field, "value", 0.0) for field in range(5))
@@ -224,7 +224,7 @@ def test_truncated_inverse_of_a_slender_rod_is_right_or_none(monkeypatch, leaf_s
     system = HierarchicalBEM().reduce(Body(library_material("batio3-cofe2o4").stiffness, mesh, clamped, "contact"))
     for fields, divided in (((2,), True), ((0, 1, 2), False)):
         inverse = system.approximate_inverse(fields)
-        if leaf_size == 10 and not divided:  # truncation loses all but the bending
+        if leaf_size == 10 and not divided:  # truncation loses everything but the bending
             assert inverse is None
             continue
         load = np.random.default_rng(1).normal(size=(len(system.points), len(fields)))
@@ -235,7 +235,7 @@ def error(actual, expected):
     return np.linalg.norm(actual - expected) / np.linalg.norm(expected)
 
 
-def test_registered_with_checked_keys():
+def test_registration_and_keys():
     registry = load()
     assert next(e for e in registry.entries if e.record.name == "hmatrix-bem").provider.name == "meeframe-hmatrix"
     made = registry.create(Kind.FORMULATION, {"name": "hmatrix-bem", "tolerance": 1e-3})
@@ -245,7 +245,7 @@ def test_registered_with_checked_keys():
             HierarchicalBEM(tolerance=value)
 
 
-def test_bodies_it_cannot_take_are_refused(make_block, monkeypatch):
+def test_unsupported_bodies_are_rejected(make_block, monkeypatch):
     body = make_block(4)
     with pytest.raises(CaseError, match="no contact zone"):
         HierarchicalBEM().check(replace(body, contact_group=None))
@@ -261,14 +261,14 @@ def test_bodies_it_cannot_take_are_refused(make_block, monkeypatch):
         HierarchicalBEM().check(body)
 
 
-def test_a_solution_that_is_no_number_does_not_count(systems, monkeypatch):
+def test_nonfinite_solution_is_rejected(systems, monkeypatch):
     system = systems[1e-3]
     monkeypatch.setattr(hierarchical, "solved", lambda factors, x: np.full_like(x, np.nan))
     with pytest.raises(CaseError, match="not solved after"):
         system.boundary.unknowns(np.ones(5 * len(system.points)))
 
 
-def test_loads_that_are_no_numbers_are_refused(systems):
+def test_nonfinite_loads_are_rejected(systems):
     with pytest.raises(CaseError, match=r"right-hand sides .* are no finite numbers"):
         systems[1e-3].boundary.unknowns(np.full(5 * len(systems[1e-3].points), np.nan))
 
@@ -282,14 +282,14 @@ def test_loads_that_are_no_numbers_are_refused(systems):
         ("batio3-cofe2o4", ((0, 1, 2, 3, 4),)),
     ],
 )
-def test_fields_are_grouped_as_the_material_couples_them(name, groups):
+def test_fields_are_grouped_by_coupling(name, groups):
     options = {"young_modulus": 1e9, "poisson_ratio": 0.3} if name == "isotropic" else {}
     stiffness = library_material(name, **options).rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
     assert set(coupled_groups(stiffness)) == set(groups)
 
 
-def test_fields_that_nothing_couples_are_exactly_zero(make_block, smooth_load):
-    """Truncation must not carry a mechanical load into the magnetic field of a piezoelectric body, nor back."""
+def test_uncoupled_fields_are_exactly_zero(make_block, smooth_load):
+    """Truncation must not transfer a mechanical load to the magnetic field of a piezoelectric body, nor back."""
     body = make_block(4)
     conditions = tuple(replace(each, data=0.0) if each.field == 4 else each for each in body.conditions)
     body = replace(body, stiffness=library_material("pzt-4").stiffness, conditions=conditions)

@@ -1,4 +1,4 @@
-"""Fields inside the body by hierarchical matrices against those by dense ones, also of a system from arrays."""
+"""Interior fields by hierarchical and dense matrices agree, also for a system restored from arrays."""
 
 import numpy as np
 from meeframe_hmatrix import HierarchicalBEM
@@ -8,7 +8,7 @@ from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.system.capabilities import InteriorFields
 
 
-def test_fields_are_those_of_dense_matrices(make_block, smooth_load):
+def test_interior_fields_match_dense(make_block, smooth_load):
     body = make_block(6)
     formulation = HierarchicalBEM(tolerance=1e-6)
     system, dense = formulation.reduce(body), DenseBEM(quadrature_tolerance=1e-8).reduce(body)

@@ -1,4 +1,4 @@
-"""Cross approximation: sample points, and the choice of equations that the others are combinations of."""
+"""Test cross approximation: sample points, and the selection of equations that span the others."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from meeframe_hmatrix.skeleton import spread_out
 from meeframe_hmatrix.truncation import SINGLE
 
 
-def test_points_are_spread_out_and_dense_where_the_box_is_close():
+def test_sample_points_are_denser_near_the_box():
     places = np.random.default_rng(4).uniform((1, 0, 0), (9, 1, 1), (4000, 3))
     chosen = spread_out(places, np.zeros(3), np.array([0.0, 1.0, 1.0]), 60)
     assert len(set(chosen)) == 60
@@ -20,7 +20,7 @@ def test_points_are_spread_out_and_dense_where_the_box_is_close():
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(("n", "decay"), [(100, 0.8), (600, 0.8), (600, 0.97)], ids=["all", "summed", "summed anew"])
 @pytest.mark.parametrize(("tolerance", "number"), [(1e-3, np.float32), (SINGLE, np.float32), (1e-6, np.float64)])
-def test_other_equations_are_combinations_of_those_chosen(n, decay, tolerance, number):
+def test_selected_equations_span_the_others(n, decay, tolerance, number):
     random = np.random.default_rng(7)
     source = np.repeat(np.arange(360), 5)
     values = decay ** np.arange(n)

@@ -1,4 +1,4 @@
-"""Fields in the finite elements: exact ones, points on faces and outside, and against boundary elements."""
+"""Test interior fields by finite elements: exact fields, points on faces and outside, boundary elements."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def inside(body, count=10):
 
 @pytest.mark.parametrize("element", [Quad4(), Quad9()], ids=lambda e: e.name)
 def test_linear_fields_are_exact(element):
-    """A linear state of a coupled block to round-off, also on the surface and at corners of elements."""
+    """A linear state of a coupled block is exact to round-off, also on the surface and at corners of elements."""
     field = LinearField.random(STIFFNESS, seed=3)
     body = make_body(field, element=element)
     system = FiniteElements(growth=2.0).reduce(body)
@@ -57,7 +57,7 @@ def test_linear_fields_are_exact(element):
 
 
 def test_against_boundary_elements():
-    """Finite and boundary elements agree within the errors of both, which are known from the exact field."""
+    """Finite and boundary elements agree within the errors of both, which the exact field determines."""
     field = PointSourceField(STIFFNESS, np.array([1.0, 0.9, 1.1]), np.array([1.0, -0.6, 0.8, 0.5, -0.9]))
     body = make_body(field, 4, Quad9())
     points = inside(body)
@@ -74,7 +74,7 @@ def test_against_boundary_elements():
 
 
 @pytest.mark.parametrize("element", [HEX8, HEX27], ids=lambda e: e.name)
-def test_points_are_found_in_distorted_elements(element):
+def test_points_in_distorted_elements(element):
     grid = tensor_grid((np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, 3.0]), np.array([0.0, 0.5, 1.0])), element)
     x, y, z = grid.points.T
     bent = np.stack([x + 0.1 * y * z, y + 0.1 * np.sin(x), z + 0.05 * x * y], axis=1)
@@ -89,7 +89,7 @@ def test_points_are_found_in_distorted_elements(element):
     assert locate(mesh, np.array([[10.0, 0.0, 0.0], [-0.5, 1.0, 0.5]]))[0].tolist() == [-1, -1]
 
 
-def test_points_outside_are_refused():
+def test_points_outside_are_rejected():
     field = LinearField.random(STIFFNESS, seed=3)
     body = make_body(field)
     system = FiniteElements(growth=2.0).reduce(body)

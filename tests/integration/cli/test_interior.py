@@ -1,4 +1,4 @@
-"""Fields inside the body of a finished run: from the command line, from Python, and refusals."""
+"""Test interior fields of a finished run: command line, Python, rejected input."""
 
 import re
 from pathlib import Path
@@ -59,7 +59,8 @@ def invoke(*arguments):
 
 @pytest.mark.parametrize("named", [True, False])
 def test_show_interior(run, named):
-    """The default box holds the largest shear and von Mises stress of Hertz, near 0.310 and 0.620 p0."""
+    """The default box contains the largest shear and von Mises stress under Hertz's pressure, near 0.310 and 0.620
+    p0."""
     out = run / "out"
     status, text, err = invoke("show", out, "--interior", *(("--case", run / "case.toml") if named else ()))
     assert status == 0, err
@@ -88,12 +89,12 @@ def test_interior_of_a_run_on_a_section(run, tmp_path):
     write_interior(tmp_path / "section.vtu", from_folder)
     read = meshio.read(tmp_path / "section.vtu")
     np.testing.assert_allclose(read.point_data["stress [Pa]"][:, 2], from_folder.stress[:, 2, 2])
-    # no electric field in a body that couples nothing
+    # no electric field in an uncoupled body
     assert not from_folder.electric_field.any()
     np.testing.assert_allclose(from_folder.strain, np.swapaxes(from_folder.strain, 1, 2))
 
 
-def test_refusals(run, tmp_path):
+def test_invalid_requests_are_rejected(run, tmp_path):
     result = meeframe.read_result(run / "out")
     with pytest.raises(ResultError, match="increment 1 of a run with 1 increments; allowed: -1 to 0"):
         meeframe.interior(result, increment=1)
@@ -105,8 +106,8 @@ def test_refusals(run, tmp_path):
     assert "none.toml" in err
 
 
-def test_a_formulation_without_interior_fields(write_case, registry):
-    """The formulation winkler of the tests knows nothing below the surface; the message says so."""
+def test_formulation_without_interior_fields(write_case, registry):
+    """The message states that the formulation `winkler` of the tests provides no interior fields."""
     case = meeframe.load_case(write_case(), registry)
     system = reduce(case)
     with pytest.raises(CaseError, match="has no fields inside the body"):
@@ -114,7 +115,7 @@ def test_a_formulation_without_interior_fields(write_case, registry):
 
 
 def test_example_of_the_page(tmp_path, monkeypatch, capsys):
-    """The case and the Python code of docs/howto/interior.md run as they stand, and find Hertz's largest shear."""
+    """The case and the Python code of docs/howto/interior.md run as printed and give Hertz's largest shear."""
     page = (Path(__file__).parents[3] / "docs" / "howto" / "interior.md").read_text(encoding="utf-8")
     case, code = (
         re.search(rf"^```{kind}\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[1] for kind in ("toml", "python")

@@ -1,4 +1,4 @@
-"""Two deformable bodies from their case files: Hertz at 16 x 16, closed forms and exchanged roles on coarser meshes."""
+"""Two deformable bodies from case files agree with Hertz (16 x 16), closed forms, and exchanged roles."""
 
 import importlib.util
 import sys
@@ -28,7 +28,7 @@ COARSE = half_space_mesh(0.1, 0.005, 10, 5, Quad4())
 
 
 @pytest.mark.full
-def test_equal_elastic_bodies_against_hertz():
+def test_equal_elastic_bodies_match_hertz():
     found = study.hertz("equal")
     assert found.force == pytest.approx(found.exact, rel=0.015)
     assert found.exact == pytest.approx(2 / 3 * 210e9 / (1 - 0.3**2) * np.sqrt(0.1 * 5e-5**3), rel=1e-9)
@@ -38,7 +38,7 @@ def test_equal_elastic_bodies_against_hertz():
 
 @pytest.mark.full
 @pytest.mark.parametrize("condition", ["EMII", "EMCI"])
-def test_opposite_poling_against_the_joined_half_space(condition):
+def test_opposite_poling_matches_joined_half_space(condition):
     case = study.load("poled")
     other = study.second_body(case)
     opposite = replace(other, mesh=COARSE, material=other.material.rotated(study.TURN))

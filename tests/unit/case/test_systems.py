@@ -1,4 +1,4 @@
-"""Reduced systems that do not keep their contract are refused where the formulation has made them."""
+"""Reduced systems that violate their contract are rejected when the formulation returns them."""
 
 from dataclasses import dataclass, replace
 
@@ -16,8 +16,8 @@ N = 25
 
 
 @dataclass(frozen=True, eq=False)
-class Spoilt(Formulation):
-    """Another formulation, with one array of its system exchanged, or nothing at all made."""
+class WithFault(Formulation):
+    """Another formulation with one array of its system replaced, or without any system."""
 
     made_by: Formulation
     key: str
@@ -34,12 +34,12 @@ class Spoilt(Formulation):
 
 @pytest.fixture
 def case(write_case, registry):
-    """The sphere on springs."""
+    """Return the sphere on springs."""
     return load_case(write_case(), registry)
 
 
-def test_one_that_keeps_it_is_taken(case):
-    assert len(reduce(replace(case, formulation=Spoilt(case.formulation, "offset", np.ones((N, 5))))).points) == N
+def test_valid_system_is_accepted(case):
+    assert len(reduce(replace(case, formulation=WithFault(case.formulation, "offset", np.ones((N, 5))))).points) == N
 
 
 @pytest.mark.parametrize(
@@ -59,6 +59,6 @@ def test_one_that_keeps_it_is_taken(case):
         ("system", None, "the formulation Spoilt returns a NoneType; allowed: a reduced system"),
     ],
 )
-def test_others_are_refused_by_name(case, key, array, told):
+def test_invalid_systems_name_the_formulation(case, key, array, told):
     with pytest.raises(CaseError, match=told):
-        solve_case(replace(case, formulation=Spoilt(case.formulation, key, array)))
+        solve_case(replace(case, formulation=WithFault(case.formulation, key, array)))

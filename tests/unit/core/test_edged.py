@@ -1,4 +1,4 @@
-"""Nodes that respond more to their own load, as a matrix, an operator and a part of the fields; covered parts."""
+"""Test edge-corrected systems: nodal compliance as a matrix, an operator and a selection of fields; area fractions."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def problem(kappa, area_fraction=None) -> ContactProblem:
     )
 
 
-def test_covered_parts_conduct_with_and_without_pressure():
+def test_area_fractions_conduct_with_and_without_pressure():
     area_fraction = np.where(np.arange(25) < 10, 0.25, np.where(np.arange(25) < 20, 1.0, 0.0))
     traction = np.where(np.arange(25) % 2 == 0, -1.0, 0.0)
     contact_fraction = (traction < 0.0).astype(float)
@@ -55,6 +55,6 @@ def test_covered_parts_conduct_with_and_without_pressure():
 
 
 @pytest.mark.parametrize("area_fraction", [np.ones(3), np.full(25, 1.5), np.full(25, np.nan)])
-def test_covered_parts_are_parts(area_fraction):
+def test_area_fractions_are_between_zero_and_one(area_fraction):
     with pytest.raises(CaseError, match="area_fraction"):
         problem(1.0, area_fraction)

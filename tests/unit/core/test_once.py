@@ -1,4 +1,4 @@
-"""What is remembered for an object lives as long as it does."""
+"""Memoized values live as long as their object."""
 
 import gc
 from weakref import ref
@@ -13,13 +13,13 @@ from meeframe.mesh import block_mesh, find_contact_zone
 
 
 class Thing:
-    """Something that lives for a while."""
+    """An object with a limited lifetime."""
 
     def __init__(self, size: float = 1.0) -> None:
         self.size = size
 
 
-def test_each_object_with_each_of_the_rest_is_asked_once() -> None:
+def test_value_is_computed_once_for_each_object_and_arguments() -> None:
     asked = []
 
     @memoize_by_identity
@@ -33,7 +33,7 @@ def test_each_object_with_each_of_the_rest_is_asked_once() -> None:
     assert asked == [(one, 2.0), (one, 5.0), (one, 5.0, 1.0), (other, 2.0)]
 
 
-def test_what_was_found_goes_with_its_object() -> None:
+def test_value_is_released_with_its_object() -> None:
     made = memoize_by_identity(lambda thing, name: np.zeros(3))
     thing = Thing()
     found = ref(made(thing, "a"))
@@ -43,7 +43,7 @@ def test_what_was_found_goes_with_its_object() -> None:
     assert found() is None
 
 
-def test_an_error_is_raised_anew() -> None:
+def test_errors_are_not_memoized() -> None:
     mesh = block_mesh((2.0, 2.0), 1.0, (1.0, 1.0), (2, 2), 1, 1, Quad4())
     for _ in range(2):
         with pytest.raises(MeshError, match="'nowhere'"):

@@ -1,4 +1,4 @@
-"""Quantities: what case files may write for a number with a unit."""
+"""Test quantities: numbers with units in case files."""
 
 import math
 import re
@@ -34,8 +34,8 @@ def test_numbers_and_texts(given, metres):
 @pytest.mark.parametrize("unit", ["m", "rad", "s", "N", "Pa", "V", "A", "C", "Wb"])
 @pytest.mark.parametrize("prefix", ["", *"nuµμmckMG"])
 @pytest.mark.parametrize("number", ["50", "-2.5", ".5e-3 ", "+7.E2"])
-def test_prefixes_mean_what_pint_takes_them_for(unit, prefix, number):
-    """Read without pint, which is slow to start."""
+def test_prefixes_match_pint(unit, prefix, number):
+    """Common units are read without pint, whose import is slow."""
     text = f"{number}{prefix}{unit}"
     expected = unit_registry().Quantity(text).to_base_units()
     assert expected.check(unit)
@@ -48,11 +48,11 @@ def test_prefixes_of_compound_units(unit, given, number):
 
 
 @pytest.mark.parametrize(("unit", "given"), [("", "inf"), ("m", "inf m"), ("Pa", "+inf GPa"), ("1/m", "inf / mm")])
-def test_infinity_is_written_inf(unit, given):
+def test_infinity(unit, given):
     assert Quantity(unit).convert(given) == float("inf")
 
 
-def test_a_prefixed_number_is_the_nearest_there_is():
+def test_prefixed_numbers_are_correctly_rounded():
     assert [Quantity("m").convert(f"{number} um") for number in (3, 0.7, 50)] == [3e-6, 0.7e-6, 50e-6]
 
 
@@ -88,8 +88,8 @@ def test_a_prefixed_number_is_the_nearest_there_is():
         ("", "50 %", 0.5),
     ],
 )
-def test_any_unit_will_do(unit, given, number):
-    """Numbers by hand; a column of water at 4 degrees weighs 98.0665 Pa for each centimetre."""
+def test_units_of_many_kinds(unit, given, number):
+    """Expected values are computed manually; a column of water at 4 degrees exerts 98.0665 Pa per centimetre."""
     assert Quantity(unit).convert(given) == pytest.approx(number, rel=1e-5)
 
 
@@ -104,14 +104,14 @@ NEITHER = [
 
 
 @pytest.mark.parametrize("given", NEITHER)
-def test_one_number_and_then_units(given):
+def test_quantities_are_one_number_followed_by_units(given):
     with pytest.raises(ValidationError, match="cannot be read as one number and then units; expected a number in m"):
         LENGTH.validate_python(given)
     assert coordinate_of(given) is None
 
 
-def test_texts_without_end_are_read_at_once():
-    """The number of blanks or digits squared would be minutes."""
+def test_long_texts_are_read_in_linear_time():
+    """Quadratic time in the number of blanks or digits would take minutes."""
     many = 100_000
     assert LENGTH.validate_python("5" + " " * many + "mm" + " " * many) == 5e-3
     for given in ("5" + " " * many, "5" + " " * many + "!", "5" * many + "!", "5 1" + " " * many + "/mm!"):
@@ -123,8 +123,8 @@ def test_texts_without_end_are_read_at_once():
     "given",
     ["20 dBm/m", "1 (km^99)^99", "1 (minute^99)^99", "1 ((((minute^99)^99)^99)^99)^99", "1 hour^99"],
 )
-def test_powers_and_products_that_have_no_value_in_si(given):
-    """pint says so with errors of other kinds, or with infinity."""
+def test_overflowing_powers_and_products(given):
+    """pint raises various errors, or returns infinity."""
     with pytest.raises(ValueError, match="cannot be read as one number and then units; expected a number in m"):
         Quantity("m").convert(given)
     assert coordinate_of(given) is None
@@ -140,14 +140,14 @@ def test_powers_and_products_that_have_no_value_in_si(given):
         ("5 foo123", "unknown unit 'foo123'; expected"),
     ],
 )
-def test_units_that_there_are_not(given, told):
+def test_unknown_units(given, told):
     with pytest.raises(ValueError, match=f"^{re.escape(told)}"):
         Quantity("Pa").convert(given)
     assert coordinate_of(given) is None
 
 
 @pytest.mark.parametrize(("given", "place"), [("5 mm", 5e-3), ("2 N/(mm)^2", 2e6), ("30", 30.0), ("inf m", math.inf)])
-def test_places_on_axes_are_read_in_the_same_way(given, place):
+def test_values_on_axes_are_read_alike(given, place):
     assert coordinate_of(given) == pytest.approx(place)
 
 
@@ -164,23 +164,23 @@ def test_texts_without_a_unit(given):
 
 
 @pytest.mark.parametrize("given", ["17 deg", "95 deg", "-5 deg", "inf deg", "1 rad", "1 sr"])
-def test_angles_are_no_pure_numbers(given):
-    """A friction coefficient is the slope: 17 degrees were taken as 0.297, and are 0.306."""
+def test_angles_are_rejected_as_pure_numbers(given):
+    """A friction coefficient is the tangent of the friction angle: 0.306 for 17 degrees, not 0.297."""
     with pytest.raises(ValueError, match="has the wrong unit; expected a number without unit"):
         Quantity("", ge=0).check(given)
 
 
 @pytest.mark.parametrize("given", ["5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])
-def test_refused(given):
+def test_invalid_quantities_are_rejected(given):
     with pytest.raises(ValidationError):
         LENGTH.validate_python(given)
 
 
-def test_text_is_data_and_never_code():
+def test_texts_are_never_evaluated():
     with pytest.raises(ValidationError, match="cannot be read"):
         LENGTH.validate_python("__import__('os').getcwd()")
 
 
-def test_unknown_bounds_are_a_defect_of_the_caller():
+def test_unknown_bounds_raise_type_error():
     with pytest.raises(TypeError, match="minimum"):
         Quantity("m", minimum=0)

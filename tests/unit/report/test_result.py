@@ -1,4 +1,4 @@
-"""Tables, datasets, figures on axes, and scenes of a result, against its raw arrays."""
+"""Tables, datasets, figures and scenes of a result agree with its arrays."""
 
 import dataclasses
 
@@ -16,7 +16,8 @@ from meeframe.results.vtk import write_fields
 
 @pytest.fixture
 def result(synthetic):
-    """Pressed in two increments, dragged in one, drawn off in another; in all of them the pressure is 1 MPa / µm."""
+    """Return a result with two increments of loading, one tangential and one of unloading; the pressure is 1 MPa /
+    µm in all of them."""
     steps = [
         synthetic.step(1e-6, increment=1),
         synthetic.step(3e-6, increment=2),
@@ -41,13 +42,13 @@ def test_a_result_is_a_sequence_of_increments(result):
     ("which", "index"),
     [(None, 2), ("peak", 2), ("last", 3), (1, 1), ((1, 1), 0), ("1.1", 0), ("1", 1), (3, 3), ("3", 3)],
 )
-def test_an_increment_is_chosen_by_its_numbers_and_the_peak_is_the_default(result, which, index):
+def test_selection_of_increments(result, which, index):
     assert result.select(which) is result.steps[index]
     assert result.select(result[index]) is result[index]
 
 
 @pytest.mark.parametrize("which", [4, (1, 3), "1.3", "one", "1.2.3", ""])
-def test_an_increment_that_is_not_there_is_refused(result, which):
+def test_missing_increment_is_rejected(result, which):
     with pytest.raises(
         meeframe.MeeframeError, match=r"no such increment; allowed: peak, last, .* 1 \(increments 1 to 2\)"
     ):
@@ -69,7 +70,7 @@ def test_dataframe_has_a_row_for_each_increment(result):
     assert set(units) | {"step", "increment", "status"} == set(table.columns)
 
 
-def test_dataframe_leaves_out_rotations_that_are_zero_and_not_free(result):
+def test_dataframe_omits_fixed_zero_rotations(result):
     def columns(**loading):
         steps = (dataclasses.replace(step, loading=dataclasses.replace(step.loading, **loading)) for step in result)
         return set(dataclasses.replace(result, steps=tuple(steps)).to_dataframe().columns)
@@ -106,7 +107,7 @@ def test_dataset_of_scattered_nodes_has_nodes(result):
     np.testing.assert_array_equal(data["x"], moved[:, 0])
 
 
-def test_a_result_that_is_read_has_the_same_tables(result, tmp_path):
+def test_tables_of_a_stored_result(result, tmp_path):
     write_result(tmp_path, result)
     read = meeframe.Result.load(tmp_path)
     assert read.to_dataframe().equals(result.to_dataframe())
@@ -151,7 +152,7 @@ def test_figures_on_given_axes(result):
         result.plot.map("presure", axes())
 
 
-def test_figures_without_axes_are_new_ones_of_pyplot(result):
+def test_figures_without_axes_use_pyplot(result):
     from matplotlib import pyplot
 
     new = result.plot.pressure()
@@ -159,7 +160,7 @@ def test_figures_without_axes_are_new_ones_of_pyplot(result):
     pyplot.close(new.figure)
 
 
-def test_history_tells_unloading_from_loading(result):
+def test_history_marks_unloading(result):
     curve = result.plot.history(ax=axes())
     np.testing.assert_allclose(curve.lines[0].get_xydata(), [[1, 9], [3, 27], [3, 27], [2, 18]])
     np.testing.assert_allclose(curve.lines[1].get_xydata(), [[2, 18]])
@@ -172,8 +173,8 @@ def test_history_tells_unloading_from_loading(result):
         result.plot.history("heat", axes())
 
 
-def test_open_nodes_have_no_colour_and_the_edge_keeps_that_of_the_contact(result):
-    """A uniform pressure is drawn uniformly up to the edge: no colour between it and zero."""
+def test_open_nodes_have_no_colour(result):
+    """A uniform pressure is drawn uniformly up to the contact edge, without interpolation to zero."""
     values = result.plot.pressure(axes()).collections[0].get_array()
     drawn = result.plot.pressure(axes()).collections[0]
     used = np.unique(drawn._triangulation.triangles)
@@ -181,7 +182,7 @@ def test_open_nodes_have_no_colour_and_the_edge_keeps_that_of_the_contact(result
 
 
 def test_round_off_is_drawn_as_zero(result, synthetic):
-    """A potential of 1e-12 of that at the peak has no map after unloading."""
+    """A potential of 1e-12 of its peak value has no map after unloading."""
     last = dataclasses.replace(result[-1], potentials=1e-12 * result[-1].potentials)
     unloaded = dataclasses.replace(result, steps=(*result.steps[:-1], last))
     assert "electric_potential" in figures(unloaded)
@@ -199,14 +200,14 @@ def test_no_stick_and_slip_without_friction(result):
         without.plot.stick_slip(axes())
 
 
-def test_failed_increments_are_no_peak(result):
+def test_failed_increments_are_not_selected_as_peak(result):
     broken = dataclasses.replace(result[2], traction=np.full_like(result[2].traction, np.nan), status=Status.DIVERGED)
     assert select(dataclasses.replace(result, steps=(*result[:2], broken, result[3]))) is result[1]
 
 
 @pytest.fixture(scope="module")
 def indented():
-    """Two load steps on a small block, with its boundary fields."""
+    """Return two load steps on a small block, with boundary fields."""
     return meeframe.Case(
         material="batio3-cofe2o4",
         mesh=meeframe.mesh.block("50 mm", "120 mm", "5 mm", divisions=4, rings=2, layers=1),
@@ -239,7 +240,7 @@ def test_series_of_boundary_fields(indented, tmp_path):
         np.testing.assert_allclose(mesh.point_data["displacement [m]"], step.boundary.values[:, :3])
 
 
-def test_the_house_style_is_one_of_matplotlib():
+def test_style_is_available_in_matplotlib():
     from matplotlib import pyplot
 
     with pyplot.style.context(meeframe.STYLE):

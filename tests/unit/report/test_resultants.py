@@ -1,5 +1,4 @@
-"""Resultants of a step: the contact area over every element type, against areas known in advance; forces and moments
-against the work that they do."""
+"""Resultants agree with known areas on every element type, and with the work of forces and moments."""
 
 import dataclasses
 
@@ -32,15 +31,15 @@ def contact_area(zone, compressed, template):
 
 @EVERY
 def test_area_of_a_circle(name, synthetic):
-    """An element that the circle's edge crosses can be wrong by its own area, either way."""
+    """An element that intersects the circle is in error by its area at most."""
     zone, radius = flat_zone(name), 0.35 * WIDTH
     size = WIDTH / DIVISIONS
     found = contact_area(zone, np.linalg.norm(zone.points[:, :2], axis=1) < radius, synthetic.step(1e-6))
     assert found == pytest.approx(np.pi * radius**2, abs=0.5 * size * 2 * np.pi * radius)
 
 
-def test_covered_parts_of_nodes(synthetic):
-    """Those in contact count by their part, those that are not do not count."""
+def test_area_fractions_of_nodes(synthetic):
+    """Nodes in contact count by their area fraction, open nodes do not count."""
     zone, whole = synthetic.zone(), synthetic.step(1e-6)
     full = resultants(zone, dataclasses.replace(whole, area_fraction=np.ones(25)))
     assert full.contact_area == pytest.approx(resultants(zone, whole).contact_area) == pytest.approx(9e-6)
@@ -50,7 +49,7 @@ def test_covered_parts_of_nodes(synthetic):
 
 @pytest.mark.full(except_for=2)
 @EVERY
-def test_everything_something_nothing(name, synthetic):
+def test_full_partial_and_no_contact(name, synthetic):
     zone, step = flat_zone(name), synthetic.step(1e-6)
     n = len(zone.points)
     assert contact_area(zone, np.ones(n, bool), step) == pytest.approx(WIDTH**2)
@@ -60,8 +59,8 @@ def test_everything_something_nothing(name, synthetic):
     assert sum(alone) == pytest.approx(WIDTH**2)
 
 
-def test_resultants_are_those_that_work_on_the_motions(synthetic):
-    """In any place of the indenter, on frames that turn from node to node."""
+def test_resultants_are_conjugate_to_the_motions(synthetic):
+    """The indenter has any position, and frames vary from node to node."""
     rng = np.random.default_rng(3)
     turned = [np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(26)]
     zone = dataclasses.replace(synthetic.zone(), frames=np.array(turned[1:]))
@@ -77,8 +76,8 @@ def test_resultants_are_those_that_work_on_the_motions(synthetic):
         np.testing.assert_allclose(np.atleast_1d(getattr(found, key)), works[columns], rtol=1e-12, atol=1e-18)
 
 
-def test_resultants_of_arrays_in_another_layout_are_the_same_to_the_last_digit(synthetic):
-    """As a step that is read has it: a study that is drawn again from its files has the same numbers."""
+def test_resultants_do_not_depend_on_memory_layout(synthetic):
+    """A step read from a file gives bitwise identical resultants, so redrawn studies have the same values."""
     rng = np.random.default_rng(4)
     load = rng.normal(size=(25, 5))
     step = dataclasses.replace(synthetic.step(1e-6), traction=load[:, :3], fluxes=load[:, [3, 4]])

@@ -1,4 +1,4 @@
-"""The figure of a study and its numbers."""
+"""Test the figure of a study and its numbers."""
 
 import json
 from dataclasses import replace
@@ -79,7 +79,7 @@ def test_curves_go_through_the_values(synthetic):
     assert axes.get_xscale() == "log"
 
 
-def test_runs_without_a_value_stand_side_by_side_by_their_labels(synthetic):
+def test_runs_without_values_are_placed_by_labels(synthetic):
     axes = curve(synthetic, [0.1, np.nan])
     np.testing.assert_array_equal(axes.lines[0].get_xydata(), [[0.0, 0.0], [1.0, 1.0]])
     assert [label.get_text() for label in axes.get_xticklabels()] == ["0.1", "free"]

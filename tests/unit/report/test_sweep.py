@@ -1,4 +1,4 @@
-"""Pictures of sweeps: quantities in units that can be read."""
+"""Figures and tables of sweeps have readable units."""
 
 import dataclasses
 import io
@@ -15,7 +15,7 @@ from meeframe.study.reports.sweep import SweepPlot, sweep_figure, sweep_table
 
 @pytest.fixture
 def sweep():
-    """Pressure and area over friction and two approaches; one point has no result."""
+    """Return a sweep of pressure and area over friction and two approaches; one point has no result."""
     quantities = {
         "max_pressure": np.array([[1e9, 2e9], [3e9, np.nan], [5e9, 6e9]]),
         "contact_area": np.array([[1e-6, 2e-6], [3e-6, np.nan], [5e-6, 6e-6]]),
@@ -33,8 +33,8 @@ def test_curves_have_prefixed_units(sweep):
     np.testing.assert_allclose(area.lines[1].get_ydata(), [2.0, np.nan, 6.0])
 
 
-def test_lines_are_named_beside_the_pictures(sweep):
-    """They were named on top of the points; a row with one picture has as much room as one with two."""
+def test_legends_are_beside_the_plots(sweep):
+    """Legends do not cover points; a row with one plot has the width of a row with two."""
     figure = sweep_figure(sweep, [SweepPlot(("max_pressure", "contact_area")), SweepPlot(("max_pressure",))])
     figure.draw_without_rendering()
     for row in figure.subfigs:
@@ -55,8 +55,8 @@ def test_lines_are_named_beside_the_pictures(sweep):
         ([str(number) for number in range(60)], False, "point, numbered in order"),
     ],
 )
-def test_labels_below_a_picture_do_not_cover_each_other(labels, upright, heading):
-    """Labels of 65 letters, as of the study on docs/howto/sweep.md, do not overlap."""
+def test_axis_labels_do_not_overlap(labels, upright, heading):
+    """Labels of 65 letters, as in the study on docs/howto/sweep.md, do not overlap."""
     texts, area = np.full(len(labels), "converged"), {"contact_area": np.arange(1.0, len(labels) + 1.0)}
     points = SweepResult("", (SweepAxis("point", tuple(labels)),), area, {"contact_area": "m^2"}, *[texts] * 3)
     figure = sweep_figure(points, [SweepPlot(("contact_area",))])
@@ -80,7 +80,7 @@ def test_forces_along_an_axis_have_a_prefix(sweep):
     np.testing.assert_allclose(axes.lines[0].get_xdata(), [0.005, 1.0, 20.0])
 
 
-def test_maps_have_units_too(sweep):
+def test_maps_have_units(sweep):
     axes, bar = sweep_figure(sweep, [SweepPlot(("max_pressure",), kind="map")]).axes
     assert bar.get_ylabel() == "largest pressure [GPa]"
     assert axes.get_ylabel() == "approach [µm]"
@@ -88,14 +88,14 @@ def test_maps_have_units_too(sweep):
     np.testing.assert_allclose(axes.collections[0].get_array().compressed(), [1.0, 3.0, 5.0, 2.0, 6.0])
 
 
-def test_quantities_without_any_number_are_drawn_empty(sweep):
+def test_quantities_without_values_are_drawn_empty(sweep):
     nothing = {"max_pressure": np.full((3, 2), np.nan)}
     empty = SweepResult("", sweep.axes, nothing, sweep.units, sweep.status, sweep.message, sweep.key)
     (axes,) = sweep_figure(empty, [SweepPlot(("max_pressure",))]).axes
     assert axes.get_ylabel() == "largest pressure [Pa]"
 
 
-def test_lines_differ_in_their_markers_and_the_axis_below_has_a_prefix(sweep):
+def test_lines_differ_in_markers_and_the_axis_has_a_prefix(sweep):
     (axes,) = sweep_figure(sweep, [SweepPlot(("max_pressure",), x="approach")]).axes
     assert axes.get_xlabel() == "approach [µm]"
     np.testing.assert_allclose(axes.lines[0].get_xdata(), [10.0, 20.0])
@@ -108,7 +108,7 @@ def table(sweep):
     return console.export_text()
 
 
-def test_contact_that_its_zone_cuts_off_is_marked(sweep):
+def test_contact_at_zone_boundary_is_marked(sweep):
     edge = np.zeros((3, 2, 4))
     edge[2, 1, 3] = 1.0
     found = table(dataclasses.replace(sweep, quantities=sweep.quantities | {"contact_at_zone_boundary": edge}))
@@ -117,7 +117,7 @@ def test_contact_that_its_zone_cuts_off_is_marked(sweep):
     assert "edge" not in table(sweep)
 
 
-def test_the_table_has_what_is_plotted(sweep):
+def test_table_lists_plotted_quantities(sweep):
     text = table(sweep)
     assert "contact area [m^2]" in text
     assert "6e-06" in text

@@ -1,4 +1,4 @@
-"""Richardson's extrapolation on manufactured sequences."""
+"""Richardson extrapolation is correct for manufactured sequences."""
 
 import numpy as np
 import pytest
@@ -23,8 +23,8 @@ def sequence(limit, coefficient, order, sizes):
     st.floats(1.2, 3.0),
     st.floats(1.2, 3.0),
 )
-def test_the_order_and_the_limit_of_a_power_are_found(order, limit, coefficient, first, second):
-    """On meshes whose sizes are in no constant ratio."""
+def test_order_and_limit_of_a_power(order, limit, coefficient, first, second):
+    """The ratios of mesh sizes are not constant."""
     sizes = (first * second, second, 1.0)
     found = richardson(sizes, sequence(limit, coefficient, order, sizes), theoretical=order * 1.2)
     assert found.basis is Basis.OBSERVED
@@ -34,7 +34,7 @@ def test_the_order_and_the_limit_of_a_power_are_found(order, limit, coefficient,
 
 
 @pytest.mark.parametrize(("order", "theoretical"), [(4.0, 2.0), (0.2, 2.0), (3.0, 1.0)])
-def test_orders_out_of_bounds_give_way_to_theory_and_the_error_says_so(order, theoretical):
+def test_orders_out_of_bounds_are_replaced_by_theory(order, theoretical):
     found = richardson(SIZES, sequence(1.0, 0.5, order, SIZES), theoretical)
     assert (found.basis, found.order) == (Basis.THEORETICAL, None)
     fine, coarse = found.finest, 1.0 + 0.5 * SIZES[1] ** order
@@ -44,24 +44,25 @@ def test_orders_out_of_bounds_give_way_to_theory_and_the_error_says_so(order, th
         assert abs(found.value - 1.0) <= found.error
 
 
-def test_one_order_for_two_methods_leaves_common_scatter_out():
-    """Of the same scatter nothing is left in the difference of the limits; the rest is extrapolated."""
+def test_common_scatter_cancels_with_equal_orders():
+    """Equal scatter cancels in the difference of the limits, and the remainder is extrapolated."""
     scatter = np.random.default_rng(5).normal(size=3)
     one, other = (np.array(sequence(limit, c, 3.0, SIZES)) + scatter for limit, c in ((2.0, 0.4), (2.5, -7.0)))
     assert of_order(SIZES, other, 3.0) - of_order(SIZES, one, 3.0) == pytest.approx(0.5, abs=1e-12)
     assert of_order(SIZES[1:], sequence(2.0, 0.4, 3.0, SIZES[1:]), 3.0) == pytest.approx(2.0, abs=1e-12)
 
 
-def test_the_next_term_is_within_the_error():
-    """Values with a term of another order: the limit is missed by less than estimated."""
+def test_error_covers_a_second_term():
+    """For values with a term of another order, the error of the limit is below its estimate."""
     for coefficient in (-1.0, -0.3, 0.3, 1.0):
         values = [2.0 + h**2 + coefficient * h**3 for h in SIZES]
         found = richardson(SIZES, values)
         assert 0.0 < abs(found.value - 2.0) <= found.error
 
 
-def test_noise_of_the_nodes_on_the_edge_is_within_the_error():
-    """A quarter of the error of each mesh at random, as spheres on grids have it: nine in ten limits are within."""
+def test_error_covers_noise():
+    """With random noise of a quarter of the error of each mesh, as for spheres on grids, nine of ten limits are
+    within the error."""
     rng = np.random.default_rng(3)
     within = []
     for _ in range(300):
@@ -72,14 +73,14 @@ def test_noise_of_the_nodes_on_the_edge_is_within_the_error():
 
 
 def springs(divisions, approach):
-    """Force of a paraboloid on springs at the nodes of a square, over that of as many as one likes."""
+    """Return the force of a paraboloid on springs at the nodes of a square, relative to that in the limit."""
     x = np.linspace(-2.5, 2.5, divisions + 1)
     overlap = np.maximum(approach - 0.5 * np.add.outer(x**2, x**2), 0.0)
     return overlap.sum() * (5.0 / divisions) ** 2 / (np.pi * approach**2)
 
 
 def test_springs_under_a_paraboloid_are_within_the_error():
-    """Without any smooth error: nothing but nodes that fall into the contact or not."""
+    """There is no smooth error: nodes are either in contact or not."""
     within = []
     for approach in np.linspace(0.7, 2.0, 9):
         for divisions in range(12, 40):
@@ -89,13 +90,13 @@ def test_springs_under_a_paraboloid_are_within_the_error():
     assert np.mean(within) > 0.85
 
 
-def test_oscillating_values_stand_as_they_are_with_their_range():
+def test_oscillating_values_are_not_extrapolated():
     found = richardson(SIZES, [1.0, 1.2, 1.1])
     assert (found.basis, found.value, found.order) == (Basis.FINEST, 1.1, None)
     assert found.error == pytest.approx(0.2)
 
 
-def test_growing_differences_are_no_order():
+def test_growing_differences_have_no_order():
     found = richardson(SIZES, [1.0, 1.1, 1.4])
     assert (found.basis, found.order) == (Basis.THEORETICAL, None)
     assert found.value == pytest.approx(1.5)
@@ -114,7 +115,7 @@ def test_values_that_stop_changing():
     assert found.error == pytest.approx(0.1)
 
 
-def test_what_follows_no_order_is_not_extrapolated():
+def test_values_without_order_are_not_extrapolated():
     values = sequence(1.0, 1.0, 2.0, SIZES)
     for noise, error in ((0.01, 0.03), (0.05, 0.05)):
         found = richardson(SIZES, values, noise=noise)
@@ -122,12 +123,12 @@ def test_what_follows_no_order_is_not_extrapolated():
         assert found.error == pytest.approx(error)
 
 
-def test_the_last_three_meshes_count():
+def test_last_three_meshes_are_used():
     sizes = (0.8, *SIZES)
     assert richardson(sizes, [77.0, *sequence(1.0, 0.5, 1.5, SIZES)]).value == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("sizes", [(0.2, 0.1), (0.1, 0.2, 0.4), (0.2, 0.1, 0.1)])
-def test_sizes_that_are_none_are_refused(sizes):
+def test_invalid_sizes_are_rejected(sizes):
     with pytest.raises(CaseError, match="needs 3 or more, decreasing"):
         richardson(sizes, [1.0] * len(sizes))

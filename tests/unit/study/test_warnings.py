@@ -1,4 +1,4 @@
-"""What cases warn of is told when a study starts, each once."""
+"""Warnings of cases are printed once when a study starts."""
 
 from dataclasses import replace
 
@@ -32,17 +32,17 @@ def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, aw
 
 @pytest.mark.full
 def test_sweeps_check_some_points_of_many_and_no_finished_ones(write_case, registry, tmp_path, monkeypatch):
-    """From the first to the last; those that are kept have been told of."""
+    """Checked points are distributed from the first to the last; finished points are skipped."""
     study = tmp_path / "study.toml"
     axis = '"steps[1].approach" = { from = 1e-6, to = -30e-6, count = 62 }'
     study.write_text(f'case = "{write_case().name}"\n[axes]\n{axis}\n', encoding="utf-8")
     asked, doubts = [], Case.preflight.fget
 
-    def counted(case):
+    def count(case):
         asked.append(case.steps[0].approach)
         return ("it is deep",) if case.steps[0].approach < -25e-6 else doubts(replace(case, steps=(Step(1e-6),)))
 
-    monkeypatch.setattr(Case, "preflight", property(counted))
+    monkeypatch.setattr(Case, "preflight", property(count))
     told = []
     sweep(study, tmp_path / "out", registry=registry, warn=told.append)
     assert asked == pytest.approx(np.linspace(1e-6, -30e-6, 62)[::3])
@@ -55,7 +55,7 @@ def test_sweeps_check_some_points_of_many_and_no_finished_ones(write_case, regis
 
 
 def test_comparisons_warn_once_for_equal_bodies(write_case, registry, tmp_path):
-    """And not of a law that attracts."""
+    """There is no warning about a law with attraction."""
     case = write_case(('"10 um"', '"-10 um"'))
     told = []
     laws = ["signorini", '{ name = "isotropic-coulomb", mu = 0.3 }']
@@ -68,14 +68,14 @@ def test_comparisons_warn_once_for_equal_bodies(write_case, registry, tmp_path):
     assert not told
 
 
-class Told(Exception):
-    """Stops a study before anything is computed."""
+class Stop(Exception):
+    """An exception that stops a study before anything is computed."""
 
 
 def test_verifications_warn_about_the_case(write_case, registry, tmp_path):
     def warn(text):
-        raise Told(text)
+        raise Stop(text)
 
     case = write_case(('"10 um"', '"-10 um"'))
-    with pytest.raises(Told, match=AWAY.format("-1e-05", "1e-05")):
+    with pytest.raises(Stop, match=AWAY.format("-1e-05", "1e-05")):
         verify(case, tmp_path / "out", ["winkler", "dense-bem"], registry=registry, warn=warn)
