@@ -60,6 +60,14 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
 @app.command()
 def show(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
+    step: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="STEP",
+            help="Load step such as 2, increment such as 2.5, 'last', or 'peak'; repeatable. By default the ends of "
+            "all load steps and the peak load.",
+        ),
+    ] = None,
     interior: Annotated[
         bool,
         typer.Option(
@@ -79,15 +87,16 @@ def show(
 ) -> None:
     """Print the summary of a run as a table.
 
-    With --interior, the body of the case is reduced again, and the fields after the last increment are evaluated in a
-    box under the contact. Their largest values are printed, and all fields are written to interior.vtu in DIR.
+    With --interior, the body of the case is reduced again, and the fields after an increment, by default that of the
+    peak load, are evaluated in a box under the contact. Their largest values are printed, all fields are written to
+    interior.vtu in DIR, and a section through the middle of the contact is drawn in interior.png.
     """
     with console.exit_status():
         from meeframe.results.files import read_result
         from meeframe.results.summary import summary_table
 
         result = read_result(folder)
-        console.stdout().print(summary_table(result))
+        console.stdout().print(summary_table(result, step or ()))
         if not interior:
             return
         from meeframe.model.threads import limited

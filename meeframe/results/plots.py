@@ -46,7 +46,7 @@ class Plots:
         return self._on(ax, lambda axes: figures.draw_stick_slip(axes, self.result, step, self._title(step)))
 
     def history(self, name: str = "normal force", ax: Any = None) -> Any:
-        """Draw a curve of the converged increments, with open markers where the indenter unloads.
+        """Draw a curve of the converged increments, with rings as markers where the indenter unloads.
 
         The names are 'normal force' over approach, 'tangential force' over translation, 'contact area' over approach,
         'charge' and 'magnetic flux' over normal force, and 'dissipated energy', as far as the case has them.

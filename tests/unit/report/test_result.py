@@ -163,7 +163,10 @@ def test_history_tells_unloading_from_loading(result):
     curve = result.plot.history(ax=axes())
     np.testing.assert_allclose(curve.lines[0].get_xydata(), [[1, 9], [3, 27], [3, 27], [2, 18]])
     np.testing.assert_allclose(curve.lines[1].get_xydata(), [[2, 18]])
-    assert curve.lines[1].get_markerfacecolor() == "white"
+    # dots at the increments of loading, which remain visible in the rings of unloading
+    assert curve.lines[0].get_markevery() == [0, 1, 2]
+    assert curve.lines[1].get_markerfacecolor() == "none"
+    assert curve.lines[1].get_markersize() > curve.lines[0].get_markersize()
     assert [text.get_text() for text in curve.get_legend().get_texts()] == ["loading", "unloading"]
     area = result.plot.history("contact area", axes())
     assert (area.get_ylabel(), area.lines[0].get_ydata()[0]) == ("contact area [mm²]", pytest.approx(9.0))
