@@ -1,6 +1,8 @@
 """Tables, datasets, figures on axes, and scenes of a result, against its raw arrays."""
 
 import dataclasses
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -115,8 +117,6 @@ def test_a_result_that_is_read_has_the_same_tables(result, tmp_path):
 
 
 def test_tables_without_their_libraries_name_the_extra(result, monkeypatch):
-    import sys
-
     for name in ("pandas", "xarray", "pyvista"):
         monkeypatch.setitem(sys.modules, name, None)
     for make, extra in ((result.to_dataframe, "data"), (result.to_xarray, "data"), (result.to_pyvista, "interactive")):
@@ -229,6 +229,35 @@ def test_scene_of_body_and_zone(indented):
     np.testing.assert_array_equal(scene["zone"]["contact pressure [Pa]"], -step.traction[:, 2])
     assert scene["body"]["displacement [m]"].shape == (len(step.boundary.points), 3)
     assert scene["body"].n_cells == sum(len(nodes) for _, nodes in step.boundary.cells)
+    assert scene["zone"].n_cells == sum(len(nodes) for _, nodes in indented.zone.cells)
+    zone, frames = indented.zone, indented.zone.frames
+    shift = np.einsum("nk,nki->ni", step.displacement, frames)
+    np.testing.assert_allclose(scene["zone"].points, zone.points + 2.0 * shift, atol=1e-7)
+    np.testing.assert_array_equal(scene["zone"]["electric potential [V]"], step.potentials[:, 0])
+    assert scene["zone"].field_data["warp factor"] == [2.0]
+
+
+_PICTURE = """
+import sys
+import numpy, pyvista, meeframe
+scene = meeframe.read_result(sys.argv[1]).to_pyvista(1)
+plotter = pyvista.Plotter(off_screen=True, window_size=(200, 200))
+plotter.add_mesh(scene["zone"], scalars="contact pressure [Pa]", show_scalar_bar=False)
+numpy.save(sys.argv[2], plotter.screenshot(return_img=True))
+"""
+
+
+@pytest.mark.full
+def test_scene_is_rendered_off_screen(indented, tmp_path):
+    """The picture shows the pressure by many colours; a process of its own, as OpenGL may be missing altogether."""
+    pytest.importorskip("pyvista")
+    sphere = "import pyvista; pyvista.Sphere().plot(off_screen=True, window_size=(9, 9))"
+    if subprocess.run([sys.executable, "-c", sphere], capture_output=True).returncode:
+        pytest.skip("VTK finds no OpenGL on this machine")
+    write_result(tmp_path, indented, {"boundary"})
+    image = tmp_path / "image.npy"
+    subprocess.run([sys.executable, "-c", _PICTURE, tmp_path, image], check=True, capture_output=True)
+    assert len(np.unique(np.load(image).reshape(-1, 3), axis=0)) > 20
 
 
 def test_series_of_boundary_fields(indented, tmp_path):
