@@ -1,7 +1,7 @@
 """Commands on one case: run, check and show."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -74,6 +74,9 @@ def show(
             "--interior", metavar="", help="Evaluate fields inside the body under the contact; write interior.vtu."
         ),
     ] = False,
+    body: Annotated[
+        Literal["first", "second"], typer.Option(metavar="BODY", help="'first' or 'second' of two, for --interior.")
+    ] = "first",
     case: Annotated[
         Path | None,
         typer.Option(
@@ -100,16 +103,21 @@ def show(
         if not interior:
             return
         from meeframe.model.threads import limited
+        from meeframe.results.figures import save_figure, title_of
         from meeframe.results.interior import maxima_table, write_interior
-        from meeframe.results.output import INTERIOR_FILE
+        from meeframe.results.output import INTERIOR_FILE, INTERIOR_PICTURE, replacing
+        from meeframe.results.selection import select
         from meeframe.study.interior import interior as interior_of_run
 
         registry = console.registry(plugin)
+        chosen = select(result, step[0] if step else None)
         with limited(threads), console.progress() as progress:
-            fields = interior_of_run(result, case=case, registry=registry, progress=progress)
+            fields = interior_of_run(result, case=case, step=chosen, body=body, registry=registry, progress=progress)
         write_interior(folder / INTERIOR_FILE, fields)
+        with replacing(folder / INTERIOR_PICTURE) as path:
+            save_figure(fields.figure(title_of(result, chosen)), path)
         console.stdout().print(maxima_table(fields))
-        print(f"fields: {folder / INTERIOR_FILE}")
+        print(f"fields: {folder / INTERIOR_FILE}, section: {folder / INTERIOR_PICTURE}")
 
 
 @app.command()
