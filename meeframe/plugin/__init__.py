@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from meeframe.mesh.zone import local_frames as local_frames
     from meeframe.plugin.hookspecs import Record as Record
     from meeframe.plugin.hookspecs import hookimpl as hookimpl
+    from meeframe.system.capabilities import INTERIOR_STAGE as INTERIOR_STAGE
     from meeframe.system.capabilities import AnyArray as AnyArray
     from meeframe.system.capabilities import ApproximateInverse as ApproximateInverse
     from meeframe.system.capabilities import Coarsening as Coarsening
@@ -166,6 +167,7 @@ _HOMES = {
     "EdgeResolution": "meeframe.system.capabilities",
     "FieldwiseApply": "meeframe.system.capabilities",
     "IndenterEdge": "meeframe.system.capabilities",
+    "INTERIOR_STAGE": "meeframe.system.capabilities",
     "InteriorFields": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",

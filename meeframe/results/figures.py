@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
 from meeframe.results import schema
-from meeframe.results.canvas import LINE_COLOURS, NO_CONTACT, head, house_style, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import LINE_COLOURS, head, house_style, label_panels, prefixed, sheet, styled
 from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
@@ -172,12 +172,20 @@ def draw_map(axes: Any, result: Result, name: str, which: Which = None, title: s
     axes.figure.colorbar(drawn, ax=axes, label=f"{field.label} [{unit}]")
     if step.touching.any() and not step.touching.all():
         edge = picture.values(_edge(zone, step))
-        rim = picture.triangles_at(step.touching, ~step.touching)
         if of_contact and not (felt & ~step.touching).any():
-            axes.tricontourf(rim, edge, [-2 * _BETWEEN[1], 0], colors=[NO_CONTACT])
+            _clip_to_contact(axes, drawn, picture, step, edge)
+        rim = picture.triangles_at(step.touching, ~step.touching)
         axes.tricontour(rim, edge, [0.0], colors="#D55E00" if of_contact else "white", linewidths=1.2)
     if of_contact:
         _zoom(axes, picture, felt)
+
+
+def _clip_to_contact(axes: Any, drawn: Any, picture: Picture, step: StepResult, edge: Array) -> None:
+    """Clip what is drawn at the contact edge, where the values `edge` at the points of the triangulation are zero."""
+    region = axes.tricontourf(picture.triangles_at(step.touching), edge, [0.0, 2.0 * _BETWEEN[1]])
+    (outline,) = region.get_paths()
+    region.remove()
+    drawn.set_clip_path(outline, axes.transData)
 
 
 def _field(name: str, step: StepResult) -> NodalField:
@@ -222,12 +230,15 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     if not step.touching.any():
         _no_contact(axes, picture)
         return
-    edge, contact = _edge(result.zone, step), picture.triangles_at(step.touching)
-    sticking = np.where(step.region == Region.STICK, 1.0, -1.0) * np.abs(edge)
-    shown = ((edge, "slip", totals.slip_area), (sticking, "stick", totals.stick_area))
+    edge, contact = picture.values(_edge(result.zone, step)), picture.triangles_at(step.touching)
+    # open nodes take the mean of their neighbours, so that sticking regions end at the contact edge or half way to slip
+    sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
+    shown = ((edge, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
         axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
-        axes.tricontourf(contact, picture.values(level), [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
+        drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
+        if not step.touching.all():
+            _clip_to_contact(axes, drawn, picture, step, edge)
     _zoom(axes, picture, step.touching)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 

@@ -35,7 +35,7 @@ from meeframe.system.capabilities import (
     diagonal,
     rescale_inverse,
 )
-from meeframe.system.reduced import NodalFields, ReducedSystem
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
 C = TypeVar("C")
 TANGENTIAL: Final = (0, 1)
@@ -249,11 +249,11 @@ class ComposedSystem(
         fields = range(self.n_fields)
         return self.terms[0].system.recover(self.terms[0].to_body(load, fields, fields))
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields inside the first body."""
         fields = range(self.n_fields)
         interior = _required(self.terms[0].system, InteriorFields)
-        return interior.evaluate(self.terms[0].to_body(load, fields, fields), points)
+        return interior.evaluate(self.terms[0].to_body(load, fields, fields), points, progress)
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in some fields as the sum of the products of the bodies."""

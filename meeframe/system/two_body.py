@@ -16,10 +16,11 @@ from typing import Final, Protocol
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.common.errors import MeshError
+from meeframe.common.errors import CaseError, MeshError
 from meeframe.fields import MECHANICAL, Array, Indices
+from meeframe.system.capabilities import InteriorFields, PointFields
 from meeframe.system.composed import ComposedSystem, Rotation, Term, compose
-from meeframe.system.reduced import ReducedSystem
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
 COINCIDENT: Final = 1e-6
@@ -85,6 +86,56 @@ def second_displacement(system: ReducedSystem, load: Array) -> Array | None:
     body = system.terms[1].system
     displacement = body.offset + body.apply(second_load(system, load))
     return system.terms[1].from_body(displacement, range(system.n_fields), range(system.n_fields))
+
+
+def interior_of_second(system: ReducedSystem, load: Array, points: Array, progress: Progress = silent) -> PointFields:
+    """Return the fields inside the second body for a load (n, 5) on the first.
+
+    Parameters
+    ----------
+    system
+        Two bodies in contact, from `combine_bodies`.
+    load
+        Load on the first body, as in `ReducedSystem.apply`.
+    points
+        Positions (m, 3) in the global axes of the first body [m].
+    progress
+        As for `InteriorFields.evaluate`.
+
+    Returns
+    -------
+    PointFields
+        Fields in the global axes of the first body. Values count from the supports and potentials of the second body,
+        wherever a load step has moved them.
+
+    Raises
+    ------
+    CaseError
+        If there is no second body, or as `InteriorFields.evaluate`, with points in the coordinates of that body.
+    """
+    if not isinstance(system, ComposedSystem) or len(system.terms) != 2:
+        raise CaseError("there is no second body; allowed: the fields of the first")
+    interior = required_interior(system.terms[1].system)
+    fields = interior.evaluate(second_load(system, load), points * TURN_OVER, progress)
+    components = np.ones(system.n_fields)
+    components[MECHANICAL] = TURN_OVER
+    return PointFields(
+        fields.points * TURN_OVER,
+        fields.values * components,
+        fields.gradients * components[:, None] * TURN_OVER,
+        fields.fluxes * TURN_OVER[:, None] * components,
+    )
+
+
+def required_interior(system: ReducedSystem) -> InteriorFields:
+    """Return the interior fields of a reduced system. Raises CaseError if it has none."""
+    interior = system.capability(InteriorFields)
+    if interior is None:
+        raise CaseError(
+            f"the reduced system ({type(system).__name__}) has no fields inside the body: its formulation lacks the "
+            "capability InteriorFields, or it was read from a cache"
+        )
+    return interior
 
 
 def match_nodes(first: ZoneGeometry, second_body: ZoneGeometry) -> Indices:

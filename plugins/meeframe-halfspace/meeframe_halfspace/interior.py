@@ -25,7 +25,17 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
-from meeframe.plugin import MECHANICAL, Array, CaseError, Indices, InteriorFields, PointFields
+from meeframe.plugin import (
+    INTERIOR_STAGE,
+    MECHANICAL,
+    Array,
+    CaseError,
+    Indices,
+    InteriorFields,
+    PointFields,
+    Progress,
+    silent,
+)
 from meeframe_halfspace.cells import share_out
 from meeframe_halfspace.depth_kernels import propagate
 from meeframe_halfspace.entries import entry_layout
@@ -75,7 +85,7 @@ class HalfSpaceInterior(InteriorFields):
     origin: Array
     shares: Array
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) for a load (n, 5).
 
         Points at the same depth are evaluated together, and take least time on a rectangular grid along e1 and e2.
@@ -90,9 +100,12 @@ class HalfSpaceInterior(InteriorFields):
         depths = self._depths(local)
         spectrum = _Spectrum(self, load, local[:, :2])
         fields = np.empty((4, self.stiffness.shape[1], len(points)))
+        done = 0
         for depth in np.unique(depths):
             here = np.flatnonzero(depths == depth)
             fields[..., here] = spectrum.fields(float(depth), local[here, :2])
+            done += len(here)
+            progress(INTERIOR_STAGE, done / len(points))
         fields *= self.grid_response.response.factors[:, None]
         fields[:, MECHANICAL] = np.einsum("ji,djp->dip", self.grid.frame, fields[:, MECHANICAL])
         gradients = np.einsum("di,djp->pji", self.grid.frame, fields[1:])

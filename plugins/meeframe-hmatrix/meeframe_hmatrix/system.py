@@ -26,6 +26,7 @@ from meeframe.plugin import (
     ReducedSystem,
     SurfaceMesh,
     TooLargeError,
+    silent,
 )
 from meeframe.plugin.boundary_elements import InteriorRepresentation, Layout, Units, boundary_fields
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
@@ -307,9 +308,9 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
         return self.boundary.fields(np.einsum("nja,na->nj", self.to_load, load))
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) inside the body by the interior representation."""
-        return self.representation.evaluate(self.recover(load), points)
+        return self.representation.evaluate(self.recover(load), points, progress)
 
 
 def coupled_groups(stiffness: Array) -> tuple[Fields, ...]:

@@ -5,7 +5,17 @@ from typing import Final, final
 
 import numpy as np
 
-from meeframe.plugin import MECHANICAL, Array, CaseError, Indices, InteriorFields, PointFields
+from meeframe.plugin import (
+    INTERIOR_STAGE,
+    MECHANICAL,
+    Array,
+    CaseError,
+    Indices,
+    InteriorFields,
+    PointFields,
+    Progress,
+    silent,
+)
 from meeframe_skfem.elements import VolumeElement, tabulate
 from meeframe_skfem.system import FiniteElementSolution
 from meeframe_skfem.volume import VolumeMesh
@@ -38,7 +48,7 @@ class FiniteElementInterior(InteriorFields):
 
     solution: FiniteElementSolution
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) in the body, its surface included, for a load (n, fields).
 
         Raises
@@ -48,6 +58,7 @@ class FiniteElementInterior(InteriorFields):
         """
         matched, mesh = self.solution.matched, self.solution.matched.volume
         points = np.asarray(points, float)
+        progress(INTERIOR_STAGE, 0.0)
         cells, xi = locate(mesh, points)
         outside = np.flatnonzero(cells < 0)
         if outside.size:
@@ -63,6 +74,7 @@ class FiniteElementInterior(InteriorFields):
         derivatives = np.einsum("mxk,mnk->mnx", np.linalg.inv(maps), slopes)
         values = np.einsum("mn,mnj->mj", shapes, nodal)
         gradients = np.einsum("mnx,mnj->mjx", derivatives, nodal)
+        progress(INTERIOR_STAGE, 1.0)
         return PointFields.of(points, values, gradients, matched.body.stiffness)
 
 
