@@ -22,7 +22,7 @@ def begun(tmp_path, monkeypatch):
     folder = tmp_path / "out"
     with monkeypatch.context() as patched:
         patched.setattr("pathlib.Path.write_text", killed)
-        with pytest.raises(Killed), open_folder(folder, ["a"], overwrite=False):
+        with pytest.raises(Killed), open_folder(folder, ["a" * 64], overwrite=False):
             pass
     (folder / ".lock").touch()  # as a process leaves it that is killed
     assert {path.name for path in folder.iterdir()} == {".lock", ".sweep.1.json", "points", "systems"}
@@ -30,20 +30,20 @@ def begun(tmp_path, monkeypatch):
 
 
 def test_a_sweep_killed_before_it_wrote_anything_goes_on(begun):
-    with open_folder(begun, ["a"], overwrite=False):
+    with open_folder(begun, ["a" * 64], overwrite=False):
         assert {path.name for path in begun.iterdir()} == {".lock", "points", "sweep.json", "systems"}
 
 
 def test_one_killed_with_its_lock_alone_goes_on(tmp_path):
     (tmp_path / ".lock").touch()
-    with open_folder(tmp_path, ["a"], overwrite=False):
+    with open_folder(tmp_path, ["a" * 64], overwrite=False):
         assert (tmp_path / "sweep.json").exists()
 
 
 @pytest.mark.parametrize("name", ["note.txt", "points/note.txt", "systems/note.h5"])
 def test_what_is_not_of_a_sweep_is_left_alone(begun, name):
     (begun / name).touch()
-    with pytest.raises(ResultError, match="is not empty"), open_folder(begun, ["a"], overwrite=False):
+    with pytest.raises(ResultError, match="is not empty"), open_folder(begun, ["a" * 64], overwrite=False):
         pass
     assert (begun / name).exists()
     assert not (begun / "sweep.json").exists()
