@@ -8,7 +8,7 @@ These few equations are solved at each step, node by node and without the compli
 the motion of the solution, for any r > 0. Without friction they are the gradient of a convex function.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -64,6 +64,24 @@ def potentials(problem: ContactProblem) -> Indices:
     return np.array(
         [i for i, resultant in enumerate(problem.prescribed_resultants) if resultant.electromagnetic], np.int64
     )
+
+
+def reachable_start(problem: ContactProblem, start: ContactState | None) -> ContactState | None:
+    """Return the state of the previous load step without load and contact where there is no indenter above now.
+
+    Such nodes have an infinite gap. A previous problem may have loaded them: the indenter may have moved away, or edges
+    that are resolved may lie beyond it.
+    """
+    if start is None or np.isfinite(problem.gap).all():
+        return start
+    above = np.isfinite(problem.gap)
+    load = np.where(above, start.load.T, 0.0).T  # field by field
+    return replace(start, load=load, contact_fraction=np.where(above, start.contact_fraction, 0.0))
+
+
+def start_load(problem: ContactProblem, start: ContactState | None) -> Array:
+    """Return the load (n, fields) of the previous load step, zero if there is none."""
+    return np.zeros_like(problem.system.offset) if start is None else start.load
 
 
 def start_motion(problem: ContactProblem, start: ContactState | None) -> Array:

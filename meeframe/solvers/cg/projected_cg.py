@@ -8,14 +8,13 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.conduction import conducting
-from meeframe.contact.free_motion import start_motion
+from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.nested import has_nodal_data, nested_start
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.solvers.cg.normal_modes import NORMAL, NormalModes
-from meeframe.solvers.gradient.steps import start_load
 from meeframe.system.capabilities import ApproximateInverse, apply_fields
 
 

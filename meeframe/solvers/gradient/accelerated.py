@@ -13,11 +13,11 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.contact.free_motion import start_motion
+from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.fields import POTENTIALS, Array
 from meeframe.solvers.conduction.elimination import Conductors
-from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Slope, Spectrum, start_load, traction_of
+from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Slope, Spectrum, traction_of
 
 PLAIN_STEP: Final = 1.6
 """Plain step times the largest eigenvalue; the limit of stability is 2."""

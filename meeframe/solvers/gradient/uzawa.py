@@ -6,12 +6,12 @@ from typing import Annotated, Any, ClassVar, Final, Literal, final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.free_motion import start_motion
+from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.fields import POTENTIALS, Array
 from meeframe.fields.units import Quantity
 from meeframe.solvers.conduction.elimination import Conductors
-from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Spectrum, start_load, traction_of
+from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Spectrum, traction_of
 
 STEP_FRACTION: Final = 1.6
 """Automatic step times the largest eigenvalue; the limit of stability is 2."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.contact.conduction import Mask
 from meeframe.contact.feasibility import beyond_friction
-from meeframe.contact.free_motion import balanced_projection, motions, start_motion
+from meeframe.contact.free_motion import balanced_projection, motions, start_load, start_motion
 from meeframe.contact.nested import nested_start
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.contact.residual import evaluate
@@ -15,7 +15,6 @@ from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, is_adhesive
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
-from meeframe.solvers.gradient.steps import start_load
 from meeframe.solvers.newton.linear import Step, newton_step
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, contact_neighbourhood
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, ResidualState
