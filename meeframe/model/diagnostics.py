@@ -12,7 +12,7 @@ from meeframe.contact.problem import Status
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
 from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, motion_modes
-from meeframe.laws.base import ContactLaw, augmented_traction, fixed_point_map, is_adhesive
+from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.mesh.measures import corners
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
@@ -243,7 +243,7 @@ def steepest_fall(law: ContactLaw) -> float:
     """Return the steepest decrease of the attraction with the gap [Pa/m], >= 0, by successively shorter chords."""
     gaps = _TRIAL_GAPS
     for _ in range(1 + _LOOKS):
-        fall = -np.diff(law.adhesion(gaps)) / np.diff(gaps)
+        fall = -np.diff(attraction(law, gaps)) / np.diff(gaps)
         index = int(fall.argmax())
         gaps = np.linspace(gaps[max(index - 1, 0)], gaps[min(index + 2, len(gaps) - 1)], _GAPS_PER_LOOK)
     return max(float(fall.max()), 0.0)
@@ -255,10 +255,7 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
     law: of the case. A single node is unstable where the decrease of the attraction times its response to its own load
     exceeds one; the response grows with the size of elements.
     """
-    if (
-        not is_adhesive(law)
-        or law.adhesion(np.maximum(step.gap, 0.0)).max() <= _NOTICED_ATTRACTION * np.abs(step.traction).max()
-    ):
+    if not is_adhesive(law) or attraction(law, step.gap).max() <= _NOTICED_ATTRACTION * np.abs(step.traction).max():
         return
     ratio = steepest_fall(law) * float(diagonal(system, (2,)).max())
     if ratio <= 1.0:

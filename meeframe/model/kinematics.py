@@ -18,7 +18,7 @@ from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
 from meeframe.indenters.base import FORCE_RATIO, N_RIGID, motion_measures, motion_modes
-from meeframe.laws.base import augmented_traction, is_adhesive
+from meeframe.laws.base import augmented_traction, is_adhesive, resolve
 from meeframe.mesh import ContactZone
 from meeframe.model.conduction import watched
 from meeframe.model.data import CaseData
@@ -212,7 +212,7 @@ class IndenterKinematics:
             pressed = np.column_stack([np.zeros_like(slip), start.state.load[:, 2]])
             law = problem.contact_law
             with np.errstate(all="ignore"):  # the state may come from a diverged iteration
-                traction = traction + law.resolve(augmented_traction(law, pressed, gap, r), gap, r)[:, :2]
+                traction = traction + resolve(law, augmented_traction(law, pressed, gap, r), gap, r)[:, :2]
         return np.where(region == Region.SLIP, np.einsum("nt,nt->n", traction, slip) / 2.0, 0.0)
 
     def resultants(self, state: ContactState) -> Array:
@@ -248,7 +248,7 @@ def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
     with np.errstate(all="ignore"):  # the state may come from a diverged iteration
         # where surfaces are apart by round-off, traction and attraction differ by that: the law knows which it is
         trial = augmented_traction(law, state.load[:, MECHANICAL], gap, r)
-        return np.asarray(law.resolve(trial, gap, r)[:, 2] < 0.0)
+        return np.asarray(resolve(law, trial, gap, r)[:, 2] < 0.0)
 
 
 def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np.bool_]) -> Indices:

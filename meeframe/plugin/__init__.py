@@ -48,8 +48,11 @@ if TYPE_CHECKING:
     from meeframe.greens.base import Kernel as Kernel
     from meeframe.indenters.base import Indenter as Indenter
     from meeframe.indenters.heights import SampledHeights as SampledHeights
+    from meeframe.laws.base import AdhesiveLaw as AdhesiveLaw
     from meeframe.laws.base import ConductivityLaw as ConductivityLaw
     from meeframe.laws.base import ContactLaw as ContactLaw
+    from meeframe.laws.base import LawWithMemory as LawWithMemory
+    from meeframe.laws.base import ResolventLaw as ResolventLaw
     from meeframe.laws.base import StepLengths as StepLengths
     from meeframe.laws.base import augmented_traction as augmented_traction
     from meeframe.laws.base import contact_traction as contact_traction
@@ -113,8 +116,11 @@ _HOMES = {
     "Quantity": "meeframe.fields.units",
     "check_quantities": "meeframe.fields.units",
     # Laws
+    "AdhesiveLaw": "meeframe.laws.base",
     "ConductivityLaw": "meeframe.laws.base",
     "ContactLaw": "meeframe.laws.base",
+    "LawWithMemory": "meeframe.laws.base",
+    "ResolventLaw": "meeframe.laws.base",
     "StepLengths": "meeframe.laws.base",
     "augmented_traction": "meeframe.laws.base",
     "contact_traction": "meeframe.laws.base",

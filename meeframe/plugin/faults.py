@@ -4,9 +4,11 @@ import inspect
 import re
 from collections.abc import Sequence
 from importlib import metadata
+from itertools import chain
 from typing import Any, Final
 
 from meeframe.elements.base import SurfaceElement
+from meeframe.laws.base import OPTIONAL_METHODS, ContactLaw
 from meeframe.plugin.hookspecs import PROJECT, Record
 
 NAME: Final = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
@@ -48,8 +50,9 @@ def _fault_of_class(contract: type, factory: Any) -> str:
     missing = ", ".join(sorted(getattr(factory, "__abstractmethods__", ())))
     if missing:
         return f"class {factory.__name__} lacks {missing}, {_required_by()}"
-    for name, method in vars(contract).items():
-        if not inspect.isfunction(method) or name.startswith("_"):
+    optional = OPTIONAL_METHODS if contract is ContactLaw else ()
+    for name, method in chain.from_iterable(vars(protocol).items() for protocol in (contract, *optional)):
+        if not inspect.isfunction(method) or name.startswith("_") or not hasattr(factory, name):
             continue
         arguments = list(inspect.signature(method).parameters.values())[1:]
         if not _accepts(factory, name, arguments):
