@@ -96,7 +96,7 @@ N_MOTIONS: Final = IndenterMotions().size
 """Number of degrees of freedom of the indenter with the default field set."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Indenter(ABC):
     """Rigid indenter; the fields of a concrete class are its case-file keys."""
 

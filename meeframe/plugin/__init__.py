@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from meeframe.greens.base import FundamentalSolution as FundamentalSolution
     from meeframe.greens.base import Kernel as Kernel
     from meeframe.indenters.base import Indenter as Indenter
+    from meeframe.indenters.heights import HeightGrid as HeightGrid
     from meeframe.indenters.heights import SampledHeights as SampledHeights
     from meeframe.laws.base import AdhesiveLaw as AdhesiveLaw
     from meeframe.laws.base import ConductivityLaw as ConductivityLaw
@@ -130,6 +131,7 @@ _HOMES = {
     "OrthotropicCoulomb": "meeframe.laws.coulomb",
     # Indenters
     "Indenter": "meeframe.indenters.base",
+    "HeightGrid": "meeframe.indenters.heights",
     "SampledHeights": "meeframe.indenters.heights",
     # Elements and fundamental solutions
     "SurfaceElement": "meeframe.elements.base",
