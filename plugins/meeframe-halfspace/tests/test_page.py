@@ -19,8 +19,8 @@ FORMULATION, ROUGH, MAP = (tomllib.loads(text) for text in re.findall(r"^```toml
 
 
 def create_indenter(contract, table, folder=Path()):
-    found = registry.load()
-    return type(found)(**{**vars(found), "folder": folder}).create(CONTRACTS[contract], table)
+    computed = registry.load()
+    return type(computed)(**{**vars(computed), "folder": folder}).create(CONTRACTS[contract], table)
 
 
 def test_defaults_of_the_formulation():
@@ -49,11 +49,11 @@ def test_height_map_table(tmp_path):
 
 def test_python_examples():
     response, rough = re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.M)
-    found = {}
-    exec(response, found)
-    assert found["response"].even.shape[2] == 15
-    exec(rough, found)
-    step, heights, pressure = found["result"].steps[-1], found["heights"], found["pressure"]
+    computed = {}
+    exec(response, computed)
+    assert computed["response"].even.shape[2] == 15
+    exec(rough, computed)
+    step, heights, pressure = computed["result"].steps[-1], computed["heights"], computed["pressure"]
     assert step.status == "converged"
     assert "zone" not in step.message
     assert heights[pressure > 0].min() > np.quantile(heights, 0.7), "peaks touch"

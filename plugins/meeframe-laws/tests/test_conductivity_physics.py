@@ -137,13 +137,15 @@ def test_discharge_limits_the_field_in_the_gap() -> None:
     np.testing.assert_array_equal(fields(Breakdown(AIR, field, 0.0, 1.0, residual_gap))[0], capacitor)
     highest, most = [], capacitor
     for kappa in np.array([1e-2, 1.0, 10.0, 100.0]) / own:
-        found, gap, flux = fields(Breakdown(AIR, field, kappa, 1.0, residual_gap))
-        excess = np.maximum(found - field, 0.0)
-        apart = found > 0.0
-        np.testing.assert_allclose(flux[apart], (AIR * found + kappa * excess * gap)[apart], atol=1e-9 * flux.max())
-        assert (found <= most * (1.0 + 1e-9)).all()
+        computed, gap, flux = fields(Breakdown(AIR, field, kappa, 1.0, residual_gap))
+        excess = np.maximum(computed - field, 0.0)
+        separated = computed > 0.0
+        np.testing.assert_allclose(
+            flux[separated], (AIR * computed + kappa * excess * gap)[separated], atol=1e-9 * flux.max()
+        )
+        assert (computed <= most * (1.0 + 1e-9)).all()
         highest.append(excess.max())
-        most = found
+        most = computed
     assert 0.0 < highest[-1] < 0.1 * field
     assert capacitor.max() > 10.0 * field
     assert highest[-2] / highest[-1] == pytest.approx(10.0, rel=0.25)

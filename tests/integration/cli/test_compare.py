@@ -51,15 +51,15 @@ def dragged(case_file):
 @pytest.fixture
 def reductions(monkeypatch):
     """Return a list that counts reduced systems."""
-    seen = []
+    calls = []
     reduce = DenseBEM.reduce
 
     def counted(self, body, *rest):
-        seen.append(self)
+        calls.append(self)
         return reduce(self, body, *rest)
 
     monkeypatch.setattr(DenseBEM, "reduce", counted)
-    return seen
+    return calls
 
 
 def numbers(folder):

@@ -177,8 +177,8 @@ def test_single_increment_is_inaccurate(bed, frictional):
 def test_reported_uncertainty_of_area(bed, frictional, cells, told):
     """Hertz: the contact is a circle of radius sqrt(R g); 0 stands for no message, below a tenth."""
     (message,), path = solve_steps(bed, frictional, Step(approach=2e-5), cells=cells, contact_law=Signorini())
-    found = re.search(rf"{AREA} (\d+)%", message)
-    assert (int(found[1]) if found else 0) == told
+    match = re.search(rf"{AREA} (\d+)%", message)
+    assert (int(match[1]) if match else 0) == told
     error = path.zone.weights[path.steps[-1].touching].sum() / (np.pi * bed.radius * 2e-5) - 1.0
     assert abs(error) < (1.15 * told / 100.0 or 0.1)
 

@@ -47,11 +47,11 @@ def surface_points(corners):
     side = (0.3 * corners[0] + 0.7 * corners[1], np.array([0.2, -1.0, 0.0]))
     corner = (corners[2], corners[2] - centre)
     yield 0.6 * centre + 0.4 * corners[1], up
-    for place, away in (side, corner):
-        yield place, up
+    for position, away in (side, corner):
+        yield position, up
         away = away / np.linalg.norm(away)
-        yield place, away
-        yield place, (away - up) / sqrt(2)
+        yield position, away
+        yield position, (away - up) / sqrt(2)
 
 
 @pytest.mark.parametrize("quadratic", [False, True], ids=["linear", "quadratic"])
@@ -60,9 +60,9 @@ def surface_points(corners):
 def test_flat_element_near_and_far(corners, quadratic, tolerance):
     element, nodes = flat(corners, quadratic)
     size = np.linalg.norm(corners[1] - corners[0])
-    for place, direction in surface_points(corners):
+    for position, direction in surface_points(corners):
         for distance in (1e-3, 1e-2, 0.1, 0.5, 3.0):
-            source = place + distance * size * direction
+            source = position + distance * size * direction
             single, double, absolute = layers(element_rule(element, nodes, source, tolerance), source)
             assert single == pytest.approx(single_layer(corners, source), rel=tolerance)
             assert abs(double - solid_angle(corners, source)) < tolerance * absolute

@@ -106,9 +106,9 @@ def test_interrupted_increment_preserves_finished_ones(tmp_path, synthetic):
     with pytest.raises(KeyboardInterrupt):
         writer.append(dataclasses.replace(synthetic.step(2e-6), status=Interrupts()))
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
-    found = files.read_result(tmp_path)
-    assert found.status is RunStatus.UNFINISHED
-    assert_equal(found.steps, (first,))
+    computed = files.read_result(tmp_path)
+    assert computed.status is RunStatus.UNFINISHED
+    assert_equal(computed.steps, (first,))
 
 
 def test_unfinished_file_opens_without_meeframe(tmp_path, synthetic):

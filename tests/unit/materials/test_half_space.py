@@ -120,8 +120,8 @@ def test_reversed_and_rotated_poling() -> None:
     flip = np.outer([1, -1, -1], [1, -1, -1])
     down = axisymmetric_compliance(material.stiffness, -AXIS)
     np.testing.assert_allclose(down, xi * flip, rtol=1e-10)
-    turned = material.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
-    np.testing.assert_allclose(axisymmetric_compliance(turned.stiffness, [2.0, 0.0, 0.0]), xi, rtol=1e-10)
+    rotated = material.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
+    np.testing.assert_allclose(axisymmetric_compliance(rotated.stiffness, [2.0, 0.0, 0.0]), xi, rtol=1e-10)
 
 
 def test_invalid_vectors_and_anisotropy_are_rejected() -> None:

@@ -131,7 +131,7 @@ def test_overflowing_powers_and_products(given):
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "message"),
     [
         ("5 Gpa", "unknown unit 'Gpa'; did you mean 'GPa'?; expected a number in Pa"),
         ("5 N/mm2", "unknown unit 'mm2'; did you mean 'mm^2'?; expected"),
@@ -140,15 +140,17 @@ def test_overflowing_powers_and_products(given):
         ("5 foo123", "unknown unit 'foo123'; expected"),
     ],
 )
-def test_unknown_units(given, told):
-    with pytest.raises(ValueError, match=f"^{re.escape(told)}"):
+def test_unknown_units(given, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
         Quantity("Pa").convert(given)
     assert coordinate_of(given) is None
 
 
-@pytest.mark.parametrize(("given", "place"), [("5 mm", 5e-3), ("2 N/(mm)^2", 2e6), ("30", 30.0), ("inf m", math.inf)])
-def test_values_on_axes_are_read_alike(given, place):
-    assert coordinate_of(given) == pytest.approx(place)
+@pytest.mark.parametrize(
+    ("given", "position"), [("5 mm", 5e-3), ("2 N/(mm)^2", 2e6), ("30", 30.0), ("inf m", math.inf)]
+)
+def test_values_on_axes_are_read_alike(given, position):
+    assert coordinate_of(given) == pytest.approx(position)
 
 
 @pytest.mark.parametrize("given", ["5 V", "1 (m^10)^10", "1 m⁹⁹⁹⁹⁹⁹⁹⁹^99"])

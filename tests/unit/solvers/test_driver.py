@@ -163,11 +163,11 @@ def test_small_changes_do_not_imply_convergence() -> None:
 
 
 def test_progress_rises_to_one() -> None:
-    seen: list[tuple[str, float]] = []
-    solve(problem(), Uzawa(), progress=lambda stage, fraction: seen.append((stage, fraction)))
-    assert {stage for stage, _ in seen} == {"contact"}
-    assert all(a <= b for (_, a), (_, b) in pairwise(seen))
-    assert seen[-1][1] == 1.0
+    calls: list[tuple[str, float]] = []
+    solve(problem(), Uzawa(), progress=lambda stage, fraction: calls.append((stage, fraction)))
+    assert {stage for stage, _ in calls} == {"contact"}
+    assert all(a <= b for (_, a), (_, b) in pairwise(calls))
+    assert calls[-1][1] == 1.0
 
 
 def test_no_contact_converges_at_once() -> None:

@@ -225,6 +225,6 @@ def test_charge_with_conduction_at_highest_pressure_only(problem) -> None:
     resultant = PrescribedResultant(mode, -problem.system.weights[:, None] * mode, charge)
     free = replace(problem, potentials=np.zeros((256, 2)), prescribed_resultants=(resultant,))
     for solver in (SemismoothNewton(), BarzilaiBorwein()):
-        found = solve(free, solver)
-        assert found.status == "converged", found.message
-        assert found.state.motion[0] == pytest.approx(1e3, rel=1e-6)
+        solution = solve(free, solver)
+        assert solution.status == "converged", solution.message
+        assert solution.state.motion[0] == pytest.approx(1e3, rel=1e-6)

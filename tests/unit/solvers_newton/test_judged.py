@@ -28,13 +28,13 @@ def make_problem(conducting):
 
     def make(law, name: str) -> ContactProblem:
         problem = conducting(NODES, 0.3, law, Insulating(), dragged=(3e-7, 1e-7))
-        own = np.abs(diagonal(problem.system, (3, 4))[0])
+        compliance = np.abs(diagonal(problem.system, (3, 4))[0])
         if name == "insulated":
             return problem
         if name == "power":
-            laws = [PowerLaw(1.0 / o, 1e8, exponent) for o, exponent in zip(own, (0.5, 0.95), strict=True)]
+            laws = [PowerLaw(1.0 / o, 1e8, exponent) for o, exponent in zip(compliance, (0.5, 0.95), strict=True)]
         else:
-            laws = [StepConductivity(k / o) for k, o in zip(KAPPA.get(name, KAPPA["perfect"]), own, strict=True)]
+            laws = [StepConductivity(k / o) for k, o in zip(KAPPA.get(name, KAPPA["perfect"]), compliance, strict=True)]
         problem = replace(problem, channels=flux_channels(laws[0], laws[1]))
         if name != "free":
             return problem
