@@ -105,7 +105,7 @@ def test_half_spaces_scaled_without_round_off(
 @pytest.mark.parametrize("factor", [1e-9, 1e-3, 1e9])
 @pytest.mark.parametrize("kappa", [(0.0, 0.0), (np.inf, 0.0), (1.0, 1e-2), (1e2, np.inf)])
 def test_half_spaces_scaled_by_powers_of_ten(solver: Solver, factor: float, kappa: tuple[float, float]) -> None:
-    """Where Newton's method needs gradient steps, round-off may change their number."""
+    """Round-off may change the number of gradient steps that Newton's method needs."""
     for seed in range(2):
         assert_scales(random_problem(seed, (0.1, 0.5), kappa), solver, factor)
 

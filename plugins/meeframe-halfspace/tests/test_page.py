@@ -15,7 +15,9 @@ from meeframe.plugin import registry
 from meeframe.plugin.registry import CONTRACTS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "explanation" / "halfspace.md").read_text(encoding="utf-8")
-FORMULATION, ROUGH, MAP = (tomllib.loads(text) for text in re.findall(r"^```toml\n(.*?)^```", PAGE, re.DOTALL | re.M))
+FORMULATION, ROUGH_SURFACES, MAP = (
+    tomllib.loads(text) for text in re.findall(r"^```toml\n(.*?)^```", PAGE, re.DOTALL | re.M)
+)
 
 
 def create_indenter(contract, table, folder=Path()):
@@ -28,7 +30,7 @@ def test_defaults_of_the_formulation():
 
 
 def test_self_affine_table():
-    surface = create_indenter(Indenter, ROUGH["indenter"])
+    surface = create_indenter(Indenter, ROUGH_SURFACES["indenter"])
     assert isinstance(surface, SelfAffine)
     assert surface.surface().std() == pytest.approx(2e-6)
     assert (surface.period, surface.roll_off, surface.shortest) == pytest.approx((2e-3, 1e-3, 1.25e-4))

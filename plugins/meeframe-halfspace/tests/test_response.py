@@ -176,10 +176,10 @@ def test_far_cells_from_the_response_at_nodes(shape, rotated):
     assert near == (31, 39)
     whole = cell_table(response, spacing, shape, size)
     assert [mirrored(response.entry(entry)[0]) for entry in (0, 1, 16, 19)] == ([0] * 4 if rotated else [1, -1, 1, -1])
-    found = np.stack([far_table(response, spacing, shape, size, entry) for entry in range(25)])
+    computed_entry = np.stack([far_table(response, spacing, shape, size, entry) for entry in range(25)])
     far = np.ones(whole.shape[1:], bool)
     far[: near[0], size[1] - near[1] : size[1] + near[1] - 1] = False
-    error = np.abs(found - whole).max(axis=0) / np.abs(whole).max(axis=0)
+    error = np.abs(computed_entry - whole).max(axis=0) / np.abs(whole).max(axis=0)
     assert far.any()
     assert error[far].max() < 1e-12
 

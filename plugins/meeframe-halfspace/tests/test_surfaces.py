@@ -9,7 +9,9 @@ from meeframe.common.errors import CaseError
 from meeframe.testing import check_indenter
 
 PERIOD = 2e-3
-ROUGH = SelfAffine(PERIOD, shortest=PERIOD / 24, hurst=0.8, rms_height=1e-6, roll_off=PERIOD / 3, seed=3, samples=128)
+SELF_AFFINE = SelfAffine(
+    PERIOD, shortest=PERIOD / 24, hurst=0.8, rms_height=1e-6, roll_off=PERIOD / 3, seed=3, samples=128
+)
 
 
 def spectral(surface, power):
@@ -22,7 +24,7 @@ def spectral(surface, power):
 
 
 def test_root_mean_squares_are_exact():
-    assert np.std(ROUGH.surface()) == pytest.approx(1e-6, rel=1e-12)
+    assert np.std(SELF_AFFINE.surface()) == pytest.approx(1e-6, rel=1e-12)
     steep = SelfAffine(PERIOD, PERIOD / 24, 0.8, rms_slope=0.02, seed=3, samples=128)
     assert np.sqrt(spectral(steep, 2)[0]) == pytest.approx(0.02, rel=1e-12)
 
@@ -37,7 +39,7 @@ def test_root_mean_squares_with_fewest_samples():
 
 
 def test_spectrum_with_roll_off_and_cut_off():
-    _, size, q = spectral(ROUGH, 0)
+    _, size, q = spectral(SELF_AFFINE, 0)
     knee, end = 2.0 * np.pi * 3 / PERIOD, 2.0 * np.pi * 24 / PERIOD
     flat, falling = size[(q > 0) & (q <= knee)], (q > knee * 1.0001) & (q < end * 0.9999)
     np.testing.assert_allclose(flat, flat[0], rtol=1e-9)
@@ -49,22 +51,24 @@ def test_spectrum_with_roll_off_and_cut_off():
 def test_surface_does_not_depend_on_samples():
     fine = SelfAffine(PERIOD, PERIOD / 24, 0.8, 1e-6, roll_off=PERIOD / 3, seed=3, samples=384)
     # with three times as many samples, each coarse sample is the middle of three
-    np.testing.assert_allclose(fine.surface()[1::3, 1::3], ROUGH.surface(), atol=1e-18)
+    np.testing.assert_allclose(fine.surface()[1::3, 1::3], SELF_AFFINE.surface(), atol=1e-18)
 
 
 def test_shorter_cut_off_preserves_long_waves():
     other = SelfAffine(PERIOD, PERIOD / 40, 0.8, 1e-6, roll_off=PERIOD / 3, seed=3, samples=128)
-    first, second = (np.fft.fft2(s.surface()) for s in (ROUGH, other))
+    first, second = (np.fft.fft2(s.surface()) for s in (SELF_AFFINE, other))
     np.testing.assert_allclose(np.angle(second * np.conj(first))[1:6, 1:6], 0.0, atol=1e-9)
 
 
 def test_height_is_exact_at_samples_and_periodic_between():
     i = (np.arange(128) + 0.5) * PERIOD / 128 - PERIOD / 2
     x, y = (grid.ravel() for grid in np.meshgrid(i, i, indexing="ij"))
-    heights = ROUGH.surface() - ROUGH.surface().min()
-    np.testing.assert_allclose(ROUGH.height(x, y), heights.ravel(), atol=1e-17)
+    heights = SELF_AFFINE.surface() - SELF_AFFINE.surface().min()
+    np.testing.assert_allclose(SELF_AFFINE.height(x, y), heights.ravel(), atol=1e-17)
     random = np.random.default_rng(0).uniform(-PERIOD, PERIOD, (2, 50))
-    np.testing.assert_allclose(ROUGH.height(*random), ROUGH.height(random[0] + PERIOD, random[1] - PERIOD), atol=1e-16)
+    np.testing.assert_allclose(
+        SELF_AFFINE.height(*random), SELF_AFFINE.height(random[0] + PERIOD, random[1] - PERIOD), atol=1e-16
+    )
 
 
 def test_seeds_differ_and_repeat():
@@ -74,7 +78,7 @@ def test_seeds_differ_and_repeat():
 
 
 def test_conformance():
-    check_indenter(ROUGH)
+    check_indenter(SELF_AFFINE)
 
 
 @pytest.mark.parametrize(

@@ -50,8 +50,10 @@ def assert_claims(figure, differing=(), unresolved=()):
     all_claims = claims.claims(figure)
     assert all_claims
     for claim in all_claims:
-        said = {"differs": differing, "not resolved": unresolved}
-        expected = [verdict for verdict, named in said.items() if any(words in claim.paper for words in named)]
+        expected_verdicts = {"differs": differing, "not resolved": unresolved}
+        expected = [
+            verdict for verdict, named in expected_verdicts.items() if any(words in claim.paper for words in named)
+        ]
         assert claim.verdict == (expected or ["holds"])[0], claim
         assert claim.as_explained or claim.verdict != "differs", claim
 

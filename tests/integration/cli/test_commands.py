@@ -206,14 +206,14 @@ def test_invalid_input_gives_one_message_and_status_2(case_file, tmp_path, comma
 def test_files_of_the_wrong_kind_are_named(case_file, tmp_path):
     study = tmp_path / "study.toml"
     study.write_text('case = "case.toml"\n[axes]\n"steps[1].approach" = ["1 um"]\n', encoding="utf-8")
-    for arguments, told in (
+    for arguments, reported in (
         (["sweep", case_file, "--out", tmp_path / "out"], f"{case_file}: is a case file; allowed: a study"),
         (["check", study], f"{study}: is a study of the case file 'case.toml'"),
         (["show", case_file], f"no result in {case_file}: it is a file; name the folder of a run"),
     ):
         status, out, err = meeframe_command(*arguments)
         assert (status, out, len(err.splitlines())) == (2, "", 1)
-        assert err.startswith(f"error: {told}")
+        assert err.startswith(f"error: {reported}")
 
 
 def test_unwritable_output(case_file, tmp_path):
@@ -375,14 +375,14 @@ def test_compilation_is_announced_once_for_cached_kernels(tmp_path, monkeypatch)
         monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / str(module)))
         numba.njit(kernel, cache=cache)(1)
 
-    told = []
-    with progress._report_compilation(told.append):
+    reported = []
+    with progress._report_compilation(reported.append):
         for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)
-        assert not told
+        assert not reported
         for module in ("meeframe_kernels", "meeframe.greens._kernels"):
             compile_it(module, cache=True)
-            assert len(told) == 1
+            assert len(reported) == 1
     compile_it("meeframe", cache=True)
-    assert len(told) == 1
+    assert len(reported) == 1

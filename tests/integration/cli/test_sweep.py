@@ -108,7 +108,7 @@ def sweep(study, out, *options):
     return result.exit_code, result.stdout, result.stderr
 
 
-def opened(out):
+def read_dataset(out):
     with xarray.open_dataset(out / "sweep.h5", engine="h5netcdf") as dataset:
         return dataset.load()
 
@@ -124,7 +124,7 @@ def test_grid_end_to_end(study, tmp_path, log):
     status, output, _ = sweep(file, out)
     assert status == 0
     assert output.count("converged") == 12
-    dataset = opened(out)
+    dataset = read_dataset(out)
     assert dict(dataset.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "y": 5, "x": 5}
     assert dataset.zone_pressure.dims[-2:] == ("y", "x")
     assert (dataset.x.units, dataset.y.units, dataset.z.ndim) == ("m", "m", 0)
@@ -157,7 +157,7 @@ def test_grid_end_to_end(study, tmp_path, log):
     assert sweep(file, out)[0] == 0
     assert files(out) == before
     assert len(log("solved")) == 12, "the second time nothing is computed"
-    xarray.testing.assert_identical(opened(out), dataset)
+    xarray.testing.assert_identical(read_dataset(out), dataset)
 
 
 @pytest.mark.full
@@ -173,7 +173,7 @@ def test_longer_axis_reuses_finished_points(study, tmp_path, log):
     assert sweep(longer, out, "--overwrite")[0] == 0
     assert before.items() <= files(out).items()
     assert len(log("solved")) == 3
-    np.testing.assert_allclose(opened(out).max_pressure, [1e9, 2e9, 3e9])
+    np.testing.assert_allclose(read_dataset(out).max_pressure, [1e9, 2e9, 3e9])
     assert sweep(study(shorter), out, "--overwrite")[0] == 0
     assert files(out) == before, "what is no longer asked for is removed"
 
@@ -216,7 +216,7 @@ def test_failed_points_do_not_stop_the_others(study, tmp_path, log):
     out, file = tmp_path / "out", study(text)
     status, output, _ = sweep(file, out)
     assert status == 1
-    dataset = opened(out)
+    dataset = read_dataset(out)
     assert list(dataset.status.values) == ["converged", "refused", "not-converged", "refused", "converged"]
     np.testing.assert_array_equal(dataset.point, [1.0, 2.0, 3.0, 4.0, 5.0])
     assert np.isnan(dataset.max_pressure[[1, 3]]).all()
@@ -242,7 +242,7 @@ def test_zones_of_different_meshes_and_every_increment(study, tmp_path):
     """
     out = tmp_path / "out"
     assert sweep(study(text), out)[0] == 0
-    dataset = opened(out)
+    dataset = read_dataset(out)
     assert dataset.zone_pressure.dims == ("size", "node")
     assert dataset.x.dims == ("size", "node")
     np.testing.assert_array_equal(dataset["size"], [2, 4])
@@ -251,10 +251,10 @@ def test_zones_of_different_meshes_and_every_increment(study, tmp_path):
 
 
 @contextmanager
-def start_process(*arguments, told=os.devnull):
+def start_process(*arguments, output_file=os.devnull):
     """Yield a process in a separate process group that writes its output to a file; it is killed with its children
     at the end."""
-    with open(told, "w") as file:
+    with open(output_file, "w") as file:
         process = psutil.Popen(
             [sys.executable, *map(str, arguments)], stdout=file, stderr=subprocess.STDOUT, start_new_session=True
         )
@@ -289,7 +289,7 @@ def workers_of(process):
 def assert_as_uninterrupted(study, out, tmp_path):
     """Assert that results equal those of an uninterrupted sweep bit for bit, except for times."""
     assert_done(sweep(study, tmp_path / "whole"))
-    dataset, expected = opened(out).drop_vars("seconds"), opened(tmp_path / "whole").drop_vars("seconds")
+    dataset, expected = read_dataset(out).drop_vars("seconds"), read_dataset(tmp_path / "whole").drop_vars("seconds")
     xarray.testing.assert_identical(dataset, expected)
     np.testing.assert_allclose(dataset.max_pressure, 1e14 * DEPTHS, rtol=1e-9)
 
@@ -308,7 +308,7 @@ def test_resumes_after_its_process_ends(study, tmp_path, log, release, death, mo
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
-    with start_process("-c", MAIN, *command(file, out, "--workers", 2), told=message) as process:
+    with start_process("-c", MAIN, *command(file, out, "--workers", 2), output_file=message) as process:
         wait_for(lambda: len(files(out)) >= 2, process)
         children = process.children(recursive=True)
         if death is signal.SIGINT:
@@ -322,7 +322,7 @@ def test_resumes_after_its_process_ends(study, tmp_path, log, release, death, mo
     assert 2 <= len(before) < len(DEPTHS)
     assert (out / "sweep.h5").exists() == (death is not signal.SIGKILL)
     if death is not signal.SIGKILL:
-        partial = opened(out)
+        partial = read_dataset(out)
         assert (partial.status == "converged").sum() == len(before)
         assert (partial.status == "unfinished").sum() == len(DEPTHS) - len(before)
         assert (np.isnan(partial.max_pressure) == (partial.status == "unfinished")).all()
@@ -342,7 +342,7 @@ def test_interrupted_while_processes_start(study, tmp_path, log, end, monkeypatc
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
-    with start_process("-c", MAIN, *command(file, out, "--workers", 2), told=message) as process:
+    with start_process("-c", MAIN, *command(file, out, "--workers", 2), output_file=message) as process:
         wait_for(lambda: workers_of(process), process)
         children = process.children(recursive=True)
         if end is signal.SIGINT:
@@ -378,7 +378,7 @@ def assert_nothing_twice(out, log, before, solved):
 @pytest.mark.full
 def test_survives_killed_workers(study, tmp_path, log, release):
     out, file, message = tmp_path / "out", study(LINE, free=6), tmp_path / "told"
-    with start_process("-m", "meeframe", *command(file, out, "--workers", 2), told=message) as process:
+    with start_process("-m", "meeframe", *command(file, out, "--workers", 2), output_file=message) as process:
         wait_for(lambda: len(files(out)) >= 6, process)  # all points are assigned, and the others are delayed
         time.sleep(1)  # within milliseconds, the scheduler learns that these are no longer needed
         before, solved = files(out), log("solved")
@@ -505,7 +505,9 @@ def test_killed_scheduler_of_a_cluster(study, tmp_path, log, release):
     ):
         wait_for(lambda: position.exists() and position.stat().st_size, scheduler)
         address = json.loads(position.read_text())["address"]
-        with start_process("-m", "meeframe", *command(file, out, "--scheduler", address), told=message) as process:
+        with start_process(
+            "-m", "meeframe", *command(file, out, "--scheduler", address), output_file=message
+        ) as process:
             wait_for(lambda: len(files(out)) >= 2, process)
             scheduler.kill()
             status = process.wait(timeout=PATIENCE)

@@ -50,10 +50,13 @@ def states(law, compliance, distance):
 @pytest.mark.parametrize("steepness", [0.9, 1.1])
 def test_several_states_of_a_node_are_reported(bed, steepness):
     system = bed.half_space(8)
-    own = float(system.diagonal_blocks()[0, 2, 2])
-    law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
+    compliance_of_node = float(system.diagonal_blocks()[0, 2, 2])
+    law = Smooth(1e7, 1e-6, 1e7 * compliance_of_node / (4.0 * steepness))
     law = replace(law, range=10.0 * law.width)
-    most = max(states(law, own, law.range + part * own * law.stress) for part in np.linspace(0.3, 0.7, 201))
+    most = max(
+        states(law, compliance_of_node, law.range + part * compliance_of_node * law.stress)
+        for part in np.linspace(0.3, 0.7, 201)
+    )
     assert most == (3 if steepness > 1.0 else 1)
     step = SimpleNamespace(gap=np.full(64, 0.0), traction=np.full((64, 3), -1e6))
     message = " ".join(snap_in(system, law, step))
@@ -79,8 +82,8 @@ def test_reported_element_size_suffices(bed):
 
 
 def test_snap_in_is_reported_at_the_end_of_a_step(bed, frictional, system):
-    own = float(system.diagonal_blocks()[0, 2, 2])
+    compliance_of_node = float(system.diagonal_blocks()[0, 2, 2])
     for steepness, message in ((0.5, False), (1.5, True)):
-        law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
+        law = Smooth(1e7, 1e-6, 1e7 * compliance_of_node / (4.0 * steepness))
         path = bed.follow(frictional, system, Step(approach=2e-5, increments=2), contact_law=law)
         assert [SNAP in step.message for step in path.steps] == [False, message]

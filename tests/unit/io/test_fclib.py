@@ -146,7 +146,7 @@ def test_contacts_with_different_coefficients():
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", [Auto(), BarzilaiBorwein()], ids=lambda s: type(s).__name__)
 def test_more_contacts_than_degrees_of_freedom(solver):
-    """As for stacks of rigid bodies, W is singular and reactions are not unique, but the laws hold."""
+    """W is singular and reactions are not unique, as for stacks of rigid bodies, but the laws hold."""
     rng = np.random.default_rng(3)
     shape = rng.normal(size=(30, 75))
     local = LocalProblem(shape.T @ shape, rng.normal(size=75) - np.tile([3.0, 0, 0], 25), np.full(25, 0.5))

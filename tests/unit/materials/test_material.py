@@ -190,8 +190,10 @@ def test_mirror_images(table_3: Material, odd: str, magnetic: float) -> None:
     values = np.diag([-1.0, 1.0, 1.0, 1.0, magnetic])
     space = values[:3, :3]
     expected = np.einsum("ia,JB,KD,mc,aBDc->iJKm", space, values, values, space, material.stiffness)
-    computed, wanted, before = map(material.scaling.scale_stiffness, (mirrored.stiffness, expected, material.stiffness))
-    np.testing.assert_allclose(computed, wanted, atol=1e-14)
+    computed, reference, before = map(
+        material.scaling.scale_stiffness, (mirrored.stiffness, expected, material.stiffness)
+    )
+    np.testing.assert_allclose(computed, reference, atol=1e-14)
     assert not np.allclose(computed, before, atol=1e-3)
 
 

@@ -16,8 +16,8 @@ WIDTH = 0.02
 
 
 def flat_zone(name):
-    place = find_contact_zone(half_space_mesh(0.05, WIDTH, DIVISIONS, 2, ELEMENTS[name]), "contact")
-    return Zone(place.points, place.frames, place.weights, place.cells)
+    contact_zone = find_contact_zone(half_space_mesh(0.05, WIDTH, DIVISIONS, 2, ELEMENTS[name]), "contact")
+    return Zone(contact_zone.points, contact_zone.frames, contact_zone.weights, contact_zone.cells)
 
 
 def contact_area(zone, compressed, template):

@@ -53,7 +53,7 @@ class Prescribed(Solver):
 
 
 @pytest.mark.parametrize(
-    ("kind", "status", "said"),
+    ("kind", "status", "text"),
     [
         ("cycle", Status.CYCLING, "return"),
         ("grow", Status.DIVERGED, "grew"),
@@ -63,10 +63,10 @@ class Prescribed(Solver):
         ("wander", Status.STALLED, "stayed"),
     ],
 )
-def test_status_of_iterations_that_fail(kind: str, status: Status, said: str) -> None:
+def test_status_of_iterations_that_fail(kind: str, status: Status, text: str) -> None:
     solution = solve(problem(), Prescribed(kind), StoppingCriteria(stall_window=100, max_iterations=500))
     assert solution.status is status
-    assert said in solution.message
+    assert text in solution.message
     assert solution.iterations < 500
     assert solution.history[-1, 0] == solution.iterations
 

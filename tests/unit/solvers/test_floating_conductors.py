@@ -38,12 +38,12 @@ XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
 
 
 @pytest.mark.full(except_for=4)
-@pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
+@pytest.mark.parametrize("prescribed", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
 @pytest.mark.parametrize("condition", KAPPA)
-def test_resultants_recover_the_motions(condition, given) -> None:
+def test_resultants_recover_the_motions(condition, prescribed) -> None:
     problem = conducting_sphere(Signorini(), KAPPA[condition])
     expected = balanced_solution(problem, Uzawa()).state
-    free, motion = released(problem, expected, *given)
+    free, motion = released(problem, expected, *prescribed)
     # a law that jumps may have two solutions; from a nearby start all solvers agree
     near = replace(expected, load=1.001 * expected.load)
     for solver in ALL:

@@ -26,10 +26,10 @@ def pressed_sphere(law):
     return problem, -float(system.weights @ solve(problem, Uzawa()).state.load[:, 2])
 
 
-def driven(problem, *given):
-    """Return a problem with resultants `given` as (mode (3,) or (n, 3), total)."""
+def driven(problem, *resultants):
+    """Return a problem with prescribed resultants (mode (3,) or (n, 3), total)."""
     prescribed_resultants = []
-    for motion, total in given:
+    for motion, total in resultants:
         mode = np.zeros((len(problem.gap), 5))
         mode[:, :3] = motion
         prescribed_resultants.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, total))

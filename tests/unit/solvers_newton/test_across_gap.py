@@ -130,12 +130,12 @@ def test_solvers_agree(across, law, kappa, strength) -> None:
 
 
 @pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "translation", "potentials")])
+@pytest.mark.parametrize("prescribed", [("approach",), ("potentials",), ("approach", "translation", "potentials")])
 @pytest.mark.parametrize("solver", [SemismoothNewton(), BarzilaiBorwein()], ids=lambda solver: type(solver).__name__)
-def test_prescribed_forces_and_charges(across, solver, given) -> None:
+def test_prescribed_forces_and_charges(across, solver, prescribed) -> None:
     problem = across(IsotropicCoulomb(0.4), 1.0, 0.3, drag=0.3)
     held = solve(problem, SemismoothNewton())
-    free, motion = released(problem, held.state, *given)
+    free, motion = released(problem, held.state, *prescribed)
     solution = balanced_solution(free, solver)
     check_same(solution.state, held.state)
     np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-7)

@@ -217,9 +217,9 @@ def test_charge_with_conduction_at_highest_pressure_only(problem) -> None:
     equation = ContactResidual.of(problem)
     law = BeyondPressure(1.0 / equation.self_compliance[0, 0], 1.1 * equation.scales.pressure)
     problem = replace(problem.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
-    given = solve(problem, SemismoothNewton())
-    charge = problem.system.weights @ given.state.load[:, 3]
-    assert given.status == "converged"
+    reference = solve(problem, SemismoothNewton())
+    charge = problem.system.weights @ reference.state.load[:, 3]
+    assert reference.status == "converged"
     assert abs(charge) > 0.0
     mode = np.tile([0.0, 0.0, 0.0, -1.0, 0.0], (256, 1))
     resultant = PrescribedResultant(mode, -problem.system.weights[:, None] * mode, charge)

@@ -106,8 +106,8 @@ def test_contact_residual_agrees_with_independent_residual(law, name: str, chang
 
 
 def test_scale_of_potential_drops(make_problem) -> None:
-    """Where little conducts and where fractions are intermediate, the scale exceeds that of the rows of the contact
-    residual."""
+    """The scale exceeds that of the rows of the contact residual where little conducts and where fractions are
+    intermediate."""
     problem = make_problem(COULOMB, "perfect")
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
     assert ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
