@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import ClassVar, Final
+from typing import ClassVar, Final, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from meeframe.system.reduced import ReducedSystem
 
 AT_REST: Final = np.zeros(0)
 """Motion of an indenter without prescribed resultants."""
+Memory = TypeVar("Memory")
 
 
 class Status(StrEnum):
@@ -235,6 +236,12 @@ class Iterate:
     memory: object = None
     motion: Array = field(default_factory=lambda: AT_REST)
     estimate: float | None = None
+
+    def memory_as(self, kind: type[Memory]) -> Memory:
+        """Return the memory; raise TypeError unless it is of this kind, which the solver's `init` makes."""
+        if not isinstance(self.memory, kind):
+            raise TypeError("the iterate was not made by the init of this solver")
+        return self.memory
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ N_RIGID: Final = 6
 """Number of rigid motions of the indenter, which come before its potentials."""
 
 RIGID_MOTIONS: Final = {"approach": slice(0, 1), "translation": slice(1, 3), "tilt": slice(3, 5), "twist": slice(5, 6)}
-"""Places of the rigid motions among the degrees of freedom of the indenter."""
+"""Indices of the rigid motions among the degrees of freedom of the indenter."""
 
 RIGID_RESULTANTS: Final = {
     "normal_force": slice(0, 1),
@@ -22,7 +22,7 @@ RIGID_RESULTANTS: Final = {
     "moment": slice(3, 5),
     "torque": slice(5, 6),
 }
-"""Resultants conjugate to the rigid motions, at the same places."""
+"""Indices of the resultants, equal to those of their conjugate motions."""
 
 FORCE_RATIO: Final = "force_ratio"
 """Ratio of tangential to normal force, which may be prescribed in place of the tangential force."""
@@ -42,7 +42,7 @@ _RIGID_UNITS: Final = {
 
 @dataclass(frozen=True)
 class IndenterMotions:
-    """Names, places and units of the degrees of freedom of an indenter: six rigid motions and its potentials.
+    """Names, indices and units of the degrees of freedom of an indenter: six rigid motions and its potentials.
 
     Attributes
     ----------
@@ -60,22 +60,22 @@ class IndenterMotions:
 
     @cached_property
     def motions(self) -> Mapping[str, slice]:
-        """Place of each motion by name."""
+        """Indices of each motion by name."""
         return RIGID_MOTIONS | self._scalars([scalar.value_name for scalar in self.fields.scalars])
 
     @cached_property
     def resultants(self) -> Mapping[str, slice]:
-        """Place of each resultant by name, which is that of the motion on which it works."""
+        """Indices of each resultant by name, equal to those of its conjugate motion."""
         return RIGID_RESULTANTS | self._scalars([scalar.resultant for scalar in self.fields.scalars])
 
     @cached_property
     def columns(self) -> Mapping[str, slice]:
-        """Place of everything that a load step may prescribe."""
+        """Indices of all quantities that a load step may prescribe, by name."""
         return {**self.motions, **self.resultants, FORCE_RATIO: RIGID_RESULTANTS["tangential_force"]}
 
     @cached_property
     def units(self) -> Mapping[str, str]:
-        """SI unit of everything that a load step may prescribe."""
+        """SI units of all quantities that a load step may prescribe, by name."""
         scalars = (
             unit
             for scalar in self.fields.scalars
@@ -96,7 +96,7 @@ N_MOTIONS: Final = IndenterMotions().size
 """Number of degrees of freedom of the indenter with the default field set."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Indenter(ABC):
     """Rigid indenter; the fields of a concrete class are its case-file keys."""
 
@@ -124,16 +124,16 @@ class Indenter(ABC):
 def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fields: FieldSet = MEE) -> Array:
     """Return the motion of the indenter's surface per unit of each motion, (motions, n, fields), in local frames.
 
-    points: (n, 3) [m]; frames: (n, 3, 3) as in ReducedSystem; axes: rows e1, e2, axis of the indenter's place, (3, 3);
+    points: (n, 3) [m]; frames: (n, 3, 3) as in ReducedSystem; axes: rows e1, e2 and axis of the indenter, (3, 3);
     reference: point of the indenter about which it tilts and twists, (3,) [m]. Motions are small: approach against the
     axis, translation along e1 and e2, right-handed rotations about e1, e2 and the axis; a unit potential is -1 in its
     column, as in a displacement of ReducedSystem.
     """
-    turning = np.cross(axes[:, None, :], points - reference)
-    shifting = np.broadcast_to(np.array([-axes[2], axes[0], axes[1]])[:, None, :], turning.shape)
+    rotations = np.cross(axes[:, None, :], points - reference)
+    translations = np.broadcast_to(np.array([-axes[2], axes[0], axes[1]])[:, None, :], rotations.shape)
     potentials = np.arange(len(fields.scalars))
     modes = np.zeros((N_RIGID + len(potentials), len(points), fields.size))
-    modes[:N_RIGID, :, MECHANICAL] = np.einsum("nai,kni->kna", frames, np.concatenate([shifting, turning]))
+    modes[:N_RIGID, :, MECHANICAL] = np.einsum("nai,kni->kna", frames, np.concatenate([translations, rotations]))
     modes[N_RIGID + potentials, :, N_MECHANICAL + potentials] = -1.0
     return modes
 

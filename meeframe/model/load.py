@@ -172,7 +172,7 @@ def _assemble(
         formulation=table.formulation,
         solver=solver,
         limits=table.solver.record,
-        output=Output(table.output.figures, table.output.vtu, table.output.fields),
+        output=Output(table.output.figures, table.output.vtu, table.output.fields, table.output.step),
         second_body=second_body,
         title=table.title,
         text=text,

@@ -14,7 +14,7 @@ from meeframe.laws.base import is_adhesive
 from meeframe.mesh import find_contact_zone
 from meeframe.model.data import CaseData
 from meeframe.model.frames import frames_along
-from meeframe.model.history import ramped
+from meeframe.model.history import ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
@@ -55,7 +55,7 @@ def planned(kinematics: IndenterKinematics) -> Iterator[Increment]:
     """Yield the increment to the end of each load step; motions that are not prescribed keep their initial values."""
     here, controls = beginning(kinematics)
     for step in kinematics.case.steps:
-        controls = ramped(controls, here, step.prescribed)
+        controls = ramp(controls, here, step.prescribed)
         yield kinematics.increment(controls, here, step.increment_duration)
 
 

@@ -20,7 +20,7 @@ from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
-from meeframe.model.history import Converged, extrapolate, ramped
+from meeframe.model.history import ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
 from meeframe.model.systems import checked
@@ -183,14 +183,14 @@ def solve_steps(
         onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
-            controls = ramped(before, begin, step.prescribed, increment / step.increments)
+            controls = ramp(before, begin, step.prescribed, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
                 planned = kinematics.increment(controls, here, step.increment_duration)
                 start = _start(planned, last, here)
-                reached, result = _solve(kinematics, planned, here, start, (number, increment), share)
-                last, here = here if reached is not here else None, reached
+                end, result = _solve(kinematics, planned, here, start, (number, increment), share)
+                last, here = here if end is not here else None, end
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)
                 warns = boundary and ends and number == 1
@@ -216,7 +216,7 @@ def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float
     clock(stage, (done + fraction) / planned)
 
 
-def _start(increment: Increment, last: Converged | None, here: Converged) -> ContactState | None:
+def _start(increment: Increment, last: ConvergedState | None, here: ConvergedState) -> ContactState | None:
     """Return the initial guess of an increment: the converged state, or its continuation.
 
     Where surfaces attract each other or conduct, or friction depends on the slip, several solutions may exist: the one
@@ -243,11 +243,11 @@ def _start(increment: Increment, last: Converged | None, here: Converged) -> Con
 def _solve(
     kinematics: IndenterKinematics,
     increment: Increment,
-    here: Converged,
+    here: ConvergedState,
     start: ContactState | None,
     numbers: tuple[int, int],
     progress: Progress,
-) -> tuple[Converged, StepResult]:
+) -> tuple[ConvergedState, StepResult]:
     """Return the state after an increment, or the one before if it does not converge, and its result.
 
     start: initial guess of the solver; numbers: of the step and the increment.
@@ -258,11 +258,11 @@ def _solve(
     increment = replace(increment, problem=problem)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
-    solution = replace(solution, state=kinematics.settled(increment, solution.state, touches))
+    solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))
     region = regions(increment, solution, touches)
-    reached = kinematics.reached(increment, solution.state, touches, here)
-    result = _step_result(kinematics, increment, here, reached, solution, region, numbers)
-    return (reached if solution.status is Status.CONVERGED else here), result
+    end = kinematics.converged_state(increment, solution.state, touches, here)
+    result = _step_result(kinematics, increment, here, end, solution, region, numbers)
+    return (end if solution.status is Status.CONVERGED else here), result
 
 
 def provenance(case: Case) -> Provenance:
@@ -281,8 +281,8 @@ def _software() -> dict[str, str]:
 def _step_result(
     kinematics: IndenterKinematics,
     increment: Increment,
-    start: Converged,
-    reached: Converged,
+    start: ConvergedState,
+    end: ConvergedState,
     solution: ContactSolution,
     region: Indices,
     numbers: tuple[int, int],
@@ -292,7 +292,7 @@ def _step_result(
     displacement, potentials, second_body = _surfaces(kinematics.system, state)
     return StepResult(
         loading=Loading.of(
-            reached.motion,
+            end.motion,
             increment.prescribed,
             kinematics.reference,
             kinematics.case.placement.base,
@@ -308,8 +308,8 @@ def _step_result(
         fluxes=fluxes,
         contact_fraction=state.contact_fraction,
         slip=slip_of(increment, state),
-        total_slip=reached.total_slip,
-        slip_path=reached.slip_path,
+        total_slip=end.total_slip,
+        slip_path=end.slip_path,
         dissipation=kinematics.dissipation(increment, start, state, region),
         region=region,
         status=solution.status,

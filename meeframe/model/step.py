@@ -25,7 +25,7 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class Step:
-    """Load step in SI units; quantities that it does not name stay as the previous step left them.
+    """Load step in SI units; quantities that it does not name keep their values of the previous step.
 
     For each of the indenter's motions either the motion, from where it just touched, or the conjugate resultant is
     given. Axes, signs and reference point are those of Loading and `resultants`. Texts with units, such as "5 N",
@@ -122,13 +122,13 @@ def _in_si(key: str, value: Any, motions: IndenterMotions) -> Any:
         if isinstance(value, str):
             return quantity.convert(value)
         if isinstance(value, list | tuple):
-            value = tuple(quantity.convert(part) if isinstance(part, str) else part for part in value)
+            value = tuple(quantity.convert(number) if isinstance(number, str) else number for number in value)
         numbers = np.asarray(value)
         if value is not None and numbers.dtype.kind not in "fiu":
             raise ValueError(f"expected {quantity.expected}")
     except ValueError as error:
         raise CaseError(f"{key} = {value!r}: {error}") from None
-    # arrays as well, which neither compare nor stay fixed
+    # also of arrays, which are mutable and not comparable
     return numbers.item() if numbers.size == 1 else tuple(numbers.tolist())
 
 

@@ -47,9 +47,13 @@ if TYPE_CHECKING:
     from meeframe.greens.base import FundamentalSolution as FundamentalSolution
     from meeframe.greens.base import Kernel as Kernel
     from meeframe.indenters.base import Indenter as Indenter
+    from meeframe.indenters.heights import HeightGrid as HeightGrid
     from meeframe.indenters.heights import SampledHeights as SampledHeights
+    from meeframe.laws.base import AdhesiveLaw as AdhesiveLaw
     from meeframe.laws.base import ConductivityLaw as ConductivityLaw
     from meeframe.laws.base import ContactLaw as ContactLaw
+    from meeframe.laws.base import LawWithMemory as LawWithMemory
+    from meeframe.laws.base import ResolventLaw as ResolventLaw
     from meeframe.laws.base import StepLengths as StepLengths
     from meeframe.laws.base import augmented_traction as augmented_traction
     from meeframe.laws.base import contact_traction as contact_traction
@@ -67,6 +71,7 @@ if TYPE_CHECKING:
     from meeframe.mesh.zone import local_frames as local_frames
     from meeframe.plugin.hookspecs import Record as Record
     from meeframe.plugin.hookspecs import hookimpl as hookimpl
+    from meeframe.system.capabilities import INTERIOR_STAGE as INTERIOR_STAGE
     from meeframe.system.capabilities import AnyArray as AnyArray
     from meeframe.system.capabilities import ApproximateInverse as ApproximateInverse
     from meeframe.system.capabilities import Coarsening as Coarsening
@@ -112,8 +117,11 @@ _HOMES = {
     "Quantity": "meeframe.fields.units",
     "check_quantities": "meeframe.fields.units",
     # Laws
+    "AdhesiveLaw": "meeframe.laws.base",
     "ConductivityLaw": "meeframe.laws.base",
     "ContactLaw": "meeframe.laws.base",
+    "LawWithMemory": "meeframe.laws.base",
+    "ResolventLaw": "meeframe.laws.base",
     "StepLengths": "meeframe.laws.base",
     "augmented_traction": "meeframe.laws.base",
     "contact_traction": "meeframe.laws.base",
@@ -123,6 +131,7 @@ _HOMES = {
     "OrthotropicCoulomb": "meeframe.laws.coulomb",
     # Indenters
     "Indenter": "meeframe.indenters.base",
+    "HeightGrid": "meeframe.indenters.heights",
     "SampledHeights": "meeframe.indenters.heights",
     # Elements and fundamental solutions
     "SurfaceElement": "meeframe.elements.base",
@@ -166,6 +175,7 @@ _HOMES = {
     "EdgeResolution": "meeframe.system.capabilities",
     "FieldwiseApply": "meeframe.system.capabilities",
     "IndenterEdge": "meeframe.system.capabilities",
+    "INTERIOR_STAGE": "meeframe.system.capabilities",
     "InteriorFields": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",

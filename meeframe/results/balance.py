@@ -19,7 +19,7 @@ _CLOSED: Final = 1e-6
 """Largest integral of the normal over a closed surface, as a fraction of its area."""
 _ROUNDING: Final = 1e-10
 """Fraction of the largest work of a field below which a field is zero but for rounding."""
-NOTICED: Final = 0.02
+WARNING_THRESHOLD: Final = 0.02
 """Relative unbalance above which a warning is given."""
 
 
@@ -93,10 +93,10 @@ def unbalance_warning(
 ) -> Iterator[str]:
     """Yield a warning if the fields on the boundary are noticeably out of equilibrium; arguments as for `unbalance`."""
     result = unbalance(boundary, contact_fluxes)
-    if result is None or result.relative.max() <= NOTICED:
+    if result is None or result.relative.max() <= WARNING_THRESHOLD:
         return
     shares = zip(balanced_names(fields), result.relative, strict=True)
-    texts = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > NOTICED)
+    texts = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > WARNING_THRESHOLD)
     yield (
         f"tractions and fluxes on the boundary violate equilibrium by {texts}: those at supports and grounds have "
         "errors of this size, which more elements there reduce; those of the contact are not affected"

@@ -58,13 +58,13 @@ class Region(IntEnum):
 class Loading:
     """Position of the indenter in one increment, with the resultants that were prescribed.
 
-    approach: along its axis into the body [m]; translation: (2,) across its axis, along e1 and e2 of its place [m];
+    approach: along its axis into the body [m]; translation: (2,) across its axis, along e1 and e2 of its axes [m];
     tilt: (2,) about e1 and e2, twist: about the axis, right-handed [rad]; scalars: the potentials of its surface by
     name, where the laws conduct, such as "electric_potential" [V]; each is an attribute by this name, too. All are
     measured from where the indenter just touched, and are results of the computation where they were free.
     prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
     reference: its lowest point where it just touched, about which it rotates, (3,) in global axes [m]; axes: rows e1,
-    e2, axis of its place, (3, 3); duration: of the increment, None if its load step names none [s].
+    e2, axis of the indenter, (3, 3); duration: of the increment, None if its load step names none [s].
     """
 
     approach: float

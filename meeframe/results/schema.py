@@ -60,11 +60,11 @@ class NodalField:
     stored
         Condition under which result files hold it.
     views
-        Further places that show it.
+        Further outputs that show it.
     attribute, column
         Attribute of StepResult, and column of it, that a result file restores from it; "" if it follows from others.
     integer
-        True if its values are whole numbers.
+        True if its values are integers.
     """
 
     name: str

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +17,7 @@ from meeframe.results import schema
 from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
 from meeframe.results.records import Result, RunStatus, StepResult, Zone, resultants
+from meeframe.results.selection import Which, select
 
 AT_BOUNDARY: Final = (
     "the contact reaches the boundary of its zone and is cut off there: forces and areas are inaccurate"
@@ -103,12 +104,15 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def summary_table(result: Result) -> RenderableType:
-    """Return the summary for the terminal: a line on the run and a table with a column for the end of each step."""
+def summary_table(result: Result, which: Sequence[Which] = ()) -> RenderableType:
+    """Return the summary for the terminal: a line on the run and a table with a column for each of some increments.
+
+    These are the chosen ones (see `select`); by default the last one of each load step, and that of the peak load.
+    """
     table = LiteralTable(result.provenance.title)
     table.add_column("")
     table.add_column("unit")
-    shown = [step for step, after in zip(result.steps, (*result.steps[1:], None), strict=True) if _ends(step, after)]
+    shown = [select(result, one) for one in which] or _ends_and_peak(result)
     for step in shown:
         table.add_column(name_of(result, step), justify="right")
     totals = [schema.totals(result.zone, step) for step in shown]
@@ -174,9 +178,11 @@ def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
         yield word, unit, [float(value[i]) for value in values]
 
 
-def _ends(step: StepResult, after: StepResult | None) -> bool:
-    """Return whether an increment is the last one of its step so far."""
-    return after is None or after.step != step.step
+def _ends_and_peak(result: Result) -> list[StepResult]:
+    """Return the last increment of each load step so far, and that of the peak load."""
+    ends = {step.step: step for step in result.steps}
+    peak = select(result) if result.steps else None
+    return [step for step in result.steps if step is peak or step is ends[step.step]]
 
 
 def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:

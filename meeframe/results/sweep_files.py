@@ -1,6 +1,7 @@
 """Files of a sweep: sweep.h5, which xarray opens, and sweep.json, which identifies the folder's points."""
 
 import json
+import re
 import shutil
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -24,6 +25,8 @@ LIST_FILE: Final = "sweep.json"
 POINTS: Final = "points"
 SYSTEMS: Final = "systems"
 NODE: Final = "node"
+_KEY: Final = re.compile(r"[0-9a-f]{64}", re.ASCII)
+"""Pattern of the key of a point, which is also the name of its folder."""
 _SAME_LINE: Final = 1e-9
 """Distance of nodes on one line of a grid, as a fraction of the extent of the grid."""
 
@@ -132,7 +135,8 @@ def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> Iterato
 
     keys: of its points. Existing points with these keys remain. With overwrite, points of another sweep are removed
     that are not in this one. Raises ResultError if it cannot be written, or while another process writes a sweep there;
-    and unless overwrite is true if it holds anything else, or another sweep.
+    if sweep.json lists anything but keys of points, or if `points` or `systems` is a link; and unless overwrite is true
+    if it holds anything else, or another sweep.
     """
     check_output(folder, overwrite or _held(folder) is not None or _begun(folder))
     with locked(folder):
@@ -142,6 +146,9 @@ def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> Iterato
 
 def _make_ready(folder: Path, wanted: set[str], overwrite: bool) -> None:
     held = _held(folder)
+    for path in (folder / SYSTEMS, folder / POINTS):
+        if path.is_symlink():  # files that sweeps remove would be those of another folder
+            raise ResultError(f"{path} is a symbolic link; allowed: a folder that a sweep created")
     if held is not None and held != wanted and not overwrite:
         raise ResultError(
             f"folder {folder} holds another sweep, {len(held & wanted)} of its {len(held)} points are in this one of "
@@ -155,7 +162,8 @@ def _make_ready(folder: Path, wanted: set[str], overwrite: bool) -> None:
         for leftover in (*folder.glob(".sweep.*"), *folder.glob(f"{SYSTEMS}/.*")):
             leftover.unlink(missing_ok=True)  # by a worker that is just ending
         for leftover in folder.glob(f"{POINTS}/.*"):
-            shutil.rmtree(leftover)
+            if _KEY.fullmatch(leftover.name[1:]):
+                shutil.rmtree(leftover)
         for key in (held or set()) - wanted:
             shutil.rmtree(folder / POINTS / key, ignore_errors=True)
         if held is not None and held != wanted:
@@ -192,9 +200,19 @@ def _begun(folder: Path) -> bool:
 
 
 def _held(folder: Path) -> set[str] | None:
-    """Return the keys of the points of the sweep that a folder holds; None if it holds none."""
+    """Return the keys of the points of the sweep that a folder holds; None if it holds none.
+
+    Raises ResultError for a key that is not of the form that sweeps write: keys are names of folders that are removed.
+    """
     try:
         table = json.loads((folder / LIST_FILE).read_text(encoding="utf-8"))
-        return set(table["points"]) if table["format"] == FORMAT else None
-    except (OSError, ValueError, KeyError, TypeError):
+        keys = list(table["points"]) if table["format"] == FORMAT else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
+    for key in keys or ():
+        if not (isinstance(key, str) and _KEY.fullmatch(key)):
+            raise ResultError(
+                f"{folder / LIST_FILE}: points lists {key!r:.100}; allowed: keys of 64 hexadecimal digits, as a sweep "
+                "writes them; remove the file if it is not of a sweep, or name another folder"
+            )
+    return None if keys is None else set(keys)

@@ -10,6 +10,7 @@ from scipy.linalg import LinAlgWarning
 from meeframe.common.blas import ONE_BLAS_THREAD
 from meeframe.common.memory import keep_freed_memory
 from meeframe.contact.conduction import MIN_TRACTION
+from meeframe.contact.free_motion import reachable_start
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
 from meeframe.laws.base import contact_conductivity
 from meeframe.solvers.stopping import ConvergenceMonitor, StoppingCriteria
@@ -52,7 +53,7 @@ def solve(
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore", category=LinAlgWarning), ONE_BLAS_THREAD:
         monitor = ConvergenceMonitor(problem, solver, criteria)
         tolerances = (criteria.tolerance,) if criteria.by_residual else ()
-        iterate = solver.init(problem, start, *tolerances)
+        iterate = solver.init(problem, reachable_start(problem, start), *tolerances)
         monitor.begin(iterate)
         while monitor.outcome is None:
             iterate = solver.step(problem, iterate)

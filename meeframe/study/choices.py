@@ -83,7 +83,7 @@ def read_choices(options: Mapping[str, Sequence[str]]) -> dict[str, list[Choice]
     Raises
     ------
     CaseError
-        For an invalid choice, a choice that is is given twice, or if there are no choices at all.
+        If a choice is invalid or repeated, or if there are no choices at all.
     """
     chosen = {option: [Choice.read(option, text) for text in options.get(option, ())] for option in OPTIONS}
     for option, entries in chosen.items():

@@ -13,12 +13,13 @@ evaluates a solution inside the body.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.fields import Array, Indices
+from meeframe.system.reduced import Progress, silent
 
 if TYPE_CHECKING:
     from meeframe.system.reduced import ReducedSystem
@@ -162,11 +163,15 @@ class EdgeResolution(ABC):
         """
 
 
+INTERIOR_STAGE: Final = "interior fields"
+"""Name of the stage in which fields inside a body are evaluated."""
+
+
 class InteriorFields(ABC):
     """Fields at points inside the body, for a load on the contact zone."""
 
     @abstractmethod
-    def evaluate(self, load: Array, points: Array) -> "PointFields":
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> "PointFields":
         """Return the fields at points inside the body.
 
         Parameters
@@ -175,6 +180,8 @@ class InteriorFields(ABC):
             Load as in `ReducedSystem.apply`.
         points : (m, 3) array
             Positions in global axes [m].
+        progress : callable, optional
+            Function that receives the stage `INTERIOR_STAGE` and the fraction of the points that is done.
 
         Raises
         ------

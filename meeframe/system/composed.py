@@ -35,7 +35,7 @@ from meeframe.system.capabilities import (
     diagonal,
     rescale_inverse,
 )
-from meeframe.system.reduced import NodalFields, ReducedSystem
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
 C = TypeVar("C")
 TANGENTIAL: Final = (0, 1)
@@ -80,8 +80,8 @@ class Rotation:
         return not any(isinstance(entry, np.ndarray) for entry in self.entries.values())
 
     @cached_property
-    def mixed(self) -> tuple[frozenset[int], ...]:
-        """For each field all fields that depend on each other with it."""
+    def coupled_fields(self) -> tuple[frozenset[int], ...]:
+        """For each field, all fields coupled to it, itself included."""
         groups = [{field} for field in range(self.n_fields)]
         for i, j in self.entries:
             if groups[i] is not groups[j]:
@@ -91,8 +91,8 @@ class Rotation:
         return tuple(frozenset(group) for group in groups)
 
     def closure(self, fields: Sequence[int]) -> list[int]:
-        """Return the fields that the given ones depend on; the given ones, in their order, if these are all."""
-        closed = frozenset[int]().union(*(self.mixed[field] for field in fields))
+        """Return all fields coupled to some fields; the latter, in their order, if they are coupled to no others."""
+        closed = frozenset[int]().union(*(self.coupled_fields[field] for field in fields))
         return list(fields) if len(closed) == len(fields) else sorted(closed)
 
     def at(self, nodes: Indices) -> "Rotation":
@@ -207,11 +207,10 @@ class ComposedSystem(
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself if its bodies allow it to forward a capability, else None.
 
-        Products in some fields need one body that has them. The approximate inverse is that
-        of the first body. Coarsening and restriction need all bodies, coarsening on the same nodes and without extra
-        compliance. Edge resolution needs all
-        bodies, and no correction already in place. Interior fields are those of the first body. Persistence is not
-        forwarded: bodies are stored one by one.
+        Products in some fields need one body that has them. The approximate inverse is that of the first body.
+        Coarsening and restriction need all bodies, coarsening on the same nodes and without extra compliance. Edge
+        resolution needs all bodies, and no correction already in place. Interior fields are those of the first body.
+        Persistence is not forwarded: bodies are stored one by one.
         """
         systems, corrected = [term.system for term in self.terms], self.extra_compliance is not None
         has = [system.capability(kind) is not None for system in systems]
@@ -250,14 +249,14 @@ class ComposedSystem(
         fields = range(self.n_fields)
         return self.terms[0].system.recover(self.terms[0].to_body(load, fields, fields))
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields inside the first body."""
         fields = range(self.n_fields)
         interior = _required(self.terms[0].system, InteriorFields)
-        return interior.evaluate(self.terms[0].to_body(load, fields, fields), points)
+        return interior.evaluate(self.terms[0].to_body(load, fields, fields), points, progress)
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return the sum of the products of the bodies in the fields that depend on the given ones."""
+        """Return the displacement in some fields as the sum of the products of the bodies."""
         return self._sum([partial(apply_fields, term.system) for term in self.terms], load, loaded, fields)
 
     def diagonal(self, fields: Sequence[int]) -> Array:
@@ -272,7 +271,7 @@ class ComposedSystem(
         return self.diagonal_blocks()[:, list(fields), list(fields)]
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
-        """Return that of the first body, rescaled for the compliance that the others and corrections add at nodes.
+        """Return the inverse of the first body, rescaled for the nodal compliance of the other bodies and corrections.
 
         None if the rotation of the first body mixes these fields with others.
         """

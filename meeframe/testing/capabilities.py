@@ -5,8 +5,10 @@ from itertools import product
 from typing import Final
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
-from meeframe.fields import Array, Indices
+from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
+from meeframe.material.half_space import surface_compliance
 from meeframe.system.capabilities import (
     ApproximateInverse,
     Coarsening,
@@ -17,6 +19,7 @@ from meeframe.system.capabilities import (
     Multigrid,
     Restriction,
     Subsystem,
+    apply_fields,
 )
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.requirements import require
@@ -40,12 +43,20 @@ CANCELLED: Final = 0.1
 """Displacements below this fraction of a typical one may be sums that cancel, as couplings of two similar bodies."""
 CONTACT: Final = 0.6
 """Half axes of the elliptic contact with which edge corrections are tested, in half widths of the zone."""
+AREA_ERROR: Final = 0.1
+"""Largest relative error of the area in contact from area fractions; half a spacing at the edge is more."""
+RESULTANT_ERROR: Final = 0.01
+"""Largest relative error of the resultant of a circular punch with an edge correction."""
 COARSE_ERROR: Final = 0.2
 """Largest difference of responses to a smooth load on a coarser division, relative to the largest displacement."""
 INTERIOR_STEP: Final = 1e-3
 """Step of the differences of interior values, in widths of the zone."""
+DEPTHS: Final = (0.15, 0.3)
+"""Depths [widths of the zone] from which interior values are extrapolated to the surface."""
+SURFACE_ERROR: Final = 0.1
+"""Largest relative error of the extrapolated values."""
 INTERIOR_ERROR: Final = 0.2
-"""Largest relative error of these differences; gradients of finite elements jump between elements."""
+"""Largest relative error of differences of interior values; gradients of finite elements jump between elements."""
 
 
 def check_capabilities(system: ReducedSystem) -> None:
@@ -94,7 +105,7 @@ def check_fieldwise_apply(system: ReducedSystem) -> None:
 
 
 def check_approximate_inverse(system: ReducedSystem) -> None:
-    """Check that `approximate_inverse` is linear and roughly recovers loads inside the zone from displacements."""
+    """Check that `approximate_inverse` is linear and approximately recovers loads inside the zone."""
     approximate = system.capability(ApproximateInverse)
     if approximate is None:
         return
@@ -146,7 +157,7 @@ def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:
 
 
 def check_restriction(system: ReducedSystem) -> None:
-    """Check that parts of the zone contain the requested nodes and respond to loads there as the whole does."""
+    """Check that parts of the zone contain the requested nodes and respond to loads there as the whole zone does."""
     restriction = system.capability(Restriction)
     if restriction is None:
         return
@@ -163,7 +174,7 @@ def check_restriction(system: ReducedSystem) -> None:
 
 
 def check_subsystem(system: ReducedSystem, subsystem: Subsystem, requested: Indices) -> None:
-    """Check that a part contains the requested nodes (k,), with their data, and responds as the whole does."""
+    """Check that a part contains the requested nodes (k,), with their data, and responds as the whole zone does."""
     nodes, there = subsystem.nodes, subsystem.system
     distinct = len(np.unique(nodes)) == len(nodes) == len(there.points) < len(system.points)
     require(distinct, "nodes of a subsystem are not distinct nodes of the system", len(nodes))
@@ -188,23 +199,86 @@ def check_edge_correction(system: ReducedSystem) -> None:
     resolution = system.capability(EdgeResolution)
     if resolution is None:
         return
-    r = np.linalg.norm(_normalized_positions(system), axis=1) / CONTACT
+    positions = _normalized_positions(system)
+    r = np.linalg.norm(positions, axis=1) / CONTACT
     pressure = np.sqrt(np.maximum(1.0 - r**2, 0.0)) * typical_load(system)[2]
-    n = len(pressure)
+    n, n_fields = system.offset.shape
     far = IndenterEdge(np.full(n, np.inf), np.zeros((n, 2)), np.full(n, np.inf))
-    for edge in (None, far):
-        result = resolution.edge_correction(pressure, edge)
+    radius, punch_edge, punch_pressure = _circular_punch(system)
+    ellipse = np.pi * np.prod(CONTACT * _half_widths(system))
+    alone, unchanged, punch = (
+        resolution.edge_correction(load, edge)
+        for load, edge in ((pressure, None), (pressure, far), (punch_pressure, punch_edge))
+    )
+    same = np.array_equal(alone.extra_compliance, unchanged.extra_compliance)
+    require(same, "an indenter's edge far away changes the correction", n)
+    for result, load, area in ((alone, pressure, ellipse), (punch, punch_pressure, np.pi * radius**2)):
         extra, fraction = result.extra_compliance, result.area_fraction
-        fits = extra.shape == (n, 5, 5) and fraction.shape == (n,) and bool(np.isfinite(extra).all())
-        require(fits, "edge_correction gives no finite arrays (n, 5, 5) and (n,)", extra.shape)
+        fits = extra.shape == (n, n_fields, n_fields) and fraction.shape == (n,) and bool(np.isfinite(extra).all())
+        require(fits, "edge_correction gives no finite arrays (n, fields, fields) and (n,)", extra.shape)
         require(bool(((fraction >= 0.0) & (fraction <= 1.0)).all()), "an area fraction is not in [0, 1]", fraction)
-        inside = pressure > 0.5 * pressure.max()
+        inside = load > 0.5 * load.max()
         require(bool((fraction[inside] > 0.0).all()), "a node under pressure has no area in contact", fraction)
-        require(bool(extra.any()), "no node responds more to its load at the edge of an ellipse", n)
+        error = float(abs(system.weights @ fraction / area - 1.0))
+        require(error < AREA_ERROR, "area fractions do not add up to the area inside the contact edge", error)
+        require(bool(extra.any()), "no node responds more to its load at the contact edge", n)
         unit = typical_load(system)
         scaled = unit[:, None] * extra * unit
         lowest = float(np.linalg.eigvalsh(scaled + scaled.transpose(0, 2, 1)).min())
         require(lowest >= -ROUND_OFF * np.abs(scaled).max(), "extra compliance gains energy from a load", lowest)
+
+
+def check_edge_resultants(system: ReducedSystem, stiffness: Array) -> None:
+    """Check an edge correction against the resultants of circular punches on a half space, in one field at a time.
+
+    The compliance of `apply`, corrected at the edge of a circle, gives the load of a unit displacement of that circle.
+    Its resultant is 4 R / Y in closed form, with R the radius and Y the mean surface compliance of the field over all
+    directions (the density 1 / sqrt(R^2 - r^2) displaces the circle uniformly).
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        System of a homogeneous half space with a plane zone.
+    stiffness : Array
+        Extended stiffness of the half space, (3, fields, fields, 3), SI units.
+
+    Raises
+    ------
+    AssertionError
+        If a resultant differs by more than RESULTANT_ERROR.
+    """
+    resolution = system.capability(EdgeResolution)
+    if resolution is None:
+        return
+    radius, edge, pressure = _circular_punch(system)
+    correction = resolution.edge_correction(pressure, edge)
+    nodes = np.flatnonzero(correction.area_fraction > 0.0)
+    frame, n_fields = system.frames[0], system.n_fields
+    angles = np.linspace(0.0, np.pi, 64, endpoint=False)
+    directions = np.outer(np.cos(angles), frame[0]) + np.outer(np.sin(angles), frame[1])
+    to_local = np.eye(n_fields)
+    to_local[MECHANICAL, MECHANICAL] = frame
+    compliance = (to_local @ surface_compliance(stiffness, frame[2], directions) @ to_local.T).real.mean(axis=0)
+    for field in range(n_fields):
+        matrix = np.diag(correction.extra_compliance[nodes, field, field])
+        for column, node in enumerate(nodes):
+            load = np.zeros((len(system.points), 1))
+            load[node] = 1.0
+            matrix[:, column] += apply_fields(system, load, (field,), (field,))[nodes, 0]
+        resultant = float(system.weights[nodes] @ np.linalg.solve(matrix, np.ones(len(nodes))))
+        error = abs(resultant * abs(compliance[field, field]) / (4.0 * radius) - 1.0)
+        require(error < RESULTANT_ERROR, f"edge correction: the resultant of a circular punch in field {field}", error)
+
+
+def _circular_punch(system: ReducedSystem) -> tuple[float, IndenterEdge, Array]:
+    """Return the radius [m] of a circular punch at the centre of the zone, its edge and its pressure (n,) [Pa]."""
+    positions = _normalized_positions(system) * _half_widths(system)
+    radius, r = float(CONTACT * _half_widths(system).min()), np.linalg.norm(positions, axis=1)
+    outward = np.divide(positions, r[:, None], out=np.zeros_like(positions), where=r[:, None] > 0.0)
+    density = 1.0 / np.sqrt(np.maximum(1.0 - (r / radius) ** 2, 1e-3))
+    pressure = np.where(r < radius, density, 0.0) * typical_load(system)[2]
+    local = np.einsum("nai,ni->na", system.frames[:, :2, :2], outward)
+    return radius, IndenterEdge(radius - r, local, np.where(r < radius, np.inf, 0.0)), pressure
 
 
 def check_interior_fields(system: ReducedSystem) -> None:
@@ -234,6 +308,22 @@ def check_interior_fields(system: ReducedSystem) -> None:
     scaled, expected = slopes * unit[:, None], once.gradients[0] * unit[:, None]
     error = float(np.abs(scaled - expected).max() / np.abs(expected).max())
     require(error < INTERIOR_ERROR, "gradients inside the body are not the derivatives of the values", error)
+    error = _surface_error(system, interior, load, middle)
+    require(error < SURFACE_ERROR, "values inside the body do not tend to those of apply at its surface", error)
+
+
+def _surface_error(system: ReducedSystem, interior: InteriorFields, load: Array, node: int) -> float:
+    """Return the relative error of the displacement of a node by cubic extrapolation from DEPTHS below it."""
+    normal = system.frames[node, 2]
+    depths = float(np.ptp(system.points, axis=0).max()) * np.array(DEPTHS)
+    inside = interior.evaluate(load, system.points[node] - depths[:, None] * normal)
+    slopes = -np.einsum("mfi,i->mf", inside.gradients, normal)
+    extrapolated = CubicHermiteSpline(depths, inside.values, slopes)(0.0)
+    expected = (system.offset + system.apply(load))[node]
+    expected[MECHANICAL] = expected[MECHANICAL] @ system.frames[node]
+    expected[POTENTIALS] *= -1.0
+    unit = typical_load(system)
+    return float(np.abs((extrapolated - expected) * unit).max() / np.abs(expected * unit).max())
 
 
 def _error(system: ReducedSystem, result: Array, expected: Array, fields: Sequence[int]) -> float:
@@ -253,3 +343,9 @@ def _normalized_positions(system: ReducedSystem) -> Array:
     low, high = system.points.min(axis=0), system.points.max(axis=0)
     positions: Array = (2.0 * system.points - low - high)[:, :2] / (high - low)[:2]
     return positions
+
+
+def _half_widths(system: ReducedSystem) -> Array:
+    """Return the half widths of the zone along the first two axes, (2,) [m]."""
+    widths: Array = np.ptp(system.points, axis=0)[:2] / 2.0
+    return widths

@@ -16,7 +16,7 @@ from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.system.capabilities import EdgeResolution
 from meeframe.system.reduced import ReducedSystem
-from meeframe.testing.capabilities import check_capabilities
+from meeframe.testing.capabilities import check_capabilities, check_edge_resultants
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.manufactured import ExactField, LinearField, prescribe
@@ -74,6 +74,8 @@ def check_formulation(
         check_capabilities(system)
         check_persistence(formulation, body, system)
         check_edges(formulation, system)
+        if body.mesh.semi_infinite:
+            check_edge_resultants(system, body.stiffness)
         check_exact(system, field, tolerance)
         check_reciprocity(system, asymmetry)
         search_for(_LOADS_DRAWN, lambda example: check_energy(system, *example), examples=60)

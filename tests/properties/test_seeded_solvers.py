@@ -12,7 +12,7 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status, contact_gap
 from meeframe.fields import Array
 from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
-from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths, augmented_traction
+from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths, attraction, augmented_traction, resolve
 from meeframe.solvers import BarzilaiBorwein, ProjectedCG, SemismoothNewton, StoppingCriteria, Uzawa, solve
 from meeframe.system.dense import DenseSystem
 from meeframe.testing.contact import check_solver
@@ -186,7 +186,7 @@ def with_projection_only(problem: ContactProblem) -> ContactProblem:
 @dataclass(frozen=True)
 class WithoutAttraction(ProjectionOf):
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        return self.law.resolve(trial, gap, r)
+        return resolve(self.law, trial, gap, r)
 
 
 def without_attraction(problem: ContactProblem) -> ContactProblem:
@@ -198,10 +198,10 @@ class WithoutSlip(WithoutAttraction):
     """A friction limit without the influence of slip."""
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        return self.law.resolve(trial, gap * [0.0, 0.0, 1.0], r)
+        return resolve(self.law, trial, gap * [0.0, 0.0, 1.0], r)
 
     def adhesion(self, gap: Array) -> Array:
-        return self.law.adhesion(gap)
+        return attraction(self.law, gap)
 
 
 def without_slip(problem: ContactProblem) -> ContactProblem:

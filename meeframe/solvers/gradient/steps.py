@@ -278,11 +278,6 @@ class Conduction:
         return replace(self, contact_fraction=contact_fraction, switches=switches)
 
 
-def start_load(problem: ContactProblem, start: ContactState | None) -> Array:
-    """Return the load (n, fields) of the previous load step, zero if there is none."""
-    return np.zeros_like(problem.system.offset) if start is None else start.load
-
-
 def traction_of(load: Array) -> Array:
     """Return the tractions (n, 3) of a load (n, fields)."""
     return load[:, MECHANICAL]

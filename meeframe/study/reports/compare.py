@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 REFUSED: Final = "refused"
 UNFINISHED: Final = "unfinished"
 _ROUND_OFF: Final = 1e-6
-"""Tangential tractions below this part of the largest pressure are not drawn."""
+"""Tangential tractions below this fraction of the largest pressure are not drawn."""
 
 _RUNS_PER_TABLE: Final = 4
 """Number of runs side by side that fit in a terminal."""
@@ -138,9 +138,11 @@ def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]
         for name in _totals()
     }
     same = run.zone.points.shape == first.zone.points.shape and np.allclose(run.zone.points, first.zone.points)
-    for name, row in _fields().items():
+    for name, nodal_field in _fields().items():
         difference = (
-            _relative(lambda field: np.abs(field).max(), row.values(*state), row.values(*reference_state))
+            _relative(
+                lambda field: np.abs(field).max(), nodal_field.values(*state), nodal_field.values(*reference_state)
+            )
             if same
             else None
         )
@@ -179,7 +181,9 @@ def _numbers(run: ComparedRun, first: ComparedRun) -> dict[str, Any]:
         "increments": [_increment(run.zone, step) for step in run.steps],
         "differences": differences(run, first),
         "points": run.zone.points.tolist(),
-        "fields": {name: _plain(row.values(run.zone, last)) for name, row in _fields().items()} if last else {},
+        "fields": {name: _plain(nodal_field.values(run.zone, last)) for name, nodal_field in _fields().items()}
+        if last
+        else {},
     }
 
 
@@ -209,7 +213,11 @@ def comparison_table(comparison: Comparison) -> RenderableType:
     done = [run for run in runs if run.steps]
     last = [schema.totals(run.zone, run.steps[-1]) for run in done]
     selected = schema.shown_totals(schema.View.COMPARISON, last)
-    fields = [name for name, row in _fields().items() if any(row.values(run.zone, run.steps[-1]).any() for run in done)]
+    fields = [
+        name
+        for name, nodal_field in _fields().items()
+        if any(nodal_field.values(run.zone, run.steps[-1]).any() for run in done)
+    ]
     titles = [comparison.title, *[""] * (len(blocks) - 1)]
     tables = [
         _table(title, block, comparison.first, selected, fields) for title, block in zip(titles, blocks, strict=True)
@@ -242,10 +250,10 @@ def _table(
     table.add_column("unit")
     for run in runs:
         table.add_column("\n".join(run.choices.values()), justify="right")
-    for row in totals:
-        for i, label in enumerate(row.labels):
-            values = [float(_total(row.name, run)[i]) if run.steps else None for run in runs]
-            table.add_row(label, row.unit, *map(_format, values))
+    for total in totals:
+        for i, label in enumerate(total.labels):
+            values = [float(_total(total.name, run)[i]) if run.steps else None for run in runs]
+            table.add_row(label, total.unit, *map(_format, values))
     columns = [differences(run, first) for run in runs]
     for name in ("force", *fields):
         words = "force" if name == "force" else _fields()[name].label
@@ -269,7 +277,7 @@ def _format(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
 def comparison_figure(comparison: Comparison) -> "Figure | None":
     """Return sections along x through the middle of the zone with all runs; None if no increment is finished."""
     done = [run for run in comparison.runs if run.steps]
-    selected = [row for row in _fields().values() if _visible(row, done)]
+    selected = [nodal_field for nodal_field in _fields().values() if _visible(nodal_field, done)]
     if not selected:
         return None
     labels = [textwrap.fill(run.label, _LEGEND_WIDTH) for run in done]
@@ -277,9 +285,9 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     figure = sheet((9.0, 3.2 * math.ceil(len(selected) / 2) + 0.2 * lines))
     grid = figure.subplots(math.ceil(len(selected) / 2), 2, squeeze=False).ravel()
     length, of_length = lengths(run.zone for run in done)
-    for axes, row in zip(grid, selected, strict=False):
-        fields = [row.values(run.zone, run.steps[-1]) for run in done]
-        factor, unit = prefixed(np.concatenate(fields), row.unit)
+    for axes, nodal_field in zip(grid, selected, strict=False):
+        fields = [nodal_field.values(run.zone, run.steps[-1]) for run in done]
+        factor, unit = prefixed(np.concatenate(fields), nodal_field.unit)
         for number, (run, field) in enumerate(zip(done, fields, strict=True)):
             nodes, x = middle_line(run.zone)
             # wide lines below narrow ones, each dashed in another way, so that coinciding lines remain visible
@@ -291,7 +299,7 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
                 "ms": 2.5,
             }
             axes.plot(x / length, field[nodes] / factor, label=labels[number], **style)
-        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{row.label} [{unit}]")
+        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{nodal_field.label} [{unit}]")
         axes.grid(alpha=0.3)
     for axes in grid[len(selected) :]:
         axes.remove()
@@ -300,14 +308,14 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     return figure
 
 
-def _visible(row: NodalField, runs: list[ComparedRun]) -> bool:
+def _visible(field: NodalField, runs: list[ComparedRun]) -> bool:
     """Return whether a field exceeds round-off on the section; tractions are compared with the pressure."""
-    measure = _fields()["pressure"] if row.name.startswith("traction") else row
+    measure = _fields()["pressure"] if field.name.startswith("traction") else field
     largest, scale = (
         max(
-            (np.abs(each_field.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
+            (np.abs(each.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
             default=0,
         )
-        for each_field in (row, measure)
+        for each in (field, measure)
     )
     return bool(largest > _ROUND_OFF * scale)

@@ -10,9 +10,9 @@ from meeframe.contact.problem import Status
 from meeframe.study.reports.extrapolation import SECOND, Extrapolation, richardson
 
 _CANCELLED: Final = 0.01
-"""Quantities below this part of their scale are sums that cancel, for instance by symmetry, and are not compared."""
+"""Quantities below this fraction of their scale are sums that cancel, as by symmetry, and are not compared."""
 _NEGLIGIBLE: Final = 1e-6
-"""Quantities below this part of their physical scale are noise in fields that nothing couples, and are not compared."""
+"""Quantities below this fraction of their physical scale are noise in uncoupled fields, and are not compared."""
 _ITERATION: Final = 1e-5
 """Relative error of the iteration."""
 _RESOLVED: Final = 0.05

@@ -336,7 +336,7 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], thread
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
     """Return a client of new local processes or of a scheduler. Raises CaseError if the scheduler does not answer."""
     if scheduler is None:
-        options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": ":0"}
+        options = {"threads_per_worker": 1, "memory_limit": 0, "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
         with undisturbed():
             local = distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options)
             stack.callback(_close, local)

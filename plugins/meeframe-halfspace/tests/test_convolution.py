@@ -9,7 +9,7 @@ import pytest
 from meeframe_halfspace.cells import cell_table
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.entries import entries_to_matrix
-from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid, mean_length, whole_entry
+from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid, full_entry, mean_length
 from meeframe_halfspace.inverse import wave_inverse
 from meeframe_halfspace.response import PointResponse, scaled_compliance
 
@@ -175,7 +175,7 @@ def test_pickled_convolution_recomputes_entries() -> None:
     load = np.random.default_rng(6).normal(size=(5, 9, 14))
     expected = made.response(load, ALL, ALL)
     again = pickle.loads(pickle.dumps(made))
-    assert not again.symbol._kept
+    assert not again.symbol._values
     np.testing.assert_array_equal(again.response(load, ALL, ALL), expected)
 
 
@@ -185,7 +185,7 @@ def without_symmetry(made: Convolution) -> Convolution:
     assert parities is not None
     halves, positions = symbol.entries(symbol.numbers, np.dtype(float))
     assert halves.shape[2] == made.padded[1] // 2 + 1
-    entries = [whole_entry(halves[positions[number]], parities[number], made.padded[1]) for number in symbol.numbers]
+    entries = [full_entry(halves[positions[number]], parities[number], made.padded[1]) for number in symbol.numbers]
     return replace(made, symbol=Symbol.of(np.array(entries), symbol.numbers, None))
 
 

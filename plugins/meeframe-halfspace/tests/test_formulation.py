@@ -3,7 +3,7 @@ surfaces."""
 
 import pickle
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from threading import Barrier
 
@@ -22,6 +22,7 @@ from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.model.load import load_case
 from meeframe.system.capabilities import apply_fields
 from meeframe.testing import check_formulation, check_indentation
+from meeframe.testing.capabilities import check_edge_correction, check_edge_resultants
 from meeframe.testing.formulation import check_edges
 
 STIFFNESS = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
@@ -51,6 +52,35 @@ def test_kit_detects_undeclared_edge_resolution():
     system = HalfSpace(edges="resolved").reduce(body((24, 21)))
     with pytest.raises(AssertionError, match="resolves_edges does not tell"):
         check_edges(HalfSpace(), system)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda c: replace(c, extra_compliance=0.0 * c.extra_compliance), "no node responds more"),
+        (lambda c: replace(c, extra_compliance=-c.extra_compliance), "gains energy"),
+        (lambda c: replace(c, extra_compliance=0.5 * c.extra_compliance), "resultant of a circular punch in field 0"),
+        (lambda c: replace(c, extra_compliance=2.0 * c.extra_compliance), "resultant of a circular punch in field 0"),
+        (lambda c: replace(c, area_fraction=np.ceil(c.area_fraction)), "do not add up to the area"),
+    ],
+    ids=["no correction", "wrong sign", "half of it", "twice", "whole areas"],
+)
+def test_kit_rejects_wrong_edge_corrections(wrong, message):
+    right = HalfSpace(edges="resolved").reduce(body((24, 21)))
+
+    class WrongSystem(type(right)):
+        def edge_correction(self, pressure, indenter_edge=None):
+            return wrong(super().edge_correction(pressure, indenter_edge))
+
+    system = WrongSystem(**{entry.name: getattr(right, entry.name) for entry in fields(right) if entry.init})
+
+    def check(system):
+        check_edge_correction(system)
+        check_edge_resultants(system, STIFFNESS)
+
+    check(right)
+    with pytest.raises(AssertionError, match=message):
+        check(system)
 
 
 def test_indentation_kit():

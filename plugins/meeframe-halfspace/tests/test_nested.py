@@ -27,8 +27,10 @@ from meeframe.system.capabilities import (
     Coarsening,
     EdgeResolution,
     FieldwiseApply,
+    InteriorFields,
     Multigrid,
     Persistence,
+    PointFields,
     Restriction,
     Subsystem,
     diagonal,
@@ -361,7 +363,7 @@ def test_two_bodies_use_nested_grids() -> None:
 
 @final
 @dataclass(frozen=True, eq=False)
-class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restriction):
+class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restriction, InteriorFields):
     """A half space with a single incorrect capability."""
 
     inner: HalfSpaceSystem
@@ -413,6 +415,15 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
             return replace(part, system=WrongCapability.of(part.system, "loaded fields"))
         return replace(part, nodes=part.nodes[::-1]) if part is not None and self.wrong == "nodes of a part" else part
 
+    def evaluate(self, load: Array, points: Array) -> PointFields:
+        interior = self.inner.capability(InteriorFields)
+        assert interior is not None
+        fields = interior.evaluate(load, points)
+        if self.wrong == "gradients":
+            return replace(fields, gradients=-fields.gradients)
+        doubled = {name: 2.0 * getattr(fields, name) for name in ("values", "gradients", "fluxes")}
+        return replace(fields, **doubled) if self.wrong == "interior" else fields
+
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
@@ -420,6 +431,7 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
     + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal")]
     + [("single precision", "apply_fields of loads float32")]
+    + [("gradients", "are not the derivatives"), ("interior", "do not tend to those of apply at its surface")]
     + [("part", "lacks some of the requested nodes"), ("nodes of a part", "points of a subsystem are not")],
 )
 def test_wrong_capabilities_are_detected(wrong: str, message: str) -> None:

@@ -7,7 +7,7 @@ from meeframe_halfspace.cells import _pieces, _product_rules, cell_table, far_ta
 from meeframe_halfspace.entries import entries_to_matrix
 from meeframe_halfspace.kernels import _near, tabulate
 from meeframe_halfspace.kernels import cell_response as one_cell
-from meeframe_halfspace.response import mirrored
+from meeframe_halfspace.response import mirror_parity
 from scipy.integrate import dblquad
 
 from meeframe.common.errors import MaterialError
@@ -175,7 +175,9 @@ def test_far_cells_from_the_response_at_nodes(shape, rotated):
     near = near_size(spacing, size)
     assert near == (31, 39)
     whole = cell_table(response, spacing, shape, size)
-    assert [mirrored(response.entry(entry)[0]) for entry in (0, 1, 16, 19)] == ([0] * 4 if rotated else [1, -1, 1, -1])
+    assert [mirror_parity(response.entry(entry)[0]) for entry in (0, 1, 16, 19)] == (
+        [0] * 4 if rotated else [1, -1, 1, -1]
+    )
     computed_entry = np.stack([far_table(response, spacing, shape, size, entry) for entry in range(25)])
     far = np.ones(whole.shape[1:], bool)
     far[: near[0], size[1] - near[1] : size[1] + near[1] - 1] = False

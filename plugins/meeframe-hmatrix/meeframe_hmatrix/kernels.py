@@ -35,7 +35,7 @@ class Elements(NamedTuple):
     min_orders: np.ndarray
 
 
-class Points(NamedTuple):
+class QuadraturePoints(NamedTuple):
     """Quadrature points on elements, of which element i has those from starts[i] to starts[i + 1].
 
     Attributes
@@ -115,7 +115,7 @@ class Rows(NamedTuple):
 
     unknown: np.ndarray
     load: np.ndarray
-    rest: np.ndarray
+    known_terms: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -140,10 +140,10 @@ def orders_from_box(box, numbers, elements, table, accuracy, gauss, out):
 
 
 @njit(cache=True, nogil=True)
-def element_points(source, numbers, orders, places, elements, table, accuracy, gauss, out):
+def fill_quadrature_points(source, numbers, orders, xi, elements, table, accuracy, gauss, out):
     """Fill out with rules on elements (n,) for a source (3,): tensor rules of orders (n, 2), adaptive ones for order 0.
 
-    places: (n, 2) reference coordinates of the source in an element that contains it, else NaN. Returns the number of
+    xi: (n, 2) reference coordinates of the source in an element that contains it, else NaN. Returns the number of
     points, or a negative code of element_rule.
     """
     count = 0
@@ -157,7 +157,7 @@ def element_points(source, numbers, orders, places, elements, table, accuracy, g
             rectangular_rule(orders[i, 0], orders[i, 1], table.triangle, gauss, reference, weights)
         else:
             tolerance, anisotropy = accuracy.tolerance, accuracy.anisotropy
-            n = element_rule(source, nodes, table, places[i], tolerance, gauss, reference, weights, anisotropy)
+            n = element_rule(source, nodes, table, xi[i], tolerance, gauss, reference, weights, anisotropy)
             if n < 0:
                 return n
         rows = slice(count, count + n)
@@ -217,9 +217,9 @@ def enter(sums, rows, columns, window, out):
             if column >= 0:
                 _add_column(t[5 * j :], 1.0, rows, out.unknown, window.unknown[column])
             else:
-                _add_column(t[5 * j :], -columns.value_data[site, j], rows, out.rest, 0)
+                _add_column(t[5 * j :], -columns.value_data[site, j], rows, out.known_terms, 0)
     for j in range(5):
-        _add_column(constants[5 * j :], 1.0, rows, out.rest, 1 + j)
+        _add_column(constants[5 * j :], 1.0, rows, out.known_terms, 1 + j)
     for position in range(len(window.patches)):
         patch, u = window.patches[position], sums.fluxes[position]
         for j in range(5):
@@ -229,7 +229,7 @@ def enter(sums, rows, columns, window, out):
             elif load >= 0:
                 _add_column(u[5 * j :], 1.0, rows, out.load, window.load[load])
             else:
-                _add_column(u[5 * j :], columns.flux_data[patch, j], rows, out.rest, 0)
+                _add_column(u[5 * j :], columns.flux_data[patch, j], rows, out.known_terms, 0)
 
 
 @njit(cache=True, nogil=True)

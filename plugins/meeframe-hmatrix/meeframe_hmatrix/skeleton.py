@@ -8,7 +8,7 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def spread_out(points, low, high, count):
+def farthest_points(points, low, high, count):
     """Return the numbers of at most `count` of the points (n, 3), spread out as seen from a box.
 
     The first is the nearest to the box; each next one is the farthest from the previous ones relative to its distance
@@ -58,14 +58,14 @@ def enter_samples(u, t, rows, samples, squares):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def skeleton_sources(remainder, source, limit, mean):
+def skeleton_sources(remainder, source, limit, is_sketch):
     """Return ascending sources whose rows of a matrix (m, n) span all rows, and all rows in a basis of these (m, r).
 
     Overwrites the matrix; the basis is orthonormal. The third result is False if random sums represent less than a
     quarter of the norm. source: (m,) of each row, ascending. All rows of a source are used together, because they cost
     as much as one; the next source is the one whose rows are farthest from the span, until the Frobenius norm of the
-    remainder is at most `limit` (block Gram-Schmidt with pivoting). mean: the matrix is another one times random
-    vectors, and the norm is that of the other one: what r rows leave of it is represented by n - r vectors only.
+    remainder is at most `limit` (block Gram-Schmidt with pivoting). is_sketch: the matrix is another one times
+    random vectors, and the norm is that of the other one: what r rows leave of it is represented by n - r vectors only.
     """
     m, n = remainder.shape
     n_sources = source[-1] + 1
@@ -77,10 +77,10 @@ def skeleton_sources(remainder, source, limit, mean):
         squares[source[i]] += (remainder[i] ** 2).sum()
     rank, represented = 0, 1.0
     while squares.sum() > represented * limit * limit and not used.all():
-        worst = squares.argmax()
-        used[worst] = True
+        next_source = squares.argmax()
+        used[next_source] = True
         first = rank
-        for i in range(np.searchsorted(source, worst), np.searchsorted(source, worst, side="right")):
+        for i in range(np.searchsorted(source, next_source), np.searchsorted(source, next_source, side="right")):
             row = remainder[i].copy()
             norm = sqrt((row**2).sum())
             for _ in range(2):  # twice for round-off
@@ -101,7 +101,7 @@ def skeleton_sources(remainder, source, limit, mean):
                 square += remainder[i, q] ** 2
             if not used[source[i]]:
                 squares[source[i]] += square
-        if mean:
+        if is_sketch:
             represented = 1.0 - rank / n
             if represented < 0.25:
                 break

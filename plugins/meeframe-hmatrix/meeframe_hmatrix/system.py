@@ -26,25 +26,35 @@ from meeframe.plugin import (
     ReducedSystem,
     SurfaceMesh,
     TooLargeError,
+    silent,
 )
 from meeframe.plugin.boundary_elements import InteriorRepresentation, Layout, Units, boundary_fields
-from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
+from meeframe_hmatrix.arithmetic import (
+    Factors,
+    Form,
+    SplitFactors,
+    Truncation,
+    apply_inverse,
+    eliminate,
+    solve_block,
+    worker_pool,
+)
 from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, to_dense
-from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.clusters import ClusterTree
-from meeframe_hmatrix.packing import packed
+from meeframe_hmatrix.field_selection import merge_blocks, select_fields
+from meeframe_hmatrix.packing import pack
 from meeframe_hmatrix.product import Product, product_of
 from meeframe_hmatrix.truncated_inverse import TruncatedInverse, truncated_inverse
 from meeframe_hmatrix.truncation import precision
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
-"""Of the potentials in a displacement of ReducedSystem."""
-RESIDUAL: Final = 1e-10
-CYCLE, MOST_CYCLES = 50, 4
-"""Of GMRES: iterations of a cycle, and cycles."""
-MOST_PRODUCTS: Final = 8
-"""Between fields of load and displacement, that a system keeps."""
+"""Signs of the fields in a displacement of ReducedSystem."""
+RESIDUAL_TOLERANCE: Final = 1e-10
+RESTART_LENGTH, MAX_RESTARTS = 50, 4
+"""Bounds of GMRES: iterations between restarts, and restarts."""
+MAX_PRODUCTS: Final = 8
+"""Largest number of stored products between fields of load and displacement."""
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
 
 ARRAYS: Final = {"offset": (5,), "order": (), "to_load": (5, 5), "to_displacement": (5, 5), "node_compliance": (5, 5)}
@@ -81,8 +91,8 @@ class BoundarySystem:
     def solve(self, rhs: Array) -> tuple[Array, int]:
         """Return matrix^-1 @ rhs and the number of iterations. Raises CaseError if GMRES does not converge.
 
-        Flexible GMRES (that of SciPy, which carries a vector over to the next cycle) is used because factors in single
-        precision are not linear to the last digit.
+        Flexible GMRES (that of SciPy, which carries a vector over to the next restart) is used because factors in
+        single precision are not linear to the last digit.
         """
         if not rhs.any():
             return np.zeros_like(rhs), 0
@@ -96,15 +106,15 @@ class BoundarySystem:
         def precondition(x: Array) -> Array:
             nonlocal iterations
             iterations += 1
-            return solved(self.factors, x.reshape(-1, 1))[:, 0]
+            return apply_inverse(self.factors, x.reshape(-1, 1))[:, 0]
 
         size = (len(rhs), len(rhs))
         matrix = LinearOperator(size, lambda x: multiply(self.system.matrix, x.reshape(-1, 1))[:, 0], dtype=float)
         preconditioner = LinearOperator(size, precondition, dtype=float)
-        solution, unjudged = gcrotmk(
-            matrix, rhs, rtol=RESIDUAL, maxiter=MOST_CYCLES, M=preconditioner, m=CYCLE, k=1
-        )  # SciPy decides where a cycle begins
-        if unjudged and not np.linalg.norm(rhs - matrix @ solution) <= RESIDUAL * np.linalg.norm(rhs):  # NaN, too
+        solution, info = gcrotmk(
+            matrix, rhs, rtol=RESIDUAL_TOLERANCE, maxiter=MAX_RESTARTS, M=preconditioner, m=RESTART_LENGTH, k=1
+        )  # SciPy tests convergence only when a cycle begins
+        if info and not np.linalg.norm(rhs - matrix @ solution) <= RESIDUAL_TOLERANCE * np.linalg.norm(rhs):  # NaN, too
             raise CaseError(
                 f"the boundary element system is not solved after {iterations} iterations: it is nearly singular, or "
                 "the tolerance of the formulation is too large; try a smaller tolerance"
@@ -124,8 +134,8 @@ class BoundarySystem:
 def factorise(system: System, tolerance: float, progress: Progress) -> Factors:
     """Return the truncated factors of the matrix."""
     progress("elimination", 0.0)
-    with truncation(tolerance) as how:
-        return eliminate(system.matrix, how)
+    with truncation(tolerance) as settings:
+        return eliminate(system.matrix, settings)
 
 
 def condense(system: System, factors: Factors, tolerance: float, progress: Progress) -> Block:
@@ -134,11 +144,11 @@ def condense(system: System, factors: Factors, tolerance: float, progress: Progr
     It gives values (5 n) there for loads (5 n), both in the order of the tree and in units of the system.
     """
     progress("compliance", 0.0)
-    assert isinstance(factors, EliminatedSplit)
-    with truncation(tolerance) as how:
-        reduced = solve(factors, Form.LOWER, system.load_matrix, how)
+    assert isinstance(factors, SplitFactors)
+    with truncation(tolerance) as settings:
+        reduced = solve_block(factors, Form.LOWER, system.load_matrix, settings)
         assert isinstance(reduced, Split)
-        compliance = solve(factors.second, Form.UPPER, reduced.children[1][0], how)
+        compliance = solve_block(factors.second, Form.UPPER, reduced.children[1][0], settings)
     progress("compliance", 1.0)
     return compliance
 
@@ -146,7 +156,7 @@ def condense(system: System, factors: Factors, tolerance: float, progress: Progr
 @contextmanager
 def truncation(tolerance: float) -> Iterator[Truncation]:
     """Provide a truncation in single precision if that is sufficient, else in double precision."""
-    with helpers() as pool:
+    with worker_pool() as pool:
         yield Truncation(tolerance, precision(tolerance), pool)
 
 
@@ -156,29 +166,29 @@ class LazyBoundary:
 
     Attributes
     ----------
-    make
+    create
         Function that creates the system.
-    made
+    cache
         The system once it has been created.
     """
 
-    make: Callable[[], BoundarySystem]
-    made: list[BoundarySystem] = field(default_factory=list)
+    create: Callable[[], BoundarySystem]
+    cache: list[BoundarySystem] = field(default_factory=list)
 
     def __call__(self) -> BoundarySystem:
         """Return the system."""
-        if not self.made:
+        if not self.cache:
             try:
-                self.made.append(self.make())
+                self.cache.append(self.create())
             except MemoryError:
                 raise TooLargeError(
                     "the system is reduced again for the fields on the whole boundary, and does not fit into memory: "
                     "use a coarser mesh or a larger tolerance"
                 ) from None
-        return self.made[0]
+        return self.cache[0]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"make": self.make, "made": []}
+        return {"create": self.create, "cache": []}
 
 
 @final
@@ -229,7 +239,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
 
     def to_arrays(self) -> dict[str, AnyArray]:
         """Return the compliance and the data that do not follow from the body."""
-        table, numbers = packed(self.compliance)
+        table, numbers = pack(self.compliance)
         return {name: getattr(self, name) for name in ARRAYS} | {"table": table, "numbers": numbers}
 
     def apply(self, load: Array) -> Array:
@@ -242,19 +252,19 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
             return self._multiply(load, loaded, fields)
         displacement = np.zeros((len(load), len(fields)))
         for group in self.groups:
-            rows = [place for place, name in enumerate(fields) if name in group]
-            columns = [place for place, name in enumerate(loaded) if name in group]
+            rows = [index for index, name in enumerate(fields) if name in group]
+            columns = [index for index, name in enumerate(loaded) if name in group]
             if rows and load[:, columns].any():
-                parts = [loaded[place] for place in columns], [fields[place] for place in rows]
-                displacement[:, rows] = self._multiply(load[:, columns], *parts)
+                group_loaded, group_fields = [loaded[index] for index in columns], [fields[index] for index in rows]
+                displacement[:, rows] = self._multiply(load[:, columns], group_loaded, group_fields)
         return displacement
 
     def _multiply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in fields of one group for a load in fields of it."""
         key = tuple(loaded), tuple(fields)
-        product = self.products.pop(key, None) or product_of(merged(self._between(*key)))
+        product = self.products.pop(key, None) or product_of(merge_blocks(self._between(*key)))
         self.products[key] = product  # the latest comes last
-        for oldest in list(self.products)[:-MOST_PRODUCTS]:
+        for oldest in list(self.products)[:-MAX_PRODUCTS]:
             self.products.pop(oldest, None)
         displacement = np.empty((len(load), len(fields)))
         displacement[self.order] = product(load[self.order].ravel()).reshape(displacement.shape)
@@ -263,20 +273,20 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     def _between(self, loaded: Fields, fields: Fields) -> Block:
         """Return the compliance between some of the fields in local frames and SI units, in the order of the tree."""
         to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
-        return in_fields(self.compliance, to_load[:, :, list(loaded)], to_displacement[:, list(fields)])
+        return select_fields(self.compliance, to_load[:, :, list(loaded)], to_displacement[:, list(fields)])
 
     def approximate_inverse(self, fields: Sequence[int]) -> TruncatedInverse | None:
         """Return an inverse with a large truncation error; None if truncation loses these fields."""
         key = tuple(fields)
         if key not in self.inverses:
-            chosen = list(key)
-            unit = 1.0 / np.sqrt(np.einsum("naa->na", self.node_compliance).mean(axis=0)[chosen])
+            columns = list(key)
+            unit = 1.0 / np.sqrt(np.einsum("naa->na", self.node_compliance).mean(axis=0)[columns])
             to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
-            scaled = to_load[:, :, chosen] * unit, unit[:, None] * to_displacement[:, chosen]
-            self.inverses[key] = truncated_inverse(in_fields(self.compliance, *scaled), unit, self.order)
+            scaled = to_load[:, :, columns] * unit, unit[:, None] * to_displacement[:, columns]
+            self.inverses[key] = truncated_inverse(select_fields(self.compliance, *scaled), unit, self.order)
         return self.inverses[key]
 
-    def solved(self, load: Array) -> tuple[Array, int]:
+    def apply_iterative(self, load: Array) -> tuple[Array, int]:
         """Return offset + compliance(load) by GMRES on the whole system, (n, 5), and the number of iterations.
 
         It is free of the truncation of the elimination, which only affects the preconditioner; that of the assembly
@@ -307,9 +317,9 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
         return self.boundary.fields(np.einsum("nja,na->nj", self.to_load, load))
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) inside the body by the interior representation."""
-        return self.representation.evaluate(self.recover(load), points)
+        return self.representation.evaluate(self.recover(load), points, progress)
 
 
 def coupled_groups(stiffness: Array) -> tuple[Fields, ...]:
@@ -321,7 +331,7 @@ def coupled_groups(stiffness: Array) -> tuple[Fields, ...]:
     return tuple(tuple(sorted(group)) for group in groups)
 
 
-def diagonal_of(compliance: Block, order: Indices) -> Array:
+def extract_diagonal(compliance: Block, order: Indices) -> Array:
     """Blocks (n, 5, 5) on the diagonal of a compliance whose rows are those of nodes order (n,), five each."""
     blocks = np.empty((len(order), N_FIELDS, N_FIELDS))
     for leaf in leaves(compliance):
@@ -334,9 +344,9 @@ def diagonal_of(compliance: Block, order: Indices) -> Array:
 
 def frames_to_units(frames: Array, units: Units) -> tuple[Array, Array]:
     """From local loads to units of the system in global axes, from values there to displacements, (n, 5, 5)."""
-    turn = np.zeros((len(frames), N_FIELDS, N_FIELDS))
-    turn[:, MECHANICAL, MECHANICAL] = frames
-    turn[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
-    to_load = turn.transpose(0, 2, 1) * units.fluxes(np.ones(N_FIELDS))[:, None]
-    to_displacement = SIGNS[:, None] * turn * units.values_si(np.ones(N_FIELDS))
+    rotation = np.zeros((len(frames), N_FIELDS, N_FIELDS))
+    rotation[:, MECHANICAL, MECHANICAL] = frames
+    rotation[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
+    to_load = rotation.transpose(0, 2, 1) * units.fluxes(np.ones(N_FIELDS))[:, None]
+    to_displacement = SIGNS[:, None] * rotation * units.values_si(np.ones(N_FIELDS))
     return to_load, to_displacement

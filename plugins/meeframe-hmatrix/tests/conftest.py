@@ -19,14 +19,14 @@ def block(divisions: int, element: SurfaceElement) -> Body:
     others."""
     stiffness = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
     mesh = block_mesh(0.01, 0.02, 0.005, divisions, 2, 2, element)
-    moved = tuple(BoundaryCondition("base", field, "value", 1e-6 * (1 + field)) for field in range(3))
+    displaced = tuple(BoundaryCondition("base", field, "value", 1e-6 * (1 + field)) for field in range(3))
     grounded = tuple(
         BoundaryCondition(group, field, "value", value)
         for group in ("base", "side_x-", "side_x+")
         for field, value in ((3, 3e3), (4, 1e2))
     )
-    pulled = (BoundaryCondition("top", 0, "flux", 1e5), BoundaryCondition("side_y+", 4, "flux", 1e-4))
-    return Body(stiffness, mesh, moved + grounded + pulled, "contact")
+    loaded = (BoundaryCondition("top", 0, "flux", 1e5), BoundaryCondition("side_y+", 4, "flux", 1e-4))
+    return Body(stiffness, mesh, displaced + grounded + loaded, "contact")
 
 
 def load_on(system: ReducedSystem) -> Array:

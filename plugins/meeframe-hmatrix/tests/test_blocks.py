@@ -8,23 +8,31 @@ from threading import Event
 import numpy as np
 import pytest
 from meeframe_hmatrix import arithmetic
-from meeframe_hmatrix.arithmetic import Form, Truncation, eliminate, helpers, solution, solve, solve_from_right
+from meeframe_hmatrix.arithmetic import (
+    Form,
+    Truncation,
+    eliminate,
+    solve_block,
+    solve_block_from_right,
+    substitute,
+    worker_pool,
+)
 from meeframe_hmatrix.blocks import (
     Dense,
     LowRank,
     Split,
     compress,
     convert,
+    count_entries,
     leaves,
     multiply,
     multiply_transposed,
     recompress,
-    stored,
     to_dense,
 )
-from meeframe_hmatrix.chosen_fields import in_fields, merged
+from meeframe_hmatrix.field_selection import merge_blocks, select_fields
 from meeframe_hmatrix.product import product_of
-from meeframe_hmatrix.truncation import SINGLE, truncate
+from meeframe_hmatrix.truncation import SINGLE_PRECISION_TOLERANCE, truncate
 from numba import get_num_threads
 
 LEAF = 12
@@ -38,13 +46,17 @@ def hierarchical(matrix, rows, columns, tolerance):
         return LowRank(rows, columns, *recompress(entries, np.eye(entries.shape[1]), tolerance))
     if len(entries) <= LEAF and entries.shape[1] <= LEAF:
         return Dense(rows, columns, entries)
-    parts = [halves(part) for part in (rows, columns)]
-    return Split(rows, columns, tuple(tuple(hierarchical(matrix, r, c, tolerance) for c in parts[1]) for r in parts[0]))
+    ranges = [halves(index_range) for index_range in (rows, columns)]
+    return Split(
+        rows, columns, tuple(tuple(hierarchical(matrix, r, c, tolerance) for c in ranges[1]) for r in ranges[0])
+    )
 
 
-def halves(part):
-    middle = (part.start + part.stop) // 2
-    return [part] if part.stop - part.start <= LEAF else [slice(part.start, middle), slice(middle, part.stop)]
+def halves(index_range):
+    middle = (index_range.start + index_range.stop) // 2
+    if index_range.stop - index_range.start <= LEAF:
+        return [index_range]
+    return [slice(index_range.start, middle), slice(middle, index_range.stop)]
 
 
 def kernel_matrix(rows, columns):
@@ -58,10 +70,10 @@ def kernel_matrix(rows, columns):
 def matrices():
     """Return a square matrix whose halves are divided differently, right-hand sides, and both as blocks (1e-9)."""
     square, wide = kernel_matrix(190, 190), kernel_matrix(190, 110)
-    return square, wide, whole(square, 1e-9), whole(wide, 1e-9)
+    return square, wide, to_blocks(square, 1e-9), to_blocks(wide, 1e-9)
 
 
-def whole(matrix, tolerance):
+def to_blocks(matrix, tolerance):
     return hierarchical(matrix, slice(0, matrix.shape[0]), slice(0, matrix.shape[1]), tolerance)
 
 
@@ -73,7 +85,7 @@ def test_products_match_the_matrix(matrices):
     square, wide, block, wide_block = matrices
     random = np.random.default_rng(1)
     assert {type(leaf) for leaf in leaves(block)} == {Dense, LowRank}
-    assert stored(block) < 0.6 * square.size
+    assert count_entries(block) < 0.6 * square.size
     for matrix, blocks in ((square, block), (wide, wide_block)):
         x, y = random.normal(size=(matrix.shape[1], 3)), random.normal(size=(matrix.shape[0], 2))
         assert error(to_dense(blocks), matrix) < 2e-9
@@ -82,7 +94,7 @@ def test_products_match_the_matrix(matrices):
         for same in (blocks, convert(blocks, np.float32)):  # another way of merging gives the same digits
             product = product_of(same)
             assert error(product(x[:, 0]), to_dense(convert(same, float)) @ x[:, 0]) < 1e-13
-            assert product.numbers.size == stored(blocks)
+            assert product.numbers.size == count_entries(blocks)
 
 
 def test_copies_are_independent_of_the_original(matrices):
@@ -101,9 +113,9 @@ def test_products_accept_any_memory_layout(matrices):
     square, _, block, _ = matrices
     x = np.random.default_rng(8).normal(size=(2 * block.columns.stop, 4))
     one = np.broadcast_to(x[0, 0], (block.columns.stop, 1))
-    for part in (x[::2], x[-2::-2], x[: len(square), ::2], np.asfortranarray(x)[: len(square)], one):
-        assert error(multiply(block, part), square @ part) < 1e-8
-        assert error(multiply_transposed(block, part), square.T @ part) < 1e-8
+    for vectors in (x[::2], x[-2::-2], x[: len(square), ::2], np.asfortranarray(x)[: len(square)], one):
+        assert error(multiply(block, vectors), square @ vectors) < 1e-8
+        assert error(multiply_transposed(block, vectors), square.T @ vectors) < 1e-8
 
 
 def test_waiting_tasks_are_cancelled_after_an_error(monkeypatch):
@@ -123,7 +135,7 @@ def test_waiting_tasks_are_cancelled_after_an_error(monkeypatch):
         ended.wait(60)
 
     monkeypatch.setattr(arithmetic, "ThreadPoolExecutor", Pool)
-    with pytest.raises(ZeroDivisionError), helpers() as pool:
+    with pytest.raises(ZeroDivisionError), worker_pool() as pool:
         Truncation(1e-3, np.float64, pool).run_all([fail, *(partial(wait, number) for number in range(300))])
     assert ended.is_set()
     assert len(begun) <= get_num_threads()
@@ -143,7 +155,8 @@ def test_mixed_precisions_and_wrong_lengths_are_rejected(matrices):
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
-    ("tolerance", "dtype"), [(1e-2, float), (1e-5, float), (1e-8, float), (1e-2, np.float32), (SINGLE, np.float32)]
+    ("tolerance", "dtype"),
+    [(1e-2, float), (1e-5, float), (1e-8, float), (1e-2, np.float32), (SINGLE_PRECISION_TOLERANCE, np.float32)],
 )
 def test_compression_meets_tolerance_with_optimal_rank(tolerance, dtype):
     random = np.random.default_rng(2)
@@ -197,24 +210,26 @@ def test_truncation_rejects_nonfinite_entries(precision, entry):
 @pytest.mark.parametrize(("tolerance", "rows"), [(1e-2, 190), (1e-4, 1040), (1e-4, 190), (1e-7, 190)])
 def test_factors_solve_to_tolerance(tolerance, rows):
     square, wide = kernel_matrix(rows, rows), kernel_matrix(rows, 110)
-    block, wide_block = whole(square, 1e-9), whole(wide, 1e-9)
+    block, wide_block = to_blocks(square, 1e-9), to_blocks(wide, 1e-9)
     x = np.random.default_rng(3).normal(size=(len(square), 2))
-    tall = whole(np.ascontiguousarray(wide.T), 1e-9)
-    with helpers() as pool:
+    tall = to_blocks(np.ascontiguousarray(wide.T), 1e-9)
+    with worker_pool() as pool:
         truncation = Truncation(tolerance, np.float64, pool)
         factors = eliminate(block, truncation)
-        solved = solve(factors, Form.UPPER, solve(factors, Form.LOWER, wide_block, truncation), truncation)
-        from_right = solve_from_right(factors, tall, truncation)
-    found = solution(factors, Form.UPPER, solution(factors, Form.LOWER, x))
-    assert error(found, np.linalg.solve(square, x)) < tolerance
-    assert error(to_dense(solved), np.linalg.solve(square, wide)) < 2 * tolerance
+        solved_block = solve_block(
+            factors, Form.UPPER, solve_block(factors, Form.LOWER, wide_block, truncation), truncation
+        )
+        from_right = solve_block_from_right(factors, tall, truncation)
+    computed = substitute(factors, Form.UPPER, substitute(factors, Form.LOWER, x))
+    assert error(computed, np.linalg.solve(square, x)) < tolerance
+    assert error(to_dense(solved_block), np.linalg.solve(square, wide)) < 2 * tolerance
     upper = np.linalg.solve(square.T, wide).T @ to_dense_lower(factors, len(square))
     assert error(to_dense(from_right), upper) < 4 * tolerance
 
 
 def to_dense_lower(factors, size):
     """Return the lower factor, from its inverse."""
-    return np.linalg.inv(solution(factors, Form.LOWER, np.eye(size)))
+    return np.linalg.inv(substitute(factors, Form.LOWER, np.eye(size)))
 
 
 def test_products_in_chosen_fields_with_empty_blocks():
@@ -223,18 +238,18 @@ def test_products_in_chosen_fields_with_empty_blocks():
     near, left, right = random.normal(size=(2, 15, 15)), random.normal(size=(15, 2)), random.normal(size=(2, 15))
     rows, columns = ([slice(first, first + 15), slice(first + 15, first + 30)] for first in (start, 0))
     zero = LowRank(rows[1], columns[0], np.zeros((15, 0)), np.zeros((0, 15)))
-    parts = (
+    children = (
         (Dense(rows[0], columns[0], near[0]), LowRank(rows[0], columns[1], left, right)),
         (zero, Dense(rows[1], columns[1], near[1])),
     )
     matrix = np.block([[near[0], left @ right], [np.zeros((15, 15)), near[1]]]).reshape(nodes, 5, nodes, 5)
     to_load, to_displacement = random.normal(size=(nodes, 5, 2)), random.normal(size=(nodes, 3, 5))
-    found = in_fields(Split(slice(start, start + 30), slice(0, 30), parts), to_load, to_displacement)
+    computed = select_fields(Split(slice(start, start + 30), slice(0, 30), children), to_load, to_displacement)
     expected = np.einsum("naj,njmk,mkb->namb", to_displacement, matrix, to_load).reshape(3 * nodes, 2 * nodes)
-    assert error(to_dense(found), expected) < 1e-14
+    assert error(to_dense(computed), expected) < 1e-14
     x = random.normal(size=2 * nodes)
-    assert error(product_of(found)(x), expected @ x) < 1e-14
-    assert error(product_of(merged(found))(x), expected @ x) < 1e-14
+    assert error(product_of(computed)(x), expected @ x) < 1e-14
+    assert error(product_of(merge_blocks(computed))(x), expected @ x) < 1e-14
 
 
 @pytest.mark.full
@@ -244,9 +259,9 @@ def test_single_precision_error_is_below_truncation(matrices):
     assert {to_dense(leaf).dtype for leaf in leaves(single)} == {np.dtype(np.float32)}
     assert 0.0 < error(to_dense(single), square) < 1e-6
     x = np.random.default_rng(5).normal(size=(len(square), 2))
-    with helpers() as pool:
-        factors = eliminate(block, Truncation(SINGLE, np.float32, pool))
+    with worker_pool() as pool:
+        factors = eliminate(block, Truncation(SINGLE_PRECISION_TOLERANCE, np.float32, pool))
     assert {to_dense(leaf).dtype for leaf in leaves(factors.upper)} == {np.dtype(np.float32)}
-    found = solution(factors, Form.UPPER, solution(factors, Form.LOWER, x))
-    assert found.dtype == np.float64
-    assert error(found, np.linalg.solve(square, x)) < SINGLE
+    computed = substitute(factors, Form.UPPER, substitute(factors, Form.LOWER, x))
+    assert computed.dtype == np.float64
+    assert error(computed, np.linalg.solve(square, x)) < SINGLE_PRECISION_TOLERANCE

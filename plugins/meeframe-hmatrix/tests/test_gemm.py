@@ -30,13 +30,15 @@ def test_slices_are_added(dtype, width):
                 (10, 7, 4, 7, 4, *locate(left, dtype), *locate(right, dtype)),
             ]
             matrix = np.hstack([first, left @ right])
-            for turned, whole, starts in ((False, matrix, (10, 0)), (True, matrix.T, (0, 10))):
-                x = random.normal(size=(whole.shape[1], width)).astype(dtype)
+            for transposed, operator, starts in ((False, matrix, (10, 0)), (True, matrix.T, (0, 10))):
+                x = random.normal(size=(operator.shape[1], width)).astype(dtype)
                 for order in ("C", "F"):
                     ordered = np.array(x, order=order)
-                    result = np.ones((len(whole), width), dtype)
-                    assert add_products(np.array(rows), turned, (*locate(ordered, dtype), starts[1]), result, starts[0])
-                    np.testing.assert_allclose(result, 1 + whole @ x, rtol=0, atol=100 * np.finfo(dtype).eps)
+                    result = np.ones((len(operator), width), dtype)
+                    assert add_products(
+                        np.array(rows), transposed, (*locate(ordered, dtype), starts[1]), result, starts[0]
+                    )
+                    np.testing.assert_allclose(result, 1 + operator @ x, rtol=0, atol=100 * np.finfo(dtype).eps)
 
 
 @PRECISIONS
@@ -58,8 +60,8 @@ def test_products_are_subtracted_from_their_blocks(dtype):
     expected = target.copy()
     expected[1:8, 2:9] -= left @ right
     expected[0:4, 3:4] -= right @ left[:, 1:2]
-    places = [(slice(21, 28), slice(32, 39), left, right), (slice(20, 24), slice(33, 34), right, left[:, 1:2])]
-    assert subtract_products(table_of(places, 20, 30, dtype), target)
+    entries = [(slice(21, 28), slice(32, 39), left, right), (slice(20, 24), slice(33, 34), right, left[:, 1:2])]
+    assert subtract_products(table_of(entries, 20, 30, dtype), target)
     np.testing.assert_allclose(target, expected, rtol=0, atol=100 * np.finfo(dtype).eps)
 
 

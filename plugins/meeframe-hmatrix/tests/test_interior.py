@@ -17,8 +17,8 @@ def test_interior_fields_match_dense(make_block, smooth_load):
     expected = dense.capability(InteriorFields).evaluate(load, points)
     factors = FieldScaling.of(body.stiffness).factors
     for one in (system, formulation.from_arrays(body, system.to_arrays())):
-        found = one.capability(InteriorFields).evaluate(load, points)
+        computed = one.capability(InteriorFields).evaluate(load, points)
         values = np.abs(expected.values).max(axis=0)
-        np.testing.assert_allclose(found.values / values, expected.values / values, atol=1e-4)
+        np.testing.assert_allclose(computed.values / values, expected.values / values, atol=1e-4)
         fluxes = np.abs(expected.fluxes * factors).max()
-        np.testing.assert_allclose(found.fluxes * factors, expected.fluxes * factors, atol=1e-4 * fluxes)
+        np.testing.assert_allclose(computed.fluxes * factors, expected.fluxes * factors, atol=1e-4 * fluxes)

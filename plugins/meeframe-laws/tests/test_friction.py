@@ -11,6 +11,7 @@ from meeframe_laws.friction import RECORDS, CappedCoulomb, RegularisedCoulomb, T
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Status, resultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws.base import for_increment, resolve
 from meeframe.material import library_material
 from meeframe.plugin.registry import Kind, load
 from meeframe.solvers import SemismoothNewton, solve
@@ -50,7 +51,7 @@ LARGE = {
 def sphere(law, cells=10):
     """Return a problem of a sphere dragged over a fully coupled anisotropic medium within 1 s."""
     medium = library_material("batio3-cofe2o4")
-    here = law.for_increment(np.zeros(cells**2), 1.0)
+    here = for_increment(law, np.zeros(cells**2), 1.0)
     return SphereCase(medium, here, Insulating(), StepConductivity(np.inf), cells).problem()
 
 
@@ -226,6 +227,6 @@ def test_extreme_values_do_not_overflow(limit):
     trial = np.column_stack([2.0 * p, -p[::-1], -p])
     gap = 1e-5 * np.column_stack([np.linspace(0.0, 2.0, 7), np.ones(7), np.zeros(7)])
     r = (1e11, 1e11)
-    found = law.for_increment(np.linspace(0.0, 1e-3, 7), 1e-3).resolve(trial, gap, r)
-    difference = np.abs(found - other.resolve(trial, gap, r)).max(axis=1)
+    found = resolve(for_increment(law, np.linspace(0.0, 1e-3, 7), 1e-3), trial, gap, r)
+    difference = np.abs(found - resolve(other, trial, gap, r)).max(axis=1)
     assert (difference <= 1e-12 * np.abs(trial).max(axis=1)).all()

@@ -314,6 +314,15 @@ WRONG_MORE = {
     "unknown criterion": ('[solver]\nname = "uzawa"\ncriterion = "luck"', "solver.criterion = 'luck': should be"),
     "axes without a key": ("[contact]\naxes = [1, 0, 0]", "contact.axes = [1, 0, 0]: should be a table"),
     "bad step size": ('[solver]\nname = "uzawa"\nstep_normal = -1', "solver.step_normal = -1: must be > 0"),
+    "figures of no increment": (
+        '[output]\nstep = "end"',
+        "output.step = 'end': is no increment; allowed: peak, last, a load",
+    ),
+    "figures of an absent step": (
+        '[output]\nstep = "2"',
+        "output.step = '2': is no increment of the case; allowed: peak, last, and load steps 1 (increments 1 to 1)",
+    ),
+    "figures of an absent increment": ('[output]\nstep = "1.2"', "output.step = '1.2': is no increment of the case"),
     "no flag": ('[output]\nvtu = "yes"', "output.vtu = 'yes': should be true or false"),
     "twice the same": (
         '[[boundary]]\ngroup = "base"\nelectric_flux = 0',

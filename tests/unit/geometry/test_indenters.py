@@ -166,6 +166,27 @@ def test_cubic_interpolation_is_exact_for_cubics() -> None:
     np.testing.assert_allclose(height, cubic(X, Y) - rows[:, 2].min(), atol=1e-12 * np.ptp(rows[:, 2]))
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_heights_at_the_nodes_of_a_grid_are_those_of_the_samples(interpolation: str) -> None:
+    x, y = np.linspace(-2e-3, 2e-3, 9), np.linspace(-3e-3, 3e-3, 7)
+    samples = RANDOM.uniform(size=(9, 7))
+    shape = SampledHeights.on_grid(x, y, samples, interpolation)
+    across, along = (nodes.ravel() for nodes in np.meshgrid(x, y, indexing="ij"))
+    order = RANDOM.permutation(across.size)
+    np.testing.assert_array_equal(shape.height(across[order], along[order]), (samples.ravel() - samples.min())[order])
+    between = shape.height(across[:-1] + 1e-9, along[:-1])
+    np.testing.assert_allclose(between[:-7], (samples.ravel() - samples.min())[:-8], atol=1e-4)
+    assert shape.height(np.empty(0), np.empty(0)).shape == (0,)
+
+
+def test_samples_are_equal_to_themselves_alone() -> None:
+    rows = grid(bilinear)
+    first, second = SampledHeights(rows), SampledHeights(2.0 * rows)
+    assert first != second
+    rows[:, 2] = 0.0
+    assert first.height(X, Y).max() > 0.0
+
+
 def test_interpolation_of_a_sphere_converges() -> None:
     inner = (np.abs(X) < 1.9e-3) & (np.abs(Y) < 1.9e-3)
     for kind, order in (("linear", 2), ("cubic", 4)):

@@ -22,7 +22,7 @@ def killed_sweep(tmp_path, monkeypatch):
     folder = tmp_path / "out"
     with monkeypatch.context() as patched:
         patched.setattr("pathlib.Path.write_text", killed)
-        with pytest.raises(Killed), open_folder(folder, ["a"], overwrite=False):
+        with pytest.raises(Killed), open_folder(folder, ["a" * 64], overwrite=False):
             pass
     (folder / ".lock").touch()  # as after a kill
     assert {path.name for path in folder.iterdir()} == {".lock", ".sweep.1.json", "points", "systems"}
@@ -30,20 +30,20 @@ def killed_sweep(tmp_path, monkeypatch):
 
 
 def test_resumption_after_kill_before_writing(killed_sweep):
-    with open_folder(killed_sweep, ["a"], overwrite=False):
+    with open_folder(killed_sweep, ["a" * 64], overwrite=False):
         assert {path.name for path in killed_sweep.iterdir()} == {".lock", "points", "sweep.json", "systems"}
 
 
 def test_resumption_after_kill_with_lock_only(tmp_path):
     (tmp_path / ".lock").touch()
-    with open_folder(tmp_path, ["a"], overwrite=False):
+    with open_folder(tmp_path, ["a" * 64], overwrite=False):
         assert (tmp_path / "sweep.json").exists()
 
 
 @pytest.mark.parametrize("name", ["note.txt", "points/note.txt", "systems/note.h5"])
 def test_other_folders_are_left_unchanged(killed_sweep, name):
     (killed_sweep / name).touch()
-    with pytest.raises(ResultError, match="is not empty"), open_folder(killed_sweep, ["a"], overwrite=False):
+    with pytest.raises(ResultError, match="is not empty"), open_folder(killed_sweep, ["a" * 64], overwrite=False):
         pass
     assert (killed_sweep / name).exists()
     assert not (killed_sweep / "sweep.json").exists()

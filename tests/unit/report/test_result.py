@@ -1,6 +1,8 @@
 """Tables, datasets, figures and scenes of a result agree with its arrays."""
 
 import dataclasses
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -116,8 +118,6 @@ def test_tables_of_a_stored_result(result, tmp_path):
 
 
 def test_tables_without_their_libraries_name_the_extra(result, monkeypatch):
-    import sys
-
     for name in ("pandas", "xarray", "pyvista"):
         monkeypatch.setitem(sys.modules, name, None)
     for make, extra in ((result.to_dataframe, "data"), (result.to_xarray, "data"), (result.to_pyvista, "interactive")):
@@ -164,7 +164,10 @@ def test_history_marks_unloading(result):
     curve = result.plot.history(ax=axes())
     np.testing.assert_allclose(curve.lines[0].get_xydata(), [[1, 9], [3, 27], [3, 27], [2, 18]])
     np.testing.assert_allclose(curve.lines[1].get_xydata(), [[2, 18]])
-    assert curve.lines[1].get_markerfacecolor() == "white"
+    # dots at the increments of loading, which remain visible in the rings of unloading
+    assert curve.lines[0].get_markevery() == [0, 1, 2]
+    assert curve.lines[1].get_markerfacecolor() == "none"
+    assert curve.lines[1].get_markersize() > curve.lines[0].get_markersize()
     assert [text.get_text() for text in curve.get_legend().get_texts()] == ["loading", "unloading"]
     area = result.plot.history("contact area", axes())
     assert (area.get_ylabel(), area.lines[0].get_ydata()[0]) == ("contact area [mm²]", pytest.approx(9.0))
@@ -227,6 +230,35 @@ def test_scene_of_body_and_zone(indented):
     np.testing.assert_array_equal(scene["zone"]["contact pressure [Pa]"], -step.traction[:, 2])
     assert scene["body"]["displacement [m]"].shape == (len(step.boundary.points), 3)
     assert scene["body"].n_cells == sum(len(nodes) for _, nodes in step.boundary.cells)
+    assert scene["zone"].n_cells == sum(len(nodes) for _, nodes in indented.zone.cells)
+    zone, frames = indented.zone, indented.zone.frames
+    shift = np.einsum("nk,nki->ni", step.displacement, frames)
+    np.testing.assert_allclose(scene["zone"].points, zone.points + 2.0 * shift, atol=1e-7)
+    np.testing.assert_array_equal(scene["zone"]["electric potential [V]"], step.potentials[:, 0])
+    assert scene["zone"].field_data["warp factor"] == [2.0]
+
+
+_PICTURE = """
+import sys
+import numpy, pyvista, meeframe
+scene = meeframe.read_result(sys.argv[1]).to_pyvista(1)
+plotter = pyvista.Plotter(off_screen=True, window_size=(200, 200))
+plotter.add_mesh(scene["zone"], scalars="contact pressure [Pa]", show_scalar_bar=False)
+numpy.save(sys.argv[2], plotter.screenshot(return_img=True))
+"""
+
+
+@pytest.mark.full
+def test_scene_is_rendered_off_screen(indented, tmp_path):
+    """The picture shows the pressure by many colours; a process of its own, as OpenGL may be missing altogether."""
+    pytest.importorskip("pyvista")
+    sphere = "import pyvista; pyvista.Sphere().plot(off_screen=True, window_size=(9, 9))"
+    if subprocess.run([sys.executable, "-c", sphere], capture_output=True).returncode:
+        pytest.skip("VTK finds no OpenGL on this machine")
+    write_result(tmp_path, indented, {"boundary"})
+    image = tmp_path / "image.npy"
+    subprocess.run([sys.executable, "-c", _PICTURE, tmp_path, image], check=True, capture_output=True)
+    assert len(np.unique(np.load(image).reshape(-1, 3), axis=0)) > 20
 
 
 def test_series_of_boundary_fields(indented, tmp_path):

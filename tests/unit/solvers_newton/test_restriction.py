@@ -158,7 +158,7 @@ def test_asperity_outside_the_restriction_is_found(law: ContactLaw, monkeypatch:
     node = between[np.linalg.norm(smooth.system.points[between, :2] - position, axis=1).argmin()]
     bump = np.arange(len(smooth.gap)) == node
     problem = replace(smooth, gap=np.where(bump, 0.6 * smooth.gap.min(), smooth.gap))
-    started = newton._memory(SemismoothNewton().init(problem, None))
+    started = SemismoothNewton().init(problem, None).memory_as(newton._Memory)
     assert started.neighbourhood is not None
     assert node not in started.neighbourhood.nodes
     restricted, unrestricted = solutions(problem, monkeypatch)

@@ -16,6 +16,7 @@ from meeframe.contact.problem import Status
 from meeframe.laws import Signorini
 from meeframe.model.case import Output
 from meeframe.model.load import load_case
+from meeframe.results.figures import write_figures
 from meeframe.results.files import write_result
 from meeframe.results.output import RESULT_FILE, SERIES, output_files
 from meeframe.study import run as run_module
@@ -224,6 +225,21 @@ def test_unknown_fields_are_rejected(write_case, registry):
         load_case(write_case(more='[output]\nfields = ["slips"]\n'), registry)
     with pytest.raises(CaseError, match=r"fields: 'slips'.*allowed: .*boundary"):
         Output(fields=("slips",))
+
+
+def test_figures_show_the_increment_of_the_output_table(write_case, registry, tmp_path):
+    """The pictures of the run are those that are drawn later of the same increment, and of no other."""
+    out = tmp_path / "out"
+    result = meeframe.run(load_case(write_case(more='increments = 3\n[output]\nstep = "1.2"\n'), registry), out)
+    same, other = (write_figures(result, tmp_path / which, which) for which in ("1.2", "last"))
+    assert [path.read_bytes() == (out / path.name).read_bytes() for path in same] == [True] * len(same)
+    assert (out / "pressure.png").read_bytes() != next(p for p in other if p.name == "pressure.png").read_bytes()
+
+
+def test_figures_of_a_run_that_ends_before_the_chosen_increment_show_the_peak_load(write_case, registry, tmp_path):
+    case = replace(load_case(write_case(), registry), output=Output(step="4.7"))
+    meeframe.run(case, tmp_path / "out")
+    assert (tmp_path / "out" / "pressure.png").is_file()
 
 
 def test_slips_are_restored_from_earlier_increments(write_case, registry, tmp_path):
