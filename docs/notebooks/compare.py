@@ -17,8 +17,7 @@
 # - how to make variants of a case,
 # - how much friction laws differ in the same contact,
 # - that all solvers find the same solution, and what they cost,
-# - how far boundary elements, hierarchical matrices, finite elements and the half space agree, and why they
-# differ.
+# - how far boundary elements, hierarchical matrices, finite elements and the half space agree, and why they differ.
 
 # %%
 from dataclasses import replace
@@ -101,8 +100,7 @@ forces = pd.DataFrame(
 forces
 
 # %% [markdown]
-# Friction changes the normal force by less than half a per cent here. Some of these numbers can be checked by
-# thought: no law
+# Friction changes the normal force by less than half a per cent here. Some of these numbers can be checked by thought: no law
 # exceeds its limit, and Coulomb's law with 0.1 slides as a whole, at a tenth of the normal force.
 
 # %%
@@ -118,8 +116,7 @@ assert normal.max() / normal.min() - 1 < 5e-3
 # %% [markdown]
 # ## Solvers
 #
-# All solvers end when the same independent residual is small enough, so their solutions must agree. What differs
-# is the number of
+# All solvers end when the same independent residual is small enough, so their solutions must agree. What differs is the number of
 # iterations, and what each one costs. `projected-cg` is for frictionless contact and refuses this case.
 
 # %%
@@ -173,13 +170,11 @@ axes.set(
 axes.legend()
 
 # %% [markdown]
-# `solver="auto"`, the default, starts with Newton's method and falls back to the others where it makes no
-# progress.
+# `solver="auto"`, the default, starts with Newton's method and falls back to the others where it makes no progress.
 #
 # ## Formulations
 #
-# The half space has no other boundary. Boundary elements, their hierarchical matrices and finite elements need a
-# body, here a
+# The half space has no other boundary. Boundary elements, their hierarchical matrices and finite elements need a body, here a
 # block that is large compared with the contact. Two grids show the errors.
 
 
@@ -274,16 +269,12 @@ print(f"block against half space on the same contact zone: {block:.2%}")
 assert block < 3e-3
 
 # %% [markdown]
-# - The **half space** is exact about the body, so only the grid of the contact matters. It is the fastest by far,
-# and a finer grid
+# - The **half space** is exact about the body, so only the grid of the contact matters. It is the fastest by far, and a finer grid
 #   costs little.
-# - **Dense boundary elements** also see the finite block, whose influence on the force is small: with the same
-# contact zone they
-#   deviate from the half space much less than both deviate from the closed form. **Hierarchical matrices** store
-# the same equations
+# - **Dense boundary elements** also see the finite block, whose influence on the force is small: with the same contact zone they
+#   deviate from the half space much less than both deviate from the closed form. **Hierarchical matrices** store the same equations
 #   approximately, for bodies with many more nodes.
-# - **Finite elements** of the lowest order are too stiff, by an amount that falls with the grid. They suit
-# slender bodies, where
+# - **Finite elements** of the lowest order are too stiff, by an amount that falls with the grid. They suit slender bodies, where
 #   boundary elements lose accuracy.
 
 # %%
@@ -307,8 +298,7 @@ axes.legend()
 # %% [markdown]
 # ## Where to go next
 #
-# - `meeframe compare` does the same for case files, in one command, and shares the reduced systems
-# ([tutorial](../tutorials/first-friction-law.md#run-a-case))
+# - `meeframe compare` does the same for case files, in one command, and shares the reduced systems ([tutorial](../tutorials/first-friction-law.md#run-a-case))
 # - [Choose a formulation](../howto/troubleshooting.md#choose-a-formulation)
 # - [Verify a case](../howto/verify.md) on several grids with several formulations, where there is no closed form
 # - [Solvers](../explanation/solvers.md) and their [performance](../validation/performance.md)

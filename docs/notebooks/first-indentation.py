@@ -11,8 +11,7 @@
 # %% [markdown]
 # # First indentation and its validation
 #
-# A steel sphere presses on a steel half space, then a conducting sphere on a piezoelectric one. Both problems
-# have closed
+# A steel sphere presses on a steel half space, then a conducting sphere on a piezoelectric one. Both problems have closed
 # forms. You learn how to
 #
 # - describe a case in Python and solve it,
@@ -32,8 +31,7 @@ plt.style.use(meeframe.STYLE)
 # %% [markdown]
 # ## A case
 #
-# The half space needs a grid only where contact may occur. Quantities are SI numbers or texts with units. The
-# case is
+# The half space needs a grid only where contact may occur. Quantities are SI numbers or texts with units. The case is
 # checked when it is created, so a wrong unit or an unknown key is an error here and not after a long run.
 
 # %%
@@ -73,10 +71,8 @@ curve[
 # %% [markdown]
 # ## Hertz
 #
-# For a sphere of radius $R$, Hertz found the contact radius $a = \sqrt{R g}$ and the force $P = 4 E^* a^3/(3 R)$
-# at the
-# approach $g$, with $E^* = E/(1-\nu^2)$ because the sphere is rigid. `meeframe.testing` has this and many other
-# closed forms.
+# For a sphere of radius $R$, Hertz found the contact radius $a = \sqrt{R g}$ and the force $P = 4 E^* a^3/(3 R)$ at the
+# approach $g$, with $E^* = E/(1-\nu^2)$ because the sphere is rigid. `meeframe.testing` has this and many other closed forms.
 
 # %%
 from meeframe.testing.closed_forms_friction import HertzContact
@@ -113,8 +109,7 @@ assert worst.force_error < 0.01
 assert curve["force_error"].abs().idxmax() == 0  # the first increment
 
 # %% [markdown]
-# The error is largest in the first increment, where the contact is only a few nodes wide. The contact itself is a
-# disc,
+# The error is largest in the first increment, where the contact is only a few nodes wide. The contact itself is a disc,
 # as far as the grid can tell:
 
 # %%
@@ -123,8 +118,7 @@ result.plot.pressure()
 # %% [markdown]
 # ## Order of convergence
 #
-# One agreement may be luck. Halve the spacing and see whether the error falls as the method promises: by four,
-# because
+# One agreement may be luck. Halve the spacing and see whether the error falls as the method promises: by four, because
 # the half space is of second order in the force.
 
 # %%
@@ -153,14 +147,12 @@ axes.minorticks_off()
 axes.legend()
 
 # %% [markdown]
-# The edge of the contact lies at a different place between the nodes on each grid, which scatters the points
-# about the
+# The edge of the contact lies at a different place between the nodes on each grid, which scatters the points about the
 # line.
 #
 # ## A piezoelectric half space
 #
-# PZT-4 is poled along the axis. If the sphere is an earthed conductor, charge flows between it and the body; if
-# it
+# PZT-4 is poled along the axis. If the sphere is an earthed conductor, charge flows between it and the body; if it
 # insulates, the surface takes on a potential instead. The case changes in the material and in `conductivity`.
 
 
@@ -181,8 +173,7 @@ conducting = pzt_sphere({"electric": meeframe.StepConductivity(np.inf)}).solve()
 insulating = pzt_sphere({}).solve()
 
 # %% [markdown]
-# The closed form ([theory](../explanation/theory.md#half-space)) needs the response `xi` of the surface to point
-# sources,
+# The closed form ([theory](../explanation/theory.md#half-space)) needs the response `xi` of the surface to point sources,
 # which follows from the constants of the material.
 
 # %%
@@ -230,8 +221,7 @@ print(
 assert comparison["deviation"].abs().max() < 2e-3
 
 # %% [markdown]
-# The whole potential agrees, too, inside and outside the contact. The conducting sphere fixes it to zero where
-# they touch.
+# The whole potential agrees, too, inside and outside the contact. The conducting sphere fixes it to zero where they touch.
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
@@ -263,8 +253,7 @@ left.legend(fontsize="small")
 right.set(xlabel="x [mm]", ylabel="pressure [MPa]")
 
 # %% [markdown]
-# An open circuit stiffens the contact: at the same approach, the insulating sphere needs more force than the
-# earthed one.
+# An open circuit stiffens the contact: at the same approach, the insulating sphere needs more force than the earthed one.
 
 # %%
 stiffening = insulated["normal_force"] / earthed["normal_force"] - 1
@@ -276,5 +265,4 @@ assert stiffening > 0
 #
 # - [Friction laws](friction-law.py) and [comparisons of laws, solvers and formulations](compare.py)
 # - [Cases and results in Python](../tutorials/python.md) lists all arguments
-# - [Verify a case](../howto/verify.md) where there is no closed form; [all checks of
-# meeframe](../validation/checks.md)
+# - [Verify a case](../howto/verify.md) where there is no closed form; [all checks of meeframe](../validation/checks.md)

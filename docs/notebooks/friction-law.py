@@ -12,18 +12,15 @@
 # %% [markdown]
 # # Write a friction law and check it
 #
-# You write a law of friction in fewer than 30 lines, check it with the conformance kit, solve a contact with it,
-# and compare
+# You write a law of friction in fewer than 30 lines, check it with the conformance kit, solve a contact with it, and compare
 # the result with an integral in closed form. You also see how the kit reports a mistake.
 #
-# The coefficient of friction of many pairs, such as ice, polymers and solid lubricants, falls with the pressure
-# $p$. A simple
+# The coefficient of friction of many pairs, such as ice, polymers and solid lubricants, falls with the pressure $p$. A simple
 # law with this property is
 #
 # $$|t_\tau| \le \frac{\mu\, p}{1 + p/p_{1/2}},$$
 #
-# Coulomb's law at small pressures, with half of the coefficient at $p_{1/2}$, and the shear strength $\mu\,
-# p_{1/2}$ at large
+# Coulomb's law at small pressures, with half of the coefficient at $p_{1/2}$, and the shear strength $\mu\, p_{1/2}$ at large
 # ones.
 
 # %%
@@ -43,10 +40,8 @@ plt.style.use(meeframe.STYLE)
 # %% [markdown]
 # ## The law
 #
-# A law is a frozen dataclass with two methods. `project` receives a trial traction $(t_1, t_2, t_\nu)$ at each
-# node and returns
-# the admissible one; compression is negative. `tangential_scaling` is the identity unless friction depends on the
-# direction.
+# A law is a frozen dataclass with two methods. `project` receives a trial traction $(t_1, t_2, t_\nu)$ at each node and returns
+# the admissible one; compression is negative. `tangential_scaling` is the identity unless friction depends on the direction.
 
 
 # %%
@@ -65,8 +60,7 @@ class FallingCoulomb(ContactLaw):
         return self.mu * pressure / (1 + pressure / self.half_pressure)
 
     def project(self, trial: Array) -> Array:
-        """Project tractions (n, 3) [Pa] on the disc that the pressure allows; none where the trial
-        is open."""
+        """Project tractions (n, 3) [Pa] on the disc that the pressure allows; none where the trial is open."""
         normal = np.minimum(trial[:, 2:], 0.0)
         size = np.linalg.norm(trial[:, :2], axis=1, keepdims=True)
         limit = self.limit(-normal)
@@ -83,10 +77,8 @@ law = FallingCoulomb(mu=0.4, half_pressure=300e6)
 # %% [markdown]
 # ## Check the contract
 #
-# The kit projects hundreds of tractions of the magnitude that you name, and searches for simple ones that break a
-# property: the
-# result must be admissible, must not change when it is projected again, must be independent for each node, and
-# slip must
+# The kit projects hundreds of tractions of the magnitude that you name, and searches for simple ones that break a property: the
+# result must be admissible, must not change when it is projected again, must be independent for each node, and slip must
 # dissipate.
 
 # %%
@@ -119,8 +111,7 @@ else:
 # %% [markdown]
 # ## Solve a contact
 #
-# A sphere is pressed on an incompressible half space, in which pressure and tangential displacement are not
-# coupled, and
+# A sphere is pressed on an incompressible half space, in which pressure and tangential displacement are not coupled, and
 # dragged until all of the contact slides. The law is used at once; a case file needs it as a
 # [plugin](../tutorials/first-friction-law.md#a-package).
 
@@ -164,14 +155,12 @@ left.legend()
 right.set(xlabel="x [mm]", ylabel="tangential traction at the end [MPa]")
 
 # %% [markdown]
-# Where Coulomb's traction has its peak, that of the new law is almost flat: the coefficient is smallest where the
-# pressure is
+# Where Coulomb's traction has its peak, that of the new law is almost flat: the coefficient is smallest where the pressure is
 # largest.
 #
 # ## Check the result
 #
-# When all of the contact slides, the traction is the limit everywhere, and the pressure is that of Hertz. The
-# force is then an
+# When all of the contact slides, the traction is the limit everywhere, and the pressure is that of Hertz. The force is then an
 # integral over the contact:
 #
 # $$T = \int_0^a \frac{\mu\, p(r)}{1 + p(r)/p_{1/2}}\, 2\pi r\, dr, \qquad p(r) = p_0 \sqrt{1 - r^2/a^2}.$$
@@ -224,7 +213,6 @@ right.set_title("falling coefficient, first increment")
 # %% [markdown]
 # ## Where to go next
 #
-# - [Your first friction law](../tutorials/first-friction-law.md) turns a law into a file for `--plugin`, and into
-# a package
+# - [Your first friction law](../tutorials/first-friction-law.md) turns a law into a file for `--plugin`, and into a package
 # - [Contracts](../howto/plugins.md#contracts): interface compliance, adhesion, memory and rate in a law
 # - [Friction laws](../reference/laws-friction.md) that exist already
