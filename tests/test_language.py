@@ -104,9 +104,9 @@ def docstring_faults(text: str) -> list[str]:
 
 
 def name_faults(text: str) -> list[str]:
-    found = sorted(set(names(ast.parse(text))))
-    faults = [f"line {line}: {name}; rather: {DIALECT[name]}" for line, name in found if name in DIALECT]
-    return faults + [f"line {line}: {name}: a possessive" for line, name in found if re.match(r"_?own_", name)]
+    computed = sorted(set(names(ast.parse(text))))
+    faults = [f"line {line}: {name}; rather: {DIALECT[name]}" for line, name in computed if name in DIALECT]
+    return faults + [f"line {line}: {name}: a possessive" for line, name in computed if re.match(r"_?own_", name)]
 
 
 def test_checks_detect_faults():

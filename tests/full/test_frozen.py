@@ -19,6 +19,6 @@ def test_record_contains_all_cases():
 
 @pytest.mark.parametrize("name", CASES)
 def test_values_match_the_record(name):
-    found = record.check_one(name, RECORDED)
-    assert not found.problems
-    assert found.difference <= record.ALLOWED, found.where
+    comparison = record.check_one(name, RECORDED)
+    assert not comparison.problems
+    assert comparison.difference <= record.ALLOWED, comparison.where

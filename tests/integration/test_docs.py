@@ -28,8 +28,8 @@ each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.rel
 
 def blocks(text: str, *languages: str) -> list[tuple[str, str]]:
     """Return fenced blocks in these languages, as (language, content), in order."""
-    found = re.findall(r"^```(\w+)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
-    return [(language, content) for language, content in found if language in languages]
+    matches = re.findall(r"^```(\w+)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    return [(language, content) for language, content in matches if language in languages]
 
 
 def anchors(page: Path) -> set[str]:
@@ -69,13 +69,13 @@ def test_named_files_exist(page):
 @each_page
 def test_named_modules_and_objects_exist(page):
     for name in names(page, r"(?<![\w/.])meeframe(?:\.\w+)+(?![\w/])"):
-        found = meeframe
+        computed = meeframe
         for number, part in enumerate(name.split(".")[1:], 2):
             try:
-                found = importlib.import_module(".".join(name.split(".")[:number]))
+                computed = importlib.import_module(".".join(name.split(".")[:number]))
             except ModuleNotFoundError:
-                assert hasattr(found, part), name
-                found = getattr(found, part)
+                assert hasattr(computed, part), name
+                computed = getattr(computed, part)
 
 
 def test_trust_page_lists_every_case():
@@ -86,8 +86,8 @@ def test_trust_page_lists_every_case():
     assert page.startswith(before)
     assert page.endswith(after)
     assert len(re.findall(r"\]\(checks\.md#", page)) == len(known_cases(ROOT / "validation"))
-    told = re.findall(r"^`meeframe validate --only (\w+)`$", checks, re.MULTILINE)
-    assert told == sorted(known_cases(ROOT / "validation"))
+    matches = re.findall(r"^`meeframe validate --only (\w+)`$", checks, re.MULTILINE)
+    assert matches == sorted(known_cases(ROOT / "validation"))
 
 
 def test_every_page_is_in_the_index_of_its_section():
@@ -148,10 +148,10 @@ def workplace(tmp_path, monkeypatch):
 @pytest.mark.full
 def test_python_example_of_the_readme(workplace):
     ((_, text),) = blocks(README, "python")
-    found: dict = {}
-    exec(text, found)
-    assert found["result"].status == "converged"
-    assert found["pressure"].max() > 0 > found["electric_potential"].min()
+    namespace: dict = {}
+    exec(text, namespace)
+    assert namespace["result"].status == "converged"
+    assert namespace["pressure"].max() > 0 > namespace["electric_potential"].min()
     assert meeframe.read_result(workplace / "out" / "python").status == "converged"
 
 
@@ -195,9 +195,9 @@ def test_getting_started(workplace):
             exec(content, {})
     results = {path.name: meeframe.read_result(path) for path in (workplace / "out").iterdir()}
     assert set(results) == {"first", "conducting", "friction", "tabulated", "residue"}
-    told = re.findall(r"uncertain\s+by\s+about\s+(\d+) ?%", page + results["first"].steps[-1].message)
-    assert len(told) == 2
-    assert told[0] == told[1]
+    matches = re.findall(r"uncertain\s+by\s+about\s+(\d+) ?%", page + results["first"].steps[-1].message)
+    assert len(matches) == 2
+    assert matches[0] == matches[1]
     totals = {name: meeframe.resultants(result.zone, result.steps[-1]) for name, result in results.items()}
     assert 0 < totals["friction"].force[0] <= -0.1 * totals["friction"].force[2]
     assert -totals["conducting"].force[2] < -totals["first"].force[2]

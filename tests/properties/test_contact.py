@@ -147,6 +147,6 @@ def test_common_motion_of_body_and_indenter_has_no_effect(
         translation=one.translation + rigid[:, :2],
         potentials=one.potentials - rigid[:, 3:],
     )
-    expected, found = solve_problem(one, solver).state, solve_problem(two, solver).state
-    assert np.abs(found.load - expected.load).max() < 1e-7
-    assert np.abs(found.displacement - expected.displacement - rigid).max() < 1e-7
+    expected, computed = solve_problem(one, solver).state, solve_problem(two, solver).state
+    assert np.abs(computed.load - expected.load).max() < 1e-7
+    assert np.abs(computed.displacement - expected.displacement - rigid).max() < 1e-7

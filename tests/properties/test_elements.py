@@ -50,8 +50,8 @@ def test_potentials_of_flat_elements(flat, seed, exponent, direction, tolerance)
     normal /= np.linalg.norm(normal)
     # at least slightly upwards, so that sources do not lie in the plane of the element
     direction = direction[0] + np.copysign(0.5, direction[0] @ normal) * normal
-    place = shape_functions(element, reference_points(element, 1, seed)) @ nodes
-    source = place[0] + 10**exponent * size * direction / np.linalg.norm(direction)
+    position = shape_functions(element, reference_points(element, 1, seed)) @ nodes
+    source = position[0] + 10**exponent * size * direction / np.linalg.norm(direction)
     rule = element_rule(element, nodes, source, tolerance)
     offset = rule.positions - source
     distance = np.linalg.norm(offset, axis=1)
@@ -91,11 +91,11 @@ def test_unit_flux_through_a_closed_surface_from_nearby(stiffness, number, seed,
     kernel, medium = LineIntegral().bind(stiffness), anisotropy(stiffness)
     element, nodes = elements_of(sphere_mesh(1.0, 2, Quad9()) if curved else box_mesh((2, 2, 14), (2, 2, 2), Quad4()))
     xi = reference_points(element, 1, seed)
-    place = shape_functions(element, xi)[0] @ nodes[number]
+    position = shape_functions(element, xi)[0] @ nodes[number]
     centre = shape_functions(element, np.zeros((1, 2)))[0] @ nodes[number]
     normal = centre if curved else np.where(np.isclose(np.ptp(nodes[number], axis=0), 0), centre, 0)
     normal = normal / np.linalg.norm(normal)
-    source = place + (1 if outside else -1) * 10**exponent * normal
+    source = position + (1 if outside else -1) * 10**exponent * normal
     flux = np.zeros((5, 5))
     size = 0.0
     for each in nodes:

@@ -31,8 +31,8 @@ def cycle(seed: int, mu: tuple[float, float], increments: int) -> tuple[Array, A
     """Return dissipation of each step and node (steps, n), the indenter's work in each step (steps,), and the last
     tractions (n, 3), along a path of approach and translation from first contact to separation."""
     random = np.random.default_rng(seed)
-    turned = MATERIAL.rotated(rotation_about(tuple(random.normal(size=3)), random.uniform(0.0, 6.0)))
-    system = periodic_half_space(turned, 5e-3, 7)
+    rotated = MATERIAL.rotated(rotation_about(tuple(random.normal(size=3)), random.uniform(0.0, 6.0)))
+    system = periodic_half_space(rotated, 5e-3, 7)
     x, y, _ = system.points.T
     height = 5.0 * x**2 + 8.0 * y**2 + 1e-6 * random.uniform(size=len(x))
     corners = np.concatenate([np.zeros((1, 3)), random.uniform(-1.0, 1.0, (4, 3)), np.zeros((1, 3))]) * APPROACH

@@ -58,7 +58,7 @@ def test_rotations_compose(material: Material, first: np.ndarray, second: np.nda
 @COMMON
 @given(materials(), ROTATIONS)
 def test_rotation_preserves_invariants(material: Material, rotation: np.ndarray) -> None:
-    turned = material.rotated(rotation)
+    rotated = material.rotated(rotation)
     for read in (
         lambda m: np.linalg.eigvalsh(mandel_matrix(m.elastic)),
         lambda m: np.linalg.eigvalsh(m.permittivity),
@@ -66,7 +66,7 @@ def test_rotation_preserves_invariants(material: Material, rotation: np.ndarray)
         lambda m: np.array([np.linalg.norm(m.piezoelectric), np.linalg.norm(m.piezomagnetic)]),
         lambda m: np.array([np.linalg.norm(np.einsum("kii->k", m.piezoelectric))]),
     ):
-        before, after = read(material), read(turned)
+        before, after = read(material), read(rotated)
         np.testing.assert_allclose(after, before, atol=1e-12 * np.abs(before).max())
 
 
@@ -115,7 +115,7 @@ def test_surface_compliance_rotates_with_the_material(material: Material, rotati
     extended[:3, :3] = rotation
     factors = np.outer(material.scaling.factors, material.scaling.factors)
     y = surface_compliance(material.stiffness, normal, direction)[0] / factors
-    turned = surface_compliance(material.rotated(rotation).stiffness, rotation @ normal, rotation @ direction)[0]
-    np.testing.assert_allclose(turned / factors, extended @ y @ extended.T, atol=1e-10 * np.abs(y).max())
+    rotated = surface_compliance(material.rotated(rotation).stiffness, rotation @ normal, rotation @ direction)[0]
+    np.testing.assert_allclose(rotated / factors, extended @ y @ extended.T, atol=1e-10 * np.abs(y).max())
     flipped = np.diag([1.0, 1.0, 1.0, -1.0, -1.0]) @ y
     assert np.linalg.eigvalsh(flipped + np.conj(flipped.T)).min() > 0

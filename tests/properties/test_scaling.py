@@ -52,16 +52,16 @@ def random_problem(seed: int, mu: tuple[float, float], kappa: tuple[float, float
     """Return a problem of a rough paraboloid dragged over a half space of a rotated material; `kappa` is relative to
     the inverse nodal compliance."""
     random = np.random.default_rng(seed)
-    turned = MATERIAL.rotated(rotation_about(tuple(random.normal(size=3)), random.uniform(0.0, 6.0)))
-    system = periodic_half_space(turned, 5e-3, CELLS)
+    rotated = MATERIAL.rotated(rotation_about(tuple(random.normal(size=3)), random.uniform(0.0, 6.0)))
+    system = periodic_half_space(rotated, 5e-3, CELLS)
     x, y, _ = system.points.T
     curvature = random.uniform(5.0, 15.0, 2)
     height = 0.5 * (curvature[0] * x**2 + curvature[1] * y**2) + 1e-6 * random.uniform(size=len(x))
     height = np.where(random.uniform(size=len(x)) < 0.03, np.inf, height - height.min())
     law = OrthotropicCoulomb(*mu, random.uniform(0.0, 3.0))
-    own = np.abs(np.diag(system.diagonal_blocks()[0]))[3:]
+    compliance = np.abs(np.diag(system.diagonal_blocks()[0]))[3:]
     potentials, drag = random.normal(size=2) * [1e3, 1.0], random.normal(size=2) * 1e-5
-    return indentation_problem(system, height, 3e-5, law, tuple(kappa / own), tuple(potentials), tuple(drag))
+    return indentation_problem(system, height, 3e-5, law, tuple(kappa / compliance), tuple(potentials), tuple(drag))
 
 
 def assert_scales(problem: ContactProblem, solver: Solver, factor: float) -> None:
@@ -74,12 +74,12 @@ def assert_scales(problem: ContactProblem, solver: Solver, factor: float) -> Non
         length, modulus, electric, magnetic = factors(kind, factor)
         displacement = np.array([length, length, length, electric, magnetic])
         load = modulus * np.array([1.0, 1.0, 1.0, length / electric, length / magnetic])
-        found = solve(rescaled(problem, displacement, load), solver)
-        assert found.status is Status.CONVERGED, f"{kind} times {factor}: {found.message}"
-        assert found.iterations == expected.iterations, f"{kind} times {factor}"
-        difference = np.abs(found.state.load / load - expected.state.load).max(axis=0)
+        solution = solve(rescaled(problem, displacement, load), solver)
+        assert solution.status is Status.CONVERGED, f"{kind} times {factor}: {solution.message}"
+        assert solution.iterations == expected.iterations, f"{kind} times {factor}"
+        difference = np.abs(solution.state.load / load - expected.state.load).max(axis=0)
         assert (difference <= 1e-8 * largest).all(), f"{kind} times {factor}"
-        assert np.abs(found.state.contact_fraction - expected.state.contact_fraction).max() < 1e-6, (
+        assert np.abs(solution.state.contact_fraction - expected.state.contact_fraction).max() < 1e-6, (
             f"{kind} times {factor}"
         )
 
@@ -105,7 +105,7 @@ def test_half_spaces_scaled_without_round_off(
 @pytest.mark.parametrize("factor", [1e-9, 1e-3, 1e9])
 @pytest.mark.parametrize("kappa", [(0.0, 0.0), (np.inf, 0.0), (1.0, 1e-2), (1e2, np.inf)])
 def test_half_spaces_scaled_by_powers_of_ten(solver: Solver, factor: float, kappa: tuple[float, float]) -> None:
-    """Where Newton's method needs gradient steps, round-off may change their number."""
+    """Round-off may change the number of gradient steps that Newton's method needs."""
     for seed in range(2):
         assert_scales(random_problem(seed, (0.1, 0.5), kappa), solver, factor)
 
@@ -160,8 +160,8 @@ def test_block_from_case_file_to_result(tmp_path: Path) -> None:
     expected = solve_block(tmp_path, (1.0, 1.0, 1.0, 1.0))
     both = [(kind, factor) for kind in ("lengths", "moduli") for factor in (1e-9, 1e9)]
     for kind, factor in [*both, ("lengths", 1e3), *zip(KINDS[2:], (1e9, 1e-9, 1e9), strict=True)]:
-        for (load, step), (found, other) in zip(expected, solve_block(tmp_path, factors(kind, factor)), strict=True):
+        for (load, step), (solution, other) in zip(expected, solve_block(tmp_path, factors(kind, factor)), strict=True):
             assert other.iterations == step.iterations, (kind, factor)
-            difference = np.abs(found - load).max(axis=0)
+            difference = np.abs(solution - load).max(axis=0)
             assert (difference <= 1e-8 * np.abs(load).max(axis=0)).all(), (kind, factor)
             assert 4 < np.count_nonzero(load[:, 2]) < len(load)

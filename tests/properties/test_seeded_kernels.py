@@ -150,7 +150,7 @@ def strided(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
     return np.asfortranarray(u), t
 
 
-def turned(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
+def with_rotated_traction(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
     return u, -t
 
 
@@ -176,7 +176,7 @@ AXIS = r"for \[ *0\. +0\. +-?1\.\] it gives"
         (WrongSolution(growing), f"U is not homogeneous of degree -1: {OFFSET}"),
         (WrongSolution(lopsided), f"U is not even: {OFFSET}"),
         (WrongSolution(strided), "U is not C-contiguous"),
-        (WrongSolution(turned), f"T is not C : grad U . nu: {OFFSET}"),
+        (WrongSolution(with_rotated_traction), f"T is not C : grad U . nu: {OFFSET}"),
         (WrongSolution(larger, 1.01), r"flux through a sphere differs from unity, component \d, \d: by 1.0e-02"),
         (WrongSolution(unchanged, 1.01), f"T is not C : grad U . nu: {OFFSET}"),
         (

@@ -39,9 +39,9 @@ def state_of(problem: ContactProblem, normal: Array, share: Array) -> ContactSta
 
 def slip_violation(problem: ContactProblem, normal: Array, share: Array, associated: bool = True) -> float:
     """Return the violation of the slip condition, where all others hold."""
-    found = violations(problem, state_of(problem, normal, share), associated)
-    assert max(value for name, value in found.items() if name != "slip") < 1e-8
-    return found["slip"]
+    computed = violations(problem, state_of(problem, normal, share), associated)
+    assert max(value for name, value in computed.items() if name != "slip") < 1e-8
+    return computed["slip"]
 
 
 @pytest.mark.parametrize("ratio", [1.0, 30.0, 999.0])
@@ -146,8 +146,8 @@ def manufactured() -> tuple[ContactProblem, ContactState]:
 def test_compliant_attractive_and_conducting_surfaces() -> None:
     """The manufactured state satisfies the conditions, and violates them if a law changes by one per cent."""
     problem, state = manufactured()
-    found = violations(problem, state)
-    assert max(found.values()) < 1e-9, found
+    computed = violations(problem, state)
+    assert max(computed.values()) < 1e-9, computed
     assert residual(problem, state) < 1e-9
     for change, worse in (
         ({"pressure": 1.01e9}, {"pressure or gap", "penetration", "friction limit", "slip"}),

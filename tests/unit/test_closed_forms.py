@@ -108,9 +108,13 @@ def test_surface_fields_are_potentials_of_the_fluxes(
         r = fraction * solution.contact_radius
         sources = np.array([newton_potential(solution, field, r) for field in range(3)])
         at = np.array([r])
-        found = [solution.displacement(at)[0], solution.electric_potential(at)[0], solution.magnetic_potential(at)[0]]
+        computed = [
+            solution.displacement(at)[0],
+            solution.electric_potential(at)[0],
+            solution.magnetic_potential(at)[0],
+        ]
         sizes = np.abs(xi) @ np.abs(sources)
-        np.testing.assert_allclose(found / sizes, xi @ sources / sizes, atol=1e-6)
+        np.testing.assert_allclose(computed / sizes, xi @ sources / sizes, atol=1e-6)
 
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
@@ -152,8 +156,8 @@ def test_far_field_matches_point_sources(xi: np.ndarray) -> None:
     r = 1e4 * solution.contact_radius
     expected = xi @ np.array([-solution.force, solution.charge, solution.magnetic_flux]) / r
     at = np.array([r])
-    found = [solution.displacement(at)[0], solution.electric_potential(at)[0], solution.magnetic_potential(at)[0]]
-    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    computed = [solution.displacement(at)[0], solution.electric_potential(at)[0], solution.magnetic_potential(at)[0]]
+    np.testing.assert_allclose(computed, expected, rtol=1e-6)
 
 
 def test_isotropic_hertz_sneddon_and_punch() -> None:

@@ -39,10 +39,10 @@ def hertz(poisson: float) -> HertzContact:
 
 def resultant(traction, a: float, *kinks: float, power: int = 1) -> float:
     """Return 2 pi int r^power traction dr."""
-    found, _ = quad(
+    computed, _ = quad(
         lambda r: r**power * traction(np.array([r]))[0], 0.0, a, points=kinks, epsabs=0, epsrel=1e-9, limit=200
     )
-    return 2 * np.pi * found
+    return 2 * np.pi * computed
 
 
 def test_hertz_matches_frictionless_half_space() -> None:
@@ -102,14 +102,14 @@ def test_loop_closes_and_its_area_is_its_dissipation(share: float) -> None:
 def test_reversed_tractions_satisfy_the_law() -> None:
     exact = PartialSlip(hertz(0.0), FRICTION)
     turning = exact.displacement(0.8 * exact.limit_force)
-    place, r = 0.2 * turning, np.linspace(0.0, 0.999, 200) * exact.hertz.contact_radius
-    traction, bound = exact.traction_after_reversal(r, place, turning), FRICTION * exact.hertz.pressure(r)
+    position, r = 0.2 * turning, np.linspace(0.0, 0.999, 200) * exact.hertz.contact_radius
+    traction, bound = exact.traction_after_reversal(r, position, turning), FRICTION * exact.hertz.pressure(r)
     assert (np.abs(traction) <= bound * (1 + 1e-12)).all()
-    back = exact.stick_radius(exact.force((turning - place) / 2))
+    back = exact.stick_radius(exact.force((turning - position) / 2))
     np.testing.assert_allclose(traction[r > back], -bound[r > back])
-    a, turned = exact.hertz.contact_radius, exact.stick_radius(exact.force(turning))
-    total = resultant(lambda s: exact.traction_after_reversal(s, place, turning), a, back, turned)
-    assert total == pytest.approx(exact.force_after_reversal(place, turning), rel=1e-5)
+    a, rotated = exact.hertz.contact_radius, exact.stick_radius(exact.force(turning))
+    total = resultant(lambda s: exact.traction_after_reversal(s, position, turning), a, back, rotated)
+    assert total == pytest.approx(exact.force_after_reversal(position, turning), rel=1e-5)
 
 
 def test_bonding_factor() -> None:
@@ -164,11 +164,11 @@ def test_stick_zone_rotates_rigidly_in_torsion(share: float) -> None:
     load = np.zeros((len(r), 5))
     load[:, :2] = (exact.traction(r, twist) / r)[:, None] * np.column_stack([-y, x])
     u = system.apply(load)
-    turned = (x * u[:, 1] - y * u[:, 0]) / r**2
+    rotated = (x * u[:, 1] - y * u[:, 0]) / r**2
     step = 2.1 * a / CELLS
     inside = (r < share * a - step) & (r > 2 * step)
-    np.testing.assert_allclose(turned[inside], twist, rtol=0.01)
-    assert (turned[(r > share * a + step) & (r < a)] < twist).all()
+    np.testing.assert_allclose(rotated[inside], twist, rtol=0.01)
+    assert (rotated[(r > share * a + step) & (r < a)] < twist).all()
     np.testing.assert_allclose(u[:, 2], 0.0, atol=0.01 * twist * a)
     total = resultant(lambda s: exact.traction(s, twist), a, share * a, power=2)
     assert total == pytest.approx(exact.torque(twist), rel=1e-6)

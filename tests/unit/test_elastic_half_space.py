@@ -27,16 +27,16 @@ def point_response(poisson: float, x: float, y: float) -> np.ndarray:
     return mirror @ inward @ mirror / (2 * np.pi * shear)
 
 
-@pytest.mark.parametrize("place", [(1.3, 0.2), (-0.9, 2.4), (0.7, -0.7)])
-def test_cell_matches_integral_of_point_loads(place: tuple[float, float]) -> None:
-    found = cell_response(YOUNG, 0.2, np.array(place[0]), np.array(place[1]), 0.5)[:3, :3]
+@pytest.mark.parametrize("position", [(1.3, 0.2), (-0.9, 2.4), (0.7, -0.7)])
+def test_cell_matches_integral_of_point_loads(position: tuple[float, float]) -> None:
+    computed = cell_response(YOUNG, 0.2, np.array(position[0]), np.array(position[1]), 0.5)[:3, :3]
     for field, load in np.ndindex(3, 3):
 
         def integrand(b: float, a: float, field: int = field, load: int = load) -> float:
-            return float(point_response(0.2, place[0] - a, place[1] - b)[field, load])
+            return float(point_response(0.2, position[0] - a, position[1] - b)[field, load])
 
         expected, _ = dblquad(integrand, -0.5, 0.5, -0.5, 0.5, epsabs=1e-9, epsrel=1e-9)
-        assert found[field, load] == pytest.approx(expected, rel=1e-7, abs=1e-9)
+        assert computed[field, load] == pytest.approx(expected, rel=1e-7, abs=1e-9)
 
 
 def test_response_of_a_cell_to_its_load() -> None:
@@ -46,27 +46,33 @@ def test_response_of_a_cell_to_its_load() -> None:
     point = np.array([point_response(0.3, np.cos(t), np.sin(t)) for t in angle])
     expected = np.mean(point * reach[:, None, None], axis=0) * 2 * np.pi
     expected[2, :2] = expected[:2, 2] = 0.0  # odd: principal value
-    found = cell_response(YOUNG, 0.3, np.zeros(()), np.zeros(()), 0.5)[:3, :3]
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12)
+    computed = cell_response(YOUNG, 0.3, np.zeros(()), np.zeros(()), 0.5)[:3, :3]
+    np.testing.assert_allclose(computed, expected, rtol=1e-6, atol=1e-12)
 
 
 def test_smooth_loads_match_the_compliance_in_wave_numbers() -> None:
     """The compliance of Barnett and Lothe is integrated over wave numbers for a Gaussian load of any direction."""
     poisson, width, h = 0.3, 1.0, 0.125
     angle, k = np.arange(96) * (2 * np.pi / 96), (np.arange(400) + 0.5) * (9.0 / 400)
-    ways = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
-    compliance = surface_compliance(Material.isotropic(YOUNG, poisson).stiffness, (0.0, 0.0, 1.0), ways)
+    directions = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
+    compliance = surface_compliance(Material.isotropic(YOUNG, poisson).stiffness, (0.0, 0.0, 1.0), directions)
     centres = (np.arange(-48, 48) + 0.5) * h
     x, y = (grid.ravel() for grid in np.meshgrid(centres, centres))
     load = np.exp(-(x**2 + y**2) / (2 * width**2))
-    for place in ((0.0625, 0.0625), (0.8125, -1.4375)):
-        response = cell_response(YOUNG, poisson, place[0] - x, place[1] - y, h / 2)
-        found = np.einsum("n,nJK->JK", load, response)
-        phase = np.exp(1j * np.outer(ways[:, :2] @ place, k)) * np.exp(-((k * width) ** 2) / 2) * width**2 * 9.0 / 400
+    for position in ((0.0625, 0.0625), (0.8125, -1.4375)):
+        response = cell_response(YOUNG, poisson, position[0] - x, position[1] - y, h / 2)
+        computed = np.einsum("n,nJK->JK", load, response)
+        phase = (
+            np.exp(1j * np.outer(directions[:, :2] @ position, k))
+            * np.exp(-((k * width) ** 2) / 2)
+            * width**2
+            * 9.0
+            / 400
+        )
         spectrum = np.einsum("aJK,a->JK", compliance, phase.sum(axis=1)) / len(angle)
         expected = spectrum.real * SIGNS[:, None]
         scale = np.sqrt(np.abs(np.outer(np.diag(expected), np.diag(expected))))
-        np.testing.assert_allclose(found / scale, expected / scale, atol=1e-3)
+        np.testing.assert_allclose(computed / scale, expected / scale, atol=1e-3)
 
 
 def test_signs_of_the_coupling() -> None:

@@ -44,8 +44,8 @@ def system_of(formulation: HalfSpace, divisions: tuple[int, int], stiffness: Arr
 
 
 def random_load(system: ReducedSystem) -> Array:
-    own = np.abs(system.diagonal_blocks()[len(system.points) // 2])
-    return np.random.default_rng(3).normal(size=system.offset.shape) / np.sqrt(np.diag(own))
+    compliance = np.abs(system.diagonal_blocks()[len(system.points) // 2])
+    return np.random.default_rng(3).normal(size=system.offset.shape) / np.sqrt(np.diag(compliance))
 
 
 @pytest.mark.parametrize(("formulation", "divisions"), GRIDS)
@@ -57,9 +57,9 @@ def test_coarse_system_converges_with_second_order(formulation: HalfSpace, divis
         coarse = fine.coarsen()
         assert coarse is not None
         np.testing.assert_array_equal(coarse.system.points, fine.points[coarse.nodes])
-        place = coarse.system.points[:, :2] / np.ptp(fine.points[:, :2], axis=0)
+        position = coarse.system.points[:, :2] / np.ptp(fine.points[:, :2], axis=0)
         unit = 1.0 / np.sqrt(np.abs(np.diagonal(fine.diagonal_blocks()[0])))
-        bump = np.where((np.abs(place) < 0.45).all(axis=1), np.cos(place / 0.9 * np.pi).prod(axis=1) ** 4, 0.0)
+        bump = np.where((np.abs(position) < 0.45).all(axis=1), np.cos(position / 0.9 * np.pi).prod(axis=1) ** 4, 0.0)
         load = bump[:, None] * unit
         expected = fine.apply(coarse.prolong(load))[coarse.nodes]
         errors.append((np.abs(coarse.system.apply(load) - expected) / np.abs(expected).max(axis=0)).max())
@@ -84,8 +84,8 @@ def test_coarse_system_equals_system_of_coarser_mesh(density: Literal["bilinear"
     scale = np.abs(expected).max(axis=0)
     assert (np.abs(coarse.system.apply(moved)[order] - expected[other]) / scale).max() < 1e-12
     np.testing.assert_allclose(coarse.system.weights[order], made.weights[other], rtol=1e-12)
-    blocks, own = coarse.system.diagonal_blocks()[order], made.diagonal_blocks()[other]
-    np.testing.assert_allclose(blocks, own, rtol=1e-12, atol=1e-12 * np.abs(own).min(axis=0).max())
+    blocks, compliance = coarse.system.diagonal_blocks()[order], made.diagonal_blocks()[other]
+    np.testing.assert_allclose(blocks, compliance, rtol=1e-12, atol=1e-12 * np.abs(compliance).min(axis=0).max())
 
 
 @pytest.mark.parametrize("fields", [(2,), (0, 1), (4, 1), (0, 1, 2, 3, 4)])

@@ -156,8 +156,8 @@ def test_rotated_axes_do_not_affect_isotropic_friction():
         axes = FrictionAxes(around=(0.0, 0.0, 1.0))
         case = replace(small_case(axes=axes), formulation=HalfSpace(matrix_up_to=limit))
         case = replace(case, steps=(Step(approach=3e-5, translation=(1e-5, 0.5e-5)),))
-        turned, _ = totals(case)
-        np.testing.assert_allclose(turned, plain, atol=1e-6 * np.abs(plain).max())
+        rotated, _ = totals(case)
+        np.testing.assert_allclose(rotated, plain, atol=1e-6 * np.abs(plain).max())
 
 
 @pytest.mark.full(except_for=1)
@@ -199,14 +199,16 @@ def test_periodic_and_free_surfaces_do_not_combine(tmp_path, periodic):
 def test_edge_resolution_in_one_of_two_bodies_is_rejected(tmp_path, own, theirs):
     """Both bodies must resolve contact edges, or neither."""
     body = 'material = {name = "pzt-4"}\nmesh = {type = "half-space", contact_width = "5 mm", divisions = 8}\n'
-    rest = '[indenter]\nname = "flat-punch"\nradius = "1 mm"\n[[steps]]\napproach = "1 um"\n'
+    remainder = '[indenter]\nname = "flat-punch"\nradius = "1 mm"\n[[steps]]\napproach = "1 um"\n'
     path = tmp_path / "case.toml"
 
     def formulation(edges):
         return f'formulation = {{name = "half-space", density = "bilinear", edges = "{edges}"}}\n'
 
     def written(one, other):
-        path.write_text(f"{body}{formulation(one)}[second_body]\n{body}{formulation(other)}{rest}", encoding="utf-8")
+        path.write_text(
+            f"{body}{formulation(one)}[second_body]\n{body}{formulation(other)}{remainder}", encoding="utf-8"
+        )
         return load_case(path)
 
     assert written(own, own).second_body.formulation == HalfSpace(edges=own)

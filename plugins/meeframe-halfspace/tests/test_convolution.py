@@ -76,12 +76,12 @@ def sum_over_loads(kernel: Array, load: Array, loaded: tuple[int, ...], fields: 
     """Return the response (k, nx, ny) as a sum over loaded nodes."""
     _, nx, ny = load.shape
     chosen = kernel[:, :, fields][:, :, :, loaded]
-    found = np.zeros((len(fields), nx, ny))
+    computed = np.zeros((len(fields), nx, ny))
     for i in range(nx):
         for j in range(ny):
             near = chosen[nx - 1 - i : 2 * nx - 1 - i, ny - 1 - j : 2 * ny - 1 - j]
-            found += np.moveaxis(near @ load[:, i, j], -1, 0)
-    return found
+            computed += np.moveaxis(near @ load[:, i, j], -1, 0)
+    return computed
 
 
 @pytest.mark.full(except_for=6)
@@ -94,8 +94,8 @@ def test_products_are_sums_over_nodes(kind, size) -> None:
         load = np.random.default_rng(1).normal(size=(len(loaded), *size))
         expected = sum_over_loads(kernel, load, loaded, fields)
         scale = np.abs(expected).max()  # in scaled fields, where couplings may be small
-        found = made.response(load, loaded, fields)
-        assert np.abs(found - expected).max() < 1e-13 * scale
+        computed = made.response(load, loaded, fields)
+        assert np.abs(computed - expected).max() < 1e-13 * scale
         single = made.response(load.astype(np.float32), loaded, fields)
         assert single.dtype == np.float32
         assert 1e-9 * scale < np.abs(single - expected).max() < 1e-6 * scale
@@ -119,8 +119,8 @@ def test_reused_memory_does_not_change_results() -> None:
     larger, _ = free((16, 15))
     larger.response(np.ones((5, 16, 15)), ALL, ALL)
     made.response(load[:2].astype(np.float32), (0, 1), ALL)
-    for found in (first, made.response(load, ALL, ALL)):
-        assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+    for computed in (first, made.response(load, ALL, ALL)):
+        assert np.abs(computed - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 def test_uncoupled_fields_have_no_response() -> None:
@@ -128,10 +128,10 @@ def test_uncoupled_fields_have_no_response() -> None:
     response = PointResponse.of(Material.isotropic(2e11, 0.3).stiffness, np.eye(3))
     made = convolution_of(FreeGrid(response, SPACING, (8, 6), "constant"))
     load = np.random.default_rng(3).normal(size=(1, 8, 6))
-    found = made.response(load, (3,), (0, 3, 2))
-    assert not found[[0, 2]].any()
-    np.testing.assert_array_equal(found[1:2], made.response(load, (3,), (3,)))
-    assert found[1].all()
+    computed = made.response(load, (3,), (0, 3, 2))
+    assert not computed[[0, 2]].any()
+    np.testing.assert_array_equal(computed[1:2], made.response(load, (3,), (3,)))
+    assert computed[1].all()
     assert made.response(load, (3,), (1, 4)).shape == (2, 8, 6)
     assert not made.response(load, (3,), (1, 4)).any()
 
@@ -140,9 +140,9 @@ def test_uncoupled_fields_have_no_response() -> None:
 def test_products_without_loaded_fields(precision) -> None:
     """The first product of a convolution has no loaded field, before any entry has been computed."""
     made, _ = free((8, 6))
-    found = made.response(np.empty((0, 8, 6), precision), (), (2, 0))
-    assert (found.shape, found.dtype) == ((2, 8, 6), precision)
-    assert not found.any()
+    computed = made.response(np.empty((0, 8, 6), precision), (), (2, 0))
+    assert (computed.shape, computed.dtype) == ((2, 8, 6), precision)
+    assert not computed.any()
     assert not made.response(np.zeros((1, 8, 6), precision), (1,), (2, 0)).any()
 
 
@@ -183,9 +183,9 @@ def without_symmetry(made: Convolution) -> Convolution:
     """Return the same convolution, with all entries of its symbol stored explicitly."""
     symbol, parities = made.symbol, made.symbol.parities
     assert parities is not None
-    halves, places = symbol.entries(symbol.numbers, np.dtype(float))
+    halves, positions = symbol.entries(symbol.numbers, np.dtype(float))
     assert halves.shape[2] == made.padded[1] // 2 + 1
-    entries = [full_entry(halves[places[number]], parities[number], made.padded[1]) for number in symbol.numbers]
+    entries = [full_entry(halves[positions[number]], parities[number], made.padded[1]) for number in symbol.numbers]
     return replace(made, symbol=Symbol.of(np.array(entries), symbol.numbers, None))
 
 
@@ -197,8 +197,8 @@ def test_half_symbol_matches_full_symbol(size, loaded, fields, precision) -> Non
     load = np.random.default_rng(7).normal(size=(len(loaded), *size)).astype(precision)
     for made in (mirrored(size)[0], convolution_of(PeriodicGrid(STRAIGHT, SPACING, size, "bilinear"))):
         expected = without_symmetry(made).response(load, loaded, fields)
-        found = made.response(load, loaded, fields)
-        assert np.abs(found - expected).max() < 8.0 * np.finfo(precision).eps * np.abs(expected).max()
+        computed = made.response(load, loaded, fields)
+        assert np.abs(computed - expected).max() < 8.0 * np.finfo(precision).eps * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("fields", [(2,), (4, 2), ALL])
@@ -206,10 +206,10 @@ def test_half_symbol_matches_full_symbol(size, loaded, fields, precision) -> Non
 def test_half_symbol_matches_full_inverse(size, fields) -> None:
     load = np.random.default_rng(9).normal(size=(len(fields), *size)).astype(np.float32)
     for made in (mirrored(size)[0], convolution_of(PeriodicGrid(STRAIGHT, SPACING, size, "bilinear"))):
-        found, expected = (
+        computed, expected = (
             wave_inverse(each, fields).response(load, fields, fields) for each in (made, without_symmetry(made))
         )
-        assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+        assert np.abs(computed - expected).max() < 1e-6 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("response", [RESPONSE, STRAIGHT], ids=["turned", "mirrored"])
@@ -220,13 +220,13 @@ def test_entries_are_computed_one_by_one(response) -> None:
     load = np.random.default_rng(8).normal(size=(5, *size))
     for fields in ([2], [0, 2], list(ALL), [2]):
         before = [made.response(load[[field]], [field], [field]) for field in fields]
-        found, expected = (each.response(load[fields], fields, ALL) for each in (made, at_once))
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
+        computed, expected = (each.response(load[fields], fields, ALL) for each in (made, at_once))
+        np.testing.assert_allclose(computed, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
         for field, alone in zip(fields, before, strict=True):
             np.testing.assert_array_equal(made.response(load[[field]], [field], [field]), alone)
-    entries, places = made.symbol.entries((), np.dtype(float))
-    assert sorted(places) == response.numbers
-    assert sorted(places.values()) == list(range(len(entries)))
+    entries, positions = made.symbol.entries((), np.dtype(float))
+    assert sorted(positions) == response.numbers
+    assert sorted(positions.values()) == list(range(len(entries)))
 
 
 LONG = [(40, 3), (3, 70)]
@@ -241,15 +241,15 @@ def test_long_grids_against_boussinesq_and_cerruti(size) -> None:
         convolution_of(FreeGrid(response, (h, h), size, "constant")), scale=np.outer(response.factors, response.factors)
     )
     i, j = np.indices(size)
-    for place in ((0, 0), (size[0] - 1, 0), (size[0] // 2, 1)):
-        exact = cell_response(young, poisson, (i - place[0]) * h, (j - place[1]) * h, h / 2)
+    for position in ((0, 0), (size[0] - 1, 0), (size[0] // 2, 1)):
+        exact = cell_response(young, poisson, (i - position[0]) * h, (j - position[1]) * h, h / 2)
         for loaded in range(3):
             load = np.zeros((1, *size))
-            load[0, *place] = 1.0
-            found = made.response(load, [loaded], [0, 1, 2])
+            load[0, *position] = 1.0
+            computed = made.response(load, [loaded], [0, 1, 2])
             expected = np.moveaxis(exact[..., :3, loaded], -1, 0)
             # the closed form is a difference of numbers that grow with the distance
-            assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
+            assert np.abs(computed - expected).max() < 1e-13 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("size", LONG)
@@ -261,19 +261,19 @@ def test_long_grids_against_integration(size) -> None:
     s = np.concatenate([points - 1.0, points])  # the density is 1 - |s|, with s in spacings
     w = np.concatenate([weights, weights]) * (1.0 - np.abs(s))
     across = np.outer(w, w).ravel() * SPACING[0] * SPACING[1]
-    for place in ((0, 0), (nx - 1, ny - 1)):
+    for position in ((0, 0), (nx - 1, ny - 1)):
         load = np.zeros((1, *size))
-        load[0, *place] = 1.0
-        found = np.stack([made.response(load, [field], ALL) for field in ALL], axis=-1)  # (5, nx, ny, 5)
-        for node in {(nx // 5, ny // 5), (nx // 2, ny // 2), (nx - 1 - place[0], ny - 1 - place[1]), (0, ny - 1)}:
-            steps = np.subtract(node, place)
+        load[0, *position] = 1.0
+        computed = np.stack([made.response(load, [field], ALL) for field in ALL], axis=-1)  # (5, nx, ny, 5)
+        for node in {(nx // 5, ny // 5), (nx // 2, ny // 2), (nx - 1 - position[0], ny - 1 - position[1]), (0, ny - 1)}:
+            steps = np.subtract(node, position)
             if np.abs(steps).max() < 3:
                 continue
             x, y = ((step - s) * h for step, h in zip(steps, SPACING, strict=True))
             offsets = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
             scaled = RESPONSE.evaluate(offsets) / np.outer(RESPONSE.factors, RESPONSE.factors)
             expected = np.einsum("p,pij->ij", across, scaled)
-            assert np.abs(found[:, *node] - expected).max() < 1e-12 * np.abs(expected).max()
+            assert np.abs(computed[:, *node] - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 def test_results_do_not_depend_on_threads() -> None:

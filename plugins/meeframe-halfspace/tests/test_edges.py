@@ -84,9 +84,9 @@ def errors(name, potentials, cells, offset=(0.0, 0.0), edges="resolved"):
     exact = indent(XI, shape, APPROACH, *potentials)
     h = 2.0 * exact.contact_radius / cells
     system = half_space((h, h), 2 * round(0.6 * cells), edges)
-    found = totals(system, indenter.height, APPROACH, potentials, offset=(offset[0] * h, offset[1] * h))
+    computed = totals(system, indenter.height, APPROACH, potentials, offset=(offset[0] * h, offset[1] * h))
     true = np.array([exact.force, exact.charge, exact.magnetic_flux])
-    return found[true != 0.0] / true[true != 0.0] - 1.0
+    return computed[true != 0.0] / true[true != 0.0] - 1.0
 
 
 # strips
@@ -243,8 +243,8 @@ def test_rotated_square_punch():
     """Corners and edges cross the grid lines."""
     side, depth = 1e-3, 1e-6
     punch = rigid.RectangularPunch(side / 2.0, side / 2.0)
-    found = force_of_case(punch, depth, Placement(rotation=0.3), 1.6e-3, 60)
-    assert found == pytest.approx(depth / XI[0, 0] * SQUARE * side, rel=1e-3)
+    computed = force_of_case(punch, depth, Placement(rotation=0.3), 1.6e-3, 60)
+    assert computed == pytest.approx(depth / XI[0, 0] * SQUARE * side, rel=1e-3)
 
 
 def test_indenter_edge_on_elongated_cells():
@@ -279,8 +279,8 @@ def test_pointwise_heights_have_no_indenter_edge(potential):
         sampled = SampledHeights(rows, "nodes")
         edges = "resolved" if isinstance(shape, rigid.Sphere) and potential else "nodes"
         expected = force_of_case(shape, depth, Placement(), width, 40, edges, potential)
-        found = force_of_case(sampled, depth, Placement(), width, 40, "resolved", potential)
-        assert found == pytest.approx(expected, rel=1e-6)
+        computed = force_of_case(sampled, depth, Placement(), width, 40, "resolved", potential)
+        assert computed == pytest.approx(expected, rel=1e-6)
 
 
 # indenters that end outside the contact
@@ -339,9 +339,9 @@ def test_weak_conduction_is_proportional_to_area():
     system = half_space((h, h), 42)
     potentials = [1e4, -1e4]
     # the contribution of the pressure does not depend on the potential
-    found = [totals(system, rigid.Sphere(0.1).height, APPROACH, (phi, None), kappa)[1] for phi in potentials]
+    computed = [totals(system, rigid.Sphere(0.1).height, APPROACH, (phi, None), kappa)[1] for phi in potentials]
     area = np.pi * exact.contact_radius**2
-    assert (found[1] - found[0]) / (kappa * 2e4) == pytest.approx(area, rel=1e-3)
+    assert (computed[1] - computed[0]) / (kappa * 2e4) == pytest.approx(area, rel=1e-3)
 
 
 # composed systems

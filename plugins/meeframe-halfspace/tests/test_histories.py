@@ -55,9 +55,9 @@ def assert_same(ours: tuple[StepResult, ...], theirs: tuple[StepResult, ...]) ->
 def restart_history(whole: Result, steps: tuple[Step, ...], matrix_up_to: int, kappa: float) -> tuple[StepResult, ...]:
     """Return the increments of a history that restarts in the middle of the last step of another one."""
     middle = PRESS + DRAG // 2
-    rest = replace(steps[-1], increments=DRAG - DRAG // 2)
+    remainder = replace(steps[-1], increments=DRAG - DRAG // 2)
     restart = Restart("", whole.zone.points, whole.zone.frames, whole.steps[middle - 1])
-    return solve_case(history((rest,), matrix_up_to, kappa, restart)).steps
+    return solve_case(history((remainder,), matrix_up_to, kappa, restart)).steps
 
 
 @pytest.mark.full(except_for=2)
@@ -75,8 +75,8 @@ def test_restart_within_a_step_gives_same_states(control: str, matrix_up_to: int
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("control", STEPS)
 def test_stored_matrix_gives_same_history(control: str) -> None:
-    found = [solve_case(history(STEPS[control], matrix_up_to)).steps for matrix_up_to in (0, 600)]
-    assert_same(*found)
+    solution = [solve_case(history(STEPS[control], matrix_up_to)).steps for matrix_up_to in (0, 600)]
+    assert_same(*solution)
 
 
 def test_increments_match_separate_steps() -> None:

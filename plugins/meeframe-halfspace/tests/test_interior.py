@@ -178,8 +178,8 @@ def test_points_in_any_order_and_on_grids():
     order = np.random.default_rng(0).permutation(len(grid.points))[:9]
     some = interior(system, load, grid.points[order])
     for name in ("displacement", "potentials", "stress", "flux_densities"):
-        found, expected = getattr(some, name), getattr(whole, name)
-        np.testing.assert_allclose(found, expected[order], atol=1e-6 * np.abs(expected).max())
+        computed, expected = getattr(some, name), getattr(whole, name)
+        np.testing.assert_allclose(computed, expected[order], atol=1e-6 * np.abs(expected).max())
 
 
 def test_composed_systems_forward_interior_fields():
@@ -194,8 +194,8 @@ def test_composed_systems_forward_interior_fields():
         rotated_load = load.copy()
         rotated_load[:, :3] = np.einsum("nai,nbi,nb->na", rotated.frames, system.frames, load[:, :3])
         for one, given in ((original, load), (rotated, rotated_load)):
-            found = one.capability(InteriorFields).evaluate(given, points).fluxes * FACTORS
-            np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+            computed = one.capability(InteriorFields).evaluate(given, points).fluxes * FACTORS
+            np.testing.assert_allclose(computed, expected, atol=1e-10 * np.abs(expected).max())
     pair = combine_bodies(system, half_space(STEEL, (9, 9), 0.1))
     np.testing.assert_array_equal(pair.capability(InteriorFields).evaluate(load, points).fluxes * FACTORS, expected)
     large = half_space(COUPLED, (60, 60), 0.1)

@@ -49,8 +49,8 @@ def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem
         none,
         prescribed_resultants,
     )
-    own = potential_diagonal(problem)[len(x) // 2]
-    laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, own, strict=True)]
+    compliance = potential_diagonal(problem)[len(x) // 2]
+    laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, compliance, strict=True)]
     return replace(problem, channels=flux_channels(laws[0], laws[1]))
 
 
@@ -69,8 +69,8 @@ def test_approximate_inverse_recovers_load(periodic) -> None:
     load = np.random.default_rng(3).normal(size=system.offset.shape)
     inside = np.hypot(x, y) < 0.3 * WIDTH
     load *= inside[:, None] / np.abs(np.diagonal(system.diagonal_blocks()[0])) ** 0.5
-    found = system.approximate_inverse(fields)(system.apply(load))
-    error = np.abs(found - load) / np.abs(load).max(axis=0)
+    computed = system.approximate_inverse(fields)(system.apply(load))
+    error = np.abs(computed - load) / np.abs(load).max(axis=0)
     assert error[slice(None) if periodic else inside].max() < (1e-5 if periodic else 0.05)
 
 
@@ -82,8 +82,8 @@ def test_zero_displacements_contribute_nothing(periodic) -> None:
     moved = like * np.random.default_rng(6).normal(size=system.offset.shape)
     inverse = system.approximate_inverse([0, 1, 2, 3, 4])
     some = np.array([True, False, True, False, False])
-    found, parts = inverse(moved), inverse(np.where(some, moved, 0.0)) + inverse(np.where(some, 0.0, moved))
-    assert (np.abs(found - parts) / np.abs(found).max(axis=0)).max() < 1e-5
+    computed, parts = inverse(moved), inverse(np.where(some, moved, 0.0)) + inverse(np.where(some, 0.0, moved))
+    assert (np.abs(computed - parts) / np.abs(computed).max(axis=0)).max() < 1e-5
     assert not inverse(np.zeros_like(moved)).any()
 
 
@@ -93,9 +93,9 @@ def test_inverse_preserves_precision(periodic) -> None:
     system = reduced(24, periodic=periodic)
     moved = system.apply(np.random.default_rng(5).normal(size=system.offset.shape))
     inverse = system.approximate_inverse([0, 1, 2, 3, 4])
-    found, single = inverse(moved), inverse(moved.astype(np.float32))
-    assert (found.dtype, single.dtype) == (np.float64, np.float32)
-    assert (np.abs(found - single) / np.abs(found).max(axis=0)).max() < 1e-5
+    computed, single = inverse(moved), inverse(moved.astype(np.float32))
+    assert (computed.dtype, single.dtype) == (np.float64, np.float32)
+    assert (np.abs(computed - single) / np.abs(computed).max(axis=0)).max() < 1e-5
 
 
 @pytest.mark.parametrize("n", [14, 23, 32])
@@ -114,8 +114,8 @@ def test_symbol_of_free_grids(n) -> None:
     waves = replace(wave_inverse(system.convolution, fields), size=(px // 2, py // 2), scale=np.ones((5, 5)))
     unit = load[:, : px // 2, : py // 2].astype(np.float32)
     for column, field in enumerate(fields):
-        found = np.fft.fft2(waves.response(unit, [field], fields))
-        assert np.abs(found - expected[:, column]).max() < 3e-5 * np.abs(expected).max()
+        computed = np.fft.fft2(waves.response(unit, [field], fields))
+        assert np.abs(computed - expected[:, column]).max() < 3e-5 * np.abs(expected).max()
 
 
 def test_inverse_in_chosen_fields() -> None:
@@ -140,15 +140,15 @@ def test_solutions_match_factorised_matrix(law, kappa) -> None:
     the matrix returns to it from nearby.
     """
     by_matrix, problem = (dragged(reduced(24, matrix_up_to=most), law, kappa) for most in (600, 0))
-    found = solve_contact(problem, tolerance=1e-12).state
-    beside = replace(found, load=0.999 * found.load) if kappa == CONDUCTING else None
-    assert residual(by_matrix, found) < 2e-12
+    state = solve_contact(problem, tolerance=1e-12).state
+    beside = replace(state, load=0.999 * state.load) if kappa == CONDUCTING else None
+    assert residual(by_matrix, state) < 2e-12
     expected = solve(by_matrix, SemismoothNewton(), StoppingCriteria(tolerance=1e-12), beside).state
     scale = np.abs(expected.load).max(axis=0)
     scale[scale == 0.0] = 1.0
-    assert (np.abs(found.load - expected.load) / scale).max() < 1e-9
-    np.testing.assert_allclose(found.motion, expected.motion, atol=1e-9 * np.abs(expected.motion).max())
-    assert residual(problem, found) < 2e-12
+    assert (np.abs(state.load - expected.load) / scale).max() < 1e-9
+    np.testing.assert_allclose(state.motion, expected.motion, atol=1e-9 * np.abs(expected.motion).max())
+    assert residual(problem, state) < 2e-12
 
 
 def test_solutions_match_without_nested_grids() -> None:
@@ -166,11 +166,11 @@ def test_solutions_match_without_nested_grids() -> None:
 
 def test_gradient_iterations_match_without_inverse() -> None:
     """Potentials are eliminated with and without the approximate inverse."""
-    found = []
+    computed = []
     for helped in (True, False):
         system = OperationCounter.of(reduced(24), helped)
-        found.append(solve_contact(dragged(system, kappa=CONDUCTING), BarzilaiBorwein()).state.load)
-    assert (np.abs(found[0] - found[1]) <= 1e-7 * np.abs(found[1]).max(axis=0)).all()
+        computed.append(solve_contact(dragged(system, kappa=CONDUCTING), BarzilaiBorwein()).state.load)
+    assert (np.abs(computed[0] - computed[1]) <= 1e-7 * np.abs(computed[1]).max(axis=0)).all()
 
 
 def test_products_nearly_independent_of_grid() -> None:

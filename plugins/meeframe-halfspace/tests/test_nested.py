@@ -115,8 +115,8 @@ def test_narrow_indenters(solver: Solver, n: int, spacings: float) -> None:
     assert pressed.status is Status.CONVERGED
     depth = float(pressed.state.motion[0])
     if under.sum() == 1:
-        own = float(system.diagonal_blocks()[under][0, 2, 2])
-        assert depth == pytest.approx(own * FORCE / float(system.weights[under][0]), rel=1e-9)
+        compliance = float(system.diagonal_blocks()[under][0, 2, 2])
+        assert depth == pytest.approx(compliance * FORCE / float(system.weights[under][0]), rel=1e-9)
     given = solve(fixed(system, np.where(under, -depth, np.inf)), solver, StoppingCriteria(tolerance=1e-10))
     assert given.status is Status.CONVERGED
     assert -system.weights @ given.state.load[:, 2] == pytest.approx(FORCE, rel=1e-8)
@@ -189,14 +189,14 @@ def test_diagonal_matches_unit_loads(system: ReducedSystem, directed: bool) -> N
     part = None if restriction is None else restriction.restrict(np.arange(2 * n // 5, 2 * n // 5 + 3))
     for asked in (whole, whole if part is None else part.system):
         for fields in ((2,), (4, 0, 1), tuple(range(5))):
-            own = diagonal(asked, fields)
-            assert own.shape == (len(asked.points), len(fields))
-            np.testing.assert_array_equal(own, asked.diagonal_blocks()[:, fields, fields])
-            for node in (0, len(own) // 2, len(own) - 1):
-                for found, field in zip(own[node], fields, strict=True):
-                    load = np.zeros((len(own), 5))
+            compliance = diagonal(asked, fields)
+            assert compliance.shape == (len(asked.points), len(fields))
+            np.testing.assert_array_equal(compliance, asked.diagonal_blocks()[:, fields, fields])
+            for node in (0, len(compliance) // 2, len(compliance) - 1):
+                for computed, field in zip(compliance[node], fields, strict=True):
+                    load = np.zeros((len(compliance), 5))
                     load[node, field] = 1.0
-                    assert found == pytest.approx(asked.apply(load)[node, field], rel=1e-9)
+                    assert computed == pytest.approx(asked.apply(load)[node, field], rel=1e-9)
 
 
 def test_restriction_to_single_node() -> None:
@@ -391,8 +391,8 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         wanted = sorted(fields) if self.wrong == "wanted fields" else fields
-        found = self.inner.apply_fields(load, sorted(loaded) if self.wrong == "loaded fields" else loaded, wanted)
-        return 1.0001 * found if self.wrong == "single precision" and load.dtype == np.float32 else found
+        computed = self.inner.apply_fields(load, sorted(loaded) if self.wrong == "loaded fields" else loaded, wanted)
+        return 1.0001 * computed if self.wrong == "single precision" and load.dtype == np.float32 else computed
 
     def diagonal(self, fields: Sequence[int]) -> Array:
         return self.inner.diagonal(sorted(fields) if self.wrong == "diagonal" else fields)

@@ -15,12 +15,14 @@ from meeframe.plugin import registry
 from meeframe.plugin.registry import CONTRACTS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "explanation" / "halfspace.md").read_text(encoding="utf-8")
-FORMULATION, ROUGH, MAP = (tomllib.loads(text) for text in re.findall(r"^```toml\n(.*?)^```", PAGE, re.DOTALL | re.M))
+FORMULATION, ROUGH_SURFACES, MAP = (
+    tomllib.loads(text) for text in re.findall(r"^```toml\n(.*?)^```", PAGE, re.DOTALL | re.M)
+)
 
 
 def create_indenter(contract, table, folder=Path()):
-    found = registry.load()
-    return type(found)(**{**vars(found), "folder": folder}).create(CONTRACTS[contract], table)
+    computed = registry.load()
+    return type(computed)(**{**vars(computed), "folder": folder}).create(CONTRACTS[contract], table)
 
 
 def test_defaults_of_the_formulation():
@@ -28,7 +30,7 @@ def test_defaults_of_the_formulation():
 
 
 def test_self_affine_table():
-    surface = create_indenter(Indenter, ROUGH["indenter"])
+    surface = create_indenter(Indenter, ROUGH_SURFACES["indenter"])
     assert isinstance(surface, SelfAffine)
     assert surface.surface().std() == pytest.approx(2e-6)
     assert (surface.period, surface.roll_off, surface.shortest) == pytest.approx((2e-3, 1e-3, 1.25e-4))
@@ -49,11 +51,11 @@ def test_height_map_table(tmp_path):
 
 def test_python_examples():
     response, rough = re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.M)
-    found = {}
-    exec(response, found)
-    assert found["response"].even.shape[2] == 15
-    exec(rough, found)
-    step, heights, pressure = found["result"].steps[-1], found["heights"], found["pressure"]
+    computed = {}
+    exec(response, computed)
+    assert computed["response"].even.shape[2] == 15
+    exec(rough, computed)
+    step, heights, pressure = computed["result"].steps[-1], computed["heights"], computed["pressure"]
     assert step.status == "converged"
     assert "zone" not in step.message
     assert heights[pressure > 0].min() > np.quantile(heights, 0.7), "peaks touch"

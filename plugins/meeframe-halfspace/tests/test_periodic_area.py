@@ -66,14 +66,14 @@ class PeriodicSphere(Indenter):
         return height
 
 
-@pytest.mark.parametrize("place", [(16, 0), (16, 16), (13, -5)])
-def test_resolved_edges_cross_the_border_of_the_period(place: tuple[int, int]) -> None:
+@pytest.mark.parametrize("position", [(16, 0), (16, 16), (13, -5)])
+def test_resolved_edges_cross_the_border_of_the_period(position: tuple[int, int]) -> None:
     """Charge and area equal those of the same contact in the middle of the zone."""
-    (charge, area), found = (
+    (charge, area), computed = (
         (totals.charge, totals.contact_area)
-        for totals in (conducting(PeriodicSphere(*(PERIOD / NODES * np.array(at)))) for at in ((0, 0), place))
+        for totals in (conducting(PeriodicSphere(*(PERIOD / NODES * np.array(at)))) for at in ((0, 0), position))
     )
-    assert found == pytest.approx((charge, area), rel=1e-8)
+    assert computed == pytest.approx((charge, area), rel=1e-8)
 
 
 @dataclass(frozen=True)
@@ -91,15 +91,17 @@ class PeriodicPunch(Indenter):
 
 
 @pytest.mark.full(except_for=1)
-@pytest.mark.parametrize(("place", "radius"), [((16, 0), 7.4), ((7, 9), 7.4), ((7, 9), 8.1)])
-def test_indenter_edges_cross_the_border_of_the_period(place: tuple[int, int], radius: float) -> None:
+@pytest.mark.parametrize(("position", "radius"), [((16, 0), 7.4), ((7, 9), 7.4), ((7, 9), 8.1)])
+def test_indenter_edges_cross_the_border_of_the_period(position: tuple[int, int], radius: float) -> None:
     """Charge and area equal those of the same punch in the middle of the zone."""
     spacing = PERIOD / NODES
-    (charge, area), found = (
+    (charge, area), computed = (
         (totals.charge, totals.contact_area)
-        for totals in (conducting(PeriodicPunch(*(spacing * np.array(at)), radius * spacing)) for at in ((0, 0), place))
+        for totals in (
+            conducting(PeriodicPunch(*(spacing * np.array(at)), radius * spacing)) for at in ((0, 0), position)
+        )
     )
-    assert found == pytest.approx((charge, area), rel=1e-8)
+    assert computed == pytest.approx((charge, area), rel=1e-8)
 
 
 def conducting(indenter: Indenter) -> Resultants:

@@ -83,12 +83,14 @@ def test_reciprocity_between_two_points():
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("shape", ["constant", "bilinear"])
-@pytest.mark.parametrize("place", [(0, 0), (1, 0), (0, -2), (3, 2), (5, 4), (6, 1), (9, -13)])
-def test_cells_match_integrals_of_the_response(shape, place):
+@pytest.mark.parametrize("position", [(0, 0), (1, 0), (0, -2), (3, 2), (5, 4), (6, 1), (9, -13)])
+def test_cells_match_integrals_of_the_response(shape, position):
     spacing = (1.0, 1.4)
     response = PointResponse.of(rotated_orthotropic(), np.eye(3))
-    computed = table(response, spacing, shape, (10, 14))[place[0], 13 + place[1]] / np.outer(*[response.factors] * 2)
-    x, y = place[0] * spacing[0], place[1] * spacing[1]
+    computed = table(response, spacing, shape, (10, 14))[position[0], 13 + position[1]] / np.outer(
+        *[response.factors] * 2
+    )
+    x, y = position[0] * spacing[0], position[1] * spacing[1]
     for row, column in ((0, 0), (2, 1), (1, 2), (3, 2), (4, 4)):
         exact = _integral(response, shape, spacing, x, y, row, column)
         assert abs(computed[row, column] - exact) < 1e-9 * np.abs(computed).max()
@@ -162,24 +164,24 @@ def test_near_and_far_rules_agree_at_transitions(shape):
     assert worst < 1e-13
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("rotated", [False, True])
 @pytest.mark.parametrize("shape", ["constant", "bilinear"])
-def test_far_cells_from_the_response_at_nodes(shape, turned):
+def test_far_cells_from_the_response_at_nodes(shape, rotated):
     """Each entry agrees with integration, relative to the largest at that place; without rotation half of the grid is
     mirrored."""
-    stiffness = rotated_orthotropic() if turned else library_material("orthotropic-mee").stiffness
+    stiffness = rotated_orthotropic() if rotated else library_material("orthotropic-mee").stiffness
     response = PointResponse.of(stiffness, np.eye(3))
     spacing, size = (1.0, 0.8), (44, 50)
     near = near_size(spacing, size)
     assert near == (31, 39)
     whole = cell_table(response, spacing, shape, size)
     assert [mirror_parity(response.entry(entry)[0]) for entry in (0, 1, 16, 19)] == (
-        [0] * 4 if turned else [1, -1, 1, -1]
+        [0] * 4 if rotated else [1, -1, 1, -1]
     )
-    found = np.stack([far_table(response, spacing, shape, size, entry) for entry in range(25)])
+    computed_entry = np.stack([far_table(response, spacing, shape, size, entry) for entry in range(25)])
     far = np.ones(whole.shape[1:], bool)
     far[: near[0], size[1] - near[1] : size[1] + near[1] - 1] = False
-    error = np.abs(found - whole).max(axis=0) / np.abs(whole).max(axis=0)
+    error = np.abs(computed_entry - whole).max(axis=0) / np.abs(whole).max(axis=0)
     assert far.any()
     assert error[far].max() < 1e-12
 
@@ -189,8 +191,8 @@ def test_entries_that_symmetry_forbids_are_zero():
     isotropic = PointResponse.of(Material.isotropic(YOUNG, POISSON).stiffness, np.eye(3))
     made = [entry for entry in range(25) if len(isotropic.entry(entry)[0])]
     assert made == [0, 1, 5, 9, 12, 14, 16, 19]
-    turned = PointResponse.of(rotated_orthotropic(), np.eye(3))
-    assert all(len(turned.entry(entry)[0]) for entry in range(25))
+    rotated = PointResponse.of(rotated_orthotropic(), np.eye(3))
+    assert all(len(rotated.entry(entry)[0]) for entry in range(25))
 
 
 @pytest.mark.parametrize("quarter_turns", [0, 1, 2])

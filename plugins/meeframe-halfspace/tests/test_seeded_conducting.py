@@ -33,8 +33,8 @@ def random_problem(seed: int) -> ContactProblem:
     mesh = half_space_mesh(4.0 * max(width), width, divisions, 1, Quad4())
     formulation = HalfSpace("trigonometric" if periodic else "constant", periodic=periodic, matrix_up_to=0)
     system = formulation.reduce(Body(library_material(material).stiffness, mesh, (), "contact"))
-    place, squeezed = random.uniform(-1e-3, 1e-3, 2), random.uniform(0.4, 1.0)
-    x, y = (system.points[:, :2] - place).T
+    position, squeezed = random.uniform(-1e-3, 1e-3, 2), random.uniform(0.4, 1.0)
+    x, y = (system.points[:, :2] - position).T
     size = min(width) * (0.3 / min(nx, ny) if seed % 7 == 0 else 1.0) * random.uniform(0.05, 0.4)
     kappa, potentials = random.choice([np.inf, np.inf, 1e-5]), POTENTIALS[random.integers(len(POTENTIALS))]
     height, approach = (x**2 + squeezed * y**2) / (2.0 * RADIUS), size**2 / RADIUS
@@ -70,15 +70,15 @@ def assert_laws_hold_strictly(problem: ContactProblem, state: ContactState) -> N
         indenter_position(problem, state.motion) - problem.system.offset - problem.system.apply(state.load)
     )
     largest, touching = np.abs(state.load).max(axis=0), state.contact_fraction == 1.0
-    pressed, apart = state.load[touching, 2], relative_displacement[~touching, 2]
+    pressed, separated = state.load[touching, 2], relative_displacement[~touching, 2]
     assert (pressed < -1e-3 * largest[2]).all()
-    assert (apart > 1e-3 * np.abs(state.displacement[:, 2]).max()).all()
+    assert (separated > 1e-3 * np.abs(state.displacement[:, 2]).max()).all()
     off = np.abs(relative_displacement[touching, 2:]) / np.abs(state.displacement[:, 2:]).max(axis=0)
     assert off.max() < 1e-8
     assert not state.load[~touching].any()
 
 
-def assert_same_load(found: ContactState, other: ContactState) -> None:
+def assert_same_load(computed: ContactState, other: ContactState) -> None:
     """Assert that pressures and fluxes agree to 1e-6 of the largest."""
     largest = np.abs(other.load).max(axis=0) + np.finfo(float).tiny
-    assert float((np.abs(found.load - other.load) / largest)[:, 2:].max()) < 1e-6
+    assert float((np.abs(computed.load - other.load) / largest)[:, 2:].max()) < 1e-6

@@ -56,9 +56,9 @@ def test_case_converges_with_the_law_of_its_name(name):
         assert step.status is Status.CONVERGED, f"{step.step}.{step.increment}: {step.message}"
         assert "snap into contact" not in step.message, "meshes of the cases suit their laws"
         load = np.column_stack([step.traction, step.fluxes])
-        found = np.column_stack([step.displacement, -step.potentials])
+        computed = np.column_stack([step.displacement, -step.potentials])
         expected = system.offset + system.apply(load)
-        assert (np.abs(found - expected).max(axis=0) <= 1e-9 * np.abs(expected).max(axis=0)).all()
+        assert (np.abs(computed - expected).max(axis=0) <= 1e-9 * np.abs(expected).max(axis=0)).all()
     assert any(step.touching.sum() > 10 for step in steps)
 
 

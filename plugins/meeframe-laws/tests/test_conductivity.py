@@ -62,16 +62,16 @@ def test_values_under_pressure() -> None:
 
 
 def test_values_across_the_gap() -> None:
-    apart, pressed = np.zeros(3), np.full(3, -1.0)
+    separated, pressed = np.zeros(3), np.full(3, -1.0)
     gap, drop = np.array([0.0, 1e-6, 3e-6]), np.array([2.0, 20.0, -20.0])
     law = AcrossGap(AIR, 7.0, 1e-6)
-    assert law.conductivity(apart, gap, drop) == pytest.approx([AIR / 1e-6, AIR / 2e-6, AIR / 4e-6], rel=1e-14)
+    assert law.conductivity(separated, gap, drop) == pytest.approx([AIR / 1e-6, AIR / 2e-6, AIR / 4e-6], rel=1e-14)
     assert law.conductivity(pressed, 0.0 * gap, drop) == pytest.approx(7.0 + AIR / 1e-6, rel=1e-14)
-    assert AcrossGap(AIR).conductivity(apart, gap, drop)[0] == math.inf
+    assert AcrossGap(AIR).conductivity(separated, gap, drop)[0] == math.inf
     # at 4 V/um the gaps withstand 4, 8 and 16 V; the excess adds 1 mF/m^2
     sparking = Breakdown(AIR, 4e6, 1e-3, 7.0, 1e-6)
     flux = np.array([2.0 * AIR / 1e-6, 20.0 * AIR / 2e-6 + 12e-3, -(20.0 * AIR / 4e-6 + 4e-3)])
-    assert sparking.conductivity(apart, gap, drop) * drop == pytest.approx(flux, rel=1e-14)
+    assert sparking.conductivity(separated, gap, drop) * drop == pytest.approx(flux, rel=1e-14)
     assert sparking.conductivity(pressed[:1], gap[:1], drop[:1]) == pytest.approx(7.0 + AIR / 1e-6, rel=1e-14)
 
 

@@ -74,11 +74,13 @@ def test_breakdown_at_one_node(voltage) -> None:
     flat = np.diag(np.diag(XI))
     problem = plates(Breakdown(AIR, field, discharge), flat, voltage=voltage)
     flux, _, drop = one_node(problem)
-    own = potential_diagonal(problem)[0, 0]
+    node_compliance = potential_diagonal(problem)[0, 0]
     most, capacitor = field * DISTANCE, AIR / DISTANCE
-    expected = abs(voltage) / (1.0 + own * capacitor)
+    expected = abs(voltage) / (1.0 + node_compliance * capacitor)
     if expected > most:
-        expected = (abs(voltage) + own * discharge * most) / (1.0 + own * (capacitor + discharge))
+        expected = (abs(voltage) + node_compliance * discharge * most) / (
+            1.0 + node_compliance * (capacitor + discharge)
+        )
         assert expected > most
     assert drop == pytest.approx(-math.copysign(expected, voltage), rel=1e-10)
     expected = math.copysign(capacitor * expected + discharge * max(expected - most, 0.0), drop)
@@ -132,18 +134,20 @@ def test_discharge_limits_the_field_in_the_gap() -> None:
         drop = -state.displacement[:, 3] - problem.potentials[:, 0]
         return np.where(state.load[:, 2] == 0.0, np.abs(drop) / gap, 0.0), gap, np.abs(state.load[:, 3])
 
-    own = potential_diagonal(sphere(insulating))[0, 0]
+    node_compliance = potential_diagonal(sphere(insulating))[0, 0]
     capacitor = fields(AcrossGap(AIR, 1.0, residual_gap))[0]
     np.testing.assert_array_equal(fields(Breakdown(AIR, field, 0.0, 1.0, residual_gap))[0], capacitor)
     highest, most = [], capacitor
-    for kappa in np.array([1e-2, 1.0, 10.0, 100.0]) / own:
-        found, gap, flux = fields(Breakdown(AIR, field, kappa, 1.0, residual_gap))
-        excess = np.maximum(found - field, 0.0)
-        apart = found > 0.0
-        np.testing.assert_allclose(flux[apart], (AIR * found + kappa * excess * gap)[apart], atol=1e-9 * flux.max())
-        assert (found <= most * (1.0 + 1e-9)).all()
+    for kappa in np.array([1e-2, 1.0, 10.0, 100.0]) / node_compliance:
+        computed, gap, flux = fields(Breakdown(AIR, field, kappa, 1.0, residual_gap))
+        excess = np.maximum(computed - field, 0.0)
+        separated = computed > 0.0
+        np.testing.assert_allclose(
+            flux[separated], (AIR * computed + kappa * excess * gap)[separated], atol=1e-9 * flux.max()
+        )
+        assert (computed <= most * (1.0 + 1e-9)).all()
         highest.append(excess.max())
-        most = found
+        most = computed
     assert 0.0 < highest[-1] < 0.1 * field
     assert capacitor.max() > 10.0 * field
     assert highest[-2] / highest[-1] == pytest.approx(10.0, rel=0.25)
@@ -157,22 +161,27 @@ def sphere(electric, magnetic=None):
 
 
 def test_robin_prescribes_potentials_on_the_zone() -> None:
-    """As kappa tends to infinity, the potentials tend to those of the indenter at all nodes, with an error of 1 /
-    kappa."""
+    """The potentials at all nodes tend to those of the indenter for large kappa, with an error of 1 / kappa."""
     perfect = solve_problem(sphere(Robin(math.inf), Robin(math.inf)))
     np.testing.assert_allclose(-perfect.displacement[:, 3], 2e4, rtol=1e-9)
     np.testing.assert_allclose(-perfect.displacement[:, 4], -15.0, rtol=1e-9)
     assert (perfect.load[:, 2] == 0.0).any()
-    own = potential_diagonal(sphere(Insulating()))[0, 0]
-    errors = [np.abs(solve_problem(sphere(Robin(k / own))).displacement[:, 3] + 2e4).max() for k in (1e3, 1e4)]
+    node_compliance = potential_diagonal(sphere(Insulating()))[0, 0]
+    errors = [
+        np.abs(solve_problem(sphere(Robin(k / node_compliance))).displacement[:, 3] + 2e4).max() for k in (1e3, 1e4)
+    ]
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.05)
 
 
 def test_charge_grows_with_the_permittivity_of_the_gap() -> None:
     """The charge grows from that of the contact alone to that of a prescribed potential on the whole zone."""
-    own = potential_diagonal(sphere(Insulating()))[0, 0]
+    node_compliance = potential_diagonal(sphere(Insulating()))[0, 0]
     weights = sphere(Insulating()).system.weights
-    laws = [StepConductivity(math.inf), *(AcrossGap(k * 1e-6 / own) for k in (1e-3, 1e-1, 1e1, 1e3)), Robin(math.inf)]
+    laws = [
+        StepConductivity(math.inf),
+        *(AcrossGap(k * 1e-6 / node_compliance) for k in (1e-3, 1e-1, 1e1, 1e3)),
+        Robin(math.inf),
+    ]
     charges = np.array([abs(weights @ solve_problem(sphere(law)).load[:, 3]) for law in laws])
     assert (np.diff(charges) > 0.0).all()
     assert charges[1] == pytest.approx(charges[0], rel=0.02)
@@ -180,8 +189,8 @@ def test_charge_grows_with_the_permittivity_of_the_gap() -> None:
 
 
 def test_film_between_threshold_and_ramp() -> None:
-    own = potential_diagonal(sphere(Insulating()))[0, 0]
-    threshold, ramp, kappa = 2e7, 5e6, 2.0 / own
+    node_compliance = potential_diagonal(sphere(Insulating()))[0, 0]
+    threshold, ramp, kappa = 2e7, 5e6, 2.0 / node_compliance
     problem = sphere(Thresholded(kappa, threshold, ramp))
     state = solve_problem(problem)
     pressure, flux = -state.load[:, 2], state.load[:, 3]

@@ -123,9 +123,9 @@ def test_prescribed_forces_recover_the_motion(name):
     problem = replace(problem, translation=0.3 * problem.translation)
     expected = solve_problem(problem, SemismoothNewton())
     forced, motion = released(problem, expected, "approach", "translation")
-    found = balanced_solution(forced, SemismoothNewton(), TIGHT).state
-    check_same(found, expected)
-    np.testing.assert_allclose(found.motion, motion, rtol=1e-8)
+    computed = balanced_solution(forced, SemismoothNewton(), TIGHT).state
+    check_same(computed, expected)
+    np.testing.assert_allclose(computed.motion, motion, rtol=1e-8)
 
 
 COULOMB = IsotropicCoulomb(0.4)
@@ -227,6 +227,6 @@ def test_extreme_values_do_not_overflow(limit):
     trial = np.column_stack([2.0 * p, -p[::-1], -p])
     gap = 1e-5 * np.column_stack([np.linspace(0.0, 2.0, 7), np.ones(7), np.zeros(7)])
     r = (1e11, 1e11)
-    found = resolve(for_increment(law, np.linspace(0.0, 1e-3, 7), 1e-3), trial, gap, r)
-    difference = np.abs(found - resolve(other, trial, gap, r)).max(axis=1)
+    computed = resolve(for_increment(law, np.linspace(0.0, 1e-3, 7), 1e-3), trial, gap, r)
+    difference = np.abs(computed - resolve(other, trial, gap, r)).max(axis=1)
     assert (difference <= 1e-12 * np.abs(trial).max(axis=1)).all()

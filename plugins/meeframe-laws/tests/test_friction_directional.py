@@ -32,12 +32,12 @@ def slipping_nodes(law):
     """Return traction over pressure and slip, (m, 2) each, of the nodes that slip under a dragged sphere."""
     insulating = Insulating()
     problem = SphereCase(library_material("orthotropic-mee"), law, insulating, insulating, 12).problem()
-    found = solve(problem, SemismoothNewton(), TIGHT)
-    assert found.status is Status.CONVERGED, found.message
-    slip = contact_gap(problem, found.state.displacement)[:, :2]
-    slips = (found.state.load[:, 2] < 0.0) & (np.linalg.norm(slip, axis=1) > 1e-8)
+    solution = solve(problem, SemismoothNewton(), TIGHT)
+    assert solution.status is Status.CONVERGED, solution.message
+    slip = contact_gap(problem, solution.state.displacement)[:, :2]
+    slips = (solution.state.load[:, 2] < 0.0) & (np.linalg.norm(slip, axis=1) > 1e-8)
     assert slips.sum() > 20
-    return found.state.load[slips, :2] / -found.state.load[slips, 2:3], slip[slips]
+    return solution.state.load[slips, :2] / -solution.state.load[slips, 2:3], slip[slips]
 
 
 def lame_norm(points, exponent):
@@ -65,8 +65,8 @@ def test_non_associated_slip_is_normal_to_the_slip_ellipse(
     second = np.array([-first[1], first[0]])
     normal = (traction @ first) * first + (traction @ second) * second / ratio**2
     trial = traction + p * 10.0**step * law.tangential_scaling() @ (normal / np.linalg.norm(normal))
-    found = law.resolve(np.append(trial, -p)[None], np.zeros((1, 3)), (1.0, 1.0))[0]
-    assert np.abs(found - np.append(traction, -p)).max() <= 1e-12 * max(p, np.abs(trial).max())
+    computed = law.resolve(np.append(trial, -p)[None], np.zeros((1, 3)), (1.0, 1.0))[0]
+    assert np.abs(computed - np.append(traction, -p)).max() <= 1e-12 * max(p, np.abs(trial).max())
 
 
 def test_non_associated_computed_values():
@@ -101,8 +101,8 @@ def test_superelliptic_slip_is_normal_to_the_limit(mu1, mu2, exponent, angle, pa
     p = 10.0**pressure
     point, normal = point_and_normal(np.array([mu1, mu2]), angle, exponent, parameter)
     trial = p * (point + 10.0**step * law.tangential_scaling() @ normal)
-    found = law.project(np.append(trial, -p)[None])[0]
-    assert np.abs(found - np.append(p * point, -p)).max() <= 1e-10 * max(p, np.abs(trial).max())
+    computed = law.project(np.append(trial, -p)[None])[0]
+    assert np.abs(computed - np.append(p * point, -p)).max() <= 1e-10 * max(p, np.abs(trial).max())
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.0001, 1.5, 2.0, 4.0, 100.0, 1e6])
@@ -111,7 +111,7 @@ def test_superelliptic_projection_is_the_nearest_point(exponent):
     random = np.random.default_rng(0)
     mu = np.array([0.6, 0.2])
     trial = np.column_stack([random.normal(size=(100, 2)), np.full(100, -0.5)])
-    found = SuperellipticCoulomb(*mu, exponent).project(trial)[:, :2]
+    computed = SuperellipticCoulomb(*mu, exponent).project(trial)[:, :2]
     parameter = np.linspace(0.0, 2.0 * np.pi, 20_001)
     c, s = np.cos(parameter), np.sin(parameter)
     size = (
@@ -120,11 +120,11 @@ def test_superelliptic_projection_is_the_nearest_point(exponent):
     curve = 0.5 * np.column_stack([c, s]) / size[:, None]
     outside = lame_norm(trial[:, :2] / mu, exponent) > 0.5
     assert outside.sum() > 50
-    distance = np.linalg.norm((trial[:, :2] - found) / mu, axis=1)
+    distance = np.linalg.norm((trial[:, :2] - computed) / mu, axis=1)
     nearest = np.linalg.norm((trial[:, None, :2] / mu) - curve, axis=2).min(axis=1)
     np.testing.assert_allclose(distance[outside], nearest[outside], atol=1e-2 if exponent == 100 else 1e-5)
-    np.testing.assert_array_equal(found[~outside], trial[~outside, :2])
-    np.testing.assert_allclose(lame_norm(found[outside] / mu, exponent), 0.5, rtol=1e-9)
+    np.testing.assert_array_equal(computed[~outside], trial[~outside, :2])
+    np.testing.assert_allclose(lame_norm(computed[outside] / mu, exponent), 0.5, rtol=1e-9)
 
 
 def test_rhombus_and_box():

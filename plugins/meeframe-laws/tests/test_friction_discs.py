@@ -31,9 +31,9 @@ def make_problem(law, height, approach, translation, cells=CELLS, goodman=True):
 
 
 def solution(problem):
-    found = solve(problem, SemismoothNewton(), TIGHT)
-    assert found.status is Status.CONVERGED, found.message
-    return found.state
+    computed = solve(problem, SemismoothNewton(), TIGHT)
+    assert computed.status is Status.CONVERGED, computed.message
+    return computed.state
 
 
 def sphere(x, y):
@@ -93,8 +93,8 @@ def test_regularised_resolvent_inverts_the_formula(slip, step, pressure, angle, 
     g = length * 10.0**slip * np.array([np.cos(angle), np.sin(angle)])
     traction = np.append(mu * p * g / np.sqrt(g @ g + length**2), -p)
     trial = traction + np.append(r * g, 0.0)
-    found = RegularisedCoulomb(mu, length).resolve(trial[None], np.zeros((1, 3)), (1.0, r))[0]
-    assert np.abs(found - traction).max() <= 1e-14 * np.abs(trial).max()
+    computed = RegularisedCoulomb(mu, length).resolve(trial[None], np.zeros((1, 3)), (1.0, r))[0]
+    assert np.abs(computed - traction).max() <= 1e-14 * np.abs(trial).max()
 
 
 def test_regularised_where_open_or_without_slip():

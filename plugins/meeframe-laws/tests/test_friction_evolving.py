@@ -55,8 +55,8 @@ def test_weakening_computed_values():
     trial = np.array([[30.0, 40.0, -10.0]] * 4)
     gap = np.array([[0.6, 0.8, 0.0], [0.0, 3.0, 0.0], [30.0, 40.0, 0.0], [0.0, 0.0, np.inf]])
     paths = np.array([0.0, 1.0, 0.0, 0.5])
-    found = law.for_increment(paths, None).resolve(trial, gap, (1.0, 1.0))
-    np.testing.assert_allclose(np.hypot(*found[:, :2].T), [5.0, 2.0, 2.0, 5.5])
+    computed = law.for_increment(paths, None).resolve(trial, gap, (1.0, 1.0))
+    np.testing.assert_allclose(np.hypot(*computed[:, :2].T), [5.0, 2.0, 2.0, 5.5])
     np.testing.assert_allclose(np.hypot(*law.resolve(trial, gap, (1.0, 1.0))[:, :2].T), [5.0, 3.0, 2.0, 6.0])
 
 
@@ -117,9 +117,9 @@ def test_rate_and_pressure_computed_values():
     assert (static, at, above) == pytest.approx((0.5, 0.1 + 0.4 * np.exp(-1.0), 0.1 + 0.4 * np.exp(-4.0)), rel=1e-14)
     trial = np.array([[9e9, 0.0, -1e6], [9e9, 0.0, -16e6], [9e9, 0.0, 1e6], [9e9, 0.0, np.inf]])
     gap = np.array([[6e-4, 8e-4, 0.0]] * 4)
-    found = law.for_increment(np.zeros(4), 0.5).resolve(trial, gap, (1.0, 1.0))
+    computed = law.for_increment(np.zeros(4), 0.5).resolve(trial, gap, (1.0, 1.0))
     # 1 mm in half a second is the reference speed; 16 times the pressure gives 16^0.75 = 8 times the friction
-    np.testing.assert_allclose(found[:, 0], [at * 1e6, at * 8e6, 0.0, 0.0], rtol=1e-13)
+    np.testing.assert_allclose(computed[:, 0], [at * 1e6, at * 8e6, 0.0, 0.0], rtol=1e-13)
     np.testing.assert_allclose(law.project(trial)[:, 0], [0.5e6, 4e6, 0.0, 0.0], rtol=1e-13)
 
 

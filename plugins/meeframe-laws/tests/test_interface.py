@@ -108,9 +108,9 @@ def test_prescribed_forces_recover_the_motion(name):
     # gradient iterations do not converge with attraction at all distances and two free slips
     gradient = () if name == "dmt" else (Uzawa(),)
     for solver in (SemismoothNewton(), Auto(), *gradient):
-        found = balanced_solution(problem, solver, TIGHT, near).state
-        check_same(found, state)
-        np.testing.assert_allclose(found.motion, motion, rtol=1e-7)
+        computed = balanced_solution(problem, solver, TIGHT, near).state
+        check_same(computed, state)
+        np.testing.assert_allclose(computed.motion, motion, rtol=1e-7)
 
 
 @pytest.mark.full(except_for=3)

@@ -61,8 +61,8 @@ def test_dmt_between_rigid_bodies_matches_bradley(distance):
     errors = []
     for reach, cells in ((3.0, 8), (6.0, 16), (12.0, 32)):
         system = quarter_half_space(rigid, reach * np.sqrt(2.0 * R * z0), cells)
-        found = pressing_force(paraboloid(system, -distance * z0, DMT(W, z0)))
-        errors.append(found / bradley_force(W, R, distance * z0, z0) - 1.0)
+        computed = pressing_force(paraboloid(system, -distance * z0, DMT(W, z0)))
+        errors.append(computed / bradley_force(W, R, distance * z0, z0) - 1.0)
     assert abs(errors[2]) < 2e-3
     assert abs(errors[2]) < abs(errors[1]) / 4.0 < abs(errors[0]) / 16.0
 
@@ -122,8 +122,10 @@ def test_weak_attraction_reduces_the_hertz_force(name):
     for approach in depth * np.linspace(0.8, 1.2, 7):
         contact = np.sqrt(R * approach)
         exact = weak_attraction(law.adhesion, contact, R, 2.0 / np.sqrt(np.pi) * half)
-        found = pressing_force(paraboloid(system, approach, None)) - pressing_force(paraboloid(system, approach, law))
-        pulls.append(found / exact)
+        computed = pressing_force(paraboloid(system, approach, None)) - pressing_force(
+            paraboloid(system, approach, law)
+        )
+        pulls.append(computed / exact)
     assert np.mean(pulls) == pytest.approx(1.0, abs=0.03)
 
 

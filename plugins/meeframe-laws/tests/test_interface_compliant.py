@@ -64,8 +64,8 @@ def test_interface_and_body_are_springs_in_series(exponent, solver):
     points, frames = np.zeros((3, 3)), np.tile(np.eye(3), (3, 1, 1))
     system = DenseSystem(points, frames, np.ones(3), (), np.zeros((3, 5)), matrix, None)
     law = Compliant(1e9, 2e-6, exponent)
-    found = pressures(indentation_problem(system, -approach, 0.0, law), solver)
-    for overlap, pressure in zip(approach[:2], found, strict=False):
+    computed = pressures(indentation_problem(system, -approach, 0.0, law), solver)
+    for overlap, pressure in zip(approach[:2], computed, strict=False):
         exact = brentq(
             lambda p, d=overlap: 2e-6 * (p / 1e9) ** (1.0 / exponent) + softness * p - d,
             0.0,
@@ -74,7 +74,7 @@ def test_interface_and_body_are_springs_in_series(exponent, solver):
             rtol=1e-14,
         )
         assert pressure == pytest.approx(exact, rel=1e-9)
-    assert found[2] == 0.0
+    assert computed[2] == 0.0
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])

@@ -90,10 +90,10 @@ def test_bodies_without_a_grid_are_rejected_early(body, message):
 
 def test_zone_that_is_no_grid_is_rejected():
     mesh = box_mesh((1.0, 1.0, 1.0), (3, 3, 3), Quad4())
-    blocks, place = [], mesh.points.copy()
+    blocks, position = [], mesh.points.copy()
     for b in mesh.blocks:
         top = b.groups == 5
-        middles = place[b.connectivity].mean(axis=1)
+        middles = position[b.connectivity].mean(axis=1)
         lower = top & ((middles[:, 0] < 0) | (middles[:, 1] < 0))  # an L-shaped zone
         blocks.append(replace(b, groups=np.where(top & ~lower, 4, b.groups)))
     with pytest.raises(MeshError, match="not a rectangular grid"):

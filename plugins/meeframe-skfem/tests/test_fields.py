@@ -110,12 +110,12 @@ def errors(solution, field):
     shape, slopes = tabulate(mesh.element, xi)
     slopes, jacobians = gradients(mesh.points[mesh.cells], slopes)
     measures = (jacobians * weights).ravel()
-    places = np.einsum("mn,enx->emx", shape, mesh.points[mesh.cells]).reshape(-1, 3)
-    found = np.einsum("mn,enj->emj", shape, values[mesh.cells]).reshape(-1, 5)
+    positions = np.einsum("mn,enx->emx", shape, mesh.points[mesh.cells]).reshape(-1, 3)
+    computed_values = np.einsum("mn,enj->emj", shape, values[mesh.cells]).reshape(-1, 5)
     gradient = np.einsum("emnx,enk->emkx", slopes, values[mesh.cells]).reshape(-1, 5, 3)
     fluxes = np.einsum("ijkm,pkm->pij", stiffness, gradient)
-    exact_fluxes = np.stack([field.fluxes(places, np.broadcast_to(n, places.shape)) for n in np.eye(3)], axis=1)
-    pairs = ((found, field.values(places)), (fluxes.reshape(-1, 15), exact_fluxes.reshape(-1, 15)))
+    exact_fluxes = np.stack([field.fluxes(positions, np.broadcast_to(n, positions.shape)) for n in np.eye(3)], axis=1)
+    pairs = ((computed_values, field.values(positions)), (fluxes.reshape(-1, 15), exact_fluxes.reshape(-1, 15)))
     scales = (np.ones(5), np.tile(FieldScaling.of(stiffness).factors, 3))
     return [
         np.sqrt((measures @ (a * scale - b * scale) ** 2).reshape(-1, 5).sum(axis=0)
@@ -134,11 +134,11 @@ def test_order_of_convergence(cube_file, name, coarse, order, material):
     the degree."""
     stiffness = library_material(material).stiffness
     field = PointSourceField(stiffness, np.array([1.9, 2.2, 1.7]), np.array([1.0, -0.5, 0.7, 0.8, -0.6]))
-    found = []
+    computed_values = []
     for divisions in (coarse, 2 * coarse):
         mesh, file = cube_file(name, divisions)
         body = replace(prescribe(mesh, field, stiffness, HELD_BELOW), contact_group="z+")
-        found.append(errors(FiniteElements(volume=file, unit=1e-3).solve(body), field))
-    value_order, flux_order = np.log2(np.divide(*found))
+        computed_values.append(errors(FiniteElements(volume=file, unit=1e-3).solve(body), field))
+    value_order, flux_order = np.log2(np.divide(*computed_values))
     assert value_order > order + 1 - SLACK
     assert flux_order > order - SLACK

@@ -64,13 +64,13 @@ def test_against_boundary_elements():
     steps = 1e-4 * np.eye(3)
     slopes = np.stack([(field.values(points + h) - field.values(points - h)) / 2e-4 for h in steps], axis=2)
     scale = FACTORS[:, None] * np.abs(slopes / FACTORS[:, None]).max()
-    found = []
+    computed = []
     for formulation, bound in ((FiniteElements(growth=1.5), 0.05), (DenseBEM(), 0.02)):
         system = formulation.reduce(body)
         gradients = system.capability(InteriorFields).evaluate(exact_load(field, system), points).gradients
         assert np.abs((gradients - slopes) / scale).max() < bound
-        found.append(gradients)
-    assert np.abs((found[1] - found[0]) / scale).max() < 0.07
+        computed.append(gradients)
+    assert np.abs((computed[1] - computed[0]) / scale).max() < 0.07
 
 
 @pytest.mark.parametrize("element", [HEX8, HEX27], ids=lambda e: e.name)
@@ -82,10 +82,10 @@ def test_points_in_distorted_elements(element):
     shapes = np.random.default_rng(0).dirichlet(np.ones(8), 20)
     cells = np.arange(20) % len(mesh.cells)
     points = np.einsum("mn,mnx->mx", shapes, mesh.points[mesh.cells[cells, :8]])
-    found, xi = locate(mesh, points)
-    assert (found >= 0).all()
+    computed, xi = locate(mesh, points)
+    assert (computed >= 0).all()
     values, _ = tabulate(element, xi)
-    np.testing.assert_allclose(np.einsum("mn,mnx->mx", values, mesh.points[mesh.cells[found]]), points, atol=1e-10)
+    np.testing.assert_allclose(np.einsum("mn,mnx->mx", values, mesh.points[mesh.cells[computed]]), points, atol=1e-10)
     assert locate(mesh, np.array([[10.0, 0.0, 0.0], [-0.5, 1.0, 0.5]]))[0].tolist() == [-1, -1]
 
 

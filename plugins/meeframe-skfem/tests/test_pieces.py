@@ -86,9 +86,9 @@ def test_solvers_and_flexibility_match_dense_algebra(solver):
     right = np.random.default_rng(1).normal(size=(matrix.shape[0], 3))
     np.testing.assert_allclose(factorise(matrix, solver)(right), inverse @ right, atol=1e-11)
     for unknowns in (np.arange(40, 60), np.array([300, 7, 181, 12, 90])):
-        solve, found = condense(matrix, unknowns, solver)
-        np.testing.assert_allclose(found, inverse[np.ix_(unknowns, unknowns)], atol=1e-11)
-        np.testing.assert_array_equal(found, found.T)
+        solve, computed = condense(matrix, unknowns, solver)
+        np.testing.assert_allclose(computed, inverse[np.ix_(unknowns, unknowns)], atol=1e-11)
+        np.testing.assert_array_equal(computed, computed.T)
         np.testing.assert_allclose(solve(right[:, 0]), inverse @ right[:, 0], atol=1e-11)
 
 

@@ -47,19 +47,21 @@ def figure(tmp_path_factory):
 
 
 def assert_claims(figure, differing=(), unresolved=()):
-    found = claims.claims(figure)
-    assert found
-    for claim in found:
-        said = {"differs": differing, "not resolved": unresolved}
-        expected = [verdict for verdict, named in said.items() if any(words in claim.paper for words in named)]
+    all_claims = claims.claims(figure)
+    assert all_claims
+    for claim in all_claims:
+        expected_verdicts = {"differs": differing, "not resolved": unresolved}
+        expected = [
+            verdict for verdict, named in expected_verdicts.items() if any(words in claim.paper for words in named)
+        ]
         assert claim.verdict == (expected or ["holds"])[0], claim
         assert claim.as_explained or claim.verdict != "differs", claim
 
 
 def test_magnetic_conduction_halves_the_force(figure):
-    found = figure("fig-05")
-    assert_claims(found)
-    for panel, flux in zip(found.panels, ("charge", "magnetic_flux"), strict=True):
+    result = figure("fig-05")
+    assert_claims(result)
+    for panel, flux in zip(result.panels, ("charge", "magnetic_flux"), strict=True):
         assert np.all(np.diff(panel.quantities["force"]) < 0)
         assert np.all(np.diff(panel.quantities[flux]) > 0)
         assert panel.quantities[flux][-1] == pytest.approx(1.0, abs=1e-3)
@@ -72,9 +74,9 @@ def test_electric_conduction_does_not_affect_other_fields(figure):
 def test_friction_increases_potentials_under_insulating_contact(figure):
     """An independent half-space solver gives +59 % electric, +33 % magnetic, EMCI force +1.6 %
     (docs/explanation/theory.md)."""
-    found = figure("fig-07")
-    assert_claims(found)
-    insulating, conducting = (panel.quantities for panel in found.panels)
+    result = figure("fig-07")
+    assert_claims(result)
+    insulating, conducting = (panel.quantities for panel in result.panels)
     assert insulating["max_electric_potential"][-1] == pytest.approx(1.59, abs=0.04)
     assert insulating["max_magnetic_potential"][-1] == pytest.approx(1.33, abs=0.02)
     assert conducting["force"][-1] == pytest.approx(1.016, abs=0.006)
@@ -86,10 +88,10 @@ def test_orthotropic_friction_affects_the_potentials(figure):
 
 def test_tangential_load(figure):
     """The maxima of the potentials move against the load: see the page and the next test."""
-    found = figure("fig-10")
+    result = figure("fig-10")
     unresolved = ["μ = 0.1: the stick zone decreases", "μ = 0.1: the stick zone moves"]
-    assert_claims(found, differing=["moves in the direction of the load"], unresolved=unresolved)
-    for panel, mu in zip(found.panels, (0.1, 0.6), strict=True):
+    assert_claims(result, differing=["moves in the direction of the load"], unresolved=unresolved)
+    for panel, mu in zip(result.panels, (0.1, 0.6), strict=True):
         traction, pressure = (panel.quantities[name] @ panel.weights for name in ("traction_x", "pressure"))
         ratio = dict(zip(panel.runs, traction / (mu * pressure), strict=True))
         for run in ("0", "0.25", "0.5", "0.75", "0.9"):
@@ -110,8 +112,8 @@ def test_unaffected_quantities_do_not_change(factor, verdict):
 
     insulating = panel("(a) EMII", force=1.1, max_electric_potential=1.6, max_magnetic_potential=1.3)
     conducting = panel("(b) EMCI", force=1.0, charge=factor, magnetic_flux=1.0)
-    found = claims.claims(figures.Figure("fig-07", "", "", (insulating, conducting), ()))
-    assert found[-1].verdict == verdict
+    all_claims = claims.claims(figures.Figure("fig-07", "", "", (insulating, conducting), ()))
+    assert all_claims[-1].verdict == verdict
 
 
 @pytest.mark.parametrize(("rise", "explained"), [(0.98, True), (1.2, False), (0.8, False)])
@@ -140,10 +142,10 @@ def test_surface_sinks_ahead_of_a_tangential_load(name, axis):
 
 @pytest.mark.parametrize("name", ["fig-13", "fig-14"])
 def test_direction_of_sliding_affects_all_fields(figure, name):
-    found = figure(name)
-    assert_claims(found)
+    result = figure(name)
+    assert_claims(result)
     law = {"fig-13": (0.1, 0.6), "fig-14": (0.6, 0.1)}[name]
-    for panel, angle in zip(found.panels, np.deg2rad([0.0, 45.0, 90.0]), strict=True):
+    for panel, angle in zip(result.panels, np.deg2rad([0.0, 45.0, 90.0]), strict=True):
         pressure = panel.of("pressure", "full slip")
         contact_fraction = pressure > 1e-3
         # the associated rule: the traction is M^2 g / |M g|, with g the direction of sliding

@@ -43,9 +43,9 @@ def test_mesh_matches_the_paper(case):
 def test_totals_and_sections_under_the_four_conditions(condition, case, system):
     solved = study.solve(study.load(condition), system)
     exact = study.closed_form(case, condition)
-    found = study.differences(solved, exact)
-    assert len(found) == 1 + sum(potential is not None for potential in study.CONDITIONS[condition])
-    assert max(abs(value) for value in found.values()) < 0.015
+    computed = study.differences(solved, exact)
+    assert len(computed) == 1 + sum(potential is not None for potential in study.CONDITIONS[condition])
+    assert max(abs(value) for value in computed.values()) < 0.015
     on_section = study.section_differences(solved, exact, study.closed_form(case, "EMII"))
     assert max(on_section.values()) < 0.03
 
@@ -53,10 +53,10 @@ def test_totals_and_sections_under_the_four_conditions(condition, case, system):
 @pytest.mark.parametrize("condition", ["ECMII", "EIMCI"])
 def test_force_and_flux_are_monotone_in_conductivity(condition, case, system):
     """Fig. 3; with the printed sign of the conductivity law they would not be (docs/explanation/theory.md)."""
-    found = study.sweep(case, system, condition, np.logspace(-3, 3, 7))
-    force = [-solved.totals.force[2] for solved in found.solved]
+    computed = study.sweep(case, system, condition, np.logspace(-3, 3, 7))
+    force = [-solved.totals.force[2] for solved in computed.solved]
     name = "charge" if condition == "ECMII" else "magnetic_flux"
-    flux = [abs(study.totals(solved)[name]) for solved in found.solved]
+    flux = [abs(study.totals(solved)[name]) for solved in computed.solved]
     limits = [study.solve(study.load(name), system) for name in ("EMII", condition)]
     assert np.all(np.diff(force) < 0)
     assert np.all(np.diff(flux) > 0)

@@ -139,8 +139,8 @@ def test_tangential_force_as_a_fraction_of_friction(system, share):
     pull = PrescribedResultant(slide, system.weights[:, None] * (slide - share * 0.6 * push.mode), 0.0)
     free = replace(case, prescribed_resultants=(push, pull))
     assert_agree(free)
-    found = solve_problem(free, SemismoothNewton())
-    approach, translation = found.motion
+    computed = solve_problem(free, SemismoothNewton())
+    approach, translation = computed.motion
     given = problem(system, LAWS["isotropic"], translation=(translation, 0.0))
     again = solve_problem(replace(given, gap=given.gap - approach), SemismoothNewton())
-    assert np.abs(again.load - found.load).max() <= 1e-8 * np.abs(found.load).max()
+    assert np.abs(again.load - computed.load).max() <= 1e-8 * np.abs(computed.load).max()

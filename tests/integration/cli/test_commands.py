@@ -85,8 +85,8 @@ def test_warnings_of_libraries_are_shown_once(case_file, tmp_path):
         text.write('[contact]\nlaw = "noisy"\n')
     status, _, errors = meeframe_command("run", case_file, "--plugin", plugin, "--out", tmp_path / "out")
     assert status == 0
-    told = [line for line in errors.splitlines() if "Warning" in line or "lines" in line]
-    assert told == [f"warning: {plugin}, line 11: UserWarning: of two lines"]
+    warnings_printed = [line for line in errors.splitlines() if "Warning" in line or "lines" in line]
+    assert warnings_printed == [f"warning: {plugin}, line 11: UserWarning: of two lines"]
 
 
 @pytest.mark.full
@@ -94,9 +94,9 @@ def test_studies_warn_once_for_each_body(case_file, tmp_path, monkeypatch):
     """A sweep over two approaches and two widths of a slender block, and a comparison of two solvers, print each
     warning once."""
     case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))
-    asked = []
+    calls = []
     warnings = DenseBEM.warnings
-    monkeypatch.setattr(DenseBEM, "warnings", lambda *given: asked.append(given) or warnings(*given))
+    monkeypatch.setattr(DenseBEM, "warnings", lambda *given: calls.append(given) or warnings(*given))
     study = case_file.with_name("study.toml")
     axes = '"steps[1].approach" = ["10 um", "20 um"]\n"mesh.half_width" = ["50 mm", "60 mm"]'
     study.write_text(f'case = "{case_file.name}"\n[axes]\n{axes}\n')
@@ -106,11 +106,11 @@ def test_studies_warn_once_for_each_body(case_file, tmp_path, monkeypatch):
     ):
         status, _, err = meeframe_command(*command, "--out", tmp_path / command[0])
         assert status == 0
-        told = [line for line in err.splitlines() if line.startswith("warning: ")]
+        warnings_printed = [line for line in err.splitlines() if line.startswith("warning: ")]
         widths = ("0.1", "0.12") if command[0] == "sweep" else ("0.1",)
-        assert [line.split("thickness of ")[1].split(" m:")[0] for line in told] == list(widths)
-        assert len(asked) == len(widths)
-        asked.clear()
+        assert [line.split("thickness of ")[1].split(" m:")[0] for line in warnings_printed] == list(widths)
+        assert len(calls) == len(widths)
+        calls.clear()
 
 
 def test_run_show_and_no_overwriting(case_file, tmp_path):
@@ -206,14 +206,14 @@ def test_invalid_input_gives_one_message_and_status_2(case_file, tmp_path, comma
 def test_files_of_the_wrong_kind_are_named(case_file, tmp_path):
     study = tmp_path / "study.toml"
     study.write_text('case = "case.toml"\n[axes]\n"steps[1].approach" = ["1 um"]\n', encoding="utf-8")
-    for arguments, told in (
+    for arguments, reported in (
         (["sweep", case_file, "--out", tmp_path / "out"], f"{case_file}: is a case file; allowed: a study"),
         (["check", study], f"{study}: is a study of the case file 'case.toml'"),
         (["show", case_file], f"no result in {case_file}: it is a file; name the folder of a run"),
     ):
         status, out, err = meeframe_command(*arguments)
         assert (status, out, len(err.splitlines())) == (2, "", 1)
-        assert err.startswith(f"error: {told}")
+        assert err.startswith(f"error: {reported}")
 
 
 def test_unwritable_output(case_file, tmp_path):
@@ -375,14 +375,14 @@ def test_compilation_is_announced_once_for_cached_kernels(tmp_path, monkeypatch)
         monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / str(module)))
         numba.njit(kernel, cache=cache)(1)
 
-    told = []
-    with progress._report_compilation(told.append):
+    reported = []
+    with progress._report_compilation(reported.append):
         for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)
-        assert not told
+        assert not reported
         for module in ("meeframe_kernels", "meeframe.greens._kernels"):
             compile_it(module, cache=True)
-            assert len(told) == 1
+            assert len(reported) == 1
     compile_it("meeframe", cache=True)
-    assert len(told) == 1
+    assert len(reported) == 1

@@ -51,15 +51,15 @@ def dragged(case_file):
 @pytest.fixture
 def reductions(monkeypatch):
     """Return a list that counts reduced systems."""
-    seen = []
+    calls = []
     reduce = DenseBEM.reduce
 
     def counted(self, body, *rest):
-        seen.append(self)
+        calls.append(self)
         return reduce(self, body, *rest)
 
     monkeypatch.setattr(DenseBEM, "reduce", counted)
-    return seen
+    return calls
 
 
 def numbers(folder):
@@ -360,8 +360,10 @@ def test_formulation_without_a_name_is_the_default(write_case, laws, tmp_path):
 def test_unknown_bodies_are_rejected(write_case, laws, tmp_path):
     with pytest.raises(CaseError, match="no body 'second_body'; allowed: a name, or body"):
         compare(write_case(), {"formulation": ['{second_body = "winkler"}']}, tmp_path / "o", registry=laws)
-    told = "formulation boddy=winkler: unknown key 'boddy'; did you mean 'body'[?] allowed: name, body, .*tolerance"
-    with pytest.raises(CaseError, match=told):
+    expected_message = (
+        "formulation boddy=winkler: unknown key 'boddy'; did you mean 'body'[?] allowed: name, body, .*tolerance"
+    )
+    with pytest.raises(CaseError, match=expected_message):
         compare(write_case(), {"formulation": ['{boddy = "winkler"}']}, tmp_path / "o", registry=laws)
 
 

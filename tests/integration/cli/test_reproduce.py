@@ -39,9 +39,9 @@ def reproduce(*arguments):
 
 def test_figures_share_one_reduced_system(studies, tmp_path, monkeypatch):
     out = tmp_path / "out"
-    status, told, _ = reproduce("fig-07", "--validation", studies, "--out", out)
+    status, output, _ = reproduce("fig-07", "--validation", studies, "--out", out)
     assert status == 0
-    assert told == f"fig-07: {out / 'fig-07.png'}, Influence of isotropic friction\n"
+    assert output == f"fig-07: {out / 'fig-07.png'}, Influence of isotropic friction\n"
     assert sorted(path.name for path in out.iterdir()) == ["cache", "fig-07.json", "fig-07.png", "points"]
     assert (out / "fig-07.png").read_bytes().startswith(b"\x89PNG")
     assert len(list((out / "cache").iterdir())) == 1
@@ -64,8 +64,8 @@ def test_figures_share_one_reduced_system(studies, tmp_path, monkeypatch):
 
 
 def test_unknown_name_lists_known_names(studies, tmp_path):
-    status, told, complained = reproduce("fig-7", "--validation", studies, "--out", tmp_path / "out")
-    assert (status, told) == (2, "")
+    status, output, complained = reproduce("fig-7", "--validation", studies, "--out", tmp_path / "out")
+    assert (status, output) == (2, "")
     assert complained.startswith("error: ")
     assert "error: unknown figure 'fig-7'; did you mean 'fig-07'? allowed: fig-07, fig-09, all" in complained
     assert not (tmp_path / "out").exists()
@@ -76,8 +76,8 @@ def test_folder_without_studies(tmp_path, made):
     folder = tmp_path / "absent"
     if made:
         folder.mkdir()
-    status, told, complained = reproduce("all", "--validation", folder, "--out", tmp_path / "out")
-    assert (status, told) == (2, "")
+    status, output, complained = reproduce("all", "--validation", folder, "--out", tmp_path / "out")
+    assert (status, output) == (2, "")
     assert f"error: folder of studies {folder}" in complained
     assert "--validation" in complained
 
@@ -111,7 +111,7 @@ def test_wrong_key_names_study_and_run(studies, tmp_path):
 def test_runs_that_do_not_converge_are_named(studies, tmp_path):
     case = studies / "friction" / "emii.toml"
     case.write_text(case.read_text().replace('name = "auto"', 'name = "auto"\nmax_iterations = 1'))
-    status, told, _ = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "out")
+    status, output, _ = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "out")
     assert status == 1
-    assert "fig-07: (a) EMII, 0.9: not converged" in told
+    assert "fig-07: (a) EMII, 0.9: not converged" in output
     assert json.loads((tmp_path / "out" / "fig-07.json").read_text())["panels"][0]["converged"][-1] is False

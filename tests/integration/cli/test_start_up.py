@@ -53,9 +53,9 @@ def test_help_of_a_command_loads_nothing_heavy(command):
 
 
 def test_check_loads_only_what_it_needs(case_file):
-    found = loaded_modules("check", case_file)
-    assert "numba" in found
-    assert found.isdisjoint(LATER)
+    computed = loaded_modules("check", case_file)
+    assert "numba" in computed
+    assert computed.isdisjoint(LATER)
 
 
 @pytest.mark.full
@@ -86,6 +86,6 @@ def test_second_process_compiles_nothing(case_file, tmp_path):
     """numba reports which functions it loads from its cache and which it saves."""
     run = "-m", "meeframe", "run", case_file, "--overwrite", "--out", tmp_path / "out"
     python(*run)
-    told = python(*run, NUMBA_DEBUG_CACHE="1")
-    assert told.count("[cache] data loaded") > 3
-    assert told.count("[cache] data saved") == 0
+    output = python(*run, NUMBA_DEBUG_CACHE="1")
+    assert output.count("[cache] data loaded") > 3
+    assert output.count("[cache] data saved") == 0

@@ -108,9 +108,9 @@ def sweep(study, out, *options):
     return result.exit_code, result.stdout, result.stderr
 
 
-def opened(out):
-    with xarray.open_dataset(out / "sweep.h5", engine="h5netcdf") as found:
-        return found.load()
+def read_dataset(out):
+    with xarray.open_dataset(out / "sweep.h5", engine="h5netcdf") as dataset:
+        return dataset.load()
 
 
 def files(out):
@@ -121,31 +121,33 @@ def files(out):
 
 def test_grid_end_to_end(study, tmp_path, log):
     out, file = tmp_path / "out", study(GRID)
-    status, told, _ = sweep(file, out)
+    status, output, _ = sweep(file, out)
     assert status == 0
-    assert told.count("converged") == 12
-    found = opened(out)
-    assert dict(found.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "y": 5, "x": 5}
-    assert found.zone_pressure.dims[-2:] == ("y", "x")
-    assert (found.x.units, found.y.units, found.z.ndim) == ("m", "m", 0)
-    np.testing.assert_allclose(found["steps[1].approach"], [1e-5, 2e-5, -1e-6])
-    assert found["steps[1].approach"].units == "m"
-    assert list(found["law"].values) == ["smooth", "rough"]
-    expected = found["formulation.stiffness"] * np.maximum(found["steps[1].approach"], 0.0)
-    np.testing.assert_allclose(found.max_pressure, expected.broadcast_like(found.max_pressure), rtol=1e-9)
-    assert (found.max_pressure.units, found.normal_force.units, found.zone_pressure.units) == ("Pa", "N", "Pa")
-    assert (found.max_pressure.long_name, found.zone_pressure.long_name) == ("largest pressure", "contact pressure")
-    depth = np.maximum(found["steps[1].approach"] - (found.x**2 + found.y**2) / 0.2, 0.0)
-    pressure = found["formulation.stiffness"] * depth
-    np.testing.assert_allclose(found.zone_pressure, pressure.broadcast_like(found.zone_pressure), rtol=1e-6, atol=1.0)
-    assert (found.status == "converged").all()
+    assert output.count("converged") == 12
+    dataset = read_dataset(out)
+    assert dict(dataset.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "y": 5, "x": 5}
+    assert dataset.zone_pressure.dims[-2:] == ("y", "x")
+    assert (dataset.x.units, dataset.y.units, dataset.z.ndim) == ("m", "m", 0)
+    np.testing.assert_allclose(dataset["steps[1].approach"], [1e-5, 2e-5, -1e-6])
+    assert dataset["steps[1].approach"].units == "m"
+    assert list(dataset["law"].values) == ["smooth", "rough"]
+    expected = dataset["formulation.stiffness"] * np.maximum(dataset["steps[1].approach"], 0.0)
+    np.testing.assert_allclose(dataset.max_pressure, expected.broadcast_like(dataset.max_pressure), rtol=1e-9)
+    assert (dataset.max_pressure.units, dataset.normal_force.units, dataset.zone_pressure.units) == ("Pa", "N", "Pa")
+    assert (dataset.max_pressure.long_name, dataset.zone_pressure.long_name) == ("largest pressure", "contact pressure")
+    depth = np.maximum(dataset["steps[1].approach"] - (dataset.x**2 + dataset.y**2) / 0.2, 0.0)
+    pressure = dataset["formulation.stiffness"] * depth
+    np.testing.assert_allclose(
+        dataset.zone_pressure, pressure.broadcast_like(dataset.zone_pressure), rtol=1e-6, atol=1.0
+    )
+    assert (dataset.status == "converged").all()
     assert len(log("reduced")) == 2, "points that differ in law and load share a reduced system"
     assert len(log("solved")) == 12
     assert (out / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
-    point = out / "points" / str(found.key[1, 1, 0].item())
+    point = out / "points" / str(dataset.key[1, 1, 0].item())
     result = meeframe.read_result(point)
-    assert meeframe.resultants(result.zone, result.steps[-1]).max_pressure == float(found.max_pressure[1, 1, 0])
+    assert meeframe.resultants(result.zone, result.steps[-1]).max_pressure == float(dataset.max_pressure[1, 1, 0])
     assert CliRunner().invoke(app, ["show", str(point)]).exit_code == 0
     (point / "case.toml").write_text(result.provenance.case_text)
     checked = CliRunner().invoke(app, ["check", str(point / "case.toml"), "--plugin", str(PLUGIN)])
@@ -155,7 +157,7 @@ def test_grid_end_to_end(study, tmp_path, log):
     assert sweep(file, out)[0] == 0
     assert files(out) == before
     assert len(log("solved")) == 12, "the second time nothing is computed"
-    xarray.testing.assert_identical(opened(out), found)
+    xarray.testing.assert_identical(read_dataset(out), dataset)
 
 
 @pytest.mark.full
@@ -171,7 +173,7 @@ def test_longer_axis_reuses_finished_points(study, tmp_path, log):
     assert sweep(longer, out, "--overwrite")[0] == 0
     assert before.items() <= files(out).items()
     assert len(log("solved")) == 3
-    np.testing.assert_allclose(opened(out).max_pressure, [1e9, 2e9, 3e9])
+    np.testing.assert_allclose(read_dataset(out).max_pressure, [1e9, 2e9, 3e9])
     assert sweep(study(shorter), out, "--overwrite")[0] == 0
     assert files(out) == before, "what is no longer asked for is removed"
 
@@ -212,15 +214,15 @@ def test_failed_points_do_not_stop_the_others(study, tmp_path, log):
         ]
     """  # fmt: skip  # noqa: E501
     out, file = tmp_path / "out", study(text)
-    status, told, _ = sweep(file, out)
+    status, output, _ = sweep(file, out)
     assert status == 1
-    found = opened(out)
-    assert list(found.status.values) == ["converged", "refused", "not-converged", "refused", "converged"]
-    np.testing.assert_array_equal(found.point, [1.0, 2.0, 3.0, 4.0, 5.0])
-    assert np.isnan(found.max_pressure[[1, 3]]).all()
-    assert "indenter.radius" in str(found.message[1].item())
-    assert "frictionless" in str(found.message[3].item())
-    assert "no case: refused: indenter.radius" in told
+    dataset = read_dataset(out)
+    assert list(dataset.status.values) == ["converged", "refused", "not-converged", "refused", "converged"]
+    np.testing.assert_array_equal(dataset.point, [1.0, 2.0, 3.0, 4.0, 5.0])
+    assert np.isnan(dataset.max_pressure[[1, 3]]).all()
+    assert "indenter.radius" in str(dataset.message[1].item())
+    assert "frictionless" in str(dataset.message[3].item())
+    assert "no case: refused: indenter.radius" in output
     before = files(out)
     solved = len(log("solved"))
     assert sweep(file, out)[0] == 1
@@ -240,19 +242,19 @@ def test_zones_of_different_meshes_and_every_increment(study, tmp_path):
     """
     out = tmp_path / "out"
     assert sweep(study(text), out)[0] == 0
-    found = opened(out)
-    assert found.zone_pressure.dims == ("size", "node")
-    assert found.x.dims == ("size", "node")
-    np.testing.assert_array_equal(found["size"], [2, 4])
-    assert (~np.isnan(found.zone_pressure)).sum("node").values.tolist() == [9, 25]
-    np.testing.assert_allclose(found.max_pressure, [[5e8, 1e9]] * 2)
+    dataset = read_dataset(out)
+    assert dataset.zone_pressure.dims == ("size", "node")
+    assert dataset.x.dims == ("size", "node")
+    np.testing.assert_array_equal(dataset["size"], [2, 4])
+    assert (~np.isnan(dataset.zone_pressure)).sum("node").values.tolist() == [9, 25]
+    np.testing.assert_allclose(dataset.max_pressure, [[5e8, 1e9]] * 2)
 
 
 @contextmanager
-def start_process(*arguments, told=os.devnull):
+def start_process(*arguments, output_file=os.devnull):
     """Yield a process in a separate process group that writes its output to a file; it is killed with its children
     at the end."""
-    with open(told, "w") as file:
+    with open(output_file, "w") as file:
         process = psutil.Popen(
             [sys.executable, *map(str, arguments)], stdout=file, stderr=subprocess.STDOUT, start_new_session=True
         )
@@ -276,20 +278,20 @@ def wait_for(condition, process):
 
 def workers_of(process):
     """Return the active worker processes; others may start and end meanwhile."""
-    found = []
+    computed = []
     for child in process.children():
         with suppress(psutil.NoSuchProcess):  # includes zombies
             if "multiprocessing.spawn" in " ".join(child.cmdline()):
-                found.append(child)
-    return found
+                computed.append(child)
+    return computed
 
 
 def assert_as_uninterrupted(study, out, tmp_path):
     """Assert that results equal those of an uninterrupted sweep bit for bit, except for times."""
     assert_done(sweep(study, tmp_path / "whole"))
-    found, expected = opened(out).drop_vars("seconds"), opened(tmp_path / "whole").drop_vars("seconds")
-    xarray.testing.assert_identical(found, expected)
-    np.testing.assert_allclose(found.max_pressure, 1e14 * DEPTHS, rtol=1e-9)
+    dataset, expected = read_dataset(out).drop_vars("seconds"), read_dataset(tmp_path / "whole").drop_vars("seconds")
+    xarray.testing.assert_identical(dataset, expected)
+    np.testing.assert_allclose(dataset.max_pressure, 1e14 * DEPTHS, rtol=1e-9)
 
 
 # background jobs of a shell ignore SIGINT, and so do their children
@@ -302,11 +304,11 @@ MAIN = (
 @pytest.mark.full
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_resumes_after_its_process_ends(study, tmp_path, log, release, death, monkeypatch):
-    out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
+    out, file, message = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
-    with start_process("-c", MAIN, *command(file, out, "--workers", 2), told=told) as process:
+    with start_process("-c", MAIN, *command(file, out, "--workers", 2), output_file=message) as process:
         wait_for(lambda: len(files(out)) >= 2, process)
         children = process.children(recursive=True)
         if death is signal.SIGINT:
@@ -320,14 +322,14 @@ def test_resumes_after_its_process_ends(study, tmp_path, log, release, death, mo
     assert 2 <= len(before) < len(DEPTHS)
     assert (out / "sweep.h5").exists() == (death is not signal.SIGKILL)
     if death is not signal.SIGKILL:
-        partial = opened(out)
+        partial = read_dataset(out)
         assert (partial.status == "converged").sum() == len(before)
         assert (partial.status == "unfinished").sum() == len(DEPTHS) - len(before)
         assert (np.isnan(partial.max_pressure) == (partial.status == "unfinished")).all()
         assert not list(scratch.iterdir()), "nothing is left of the processes"
-        assert status == 130, told.read_text()
-        assert f"of 8 points are finished and in {out}; the same command continues" in told.read_text()
-        assert "Traceback" not in told.read_text()
+        assert status == 130, message.read_text()
+        assert f"of 8 points are finished and in {out}; the same command continues" in message.read_text()
+        assert "Traceback" not in message.read_text()
     assert_done(sweep(file, out))
     assert_nothing_twice(out, log, before, solved)
     assert_as_uninterrupted(file, out, tmp_path)
@@ -336,11 +338,11 @@ def test_resumes_after_its_process_ends(study, tmp_path, log, release, death, mo
 @pytest.mark.full
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_while_processes_start(study, tmp_path, log, end, monkeypatch):
-    out, file, told = tmp_path / "out", study(LINE, free=0), tmp_path / "told"
+    out, file, message = tmp_path / "out", study(LINE, free=0), tmp_path / "told"
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
-    with start_process("-c", MAIN, *command(file, out, "--workers", 2), told=told) as process:
+    with start_process("-c", MAIN, *command(file, out, "--workers", 2), output_file=message) as process:
         wait_for(lambda: workers_of(process), process)
         children = process.children(recursive=True)
         if end is signal.SIGINT:
@@ -350,11 +352,11 @@ def test_interrupted_while_processes_start(study, tmp_path, log, end, monkeypatc
         status = process.wait(timeout=PATIENCE)
     psutil.wait_procs(children, timeout=PATIENCE)
     assert not any(child.is_running() for child in children)
-    assert status == 130, told.read_text()
-    assert told.read_text().splitlines()[-1] == (
+    assert status == 130, message.read_text()
+    assert message.read_text().splitlines()[-1] == (
         f"interrupted; 0 of 8 points are finished and in {out}; the same command continues"
     )
-    assert "Traceback" not in told.read_text()
+    assert "Traceback" not in message.read_text()
     assert not list(scratch.iterdir())
     assert not log("solved")
 
@@ -375,8 +377,8 @@ def assert_nothing_twice(out, log, before, solved):
 
 @pytest.mark.full
 def test_survives_killed_workers(study, tmp_path, log, release):
-    out, file, told = tmp_path / "out", study(LINE, free=6), tmp_path / "told"
-    with start_process("-m", "meeframe", *command(file, out, "--workers", 2), told=told) as process:
+    out, file, message = tmp_path / "out", study(LINE, free=6), tmp_path / "told"
+    with start_process("-m", "meeframe", *command(file, out, "--workers", 2), output_file=message) as process:
         wait_for(lambda: len(files(out)) >= 6, process)  # all points are assigned, and the others are delayed
         time.sleep(1)  # within milliseconds, the scheduler learns that these are no longer needed
         before, solved = files(out), log("solved")
@@ -386,7 +388,7 @@ def test_survives_killed_workers(study, tmp_path, log, release):
             worker.kill()
         release()
         status = process.wait(timeout=PATIENCE)
-    assert status == 0, told.read_text()
+    assert status == 0, message.read_text()
     assert_nothing_twice(out, log, before, solved)
     assert_as_uninterrupted(file, out, tmp_path)
 
@@ -470,8 +472,8 @@ def test_warnings_of_plugins_are_shown_once_for_all_processes(study, tmp_path, w
     path = study(f'set = {{ "solver" = "noisy" }}\n{LINE}')
     status, _, errors = sweep(path, tmp_path / "out", "--workers", workers, "--plugin", plugin)
     assert status == 0
-    told = [line for line in errors.splitlines() if "Warning" in line or "step" in line]
-    assert told == [f"warning: {plugin}, line 14: UserWarning: of a step"]
+    warnings_printed = [line for line in errors.splitlines() if "Warning" in line or "step" in line]
+    assert warnings_printed == [f"warning: {plugin}, line 14: UserWarning: of a step"]
 
 
 @pytest.mark.full
@@ -494,22 +496,24 @@ def test_only_one_sweep_writes_to_a_folder(study, tmp_path, release):
 
 @pytest.mark.full
 def test_killed_scheduler_of_a_cluster(study, tmp_path, log, release):
-    out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
-    place = tmp_path / "scheduler.json"
-    cluster = ("--scheduler-file", place, "--no-dashboard")
+    out, file, message = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
+    position = tmp_path / "scheduler.json"
+    cluster = ("--scheduler-file", position, "--no-dashboard")
     with (
         start_process("-m", "distributed.cli.dask_scheduler", "--port", 0, *cluster) as scheduler,
         start_process("-m", "distributed.cli.dask_worker", "--nthreads", 1, "--no-nanny", *cluster),
     ):
-        wait_for(lambda: place.exists() and place.stat().st_size, scheduler)
-        address = json.loads(place.read_text())["address"]
-        with start_process("-m", "meeframe", *command(file, out, "--scheduler", address), told=told) as process:
+        wait_for(lambda: position.exists() and position.stat().st_size, scheduler)
+        address = json.loads(position.read_text())["address"]
+        with start_process(
+            "-m", "meeframe", *command(file, out, "--scheduler", address), output_file=message
+        ) as process:
             wait_for(lambda: len(files(out)) >= 2, process)
             scheduler.kill()
             status = process.wait(timeout=PATIENCE)
-    assert status == 2, told.read_text()
-    assert f"error: scheduler {address} was lost" in told.read_text()
-    assert "Traceback" not in told.read_text()
+    assert status == 2, message.read_text()
+    assert f"error: scheduler {address} was lost" in message.read_text()
+    assert "Traceback" not in message.read_text()
     before, solved = files(out), log("solved")
     release()
     assert 2 <= len(before) < len(DEPTHS)
@@ -548,7 +552,7 @@ def test_without_the_extra(study, tmp_path, monkeypatch, missing, workers):
     monkeypatch.delitem(sys.modules, "meeframe.study.sweep.dask", raising=False)
     result = CliRunner().invoke(app, command(file, tmp_path / "out", "--workers", workers))
     assert result.exit_code == 2
-    told = " ".join(result.stderr.split())
-    assert missing in told
-    assert "install the extra: pip install 'meeframe[sweep]'" in told
+    message = " ".join(result.stderr.split())
+    assert missing in message
+    assert "install the extra: pip install 'meeframe[sweep]'" in message
     assert not (tmp_path / "out").exists()

@@ -91,21 +91,21 @@ def test_half_space_by_all_supporting_formulations(half_space, tmp_path):
     assert status == 0
     assert "skfem refuses this case:  mesh: a semi-infinite body has no volume mesh" in out
     assert "result: agree" in out
-    found = numbers(tmp_path / "out")
-    assert found["verdict"] == "agree"
-    assert found["case"] == HALF_SPACE
-    assert list(found["refused"]) == ["skfem"]
-    assert [(run["formulation"], round(1 / run["size"])) for run in found["runs"]] == [
+    results = numbers(tmp_path / "out")
+    assert results["verdict"] == "agree"
+    assert results["case"] == HALF_SPACE
+    assert list(results["refused"]) == ["skfem"]
+    assert [(run["formulation"], round(1 / run["size"])) for run in results["runs"]] == [
         (name, divisions) for divisions in (5, 8, 12) for name in ("dense-bem", "half-space", "hmatrix-bem")
     ]
-    pairs = {pair["quantity"]: pair for pair in found["agreements"]}
+    pairs = {pair["quantity"]: pair for pair in results["agreements"]}
     assert {"force", "charge", "contact_area", "max_pressure", "max_magnetic_potential"} <= pairs.keys()
     assert not pairs.keys() & {"force_x", "torque", "magnetic_flux", "max_electric_potential"}, "zero, or nearly"
     for name in ("force", "charge"):
         assert abs(pairs[name]["difference"]) < 0.005 * pairs[name]["scale"]
         assert pairs[name]["verdict"] == "agree"
     exact = 21896.1  # docs/explanation/theory.md, Indentation in closed form
-    for estimate in found["estimates"]:
+    for estimate in results["estimates"]:
         if estimate["quantity"] == "force":
             assert estimate["extrapolated"] == pytest.approx(exact, abs=estimate["error"])
             assert estimate["error"] < 0.01 * exact
@@ -134,11 +134,11 @@ def test_uncoupled_fields_are_not_compared(tmp_path):
     both = ["--formulation", "half-space", "--formulation", "hmatrix-bem"]
     status, out, _ = invoke("verify", case, *both, "--out", tmp_path / "out")
     assert status == 0, out
-    found = numbers(tmp_path / "out")
-    pairs = {pair["quantity"] for pair in found["agreements"]}
+    results = numbers(tmp_path / "out")
+    pairs = {pair["quantity"] for pair in results["agreements"]}
     assert {"force", "charge"} <= pairs
     assert not pairs & {"magnetic_flux", "max_magnetic_potential"}
-    for run in found["runs"]:
+    for run in results["runs"]:
         assert run["steps"]["1"]["max_magnetic_potential"] == 0.0
 
 
@@ -153,11 +153,11 @@ def verify_case(path, registry, out, formulations=SPRINGS, **options):
 def test_springs_match_closed_form(write_case, registry, tmp_path):
     """With pressure k w on the overlap of a paraboloid, P = pi k R g^2 and A = 2 pi R g."""
     stiffer = '{name = "winkler", stiffness = "1.05e14 Pa/m"}'
-    found = verify_case(write_case(FINE), registry, tmp_path / "o", ("winkler", stiffer))
-    assert found.verdict is Verdict.DISAGREE
-    force = next(estimate for estimate in found.estimates if estimate.quantity == "force")
+    verification = verify_case(write_case(FINE), registry, tmp_path / "o", ("winkler", stiffer))
+    assert verification.verdict is Verdict.DISAGREE
+    force = next(estimate for estimate in verification.estimates if estimate.quantity == "force")
     assert force.limit.value == pytest.approx(np.pi * 1e14 * 0.1 * 1e-5**2, abs=force.limit.error)
-    area = next(estimate for estimate in found.estimates if estimate.quantity == "contact_area")
+    area = next(estimate for estimate in verification.estimates if estimate.quantity == "contact_area")
     assert area.limit.value == pytest.approx(2 * np.pi * 0.1 * 1e-5, abs=area.limit.error)
     assert area.limit.basis is Basis.FINEST
 
@@ -165,11 +165,11 @@ def test_springs_match_closed_form(write_case, registry, tmp_path):
 def test_prescribed_quantities_are_not_compared(write_case, registry, tmp_path):
     """A force is prescribed and the approach is compared."""
     force = f'normal_force = "{np.pi * 1e14 * 0.1 * 1e-5**2} N"'
-    found = verify_case(write_case(FINE, ('approach = "10 um"', force)), registry, tmp_path / "o")
-    names = {estimate.quantity for estimate in found.estimates}
+    verification = verify_case(write_case(FINE, ('approach = "10 um"', force)), registry, tmp_path / "o")
+    names = {estimate.quantity for estimate in verification.estimates}
     assert "approach" in names
     assert "force" not in names
-    approach = next(estimate for estimate in found.estimates if estimate.quantity == "approach")
+    approach = next(estimate for estimate in verification.estimates if estimate.quantity == "approach")
     assert approach.limit.value == pytest.approx(1e-5, abs=approach.limit.error)
     assert approach.limit.error < 5e-7
 
@@ -185,19 +185,19 @@ def test_last_step_or_every_step(write_case, registry, tmp_path):
 
 
 def test_more_levels_and_other_factors(write_case, registry, tmp_path):
-    found = verify_case(write_case(FINE), registry, tmp_path / "o", meshes=Meshes(levels=4, factor=2.0))
-    assert [round(1 / size) for size in found.estimates[0].sizes] == [2, 4, 8, 16]
-    assert len(found.runs) == 8
+    verification = verify_case(write_case(FINE), registry, tmp_path / "o", meshes=Meshes(levels=4, factor=2.0))
+    assert [round(1 / size) for size in verification.estimates[0].sizes] == [2, 4, 8, 16]
+    assert len(verification.runs) == 8
 
 
 def test_runs_that_do_not_converge(write_case, registry, tmp_path):
     path = write_case(FINE, ("[[steps]]", '[solver]\nname = "uzawa"\nmax_iterations = 1\n\n[[steps]]'))
-    found = verify_case(path, registry, tmp_path / "o")
-    assert found.verdict is Verdict.NOT_CONVERGED
-    assert {run.status for run in found.runs} == {"iteration-limit"}
-    assert found.estimates == ()
-    assert verification_figure(found) is None
-    assert json.loads(verification_json(found))["verdict"] == "not-converged"
+    verification = verify_case(path, registry, tmp_path / "o")
+    assert verification.verdict is Verdict.NOT_CONVERGED
+    assert {run.status for run in verification.runs} == {"iteration-limit"}
+    assert verification.estimates == ()
+    assert verification_figure(verification) is None
+    assert json.loads(verification_json(verification))["verdict"] == "not-converged"
 
 
 def test_solver_rejects_a_case_early(write_case, registry, tmp_path):
@@ -226,9 +226,9 @@ def test_error_of_a_law_is_reported(write_case, registry, tmp_path):
         FINE, ('approach = "10 um"', 'approach = "10 um"\ntranslation = ["1 um", 0]\nincrements = 2'),
         more='\n[contact]\nlaw = "wearing"\n',
     )  # fmt: skip
-    found = verify_case(path, replace(registry, entries=(*registry.entries, entry)), tmp_path / "o")
-    assert found.verdict is Verdict.NOT_CONVERGED
-    assert {(run.status, run.message) for run in found.runs} == {("refused", "the surface is worn off")}
+    verification = verify_case(path, replace(registry, entries=(*registry.entries, entry)), tmp_path / "o")
+    assert verification.verdict is Verdict.NOT_CONVERGED
+    assert {(run.status, run.message) for run in verification.runs} == {("refused", "the surface is worn off")}
 
 
 def test_interrupted_verification_saves_its_results(write_case, registry, tmp_path, monkeypatch):
@@ -243,10 +243,10 @@ def test_interrupted_verification_saves_its_results(write_case, registry, tmp_pa
     with pytest.raises(KeyboardInterrupt) as stopped:
         verify_case(write_case(FINE), registry, tmp_path / "o")
     assert stopped.value.__notes__ == [f"results so far are in {tmp_path / 'o' / 'verify.json'}"]
-    found = numbers(tmp_path / "o")
-    assert found["verdict"] == "unfinished"
-    assert [run["status"] for run in found["runs"]] == ["converged"] * 3
-    assert found["agreements"] == []
+    results = numbers(tmp_path / "o")
+    assert results["verdict"] == "unfinished"
+    assert [run["status"] for run in results["runs"]] == ["converged"] * 3
+    assert results["agreements"] == []
 
 
 def test_reduced_systems_are_reused(write_case, registry, tmp_path):
@@ -297,8 +297,8 @@ def test_results_are_not_overwritten_without_option(half_space, tmp_path):
 
 
 def test_units_in_output(write_case, registry, tmp_path):
-    found = verify_case(write_case(FINE), registry, tmp_path / "o")
-    for estimate in found.estimates:
+    verification = verify_case(write_case(FINE), registry, tmp_path / "o")
+    for estimate in verification.estimates:
         unit_registry().Unit(unit_of(estimate.quantity))
         assert unit_of(estimate.quantity)
-    assert replace(found, runs=()).verdict is Verdict.UNFINISHED
+    assert replace(verification, runs=()).verdict is Verdict.UNFINISHED

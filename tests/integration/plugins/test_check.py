@@ -103,5 +103,5 @@ def test_misspelt_names_get_suggestions():
 def test_related_terms_suggest_registered_names():
     registry: Registry = load()
     names = {entry.record.name for entry in registry.entries}
-    assert {name for found in ALIASES.values() for name in found} <= names
+    assert {name for computed in ALIASES.values() for name in computed} <= names
     assert not names & set(ALIASES)

@@ -98,10 +98,10 @@ def surface_symbol_of(formulation):
 def test_thick_layer_approaches_half_space(formulation):
     stiffness = library_material("orthotropic-mee").stiffness
     m = np.array([[0.6, 0.8]])
-    found = surface_symbol_of(formulation)(stiffness, 100.0, m)[0]
+    computed = surface_symbol_of(formulation)(stiffness, 100.0, m)[0]
     expected = surface_compliance(stiffness, (0.0, 0.0, 1.0), np.array([[0.6, 0.8, 0.0]]))[0]
     scale = np.sqrt(np.abs(np.diag(expected)))
-    assert np.abs((found - expected) / np.outer(scale, scale)).max() < 1e-9
+    assert np.abs((computed - expected) / np.outer(scale, scale)).max() < 1e-9
 
 
 THICKNESS, RADIUS = 1.0, 100.0

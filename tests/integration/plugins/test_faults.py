@@ -163,13 +163,15 @@ def test_fault_of_a_formulation_names_file_line_and_cause(plugin, springs, tmp_p
     check_fault(raised.value, plugin[0], fails)
 
 
-def check_fault(error, file, place):
+def check_fault(error, file, position):
     """Check that the message names the location and that the exception has the complete traceback."""
     lines = SPRINGS.splitlines()
-    assert f"plugin file {file}, line {1 + lines.index(RAISES)}, in reach: ZeroDivisionError: in {place}" in str(error)
+    assert f"plugin file {file}, line {1 + lines.index(RAISES)}, in reach: ZeroDivisionError: in {position}" in str(
+        error
+    )
     assert isinstance(error.__cause__, ZeroDivisionError)
     passed = {(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__cause__.__traceback__)}
-    assert (str(file), 1 + lines.index(f'        reach("{place}", self.fails)')) in passed
+    assert (str(file), 1 + lines.index(f'        reach("{position}", self.fails)')) in passed
 
 
 def test_fault_of_the_formulation_of_the_second_body(plugin, springs):
@@ -266,8 +268,8 @@ def test_fault_of_a_conductivity_law(write_case, tmp_path, field):
     file = tmp_path / "across.py"
     file.write_text(ACROSS, encoding="utf-8")
     path = write_case((WINKLER[0], 'name = "dense-bem"'), more=f'[conductivity]\n{field} = "across"\n')
-    told = rf"{path}: conductivity\.{field}: plugin file .*, in across_gap: ZeroD"
-    with pytest.raises(CaseError, match=told) as raised:
+    message = rf"{path}: conductivity\.{field}: plugin file .*, in across_gap: ZeroD"
+    with pytest.raises(CaseError, match=message) as raised:
         load_case(path, load(file))
     assert isinstance(raised.value.__cause__, ZeroDivisionError)
 
@@ -277,8 +279,8 @@ def test_fault_of_a_plugin_fails_the_points_of_a_sweep(plugin, write_case, tmp_p
     write_case(WINKLER)
     study = tmp_path / "study.toml"
     study.write_text('case = "case.toml"\n[axes]\n"formulation.fails" = ["", "check", "apply"]\n', encoding="utf-8")
-    found = sweep(study, tmp_path / "out", registry=plugin[1])
-    assert found.status.tolist() == ["converged", "failed", "failed"]
+    computed = sweep(study, tmp_path / "out", registry=plugin[1])
+    assert computed.status.tolist() == ["converged", "failed", "failed"]
     assert len(list((tmp_path / "out" / "points").iterdir())) == 1
     study.write_text('case = "case.toml"\n[axes]\n"formulation.fails" = ["check"]\n', encoding="utf-8")
     with pytest.raises(CaseError) as raised:
@@ -346,14 +348,14 @@ def run(quick):
 """
 
 
-@pytest.mark.parametrize(("fails", "told"), [("apply", True), ("check", False)])
-def test_fault_in_a_validation_case(plugin, write_case, tmp_path, fails, told):
+@pytest.mark.parametrize(("fails", "message"), [("apply", True), ("check", False)])
+def test_fault_in_a_validation_case(plugin, write_case, tmp_path, fails, message):
     """If an item of a case has a wrong type, the message names the type."""
     case = write_case((WINKLER[0], f'name = "failing-springs"\nfails = "{fails}"'))
-    place = tmp_path / "cases" / "springs"
-    place.mkdir(parents=True)
-    (place / "checks.py").write_text(CHECKS.format(case=case, file=plugin[0]), encoding="utf-8")
+    position = tmp_path / "cases" / "springs"
+    position.mkdir(parents=True)
+    (position / "checks.py").write_text(CHECKS.format(case=case, file=plugin[0]), encoding="utf-8")
     (report,) = validate(tmp_path / "cases", tmp_path / "out").cases
     assert f"in reach: ZeroDivisionError: in {fails}" in report.error
-    assert ("Traceback (most recent call last)" in report.error) is told
-    assert (f'reach("{fails}", self.fails)' in report.error) is told
+    assert ("Traceback (most recent call last)" in report.error) is message
+    assert (f'reach("{fails}", self.fails)' in report.error) is message

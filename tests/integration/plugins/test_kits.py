@@ -369,14 +369,14 @@ class RejectsTooMuch(Solver):
 
 
 @pytest.mark.parametrize(
-    ("refuses", "told"),
+    ("refuses", "reported"),
     [
         ("conduction", "conducting: check refuses it: CaseError: solver 'picky' is for insulated contact"),
         ("rigid bodies", "insulated on a rigid body: check refuses it: ZeroDivisionError: no compliance"),
     ],
 )
-def test_overly_strict_checks_are_detected(refuses, told):
-    with pytest.raises(AssertionError, match=f"{told}\nwhy it matters: check runs before the body is reduced"):
+def test_overly_strict_checks_are_detected(refuses, reported):
+    with pytest.raises(AssertionError, match=f"{reported}\nwhy it matters: check runs before the body is reduced"):
         kits.check_solver(RejectsTooMuch(refuses))
 
 

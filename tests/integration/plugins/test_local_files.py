@@ -209,10 +209,10 @@ PASSING = """
 
 @pytest.mark.full
 @pytest.mark.parametrize(
-    ("fault", "told", "status"),
+    ("fault", "reported", "status"),
     [("1 / 0", "ZeroDivisionError: division by zero", 1), ("raise OSError(28, 'No room')", "[Errno 28] No room", 2)],
 )
-def test_sweep_retries_failed_laws(write, write_case, tmp_path, fault, told, status):
+def test_sweep_retries_failed_laws(write, write_case, tmp_path, fault, reported, status):
     """A full disk ends the sweep."""
     flag, out, study = tmp_path / "flag", tmp_path / "out", tmp_path / "study.toml"
     flag.touch()
@@ -225,7 +225,7 @@ def test_sweep_retries_failed_laws(write, write_case, tmp_path, fault, told, sta
     arguments = ["sweep", str(study), "--out", str(out), "--workers", "1", "--plugin", str(file)]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == status, done.stdout + done.stderr
-    assert told in done.stdout + done.stderr
+    assert reported in done.stdout + done.stderr
     flag.unlink()
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.stdout + done.stderr
@@ -272,8 +272,8 @@ def test_exceptions_of_callbacks_propagate(write, tmp_path):
 def test_faults_name_the_innermost_frame_too(write, tmp_path):
     """The innermost frame may be in a library, or in meeframe code that the plugin called."""
     file = write(CALLING)
-    told = rf"plugin file {file}, line 7, in reduce: LinAlgError: .*; raised in .*linalg.*\.py, line \d+, in \w+"
-    with pytest.raises(PluginFault, match=told) as caught:
+    reported = rf"plugin file {file}, line 7, in reduce: LinAlgError: .*; raised in .*linalg.*\.py, line \d+, in \w+"
+    with pytest.raises(PluginFault, match=reported) as caught:
         called_from_a_plugin(file, partial(np.linalg.inv, np.zeros((2, 2))))
     assert isinstance(caught.value.__cause__, np.linalg.LinAlgError)
 
@@ -284,13 +284,13 @@ def test_value_error_of_a_constructor_is_reported_at_the_key(write, case_file):
     refusing = LAW.replace("def conductivity", method)
     with case_file.open("a", encoding="utf-8") as text:
         text.write('[conductivity]\nelectric = {name = "linear", slope = 1e-12}\n')
-    for number, (check, told) in enumerate(
+    for number, (check, reported) in enumerate(
         [("raise ValueError('slope is too small')", "slope is too small\n"), ("1 / 0", "plugin file ")]
     ):
         file = write(refusing.replace("CHECK", check), f"laws_{number}.py")
         done = CliRunner().invoke(app, ["check", str(case_file), "--plugin", str(file)])
         assert done.exit_code == 2
-        assert f"error: {case_file}: conductivity.electric: {told}" in done.stderr
+        assert f"error: {case_file}: conductivity.electric: {reported}" in done.stderr
 
 
 def test_duplicate_names_in_a_file_are_rejected(write):

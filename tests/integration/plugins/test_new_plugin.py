@@ -116,9 +116,9 @@ def test_invalid_names_are_rejected(tmp_path, kind, name, message):
 
 def test_occupied_folders_are_rejected(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    told = f"folder {tmp_path} is not empty; name another one with --out, such as {tmp_path / 'meeframe-mine'}"
+    reported = f"folder {tmp_path} is not empty; name another one with --out, such as {tmp_path / 'meeframe-mine'}"
     status, _, err = invoke("new-plugin", "solver", "mine", "--out", tmp_path)
-    assert (status, err) == (2, f"error: {told}\n")
+    assert (status, err) == (2, f"error: {reported}\n")
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
     status, _, err = invoke("new-plugin", "solver", "mine", "--out", tmp_path / "notes.txt")
     assert status == 2

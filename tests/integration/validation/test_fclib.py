@@ -61,11 +61,11 @@ def test_siconos_reads_the_file(tmp_path):
     for mu in (0.3, 0.5):
         write_local(path, replace(local, mu=np.array([mu])))
         for solver in siconos_reference.SOLVERS:
-            found = siconos_reference.siconos_solves(path, solver)
-            assert found.converged
-            np.testing.assert_allclose(found.r, 5000.0 * np.array([1.0, -0.6 * mu, -0.8 * mu]), rtol=1e-11)
+            computed = siconos_reference.siconos_solves(path, solver)
+            assert computed.converged
+            np.testing.assert_allclose(computed.r, 5000.0 * np.array([1.0, -0.6 * mu, -0.8 * mu]), rtol=1e-11)
             expected = (1e-5 - 5e-6 * mu) * np.array([0.0, 0.6, 0.8])
-            np.testing.assert_allclose(found.u, expected, rtol=1e-11, atol=1e-18)
+            np.testing.assert_allclose(computed.u, expected, rtol=1e-11, atol=1e-18)
 
 
 def test_check_is_skipped_without_siconos(monkeypatch):

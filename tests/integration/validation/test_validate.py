@@ -46,11 +46,11 @@ def run(quick):
 
 
 def make_case(folder, name="one", more="", value="1.005"):
-    place = folder / name
-    place.mkdir(parents=True)
+    position = folder / name
+    position.mkdir(parents=True)
     (folder / "shared.py").write_text("VALUE = 1.0\n")
-    (place / "beside.py").write_text(f"VALUE = {value}\n")
-    (place / "checks.py").write_text(CHECKS.replace("{more}", more))
+    (position / "beside.py").write_text(f"VALUE = {value}\n")
+    (position / "checks.py").write_text(CHECKS.replace("{more}", more))
     return folder
 
 
@@ -63,7 +63,7 @@ def command(*arguments):
 
 
 @pytest.mark.parametrize(
-    ("found", "verdict"),
+    ("computed", "verdict"),
     [
         (Check("", 1.009, 1.0, 0.01), "pass"),
         (Check("", 1.011, 1.0, 0.01), "fail"),
@@ -87,9 +87,9 @@ def command(*arguments):
         (Skip("", "not there"), "skipped"),
     ],
 )
-def test_outcomes(found, verdict):
-    assert found.verdict == verdict
-    case = CaseReport("case", "Case", "Source", (Row(found, 0.1),), finished=True)
+def test_outcomes(computed, verdict):
+    assert computed.verdict == verdict
+    case = CaseReport("case", "Case", "Source", (Row(computed, 0.1),), finished=True)
     assert Validation(True, {}, (case,), planned=1).passed is (verdict != "fail")
     assert not Validation(True, {}, (case,), planned=2).passed
     assert not Validation(True, {}, (replace(case, finished=False),), planned=1).passed
@@ -236,9 +236,9 @@ def test_killed_validation_has_not_passed(tmp_path):
 def test_report_names_cases_that_were_not_run(tmp_path):
     cases = make_case(tmp_path / "cases", "hertz")
     assert command("--validation", cases, "--out", tmp_path / "out")[0] == 0
-    found = trust.joined([trust.read(json.loads((tmp_path / "out" / "validation.json").read_text()))])
-    assert not found.passed
-    head = trust.pages(found)["trust.md"].partition("|")[0]
+    validation = trust.joined([trust.read(json.loads((tmp_path / "out" / "validation.json").read_text()))])
+    assert not validation.passed
+    head = trust.pages(validation)["trust.md"].partition("|")[0]
     assert f"Full validation, 1 of {len(trust.known_cases(FOLDER))} cases" in head
     assert "Not run: cone, " in head
     assert " hertz" not in head.partition("Not run")[2]
@@ -249,9 +249,9 @@ def test_example_of_the_page_runs(tmp_path):
     (example,) = re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     make_case(tmp_path / "cases")
     (tmp_path / "cases" / "one" / "checks.py").write_text(example)
-    found = validate(tmp_path / "cases", tmp_path / "out")
-    assert found.passed
-    assert len(found.cases[0].figures) == 1
+    validation = validate(tmp_path / "cases", tmp_path / "out")
+    assert validation.passed
+    assert len(validation.cases[0].figures) == 1
 
 
 def test_modules_of_cases_are_separate(tmp_path, monkeypatch):
@@ -259,8 +259,8 @@ def test_modules_of_cases_are_separate(tmp_path, monkeypatch):
     path = list(sys.path)
     cases = make_case(tmp_path / "cases", "a", value="1.001")
     make_case(cases, "b", value="1.002")
-    found = validate(cases, tmp_path / "out")
-    assert [case.rows[0].item.computed for case in found.cases] == [1.001, 1.002]
+    validation = validate(cases, tmp_path / "out")
+    assert [case.rows[0].item.computed for case in validation.cases] == [1.001, 1.002]
     assert sys.modules["beside"] == "of somebody else"
     assert "shared" not in sys.modules
     assert sys.path == path

@@ -66,8 +66,8 @@ def test_direction_equals_angle_on_flat_zone(case):
     angle, drag = 0.7, (2e-4, -1e-4)
     _, _, expected = solve_tangential(case, OrthotropicCoulomb(0.1, 0.4, angle), translation=drag)
     axes = FrictionAxes(direction=(np.cos(angle), np.sin(angle), 3.0))
-    _, _, found = solve_tangential(case, OrthotropicCoulomb(0.1, 0.4), axes, translation=drag)
-    np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
+    _, _, solution = solve_tangential(case, OrthotropicCoulomb(0.1, 0.4), axes, translation=drag)
+    np.testing.assert_allclose(solution, expected, atol=1e-7 * np.abs(expected).max())
     _, _, other = solve_tangential(case, OrthotropicCoulomb(0.1, 0.4), translation=drag)
     assert np.abs(other - expected).max() > 0.1 * np.abs(expected).max()
 
@@ -89,11 +89,11 @@ def test_twist_about_an_axis_has_the_second_coefficient(case, axes, coefficient)
 
 
 def test_reduced_systems_from_the_cache_are_rotated(case, tmp_path):
-    turned = dataclasses.replace(case, axes=FrictionAxes(around=(0.0, 0.0, 1.0)))
-    for again in (turned, case, turned):
-        expected, found = reduce(again), cached_reduce(again, tmp_path)
-        np.testing.assert_array_equal(found.frames, expected.frames)
-        np.testing.assert_array_equal(found.dense(), expected.dense())
+    rotated = dataclasses.replace(case, axes=FrictionAxes(around=(0.0, 0.0, 1.0)))
+    for again in (rotated, case, rotated):
+        expected, cached = reduce(again), cached_reduce(again, tmp_path)
+        np.testing.assert_array_equal(cached.frames, expected.frames)
+        np.testing.assert_array_equal(cached.dense(), expected.dense())
     assert len(list(tmp_path.glob("*.h5"))) == 1
 
 
@@ -102,11 +102,11 @@ def test_forces_along_a_frictionless_axis_are_rejected(case, axes, held):
     """A force along the other axis is accepted, whatever its global direction."""
     law, (along, across) = OrthotropicCoulomb(0.0, 0.4), np.eye(2)[[held, 1 - held]]
     first, force = dataclasses.replace(case.steps[0], increments=4), 0.1 * np.pi * 1e14 * 0.1 * 1e-5**2
-    turned = dataclasses.replace(case, contact_law=law, axes=axes)
-    solved = dataclasses.replace(turned, steps=(first, Step(tangential_force=tuple(force * along))))
+    rotated = dataclasses.replace(case, contact_law=law, axes=axes)
+    solved = dataclasses.replace(rotated, steps=(first, Step(tangential_force=tuple(force * along))))
     result = meeframe.solve_case(solved)
     assert result.status is RunStatus.CONVERGED
     totals = meeframe.resultants(result.zone, result.steps[-1])
     np.testing.assert_allclose(totals.force[:2], force * along, atol=1e-9 * force)
     with pytest.raises(CaseError, match=r"tangential_force = .*the laws of the contact admit no traction that resists"):
-        dataclasses.replace(turned, steps=(first, Step(tangential_force=tuple(force * across))))
+        dataclasses.replace(rotated, steps=(first, Step(tangential_force=tuple(force * across))))

@@ -47,12 +47,12 @@ def key(case):
     return system_key(case.formulation, case.body)
 
 
-def assert_same(found, expected):
+def assert_same(computed, expected):
     for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), strict=True)
-    np.testing.assert_array_equal(found.dense(), expected.dense(), strict=True)
-    assert [name for name, _ in found.cells] == [name for name, _ in expected.cells]
-    for (_, nodes), (_, others) in zip(found.cells, expected.cells, strict=True):
+        np.testing.assert_array_equal(getattr(computed, name), getattr(expected, name), strict=True)
+    np.testing.assert_array_equal(computed.dense(), expected.dense(), strict=True)
+    assert [name for name, _ in computed.cells] == [name for name, _ in expected.cells]
+    for (_, nodes), (_, others) in zip(computed.cells, expected.cells, strict=True):
         np.testing.assert_array_equal(nodes, others, strict=True)
 
 
@@ -60,9 +60,9 @@ def test_cached_system_is_bitwise_identical(case, tmp_path, reductions):
     case = replace(case, formulation=DenseBEM(quadrature_tolerance=1e-2))
     made = cached_reduce(case, tmp_path / "cache")
     assert len(reductions) == 1
-    found = cached_reduce(case, tmp_path / "cache")
+    cached = cached_reduce(case, tmp_path / "cache")
     assert len(reductions) == 1
-    assert_same(found, made)
+    assert_same(cached, made)
     assert [path.name for path in (tmp_path / "cache").iterdir()] == [f"{key(case)}.h5"]
 
 
@@ -70,10 +70,12 @@ def test_recovery_reduces_once_more_and_gives_same_fields(case, tmp_path, reduct
     system = reduce(case)
     load = np.random.default_rng(1).normal(size=system.offset.shape)
     expected = system.recover(load)
-    for begun, found in enumerate([cached_reduce(case, tmp_path), cached_reduce(case, tmp_path)]):  # computed, and read
+    for begun, cached in enumerate(
+        [cached_reduce(case, tmp_path), cached_reduce(case, tmp_path)]
+    ):  # computed, and read
         assert len(reductions) == 2 + begun
         for _ in range(2):
-            fields = found.recover(load)
+            fields = cached.recover(load)
             np.testing.assert_array_equal(fields.values, expected.values)
             np.testing.assert_array_equal(fields.fluxes, expected.fluxes)
         assert len(reductions) == 3 + begun
@@ -261,9 +263,9 @@ class PersistentOperator(OperatorOnly, Persistence):
 def test_arrays_of_matrix_free_system_are_bitwise_identical(case, tmp_path, reductions):
     case = replace(case, formulation=PersistentFormulationStub(case.formulation))
     made = cached_reduce(case, tmp_path)
-    found = cached_reduce(case, tmp_path)
+    cached = cached_reduce(case, tmp_path)
     assert len(reductions) == 1
-    np.testing.assert_array_equal(found.offset, made.offset, strict=True)
+    np.testing.assert_array_equal(cached.offset, made.offset, strict=True)
     assert read_arrays(tmp_path / f"{key(case)}.h5", key(case))["whole"].dtype == np.arange(3).dtype
     assert read_arrays(tmp_path / f"{key(case)}.h5", "another key") is None
 
@@ -277,9 +279,9 @@ def test_damaged_arrays_are_replaced(case, tmp_path, reductions, damage):
     if damage == "shortened":
         del content[len(content) // 2 :]
     else:
-        place = content.find(made.offset.tobytes()[:64])
-        assert place > 0
-        content[place] ^= 1
+        position = content.find(made.offset.tobytes()[:64])
+        assert position > 0
+        content[position] ^= 1
     path.write_bytes(content)
     np.testing.assert_array_equal(cached_reduce(case, tmp_path).offset, made.offset, strict=True)
     assert len(reductions) == 2

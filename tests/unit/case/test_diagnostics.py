@@ -122,8 +122,8 @@ def test_message_about_sides_has_correct_number(synthetic):
     region = np.zeros(25, int)
     region[[0, 1]] = Region.STICK
     step = replace(step, region=region)
-    (told,) = diagnostics(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
-    assert re.fullmatch(r"the contact reaches the boundary of its zone at 1 element side", told)
+    (reported,) = diagnostics(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
+    assert re.fullmatch(r"the contact reaches the boundary of its zone at 1 element side", reported)
 
 
 ONE_INCREMENT = "of the contact formed in one increment"
@@ -138,7 +138,7 @@ def solve_steps(bed, frictional, *steps, poisson=0.3, cells=24, **changes):
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
-    ("steps", "poisson", "changes", "told"),
+    ("steps", "poisson", "changes", "reported"),
     [
         ([Step(approach=2e-5)], 0.3, {}, ["100%"]),
         ([Step(approach=2e-5, increments=2)], 0.3, {}, ["50%"]),
@@ -150,9 +150,9 @@ def solve_steps(bed, frictional, *steps, poisson=0.3, cells=24, **changes):
         ([Step(approach=1e-5, increments=8), Step(approach=2e-5)], 0.3, {}, ["", "46%"]),
     ],
 )
-def test_contact_formed_in_one_increment(bed, frictional, steps, poisson, changes, told):
+def test_contact_formed_in_one_increment(bed, frictional, steps, poisson, changes, reported):
     messages, _ = solve_steps(bed, frictional, *steps, poisson=poisson, **changes)
-    for message, share in zip(messages, told, strict=True):
+    for message, share in zip(messages, reported, strict=True):
         assert (ONE_INCREMENT in message) == bool(share)
         assert f"{share} {ONE_INCREMENT}" in message or not share
 
@@ -173,14 +173,14 @@ def test_single_increment_is_inaccurate(bed, frictional):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(("cells", "told"), [(8, 25), (12, 16), (16, 12), (24, 0), (40, 0)])
-def test_reported_uncertainty_of_area(bed, frictional, cells, told):
+@pytest.mark.parametrize(("cells", "reported"), [(8, 25), (12, 16), (16, 12), (24, 0), (40, 0)])
+def test_reported_uncertainty_of_area(bed, frictional, cells, reported):
     """Hertz: the contact is a circle of radius sqrt(R g); 0 stands for no message, below a tenth."""
     (message,), path = solve_steps(bed, frictional, Step(approach=2e-5), cells=cells, contact_law=Signorini())
-    found = re.search(rf"{AREA} (\d+)%", message)
-    assert (int(found[1]) if found else 0) == told
+    match = re.search(rf"{AREA} (\d+)%", message)
+    assert (int(match[1]) if match else 0) == reported
     error = path.zone.weights[path.steps[-1].touching].sum() / (np.pi * bed.radius * 2e-5) - 1.0
-    assert abs(error) < (1.15 * told / 100.0 or 0.1)
+    assert abs(error) < (1.15 * reported / 100.0 or 0.1)
 
 
 def test_single_node_in_contact(bed, frictional):

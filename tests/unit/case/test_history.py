@@ -171,13 +171,13 @@ def test_work_around_a_loop_is_stored_or_dissipated_to_second_order(bed, frictio
 def test_dissipation_of_a_stroke_does_not_depend_on_increments(bed, frictional):
     """Under constant pressure, a reversal of full slip dissipates friction times distance, less the elastic part."""
     system = bed.half_space(8, 0.5)
-    found = []
+    computed = []
     for parts in (1, 16):
         strokes = [Step(translation=(x, 0.0), increments=parts) for x in (2e-5, -2e-5)]
         path = bed.follow(frictional, system, Step(normal_force=1.5e3), *strokes)
-        found.append(sum(total.dissipated_energy for total in path.totals[-parts:]))
+        computed.append(sum(total.dissipated_energy for total in path.totals[-parts:]))
     elastic = 2.0 * path.zone.weights @ (path.steps[-1].traction * path.steps[-1].displacement)[:, 0]
-    assert found == pytest.approx([0.3 * 1.5e3 * 4e-5 - elastic] * 2, rel=3e-4)
+    assert computed == pytest.approx([0.3 * 1.5e3 * 4e-5 - elastic] * 2, rel=3e-4)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -63,8 +63,8 @@ def test_uniform_gap_has_no_effect(case, level):
     ids=["centred", "aside", "tilted", "from aside"],
 )
 def test_indenter_moves_along_its_axis_to_first_contact(case, placement):
-    place = replace(case, placement=placement)
-    plain, wavy = (kinematics(replace(place, contact_law=Wavy(size))) for size in (0.0, 2e-6))
+    position = replace(case, placement=placement)
+    plain, wavy = (kinematics(replace(position, contact_law=Wavy(size))) for size in (0.0, 2e-6))
     assert wavy.touching_gap.min() == pytest.approx(0.0, abs=1e-20)
     moved = (wavy.touching_gap - plain.touching_gap) - Wavy(2e-6).initial_gap(wavy.system.points)
     cosine = placement.base[2] @ np.array([0.0, 0.0, 1.0])

@@ -126,13 +126,13 @@ BACK = [Step(approach=1e-5), Step(translation=(8e-6, 0.0), increments=4), Step(t
 def test_slip_path_accumulates_in_contact(bed, frictional, system):
     """Under a reversal the total slip decreases, but the path does not; open nodes keep their path."""
     path = bed.follow(frictional, system, *BACK)
-    ways = np.array([np.linalg.norm(step.slip, axis=1) * (step.region != Region.OPEN) for step in path.steps])
-    for step, way in zip(path.steps, np.cumsum(ways, axis=0), strict=True):
+    path_lengths = np.array([np.linalg.norm(step.slip, axis=1) * (step.region != Region.OPEN) for step in path.steps])
+    for step, way in zip(path.steps, np.cumsum(path_lengths, axis=0), strict=True):
         np.testing.assert_array_equal(step.slip_path, way)
     last = path.steps[-1]
     touched = last.region != Region.OPEN
     assert touched.any()
-    assert (last.slip_path[~touched & (ways.max(axis=0) == 0.0)] == 0.0).all()
+    assert (last.slip_path[~touched & (path_lengths.max(axis=0) == 0.0)] == 0.0).all()
     assert np.linalg.norm(last.total_slip[touched], axis=1).sum() < 0.5 * last.slip_path[touched].sum()
 
 

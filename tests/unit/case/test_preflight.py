@@ -133,7 +133,7 @@ AWAY = "the indenter does not touch the undeformed body: at an approach of {} m 
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "message"),
     [
         ([], None),
         (
@@ -156,18 +156,18 @@ AWAY = "the indenter does not touch the undeformed body: at an approach of {} m 
         ([('"100 mm"', '"100 mm"\nx = "20 mm"'), ('approach = "10 um"', 'normal_force = "1 N"')], None),
     ],
 )
-def test_warning_about_missing_contact(write_case, registry, changes, told):
+def test_warning_about_missing_contact(write_case, registry, changes, message):
     """A prescribed force always leads to contact."""
     warnings = load_case(write_case(*changes), registry).warnings
-    assert len(warnings) == (told is not None)
-    assert all(told in text for text in warnings)
+    assert len(warnings) == (message is not None)
+    assert all(message in text for text in warnings)
 
 
-@pytest.mark.parametrize(("approach", "told"), [("62 um", False), ("63 um", True), ("40 mm", True)])
-def test_warning_about_overlap_of_the_whole_zone(write_case, registry, approach, told):
+@pytest.mark.parametrize(("approach", "message"), [("62 um", False), ("63 um", True), ("40 mm", True)])
+def test_warning_about_overlap_of_the_whole_zone(write_case, registry, approach, message):
     """At the corners, sqrt(2) 2.5 mm from the axis, the height of a sphere of 100 mm is 62.5 um."""
     warnings = load_case(write_case(('"10 um"', f'"{approach}"')), registry).warnings
-    assert len(warnings) == told
+    assert len(warnings) == message
     assert all("overlaps the undeformed body on the whole contact zone 'contact', by " in text for text in warnings)
 
 
@@ -181,9 +181,9 @@ def test_warning_about_potentials_of_insulating_indenters(case):
     assert not replace(volts, conductivity={"electric": StepConductivity(np.inf)}).warnings
     steps = (Step(approach=1e-5), Step(scalars={"magnetic_potential": 20.0}))
     amperes = replace(case, steps=steps, conductivity={"electric": StepConductivity(np.inf)})
-    told = IDLE.format("magnetic", "20 A", "magnetic")
-    assert amperes.warnings == (told,)
-    assert [told in step.message for step in meeframe.solve_case(amperes).steps] == [True, False]
+    message = IDLE.format("magnetic", "20 A", "magnetic")
+    assert amperes.warnings == (message,)
+    assert [message in step.message for step in meeframe.solve_case(amperes).steps] == [True, False]
 
 
 @dataclass(frozen=True)

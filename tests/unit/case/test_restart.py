@@ -34,10 +34,10 @@ def first(write_case, registry, tmp_path):
 def test_restart_matches_a_single_run(write_case, registry, tmp_path, changes):
     whole = meeframe.solve_case(load_case(write_case(*changes, more=LAW + FIRST + SECOND), registry))
     meeframe.run(load_case(write_case(*changes, more=LAW + FIRST), registry), tmp_path / "first")
-    rest = meeframe.run(load_case(restarted(write_case, *changes), registry), tmp_path / "second")
-    assert str(rest.status) == str(whole.status) == "converged"
-    assert [(step.step, step.increment) for step in rest.steps] == [(1, 1), (1, 2)]
-    for ours, theirs in zip(rest.steps, whole.steps[3:], strict=True):
+    second = meeframe.run(load_case(restarted(write_case, *changes), registry), tmp_path / "second")
+    assert str(second.status) == str(whole.status) == "converged"
+    assert [(step.step, step.increment) for step in second.steps] == [(1, 1), (1, 2)]
+    for ours, theirs in zip(second.steps, whole.steps[3:], strict=True):
         for name in (
             "traction",
             "displacement",
@@ -54,7 +54,7 @@ def test_restart_matches_a_single_run(write_case, registry, tmp_path, changes):
         assert (
             ours.loading.prescribed.keys() == theirs.loading.prescribed.keys() == {"normal_force", "tangential_force"}
         )
-    assert rest.steps[0].loading.electric_potential == 3.0, "it stays, whatever [indenter] says"
+    assert second.steps[0].loading.electric_potential == 3.0, "it stays, whatever [indenter] says"
 
 
 def test_restart_from_last_converged_increment(write_case, registry, tmp_path, first):

@@ -50,14 +50,17 @@ def states(law, compliance, distance):
 @pytest.mark.parametrize("steepness", [0.9, 1.1])
 def test_several_states_of_a_node_are_reported(bed, steepness):
     system = bed.half_space(8)
-    own = float(system.diagonal_blocks()[0, 2, 2])
-    law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
+    compliance_of_node = float(system.diagonal_blocks()[0, 2, 2])
+    law = Smooth(1e7, 1e-6, 1e7 * compliance_of_node / (4.0 * steepness))
     law = replace(law, range=10.0 * law.width)
-    most = max(states(law, own, law.range + part * own * law.stress) for part in np.linspace(0.3, 0.7, 201))
+    most = max(
+        states(law, compliance_of_node, law.range + part * compliance_of_node * law.stress)
+        for part in np.linspace(0.3, 0.7, 201)
+    )
     assert most == (3 if steepness > 1.0 else 1)
     step = SimpleNamespace(gap=np.full(64, 0.0), traction=np.full((64, 3), -1e6))
-    told = " ".join(snap_in(system, law, step))
-    assert (SNAP in told) == (steepness > 1.0)
+    message = " ".join(snap_in(system, law, step))
+    assert (SNAP in message) == (steepness > 1.0)
     assert not list(snap_in(system, Signorini(), step))
     far = SimpleNamespace(gap=np.full(64, np.inf), traction=step.traction)
     assert not list(snap_in(system, law, far)), "nothing is attracted"
@@ -68,9 +71,9 @@ def test_reported_element_size_suffices(bed):
     coarse = bed.half_space(8)
     law = Smooth(1e7, 1e-6, 1e7 * float(coarse.diagonal_blocks()[0, 2, 2]) / 8.0)
     step = SimpleNamespace(gap=np.zeros(1), traction=np.full((1, 3), -1e6))
-    (told,) = snap_in(coarse, law, step)
+    (message,) = snap_in(coarse, law, step)
     here = bed.side / 8
-    assert re.search(r"elements of at most (\S+) m \(here (\S+) m\)", told).groups() == (
+    assert re.search(r"elements of at most (\S+) m \(here (\S+) m\)", message).groups() == (
         f"{here / 2:.2g}",
         f"{here:.2g}",
     )
@@ -79,8 +82,8 @@ def test_reported_element_size_suffices(bed):
 
 
 def test_snap_in_is_reported_at_the_end_of_a_step(bed, frictional, system):
-    own = float(system.diagonal_blocks()[0, 2, 2])
-    for steepness, told in ((0.5, False), (1.5, True)):
-        law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
+    compliance_of_node = float(system.diagonal_blocks()[0, 2, 2])
+    for steepness, message in ((0.5, False), (1.5, True)):
+        law = Smooth(1e7, 1e-6, 1e7 * compliance_of_node / (4.0 * steepness))
         path = bed.follow(frictional, system, Step(approach=2e-5, increments=2), contact_law=law)
-        assert [SNAP in step.message for step in path.steps] == [False, told]
+        assert [SNAP in step.message for step in path.steps] == [False, message]

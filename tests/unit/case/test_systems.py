@@ -43,7 +43,7 @@ def test_valid_system_is_accepted(case):
 
 
 @pytest.mark.parametrize(
-    ("key", "array", "told"),
+    ("key", "array", "message"),
     [
         ("offset", np.zeros(5), rf"offset .* formulation Spoilt has shape \(5,\); allowed: \({N}, 5\)"),
         ("matrix", np.zeros((N, 5, 5)), rf"matrix .* has shape \({N}, 5, 5\); allowed: \({N}, 5, {N}, 5\)"),
@@ -59,6 +59,6 @@ def test_valid_system_is_accepted(case):
         ("system", None, "the formulation Spoilt returns a NoneType; allowed: a reduced system"),
     ],
 )
-def test_invalid_systems_name_the_formulation(case, key, array, told):
-    with pytest.raises(CaseError, match=told):
+def test_invalid_systems_name_the_formulation(case, key, array, message):
+    with pytest.raises(CaseError, match=message):
         solve_case(replace(case, formulation=WithFault(case.formulation, key, array)))

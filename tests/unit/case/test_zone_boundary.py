@@ -33,9 +33,9 @@ def test_sides_of_a_square(synthetic):
 def test_sides_where_the_indenter_ends_are_not_open(synthetic):
     """The indenter ends on the border at one side, inside the zone at another, and extends beyond it at two."""
     zone = synthetic.zone()
-    found = open_sides(zone, lambda points, _: np.where((points[:, 0] < -1e-3) | (points[:, 1] > 2e-3), np.inf, 0.0))
-    middles = zone.points[found].mean(axis=1)
-    assert len(found) == 3 + 4
+    computed = open_sides(zone, lambda points, _: np.where((points[:, 0] < -1e-3) | (points[:, 1] > 2e-3), np.inf, 0.0))
+    middles = zone.points[computed].mean(axis=1)
+    assert len(computed) == 3 + 4
     assert set(np.flatnonzero(np.abs(middles) == 2e-3) % 3) == {0, 1}
     assert (middles[:, 0] > -1e-3).all()
     assert (middles[:, 1] < 2e-3).all()

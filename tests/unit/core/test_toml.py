@@ -62,7 +62,7 @@ def test_times_round_trip():
 
 @pytest.mark.parametrize("value", [None, 1j, b"text", {1, 2}])
 @pytest.mark.parametrize(
-    ("place", "where"),
+    ("position", "where"),
     [
         (lambda value: value, "key"),
         (lambda value: [1, value], "key[2]"),
@@ -70,11 +70,11 @@ def test_times_round_trip():
         (lambda value: [{"inner": value}], "key.inner"),
     ],
 )
-def test_unsupported_values_are_rejected(value, place, where):
+def test_unsupported_values_are_rejected(value, position, where):
     with pytest.raises(
         TypeError, match=re.escape(f"{where}: TOML does not support values of type {type(value).__name__}")
     ):
-        toml_text({"key": place(value)})
+        toml_text({"key": position(value)})
 
 
 def test_integers_too_long_to_print_are_rejected():

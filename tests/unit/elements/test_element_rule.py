@@ -47,11 +47,11 @@ def surface_points(corners):
     side = (0.3 * corners[0] + 0.7 * corners[1], np.array([0.2, -1.0, 0.0]))
     corner = (corners[2], corners[2] - centre)
     yield 0.6 * centre + 0.4 * corners[1], up
-    for place, away in (side, corner):
-        yield place, up
+    for position, away in (side, corner):
+        yield position, up
         away = away / np.linalg.norm(away)
-        yield place, away
-        yield place, (away - up) / sqrt(2)
+        yield position, away
+        yield position, (away - up) / sqrt(2)
 
 
 @pytest.mark.parametrize("quadratic", [False, True], ids=["linear", "quadratic"])
@@ -60,9 +60,9 @@ def surface_points(corners):
 def test_flat_element_near_and_far(corners, quadratic, tolerance):
     element, nodes = flat(corners, quadratic)
     size = np.linalg.norm(corners[1] - corners[0])
-    for place, direction in surface_points(corners):
+    for position, direction in surface_points(corners):
         for distance in (1e-3, 1e-2, 0.1, 0.5, 3.0):
-            source = place + distance * size * direction
+            source = position + distance * size * direction
             single, double, absolute = layers(element_rule(element, nodes, source, tolerance), source)
             assert single == pytest.approx(single_layer(corners, source), rel=tolerance)
             assert abs(double - solid_angle(corners, source)) < tolerance * absolute
@@ -151,7 +151,9 @@ def test_curved_element_near(patch, height, tolerance):
             return rho * area_ratio(rho) / hypot(rho, CURVATURE * rho**2 / 2 - height) ** power
 
         breaks = [abs(height) * s for s in (0.3, 1, 3, 10, 30, 100)]
-        return lambda rim: quad(integrand, 0, rim, points=[b for b in breaks if b < rim], epsabs=0, epsrel=1e-12)[0]
+        return lambda outline: quad(
+            integrand, 0, outline, points=[b for b in breaks if b < outline], epsabs=0, epsrel=1e-12
+        )[0]
 
     for power in (1, 2):
         assert rule.measures @ distance**-power == pytest.approx(polar_integral(patch, ray(power)), rel=tolerance)
@@ -165,8 +167,8 @@ def test_curved_element_weakly_singular(patch, tolerance):
     rule = element_rule(Quad9(), nodes, source, tolerance, own)
     single = rule.measures @ (1 / np.linalg.norm(rule.positions, axis=1))
 
-    def ray(rim):
-        return quad(lambda r: area_ratio(r) / sqrt(1 + (CURVATURE * r / 2) ** 2), 0, rim, epsrel=1e-12)[0]
+    def ray(outline):
+        return quad(lambda r: area_ratio(r) / sqrt(1 + (CURVATURE * r / 2) ** 2), 0, outline, epsrel=1e-12)[0]
 
     assert single == pytest.approx(polar_integral(patch, ray), rel=tolerance)
 
@@ -213,4 +215,4 @@ def test_rules_do_not_depend_on_the_unit_of_length():
 
 
 def test_polar_reference():
-    assert polar_integral(PATCHES["elongated"], lambda rim: rim**2 / 2) == pytest.approx(7.0)
+    assert polar_integral(PATCHES["elongated"], lambda outline: outline**2 / 2) == pytest.approx(7.0)

@@ -30,9 +30,9 @@ def test_gauss_converges_at_the_rate_of_the_bernstein_ellipse(height):
     assert observed > 2 * np.arcsinh(height) - 0.15
 
 
-@pytest.mark.parametrize("place", [(0.3, -0.2, 1e-3), (1.001, 0.2, 0.0), (-1.0, -1.0, 2e-3), (0.2, 0.1, 1.5)])
-def test_pair_rule_meets_tolerances_at_logarithmic_cost(place):
-    source = np.array(place)
+@pytest.mark.parametrize("position", [(0.3, -0.2, 1e-3), (1.001, 0.2, 0.0), (-1.0, -1.0, 2e-3), (0.2, 0.1, 1.5)])
+def test_pair_rule_meets_tolerances_at_logarithmic_cost(position):
+    source = np.array(position)
     exact = single_layer(SQUARE, source)
     counts = []
     for tolerance in 10.0 ** -np.arange(2, 14):
@@ -105,8 +105,8 @@ def test_fewer_points_suffice_along_the_shorter_side(name):
         rectangular += orders[0] * orders[1]
         square += max(orders) ** 2
         exact = integrals(kernel, element_rule(element, nodes, source, 1e-10), source)
-        found = integrals(kernel, tensor_rule(element, nodes, *orders), source)
-        for value, reference in zip(found, exact, strict=True):
+        computed = integrals(kernel, tensor_rule(element, nodes, *orders), source)
+        for value, reference in zip(computed, exact, strict=True):
             assert np.abs(value - reference).max() < 1.2e-5 * np.abs(reference).sum(axis=0).max()
     assert rectangular <= square
     assert name != "quad4, seven to one" or rectangular < 0.7 * square

@@ -203,25 +203,25 @@ def test_facets_of_nodes():
 
 
 @pytest.mark.parametrize("element", [Quad4(), Quad8(), Quad9()], ids=lambda e: e.name)
-@pytest.mark.parametrize("place", [(0, 0, 1), (0, 1, -1), (-1, -1, 1)], ids=["face", "edge", "corner"])
-def test_constant_fields_on_a_sheared_block(anisotropic, element, place):
-    assert_constants_vanish(anisotropic, element, box(element, 2, sheared), sheared(np.array(place, float)))
+@pytest.mark.parametrize("position", [(0, 0, 1), (0, 1, -1), (-1, -1, 1)], ids=["face", "edge", "corner"])
+def test_constant_fields_on_a_sheared_block(anisotropic, element, position):
+    assert_constants_vanish(anisotropic, element, box(element, 2, sheared), sheared(np.array(position, float)))
 
 
-@pytest.mark.parametrize("place", [(1, 0.5, 0.5), (1, 0.5, 0), (-1, 1, 0.5)], ids=["centre", "mid-side", "edge"])
-def test_constant_fields_at_nodes_inside_and_on_sides(anisotropic, place):
-    assert_constants_vanish(anisotropic, Quad9(), box(Quad9(), 2, sheared), sheared(np.array(place, float)))
+@pytest.mark.parametrize("position", [(1, 0.5, 0.5), (1, 0.5, 0), (-1, 1, 0.5)], ids=["centre", "mid-side", "edge"])
+def test_constant_fields_at_nodes_inside_and_on_sides(anisotropic, position):
+    assert_constants_vanish(anisotropic, Quad9(), box(Quad9(), 2, sheared), sheared(np.array(position, float)))
 
 
-@pytest.mark.parametrize("place", [(0, 0, 1), (1, 0.5, 0.5), (0, 1, -1), (0.5, 1, 1), (1, 1, 1)])
-def test_constant_fields_on_a_sphere(anisotropic, place):
+@pytest.mark.parametrize("position", [(0, 0, 1), (1, 0.5, 0.5), (0, 1, -1), (0.5, 1, 1), (1, 1, 1)])
+def test_constant_fields_on_a_sphere(anisotropic, position):
     """Quadratic elements have kinks between them, which the free term must include."""
-    assert_constants_vanish(anisotropic, Quad9(), box(Quad9(), 2, sphere), sphere(np.array(place, float)))
+    assert_constants_vanish(anisotropic, Quad9(), box(Quad9(), 2, sphere), sphere(np.array(position, float)))
 
 
-@pytest.mark.parametrize("place", [(1, 1, 1), (2, 1, 1), (1, 1, 2), (1, 2, 2), (0, 0, 1), (1, 2, 1)])
-def test_constant_fields_with_reentrant_edges(anisotropic, place):
-    assert_constants_vanish(anisotropic, Quad4(), fichera(), place)
+@pytest.mark.parametrize("position", [(1, 1, 1), (2, 1, 1), (1, 1, 2), (1, 2, 2), (0, 0, 1), (1, 2, 1)])
+def test_constant_fields_with_reentrant_edges(anisotropic, position):
+    assert_constants_vanish(anisotropic, Quad4(), fichera(), position)
 
 
 @pytest.mark.parametrize("element", [Tri3(), Tri6()], ids=lambda e: e.name)

@@ -225,10 +225,10 @@ def test_unsupported_bodies_are_rejected_early(monkeypatch):
     with pytest.raises(MaterialError, match="isotropic"):
         DenseBEM(Isotropic()).check(body)
     monkeypatch.setattr("os.sysconf", lambda _: 1000)
-    told = r"this machine has 0\.001 GB: use a coarser mesh, or the formulation '{}'"
-    with pytest.raises(MeshError, match=told.format("hmatrix-bem")):
+    reported = r"this machine has 0\.001 GB: use a coarser mesh, or the formulation '{}'"
+    with pytest.raises(MeshError, match=reported.format("hmatrix-bem")):
         DenseBEM().check(body)
-    with pytest.raises(MeshError, match=told.format("half-space")):
+    with pytest.raises(MeshError, match=reported.format("half-space")):
         DenseBEM().check(replace(body, mesh=half_space_mesh(1.0, 0.1, 12, 4, Quad4()), conditions=()))
 
 

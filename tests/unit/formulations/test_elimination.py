@@ -39,10 +39,10 @@ def test_factors_are_those_of_partial_pivoting(unknowns):
     matrix, _, columns = _system(unknowns, 1)
     eliminate(columns, unknowns)
     rows, lower, upper = lu(matrix, p_indices=True)
-    found = np.tril(columns[:, :unknowns], -1) + np.eye(unknowns), np.triu(columns[:, :unknowns])
-    np.testing.assert_allclose(found[0], lower, atol=1e-10)
-    np.testing.assert_allclose(found[1], upper, atol=1e-10 * np.abs(upper).max())
-    residual = np.abs(matrix - (found[0] @ found[1])[rows]).max()
+    computed = np.tril(columns[:, :unknowns], -1) + np.eye(unknowns), np.triu(columns[:, :unknowns])
+    np.testing.assert_allclose(computed[0], lower, atol=1e-10)
+    np.testing.assert_allclose(computed[1], upper, atol=1e-10 * np.abs(upper).max())
+    residual = np.abs(matrix - (computed[0] @ computed[1])[rows]).max()
     assert residual <= unknowns * np.finfo(float).eps * np.abs(upper).max()
 
 
@@ -95,13 +95,13 @@ LAYOUTS = {
 }
 
 
-@pytest.mark.parametrize("place", [0, 1, 2], ids=["target", "left", "right"])
+@pytest.mark.parametrize("position", [0, 1, 2], ids=["target", "left", "right"])
 @pytest.mark.parametrize("matrix", LAYOUTS.values(), ids=LAYOUTS)
-def test_other_memory_layouts_are_rejected(matrix, place):
+def test_other_memory_layouts_are_rejected(matrix, position):
     rows, columns = matrix.shape
-    m, n, k = [(rows, columns, 2), (rows, 2, columns), (2, columns, rows)][place]
+    m, n, k = [(rows, columns, 2), (rows, 2, columns), (2, columns, rows)][position]
     operands = [np.zeros(shape, order="F") for shape in ((m, n), (m, k), (k, n))]
-    operands[place] = matrix
+    operands[position] = matrix
     with pytest.raises(ValueError, match=rf"{matrix.dtype}, shape \({rows}, {columns}\) .* columns of float64"):
         subtract_product(*operands)
 

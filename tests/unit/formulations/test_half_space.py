@@ -58,8 +58,8 @@ def test_sphere_on_a_half_space(condition, system):
     gap = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / 0.2 - 5e-5
     zero = np.zeros((len(gap), 2))
     laws = Signorini(), flux_channels(StepConductivity(electric), StepConductivity(magnetic))
-    found = solve(ContactProblem(system, *laws, gap, zero, zero), Uzawa(), StoppingCriteria())
-    force, (charge, flux) = resultant(system, found.state.load)
+    solution = solve(ContactProblem(system, *laws, gap, zero, zero), Uzawa(), StoppingCriteria())
+    force, (charge, flux) = resultant(system, solution.state.load)
     exact = indent(axisymmetric_compliance(TRANSVERSELY_ISOTROPIC.stiffness), Sphere(0.1), 5e-5, *CONDITIONS[condition])
     assert -force[2] == pytest.approx(exact.force, rel=0.01)
     assert charge == pytest.approx(exact.charge, rel=0.01)

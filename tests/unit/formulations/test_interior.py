@@ -61,8 +61,8 @@ def test_points_near_the_surface():
     exact = np.einsum("ijkm,km->ij", STIFFNESS, field.gradient) * FACTORS
     for distance in (1e-1, 1e-2, 1e-3):
         points = high - np.array([[0.3, 0.4, distance], [0.5, 0.75, distance], [distance] * 3])
-        found = system.capability(InteriorFields).evaluate(load, points)
-        np.testing.assert_allclose(found.fluxes * FACTORS, [exact] * 3, atol=3e-5 * np.abs(exact).max())
+        computed = system.capability(InteriorFields).evaluate(load, points)
+        np.testing.assert_allclose(computed.fluxes * FACTORS, [exact] * 3, atol=3e-5 * np.abs(exact).max())
     for point, message in (
         (high - [0.3, 0.4, 1e-5], "closer to the surface than"),
         (high - [0.3, 0.4, 0.0], "closer to the surface than"),
@@ -79,10 +79,10 @@ def test_field_of_a_point_source_converges():
     for divisions in ((1, 2, 1), (2, 3, 2)):
         system, load, mesh = exact_problem(field, Quad9(), divisions)
         points = inside(mesh, np.array([[0.5, 0.5, 0.5], [0.3, 0.6, 0.7], [0.8, 0.2, 0.4]]))
-        found = system.capability(InteriorFields).evaluate(load, points)
+        computed = system.capability(InteriorFields).evaluate(load, points)
         steps = 1e-4 * np.eye(3)
         slopes = np.stack([(field.values(points + h) - field.values(points - h)) / 2e-4 for h in steps], axis=2)
-        difference = (found.gradients - slopes) / FACTORS[:, None]
+        difference = (computed.gradients - slopes) / FACTORS[:, None]
         errors.append(np.abs(difference).max() / np.abs(slopes / FACTORS[:, None]).max())
     assert errors[1] < 5e-3
     assert errors[1] < errors[0] / 2.0

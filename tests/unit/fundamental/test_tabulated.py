@@ -66,8 +66,8 @@ def test_sums_over_plane_pieces(stiffness, random):
     offset, normal = random.normal(size=(starts[-1], 3)), unit_vectors(random, len(sizes))
     weights = random.uniform(0.1, 1.0, (starts[-1], 4))
     exact = LineIntegral().bind(stiffness).evaluate(offset, np.repeat(normal, sizes, axis=0))
-    found = Tabulated().bind(stiffness).integrate(offset, weights, starts, normal)
-    for sums, kernel in zip(found, exact, strict=True):
+    computed = Tabulated().bind(stiffness).integrate(offset, weights, starts, normal)
+    for sums, kernel in zip(computed, exact, strict=True):
         terms = weights[:, :, None] * kernel.reshape(-1, 1, 25)
         whole = [terms[a:b].sum(axis=0) for a, b in pairwise(starts)]
         most = [np.abs(terms[a:b]).max(axis=2).sum(axis=0) for a, b in pairwise(starts)]
@@ -157,10 +157,10 @@ np.save(sys.argv[2], Tabulated(tolerance=0.5, cells=1).bind(stiffness).evaluate(
 def test_without_compilation(orthotropic, random, tmp_path):
     """The kernel also works uncompiled, as in debuggers, for cells with many points and with few."""
     offset, normal = unit_vectors(random, 40), unit_vectors(random, 40)
-    given, found = tmp_path / "given.npz", tmp_path / "found.npy"
+    given, computed = tmp_path / "given.npz", tmp_path / "found.npy"
     np.savez(given, orthotropic, offset, normal)
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    subprocess.run([sys.executable, "-c", PLAIN, given, found], check=True, env=environment)
+    subprocess.run([sys.executable, "-c", PLAIN, given, computed], check=True, env=environment)
     expected = Tabulated(tolerance=0.5, cells=1).bind(orthotropic).evaluate(offset, normal)
-    for plain, compiled in zip(np.load(found), expected, strict=True):
+    for plain, compiled in zip(np.load(computed), expected, strict=True):
         assert relative_error(plain, compiled) < 1e-12

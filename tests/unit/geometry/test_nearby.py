@@ -17,10 +17,10 @@ def test_pairs_match_a_tree(distance):
     points = lattice(9)
     again = points[rng.integers(len(points), size=200)]  # some of them are repeated
     points = np.concatenate([points, again + rng.uniform(-1.0, 1.0, again.shape) * distance])
-    found = close_point_pairs(points, distance)
+    matches = close_point_pairs(points, distance)
     expected = cKDTree(points).query_pairs(distance, output_type="ndarray")
-    assert 100 < len(found) == len(expected)
-    assert {*map(tuple, found)} == {*map(tuple, expected)}
+    assert 100 < len(matches) == len(expected)
+    assert {*map(tuple, matches)} == {*map(tuple, expected)}
 
 
 @pytest.mark.parametrize("ratio", [1.0, np.sqrt(2.0), np.sqrt(3.0), np.sqrt(5.0), 0.7548776662466927])
@@ -30,8 +30,8 @@ def test_aligned_points(ratio):
     x, y = np.meshgrid(ratio * np.arange(70), np.arange(70), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     points = np.concatenate([points, points[::10]])
-    found = close_point_pairs(points, 1e-9)
-    assert {*map(tuple, found)} == {(10 * k, 4900 + k) for k in range(490)}
+    matches = close_point_pairs(points, 1e-9)
+    assert {*map(tuple, matches)} == {(10 * k, 4900 + k) for k in range(490)}
 
 
 def test_equal_and_distant_points():

@@ -74,8 +74,8 @@ def test_level_with_the_highest_point_of_the_zone() -> None:
 
 
 def test_rotation_in_its_plane() -> None:
-    turned = initial_gap(Cylinder(0.05), FLAT, Placement(rotation=0.4))
-    np.testing.assert_allclose(turned, Cylinder(0.05, 0.4).height(*FLAT.points[:, :2].T), atol=1e-18)
+    rotated = initial_gap(Cylinder(0.05), FLAT, Placement(rotation=0.4))
+    np.testing.assert_allclose(rotated, Cylinder(0.05, 0.4).height(*FLAT.points[:, :2].T), atol=1e-18)
     quarter = initial_gap(RectangularPunch(2e-3, 1e-3), FLAT, Placement(rotation=np.pi / 2))
     np.testing.assert_array_equal(quarter, RectangularPunch(1e-3, 2e-3).height(*FLAT.points[:, :2].T))
     askew = initial_gap(Paraboloid(0.1, 0.02), FLAT, Placement(rotation=0.4))
@@ -92,14 +92,14 @@ def test_tilt_against_rotated_points(shape: Indenter, tilts: tuple[float, float]
     height = shape.height(x, y)
     local = np.stack([x, y, height], axis=1)[np.isfinite(height)]
     rotation, placement = 0.7, Placement(1e-4, 2e-4, 0.7, *tilts)
-    turned = local @ (rotation_matrix(0, tilts[0]) @ rotation_matrix(1, tilts[1]) @ rotation_matrix(2, rotation)).T + [
+    rotated = local @ (rotation_matrix(0, tilts[0]) @ rotation_matrix(1, tilts[1]) @ rotation_matrix(2, rotation)).T + [
         1e-4,
         2e-4,
         0.0,
     ]
-    below = turned * [1, 1, 0]
+    below = rotated * [1, 1, 0]
     gap = initial_gap(shape, zone_of(below, np.tile([0.0, 0.0, 1.0], (len(below), 1))), placement, 3e-6)
-    np.testing.assert_allclose(gap, turned[:, 2] - 3e-6, atol=2e-14)
+    np.testing.assert_allclose(gap, rotated[:, 2] - 3e-6, atol=2e-14)
 
 
 def test_tilted_plane() -> None:
@@ -120,8 +120,8 @@ def test_tilt_of_a_sphere_is_a_translation() -> None:
     x, y, _ = FLAT.points.T
     centre = radius * np.array([np.sin(tilt), np.cos(tilt)])  # of the sphere rotated by tilt_2 about its lowest point
     expected = centre[1] - np.sqrt(radius**2 - (x - centre[0]) ** 2 - y**2)
-    found = initial_gap(Sphere(radius, "exact"), FLAT, Placement(tilt_2=tilt))
-    np.testing.assert_allclose(found, expected, atol=1e-14)
+    computed = initial_gap(Sphere(radius, "exact"), FLAT, Placement(tilt_2=tilt))
+    np.testing.assert_allclose(computed, expected, atol=1e-14)
 
 
 def test_sphere_on_a_sphere() -> None:
@@ -149,9 +149,9 @@ def test_sphere_on_a_sphere() -> None:
 def test_the_side_of_a_block() -> None:
     zone = find_contact_zone(block_mesh(1.0, 2.0, 0.5, 4, 3, 4, Quad9()), "side_x+")
     _, y, z = zone.points.T
-    place = Placement(axis=(3.0, 0.0, 0.0), x=0.1, y=-0.9)
-    np.testing.assert_array_equal(place.base, [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
-    gap = initial_gap(Sphere(4.0), zone, place, 0.01)
+    position = Placement(axis=(3.0, 0.0, 0.0), x=0.1, y=-0.9)
+    np.testing.assert_array_equal(position.base, [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    gap = initial_gap(Sphere(4.0), zone, position, 0.01)
     np.testing.assert_allclose(gap, ((y - 0.1) ** 2 + (z + 0.9) ** 2) / 8 - 0.01, atol=1e-14)
 
 

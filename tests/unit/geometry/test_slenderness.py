@@ -35,10 +35,10 @@ def rod(length: float, element: SurfaceElement = QUADRATIC) -> SurfaceMesh:
 @pytest.mark.parametrize(("length", "element"), [(40.0, Quad9()), (40.0, Quad4()), (13.0, Quad9())])
 def test_clamped_rod_is_slender(length, element):
     mesh = rod(length, element)
-    (found,) = find_slender_limbs(clamped(mesh, "z-"), 12.0)
-    assert found.length == pytest.approx(2.0 * length)
-    assert found.thickness == pytest.approx(2.0)
-    assert found.at[2] == mesh.points[:, 2].max()
+    (computed,) = find_slender_limbs(clamped(mesh, "z-"), 12.0)
+    assert computed.length == pytest.approx(2.0 * length)
+    assert computed.thickness == pytest.approx(2.0)
+    assert computed.at[2] == mesh.points[:, 2].max()
 
 
 def plate(*groups: str) -> Body:
@@ -62,8 +62,8 @@ def test_length_over_thickness(body, ratio):
     """The longest unsupported piece counts: half of the span between two supports, zero with supports along the
     body."""
     assert find_slender_limbs(body, 1.001 * ratio) == ()
-    (found,) = find_slender_limbs(body, 0.999 * ratio)
-    assert found.length / found.thickness == pytest.approx(ratio)
+    (computed,) = find_slender_limbs(body, 0.999 * ratio)
+    assert computed.length / computed.thickness == pytest.approx(ratio)
 
 
 @pytest.mark.parametrize("body", [clamped(rod(40.0)), clamped(half_space_mesh(1.0, 0.1, 2, 2, Quad4()), "contact")])
@@ -104,8 +104,8 @@ def block_with(limb: tuple[float, float, float]) -> SurfaceMesh:
                 around = [(0, 0), (1, 0), (1, 1), (0, 1)] if side else [(0, 0), (0, 1), (1, 1), (1, 0)]
                 quad = []
                 for corner in around:
-                    place = np.insert(np.array(corner), 0, side)
-                    at = [cell[k] + int(place[(k - axis) % 3]) for k in range(3)]
+                    position = np.insert(np.array(corner), 0, side)
+                    at = [cell[k] + int(position[(k - axis) % 3]) for k in range(3)]
                     point = (float(x[at[0]]), float(y[at[1]]), float(levels[at[2]]))
                     quad.append(numbers.setdefault(point, len(numbers)))
                 quads.append(quad)
@@ -119,10 +119,10 @@ def test_limb_of_a_compact_body(order):
     """A rod of 50 widths on a block, in any direction, is recognised except for a 64th of the body."""
     mesh = block_with((0.02, 0.02, 1.0))
     check_mesh(mesh)
-    turned = replace(mesh, points=mesh.points[:, order])
-    (found,) = find_slender_limbs(clamped(turned, "base"), 12.0)
-    assert found.thickness == pytest.approx(0.02)
-    assert 1.0 - 2.0 / 64 <= found.length <= 1.0
+    rotated = replace(mesh, points=mesh.points[:, order])
+    (computed,) = find_slender_limbs(clamped(rotated, "base"), 12.0)
+    assert computed.thickness == pytest.approx(0.02)
+    assert 1.0 - 2.0 / 64 <= computed.length <= 1.0
 
 
 @pytest.mark.parametrize("limb", [(0.5, 0.5, 1.0), (0.1, 0.1, 0.1), (0.02, 0.02, 0.01)])
@@ -157,9 +157,9 @@ def test_separate_components_are_checked_independently():
     second = thin.blocks[0]
     moved = ElementBlock(second.element, second.connectivity + len(block.points), second.groups)
     mesh = SurfaceMesh(points, (*block.blocks, moved), block.group_names)
-    (found,) = find_slender_limbs(clamped(mesh, "z-"), 12.0)
-    assert found.length == pytest.approx(40.0)
-    assert found.at[0] > 50.0
+    (computed,) = find_slender_limbs(clamped(mesh, "z-"), 12.0)
+    assert computed.length == pytest.approx(40.0)
+    assert computed.at[0] > 50.0
 
 
 def test_formulations_warn():

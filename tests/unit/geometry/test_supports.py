@@ -32,8 +32,8 @@ def joined(*meshes: SurfaceMesh) -> SurfaceMesh:
 
 
 def cavity(mesh: SurfaceMesh) -> SurfaceMesh:
-    turned = [replace(b, connectivity=b.connectivity[:, reflection(b.element)]) for b in mesh.blocks]
-    return replace(mesh, blocks=tuple(turned))
+    rotated = [replace(b, connectivity=b.connectivity[:, reflection(b.element)]) for b in mesh.blocks]
+    return replace(mesh, blocks=tuple(rotated))
 
 
 def body(mesh: SurfaceMesh, **fields: list[int]) -> Body:

@@ -95,8 +95,8 @@ def by_gauss_seidel(local):
     return gauss_seidel(np.ascontiguousarray(local.matrix), local.q, local.mu, 20_000, 1e-13)
 
 
-def differ(found, expected):
-    return np.abs(found - expected).max() / np.abs(expected).max()
+def differ(computed, expected):
+    return np.abs(computed - expected).max() / np.abs(expected).max()
 
 
 ONE = np.diag([2.0, 1.0, 1.0])
@@ -113,8 +113,8 @@ BY_HAND = {
 def test_one_contact_in_closed_form(name, solver):
     q, mu, r, u = BY_HAND[name]
     local = LocalProblem(ONE, np.array(q), np.array([mu]))
-    solution, found = solve_local(local, solver)
-    assert found.status is Status.CONVERGED
+    solution, computed = solve_local(local, solver)
+    assert computed.status is Status.CONVERGED
     np.testing.assert_allclose(solution.r, r, atol=1e-9)
     np.testing.assert_allclose(solution.u, u, atol=1e-9)
     assert natural_residual(local, np.array(r)) < 1e-14
@@ -135,8 +135,8 @@ def test_contacts_with_different_coefficients():
     root = rng.normal(size=(12, 12))
     matrix = root @ root.T + 12 * np.eye(12) + 0.5 * (root - root.T)  # unsymmetric and definite
     local = LocalProblem(matrix, rng.normal(size=12) - np.tile([4.0, 0, 0], 4), np.array([0.4, 0.0, 0.1, 0.7]))
-    solution, found = solve_local(local, Auto())
-    assert found.status is Status.CONVERGED
+    solution, computed = solve_local(local, Auto())
+    assert computed.status is Status.CONVERGED
     assert differ(solution.r, by_gauss_seidel(local)) < 1e-9
     assert natural_residual(local, solution.r) < 1e-9
     assert not solution.r[4:6].any()
@@ -146,12 +146,12 @@ def test_contacts_with_different_coefficients():
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", [Auto(), BarzilaiBorwein()], ids=lambda s: type(s).__name__)
 def test_more_contacts_than_degrees_of_freedom(solver):
-    """As for stacks of rigid bodies, W is singular and reactions are not unique, but the laws hold."""
+    """W is singular and reactions are not unique, as for stacks of rigid bodies, but the laws hold."""
     rng = np.random.default_rng(3)
     shape = rng.normal(size=(30, 75))
     local = LocalProblem(shape.T @ shape, rng.normal(size=75) - np.tile([3.0, 0, 0], 25), np.full(25, 0.5))
-    solution, found = solve_local(local, solver)
-    assert found.status is Status.CONVERGED
+    solution, computed = solve_local(local, solver)
+    assert computed.status is Status.CONVERGED
     assert natural_residual(local, solution.r) < 1e-9
     r, u = solution.r.reshape(-1, 3), solution.u.reshape(-1, 3)
     size = np.abs(r).max() * np.abs(u).max()
@@ -163,8 +163,8 @@ def test_more_contacts_than_degrees_of_freedom(solver):
 def test_contacts_on_one_rigid_body():
     """Four contacts move together: W is exactly singular, and half of the weight sticks. Warnings are errors here."""
     local = LocalProblem(np.kron(np.ones((4, 4)), np.eye(3)), np.tile([-1.0, 0.2, 0.0], 4), np.full(4, 0.5))
-    solution, found = solve_local(local, Auto())
-    assert found.status is Status.CONVERGED
+    solution, computed = solve_local(local, Auto())
+    assert computed.status is Status.CONVERGED
     np.testing.assert_allclose(solution.r.reshape(4, 3).sum(axis=0), [1.0, -0.2, 0.0], atol=1e-9)
     np.testing.assert_allclose(solution.u, 0.0, atol=1e-9)
 
@@ -182,14 +182,14 @@ def test_contacts_without_friction_have_no_tangential_force():
 def test_projection_onto_cones_is_the_nearest_point():
     rng = np.random.default_rng(6)
     points, mu = rng.normal(size=(200, 3)), rng.uniform(0.0, 2.0, 200) * (np.arange(200) > 5)
-    found = project_on_cones(points, mu)
-    assert (np.linalg.norm(found[:, 1:], axis=1) <= mu * found[:, 0] * (1 + 1e-12) + 1e-15).all()
+    computed = project_on_cones(points, mu)
+    assert (np.linalg.norm(computed[:, 1:], axis=1) <= mu * computed[:, 0] * (1 + 1e-12) + 1e-15).all()
     direction = rng.uniform(0.0, 2 * np.pi, (200, 500))
     height = rng.uniform(0.0, 3.0, (200, 500))
     reach = mu[:, None] * height * rng.uniform(0.0, 1.0, (200, 500))
     others = np.stack([height, reach * np.cos(direction), reach * np.sin(direction)], axis=-1)
     # of a convex set: all other points lie on one side of the plane through the nearest point
-    assert (np.einsum("nk,npk->np", points - found, others - found[:, None]) < 1e-12).all()
+    assert (np.einsum("nk,npk->np", points - computed, others - computed[:, None]) < 1e-12).all()
 
 
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3), IsotropicCoulomb(0.8)], ids=str)
@@ -234,10 +234,10 @@ def test_potentials_are_eliminated_with_the_resistances_of_the_state(kappa):
     problem = pressed_sphere(IsotropicCoulomb(0.3), system=system, conductivity=kappa, potentials=(5e-3, -0.2))
     with pytest.raises(CaseError, match="conducts; allowed: insulating laws, or a state"):
         local_problem(problem)
-    found = solve(problem, Auto())
-    assert found.status is Status.CONVERGED
-    assert np.abs(found.state.load[:, 3:]).max() > 0
-    local, expected = local_problem(problem, found.state), local_solution(problem, found.state)
+    computed = solve(problem, Auto())
+    assert computed.status is Status.CONVERGED
+    assert np.abs(computed.state.load[:, 3:]).max() > 0
+    local, expected = local_problem(problem, computed.state), local_solution(problem, computed.state)
     assert differ(local.matrix @ expected.r + local.q, expected.u) < 1e-9
     assert differ(by_gauss_seidel(local), expected.r) < 1e-8
     insulated = local_problem(replace(problem, channels=flux_channels(StepConductivity(0), StepConductivity(0))))
@@ -251,9 +251,9 @@ def test_free_motions_are_fixed_at_the_state():
     problem = replace(pressed_sphere(translation=(0.0, 0.0)), prescribed_resultants=(resultant,))
     with pytest.raises(CaseError, match="1 motions or potentials of the indenter are free"):
         local_problem(problem)
-    found = solve(problem, Auto())
-    assert abs(found.state.motion[0]) > 1e-7
-    local, expected = local_problem(problem, found.state), local_solution(problem, found.state)
+    computed = solve(problem, Auto())
+    assert abs(computed.state.motion[0]) > 1e-7
+    local, expected = local_problem(problem, computed.state), local_solution(problem, computed.state)
     assert expected.r[::3].sum() == pytest.approx(2000.0, rel=1e-8)
     assert differ(by_gauss_seidel(local), expected.r) < 1e-8
 
@@ -265,18 +265,18 @@ def test_round_trip(solver, tmp_path):
     local = local_problem(problem, title="sphere, µ = 0.3", description="pressed")
     path = tmp_path / "sphere.hdf5"
     write_local(path, local, ours)
-    again, kept = read_local(path), read_solution(path)
+    again, stored = read_local(path), read_solution(path)
     for name in ("matrix", "q", "mu", "title", "description", "math_info"):
         assert np.array_equal(getattr(again, name), getattr(local, name)), name
-    assert np.array_equal(kept.u, ours.u)
-    assert np.array_equal(kept.r, ours.r)
-    solution, found = solve_local(again, solver)
-    assert found.status is Status.CONVERGED
+    assert np.array_equal(stored.u, ours.u)
+    assert np.array_equal(stored.r, ours.r)
+    solution, computed = solve_local(again, solver)
+    assert computed.status is Status.CONVERGED
     assert differ(solution.r, ours.r) < 1e-8
     assert differ(solution.u, ours.u) < 1e-8
     imported = contact_problem(again)
-    assert residual(imported, found.state) < 1e-9
-    np.testing.assert_array_equal(reactions(again, found.state).r, solution.r)
+    assert residual(imported, computed.state) < 1e-9
+    np.testing.assert_array_equal(reactions(again, computed.state).r, solution.r)
     write_solution(path, solution)
     np.testing.assert_array_equal(read_solution(path).r, solution.r)
     np.testing.assert_array_equal(read_local(path).matrix, local.matrix)

@@ -26,9 +26,9 @@ def test_layout_of_the_file(tmp_path):
         assert set(group["W"]) == {"nzmax", "m", "n", "nz", "p", "i", "x"}
         whole = {name: group["W"][name] for name in ("nzmax", "m", "n", "nz")} | {"spacedim": group["spacedim"]}
         assert all(number.dtype == np.int32 and number.shape == (1,) for number in whole.values())
-        found = {name: int(number[0]) for name, number in whole.items()}
+        computed = {name: int(number[0]) for name, number in whole.items()}
         stored = np.count_nonzero(local.matrix)
-        assert found == {"nzmax": stored, "m": 3 * m, "n": 3 * m, "nz": -1, "spacedim": 3}
+        assert computed == {"nzmax": stored, "m": 3 * m, "n": 3 * m, "nz": -1, "spacedim": 3}
         p, i, x = (group["W"][name] for name in "pix")
         assert (p.dtype, i.dtype, x.dtype) == (np.int32, np.int32, np.float64)
         assert (p.shape, i.shape, x.shape) == ((3 * m + 1,), (stored,), (stored,))
@@ -113,10 +113,10 @@ def damage(path, name):
         values = file[name][()]
         del file[name]
         file.create_dataset(name, data=values, chunks=values.shape, compression="gzip")
-        place = file[name].id.get_chunk_info(0)
+        position = file[name].id.get_chunk_info(0)
     with path.open("r+b") as raw:
-        raw.seek(place.byte_offset)
-        raw.write(b"\xff" * place.size)
+        raw.seek(position.byte_offset)
+        raw.write(b"\xff" * position.size)
 
 
 def test_damaged_chunks(tmp_path):

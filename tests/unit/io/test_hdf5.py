@@ -95,8 +95,8 @@ def test_full_disk_preserves_the_earlier_sweep(tmp_path, file_size_limit, size):
     assert [path.name for path in tmp_path.iterdir()] == ["sweep.h5"]
     file_size_limit(resource.RLIM_INFINITY)
     for count in (4, 40_000):
-        with xarray.open_dataset(tmp_path / "sweep.h5", engine="h5netcdf") as found:
-            xarray.testing.assert_identical(found.load(), dataset(make_sweep(count)))
+        with xarray.open_dataset(tmp_path / "sweep.h5", engine="h5netcdf") as computed:
+            xarray.testing.assert_identical(computed.load(), dataset(make_sweep(count)))
         write_sweep(tmp_path, make_sweep(40_000))
 
 

@@ -42,31 +42,31 @@ def kill_after(words: int, seconds: float, task) -> bytes:
         finally:
             os._exit(1)
     os.close(writing)
-    told = b""
-    while len(told) < words:
-        told += os.read(reading, 1)
+    reports = b""
+    while len(reports) < words:
+        reports += os.read(reading, 1)
     time.sleep(seconds)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     while more := os.read(reading, 65536):
-        told += more
+        reports += more
     os.close(reading)
-    return told
+    return reports
 
 
 @pytest.mark.full
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
 def test_killed_run_keeps_finished_increments(tmp_path, synthetic):
     expected = [synthetic.step(number * 1e-6, increment=number) for number in range(1, INCREMENTS_OF_A_RUN + 1)]
-    found, unfinished = set(), 0
+    computed, unfinished = set(), 0
     for trial in range(30):
         folder = tmp_path / str(trial)
         folder.mkdir()
         words, seconds = RANDOM.integers(1, 2 * INCREMENTS_OF_A_RUN), RANDOM.uniform(0.0, 0.02)
-        told = kill_after(words, seconds, partial(write_forever, folder, synthetic))
-        done = told.rpartition(b"s")[2].count(b"i")
+        reports = kill_after(words, seconds, partial(write_forever, folder, synthetic))
+        done = reports.rpartition(b"s")[2].count(b"i")
         steps = read_result(folder).steps if (folder / RESULT_FILE).exists() else ()
-        if told[-1:] != b"c":  # the folder may or may not be cleared
+        if reports[-1:] != b"c":  # the folder may or may not be cleared
             # the last increment may be finished but not reported
             assert len(steps) in (done, min(done + 1, INCREMENTS_OF_A_RUN))
         for step, whole in zip(steps, expected, strict=False):
@@ -74,11 +74,11 @@ def test_killed_run_keeps_finished_increments(tmp_path, synthetic):
             for name in ("traction", "displacement", "slip", "region", "contact_fraction"):
                 np.testing.assert_array_equal(getattr(step, name), getattr(whole, name))
             np.testing.assert_array_equal(step.boundary.values, whole.boundary.values)
-        found.add(len(steps))
+        computed.add(len(steps))
         unfinished += (folder / INCREMENTS).exists()
         clear_output(folder)
         assert list(folder.iterdir()) == []
-    assert len(found) > 3
+    assert len(computed) > 3
     assert unfinished > 5
 
 

@@ -86,9 +86,11 @@ def test_datasets_have_units_and_the_file_has_provenance(tmp_path, synthetic):
         force = file["steps/0001/resultants/force"][()]
         assert file["steps/0001/loading/prescribed/tangential_force"].attrs["units"] == "N"
         assert file["steps/0001/resultants/torque"].attrs["units"] == "N m"
-    place = synthetic.zone()
-    inside = np.linalg.norm(place.points[:, :2], axis=1) < 1.5e-3
-    assert force == pytest.approx([0.1 * 1e6 * place.weights[inside].sum(), 0.0, -1e6 * place.weights[inside].sum()])
+    contact_zone = synthetic.zone()
+    inside = np.linalg.norm(contact_zone.points[:, :2], axis=1) < 1.5e-3
+    assert force == pytest.approx(
+        [0.1 * 1e6 * contact_zone.weights[inside].sum(), 0.0, -1e6 * contact_zone.weights[inside].sum()]
+    )
 
 
 class Interrupts:
@@ -106,9 +108,9 @@ def test_interrupted_increment_preserves_finished_ones(tmp_path, synthetic):
     with pytest.raises(KeyboardInterrupt):
         writer.append(dataclasses.replace(synthetic.step(2e-6), status=Interrupts()))
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
-    found = files.read_result(tmp_path)
-    assert found.status is RunStatus.UNFINISHED
-    assert_equal(found.steps, (first,))
+    computed = files.read_result(tmp_path)
+    assert computed.status is RunStatus.UNFINISHED
+    assert_equal(computed.steps, (first,))
 
 
 def test_unfinished_file_opens_without_meeframe(tmp_path, synthetic):
@@ -164,14 +166,14 @@ def test_requested_fields_are_stored(tmp_path, synthetic):
 
 def test_large_arrays_are_compressed(tmp_path, synthetic):
     """The zone has 10,000 nodes, of which 25 are in contact."""
-    step, place = synthetic.step(1e-6), synthetic.zone()
+    step, contact_zone = synthetic.step(1e-6), synthetic.zone()
     wide = {
         name: np.concatenate([values, np.zeros((9_975, *values.shape[1:]), values.dtype)])
         for name, values in vars(step).items()
         if isinstance(values, np.ndarray) and len(values) == 25
     }
-    points = np.concatenate([place.points, np.ones((9_975, 3))])
-    zone = Zone(points, np.tile(np.eye(3), (10_000, 1, 1)), np.ones(10_000), place.cells)
+    points = np.concatenate([contact_zone.points, np.ones((9_975, 3))])
+    zone = Zone(points, np.tile(np.eye(3), (10_000, 1, 1)), np.ones(10_000), contact_zone.cells)
     result = dataclasses.replace(synthetic.result(dataclasses.replace(step, **wide, boundary=None)), zone=zone)
     write(tmp_path, result)
     assert (tmp_path / RESULT_FILE).stat().st_size < 150_000

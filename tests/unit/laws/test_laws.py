@@ -57,9 +57,9 @@ def test_angle_rotates_the_principal_axes() -> None:
     assert swapped.project(trial) == pytest.approx(OrthotropicCoulomb(0.6, 0.1).project(trial))
     assert swapped.tangential_scaling() == pytest.approx(OrthotropicCoulomb(0.6, 0.1).tangential_scaling())
     turn = np.array([[np.cos(0.4), np.sin(0.4)], [-np.sin(0.4), np.cos(0.4)]])
-    turned = OrthotropicCoulomb(0.1, 0.6, 0.4).project(trial)
+    rotated = OrthotropicCoulomb(0.1, 0.6, 0.4).project(trial)
     principal = OrthotropicCoulomb(0.1, 0.6).project(np.column_stack([trial[:, :2] @ turn.T, trial[:, 2]]))
-    assert turned[:, :2] @ turn.T == pytest.approx(principal[:, :2])
+    assert rotated[:, :2] @ turn.T == pytest.approx(principal[:, :2])
 
 
 def test_equal_coefficients_are_isotropic() -> None:

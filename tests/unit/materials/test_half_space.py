@@ -66,19 +66,19 @@ def test_nearly_incompressible_half_space_matches_closed_forms(missing: float) -
     """Near a Poisson ratio of 0.5, the tensor S nearly vanishes, and most of the stiffness cancels in L."""
     young, poisson = 1e6, 0.5 - missing
     shear = young / (2 * (1 + poisson))
-    ways = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]])
-    y = surface_compliance(Material.isotropic(young, poisson).stiffness, AXIS, ways) * shear
+    normals = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]])
+    y = surface_compliance(Material.isotropic(young, poisson).stiffness, AXIS, normals) * shear
     lost = 1e-14 / missing
     np.testing.assert_allclose(y[:, 2, 2], 1 - poisson, rtol=lost)
-    np.testing.assert_allclose(y[:, 2, :2], 0.5j * (1 - 2 * poisson) * ways[:, :2], atol=lost)
+    np.testing.assert_allclose(y[:, 2, :2], 0.5j * (1 - 2 * poisson) * normals[:, :2], atol=lost)
     np.testing.assert_allclose(y[0, :2, :2], np.diag([1 - poisson, 1.0]), atol=lost)
 
 
 @pytest.mark.parametrize("young", [1e6, 2e11])
 def test_nearly_incompressible_half_space_has_six_digits_or_is_rejected(young: float) -> None:
-    ways = np.random.default_rng(0).normal(size=(24, 3))
+    normals = np.random.default_rng(0).normal(size=(24, 3))
     normal = np.array([0.6, 0.0, 0.8])
-    y = surface_compliance(Material.isotropic(young, 0.4999999999).stiffness, normal, ways)
+    y = surface_compliance(Material.isotropic(young, 0.4999999999).stiffness, normal, normals)
     along = np.einsum("i,nij,j->n", normal, y[:, :3, :3], normal)
     np.testing.assert_allclose(along, 1.5 / young, rtol=1e-6)
     for poisson in (0.49999999999, 0.499999999999):
@@ -86,7 +86,7 @@ def test_nearly_incompressible_half_space_has_six_digits_or_is_rejected(young: f
             MaterialError,
             match=r"the surface compliance has a round-off error of 1e-0[45]: the material is nearly incompr",
         ):
-            surface_compliance(Material.isotropic(young, poisson).stiffness, normal, ways)
+            surface_compliance(Material.isotropic(young, poisson).stiffness, normal, normals)
 
 
 @pytest.mark.parametrize("name", ["orthotropic-mee", "pvdf", "batio3-cofe2o4"])
@@ -120,8 +120,8 @@ def test_reversed_and_rotated_poling() -> None:
     flip = np.outer([1, -1, -1], [1, -1, -1])
     down = axisymmetric_compliance(material.stiffness, -AXIS)
     np.testing.assert_allclose(down, xi * flip, rtol=1e-10)
-    turned = material.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
-    np.testing.assert_allclose(axisymmetric_compliance(turned.stiffness, [2.0, 0.0, 0.0]), xi, rtol=1e-10)
+    rotated = material.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
+    np.testing.assert_allclose(axisymmetric_compliance(rotated.stiffness, [2.0, 0.0, 0.0]), xi, rtol=1e-10)
 
 
 def test_invalid_vectors_and_anisotropy_are_rejected() -> None:

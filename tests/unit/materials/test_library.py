@@ -107,10 +107,10 @@ def test_isotropic_options() -> None:
     ],
 )
 def test_rotation_entry(rotation: dict[str, object]) -> None:
-    turned = material_from_table({"name": "batio3", "rotation": rotation})
+    rotated = material_from_table({"name": "batio3", "rotation": rotation})
     expected = library_material("batio3").rotated(rotation_about(np.array([0.0, 1, 0]), np.pi / 2))
-    scale = turned.scaling.scale_stiffness
-    np.testing.assert_allclose(scale(turned.stiffness), scale(expected.stiffness), atol=1e-14)
+    scale = rotated.scaling.scale_stiffness
+    np.testing.assert_allclose(scale(rotated.stiffness), scale(expected.stiffness), atol=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -169,12 +169,12 @@ def test_isotropic_uniaxial_stress() -> None:
 
 def test_rotation_by_90_degrees_about_x2(table_1: Material) -> None:
     # x3 becomes x1 and x1 becomes -x3: the poling axis is along x1
-    turned = table_1.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
-    assert turned.elastic[0, 0, 0, 0] == pytest.approx(216e9)
-    assert turned.piezoelectric[0, 0, 0] == pytest.approx(9.3)
-    assert turned.piezoelectric[0, 1, 1] == pytest.approx(-2.2)
-    assert turned.piezoelectric[1, 0, 1] == pytest.approx(5.8)
-    assert turned.permeability[0, 0] == pytest.approx(83.5e-6)
+    rotated = table_1.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
+    assert rotated.elastic[0, 0, 0, 0] == pytest.approx(216e9)
+    assert rotated.piezoelectric[0, 0, 0] == pytest.approx(9.3)
+    assert rotated.piezoelectric[0, 1, 1] == pytest.approx(-2.2)
+    assert rotated.piezoelectric[1, 0, 1] == pytest.approx(5.8)
+    assert rotated.permeability[0, 0] == pytest.approx(83.5e-6)
     half = table_1.rotated(rotation_about(np.array([1.0, 0.0, 0.0]), np.pi))
     assert half.piezoelectric[2, 2, 2] == pytest.approx(-9.3)
 
@@ -190,9 +190,11 @@ def test_mirror_images(table_3: Material, odd: str, magnetic: float) -> None:
     values = np.diag([-1.0, 1.0, 1.0, 1.0, magnetic])
     space = values[:3, :3]
     expected = np.einsum("ia,JB,KD,mc,aBDc->iJKm", space, values, values, space, material.stiffness)
-    found, wanted, before = map(material.scaling.scale_stiffness, (mirrored.stiffness, expected, material.stiffness))
-    np.testing.assert_allclose(found, wanted, atol=1e-14)
-    assert not np.allclose(found, before, atol=1e-3)
+    computed, reference, before = map(
+        material.scaling.scale_stiffness, (mirrored.stiffness, expected, material.stiffness)
+    )
+    np.testing.assert_allclose(computed, reference, atol=1e-14)
+    assert not np.allclose(computed, before, atol=1e-3)
 
 
 def test_subnormal_coupling_survives_rotation(table_1: Material) -> None:

@@ -14,7 +14,7 @@ LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
 
 
 @pytest.mark.parametrize(
-    ("given", "metres"),
+    ("quantity", "metres"),
     [
         (2, 2.0),
         (0.5, 0.5),
@@ -27,8 +27,8 @@ LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
         ("3 1/km^-1", 3e3),
     ],
 )
-def test_numbers_and_texts(given, metres):
-    assert LENGTH.validate_python(given) == pytest.approx(metres, rel=1e-12)
+def test_numbers_and_texts(quantity, metres):
+    assert LENGTH.validate_python(quantity) == pytest.approx(metres, rel=1e-12)
 
 
 @pytest.mark.parametrize("unit", ["m", "rad", "s", "N", "Pa", "V", "A", "C", "Wb"])
@@ -42,14 +42,14 @@ def test_prefixes_match_pint(unit, prefix, number):
     assert Quantity(unit).convert(text) == pytest.approx(float(expected.magnitude), rel=1e-15)
 
 
-@pytest.mark.parametrize(("unit", "given", "number"), [("m/s", "2 mm/s", 2e-3), ("N m", "2 mN m", 2e-3)])
-def test_prefixes_of_compound_units(unit, given, number):
-    assert Quantity(unit).convert(given) == pytest.approx(number, rel=1e-12)
+@pytest.mark.parametrize(("unit", "quantity", "number"), [("m/s", "2 mm/s", 2e-3), ("N m", "2 mN m", 2e-3)])
+def test_prefixes_of_compound_units(unit, quantity, number):
+    assert Quantity(unit).convert(quantity) == pytest.approx(number, rel=1e-12)
 
 
-@pytest.mark.parametrize(("unit", "given"), [("", "inf"), ("m", "inf m"), ("Pa", "+inf GPa"), ("1/m", "inf / mm")])
-def test_infinity(unit, given):
-    assert Quantity(unit).convert(given) == float("inf")
+@pytest.mark.parametrize(("unit", "quantity"), [("", "inf"), ("m", "inf m"), ("Pa", "+inf GPa"), ("1/m", "inf / mm")])
+def test_infinity(unit, quantity):
+    assert Quantity(unit).convert(quantity) == float("inf")
 
 
 def test_prefixed_numbers_are_correctly_rounded():
@@ -57,7 +57,7 @@ def test_prefixed_numbers_are_correctly_rounded():
 
 
 @pytest.mark.parametrize(
-    ("unit", "given", "number"),
+    ("unit", "quantity", "number"),
     [
         ("m^2/s^2", "5 (mm/s)^2", 5e-6),
         ("Pa", "5 N/(mm)^2", 5e6),
@@ -88,9 +88,9 @@ def test_prefixed_numbers_are_correctly_rounded():
         ("", "50 %", 0.5),
     ],
 )
-def test_units_of_many_kinds(unit, given, number):
+def test_units_of_many_kinds(unit, quantity, number):
     """Expected values are computed manually; a column of water at 4 degrees exerts 98.0665 Pa per centimetre."""
-    assert Quantity(unit).convert(given) == pytest.approx(number, rel=1e-5)
+    assert Quantity(unit).convert(quantity) == pytest.approx(number, rel=1e-5)
 
 
 NEITHER = [
@@ -103,35 +103,35 @@ NEITHER = [
 """What pint would make of these is something else, or never ends."""
 
 
-@pytest.mark.parametrize("given", NEITHER)
-def test_quantities_are_one_number_followed_by_units(given):
+@pytest.mark.parametrize("quantity", NEITHER)
+def test_quantities_are_one_number_followed_by_units(quantity):
     with pytest.raises(ValidationError, match="cannot be read as one number and then units; expected a number in m"):
-        LENGTH.validate_python(given)
-    assert coordinate_of(given) is None
+        LENGTH.validate_python(quantity)
+    assert coordinate_of(quantity) is None
 
 
 def test_long_texts_are_read_in_linear_time():
     """Quadratic time in the number of blanks or digits would take minutes."""
     many = 100_000
     assert LENGTH.validate_python("5" + " " * many + "mm" + " " * many) == 5e-3
-    for given in ("5" + " " * many, "5" + " " * many + "!", "5" * many + "!", "5 1" + " " * many + "/mm!"):
+    for quantity in ("5" + " " * many, "5" + " " * many + "!", "5" * many + "!", "5 1" + " " * many + "/mm!"):
         with pytest.raises(ValidationError):
-            LENGTH.validate_python(given)
+            LENGTH.validate_python(quantity)
 
 
 @pytest.mark.parametrize(
-    "given",
+    "quantity",
     ["20 dBm/m", "1 (km^99)^99", "1 (minute^99)^99", "1 ((((minute^99)^99)^99)^99)^99", "1 hour^99"],
 )
-def test_overflowing_powers_and_products(given):
+def test_overflowing_powers_and_products(quantity):
     """pint raises various errors, or returns infinity."""
     with pytest.raises(ValueError, match="cannot be read as one number and then units; expected a number in m"):
-        Quantity("m").convert(given)
-    assert coordinate_of(given) is None
+        Quantity("m").convert(quantity)
+    assert coordinate_of(quantity) is None
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("quantity", "message"),
     [
         ("5 Gpa", "unknown unit 'Gpa'; did you mean 'GPa'?; expected a number in Pa"),
         ("5 N/mm2", "unknown unit 'mm2'; did you mean 'mm^2'?; expected"),
@@ -140,40 +140,42 @@ def test_overflowing_powers_and_products(given):
         ("5 foo123", "unknown unit 'foo123'; expected"),
     ],
 )
-def test_unknown_units(given, told):
-    with pytest.raises(ValueError, match=f"^{re.escape(told)}"):
-        Quantity("Pa").convert(given)
-    assert coordinate_of(given) is None
+def test_unknown_units(quantity, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+        Quantity("Pa").convert(quantity)
+    assert coordinate_of(quantity) is None
 
 
-@pytest.mark.parametrize(("given", "place"), [("5 mm", 5e-3), ("2 N/(mm)^2", 2e6), ("30", 30.0), ("inf m", math.inf)])
-def test_values_on_axes_are_read_alike(given, place):
-    assert coordinate_of(given) == pytest.approx(place)
+@pytest.mark.parametrize(
+    ("quantity", "position"), [("5 mm", 5e-3), ("2 N/(mm)^2", 2e6), ("30", 30.0), ("inf m", math.inf)]
+)
+def test_values_on_axes_are_read_alike(quantity, position):
+    assert coordinate_of(quantity) == pytest.approx(position)
 
 
-@pytest.mark.parametrize("given", ["5 V", "1 (m^10)^10", "1 m⁹⁹⁹⁹⁹⁹⁹⁹^99"])
-def test_units_of_another_dimension(given):
+@pytest.mark.parametrize("quantity", ["5 V", "1 (m^10)^10", "1 m⁹⁹⁹⁹⁹⁹⁹⁹^99"])
+def test_units_of_another_dimension(quantity):
     with pytest.raises(ValidationError, match="has the wrong unit; expected a number in m"):
-        LENGTH.validate_python(given)
+        LENGTH.validate_python(quantity)
 
 
-@pytest.mark.parametrize("given", ["5", "inf", "30 %"])
-def test_texts_without_a_unit(given):
+@pytest.mark.parametrize("quantity", ["5", "inf", "30 %"])
+def test_texts_without_a_unit(quantity):
     with pytest.raises(ValidationError, match="has no unit; expected a number in m or a text with such a unit"):
-        LENGTH.validate_python(given)
+        LENGTH.validate_python(quantity)
 
 
-@pytest.mark.parametrize("given", ["17 deg", "95 deg", "-5 deg", "inf deg", "1 rad", "1 sr"])
-def test_angles_are_rejected_as_pure_numbers(given):
+@pytest.mark.parametrize("quantity", ["17 deg", "95 deg", "-5 deg", "inf deg", "1 rad", "1 sr"])
+def test_angles_are_rejected_as_pure_numbers(quantity):
     """A friction coefficient is the tangent of the friction angle: 0.306 for 17 degrees, not 0.297."""
     with pytest.raises(ValueError, match="has the wrong unit; expected a number without unit"):
-        Quantity("", ge=0).check(given)
+        Quantity("", ge=0).check(quantity)
 
 
-@pytest.mark.parametrize("given", ["5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])
-def test_invalid_quantities_are_rejected(given):
+@pytest.mark.parametrize("quantity", ["5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])
+def test_invalid_quantities_are_rejected(quantity):
     with pytest.raises(ValidationError):
-        LENGTH.validate_python(given)
+        LENGTH.validate_python(quantity)
 
 
 def test_texts_are_never_evaluated():

@@ -43,8 +43,8 @@ def test_divergence_free_stress_is_balanced(name):
         # entry i, j grows along axis j + 1, so the divergence vanishes
         return normals @ stress.T + (normals * np.roll(points, -1, axis=1)) @ bending.T
 
-    found = unbalance(faces(name, flux))
-    assert found.relative == pytest.approx(0.0, abs=1e-12)
+    balance = unbalance(faces(name, flux))
+    assert balance.relative == pytest.approx(0.0, abs=1e-12)
     assert not list(unbalance_warning(faces(name, flux)))
 
 
@@ -53,13 +53,13 @@ def test_body_force_is_the_imbalance(name):
     """The tension of a bar grows along x by its weight: t = g x n_x, with the resultant g times the volume."""
     weights = np.array([3.0, 0.0, 0.0, -2.0, 0.0])
     fields = faces(name, lambda points, normals: (points[:, 0] * normals[:, 0])[:, None] * weights)
-    found, volume = unbalance(fields), EXTENT.prod()
-    assert found.force == pytest.approx([3.0 * volume, 0.0, 0.0], abs=1e-12)
-    assert found.fluxes == pytest.approx([-2.0 * volume, 0.0])
+    balance, volume = unbalance(fields), EXTENT.prod()
+    assert balance.force == pytest.approx([3.0 * volume, 0.0, 0.0], abs=1e-12)
+    assert balance.fluxes == pytest.approx([-2.0 * volume, 0.0])
     # tension at both ends, so half of the sum of moduli is half of the total
-    assert found.relative == pytest.approx([2.0, 2.0, 0.0])
-    (told,) = unbalance_warning(fields)
-    assert "200% of the force, 200% of the charge:" in told
+    assert balance.relative == pytest.approx([2.0, 2.0, 0.0])
+    (message,) = unbalance_warning(fields)
+    assert "200% of the force, 200% of the charge:" in message
 
 
 def test_round_off_is_ignored():

@@ -89,10 +89,10 @@ class Page(HTMLParser):
 
 @pytest.mark.parametrize("text", [*TEXTS, "<!--<script>", '" onclick="alert(1)'])
 def test_in_pages(text):
-    found = Page(page(Validation(False, {"plugin": text}, (report(text),), planned=1), "LIBRARY"))
-    assert len(found.scripts) == 3
-    assert found.text.count(text) >= 6
-    drawn = json.loads(found.scripts[1])
+    content = Page(page(Validation(False, {"plugin": text}, (report(text),), planned=1), "LIBRARY"))
+    assert len(content.scripts) == 3
+    assert content.text.count(text) >= 6
+    drawn = json.loads(content.scripts[1])
     assert unescape(drawn["layout"]["title"]["text"]) == text
     assert "<" not in drawn["layout"]["title"]["text"]
-    assert not re.search(r"<script>alert", found.text.replace(text, ""))
+    assert not re.search(r"<script>alert", content.text.replace(text, ""))

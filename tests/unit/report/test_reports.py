@@ -116,10 +116,10 @@ def test_sections_of_the_tangential_traction(synthetic):
     """The traction is along x of the figure in any frames: here e1 is along y and e2 against x."""
     step = synthetic.step(1e-6)
     traction = np.column_stack([0.0 * step.traction[:, 0], -step.traction[:, 0], step.traction[:, 2]])
-    turned = dataclasses.replace(synthetic.result(dataclasses.replace(step, traction=traction)), zone=synthetic.zone())
+    rotated = dataclasses.replace(synthetic.result(dataclasses.replace(step, traction=traction)), zone=synthetic.zone())
     frame = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turned.zone.frames[:] = frame
-    for result in (synthetic.result(step), turned):
+    rotated.zone.frames[:] = frame
+    for result in (synthetic.result(step), rotated):
         axes = figures(result)["sections"].axes[1]
         assert axes.get_ylabel() == "traction along x\n[kPa]"
         np.testing.assert_allclose(axes.lines[1].get_ydata(), [0.0, 100.0, 100.0, 100.0, 0.0], atol=1e-9)
@@ -334,10 +334,10 @@ def test_table_has_motions_that_were_free_or_are_not_zero(synthetic):
 
 def test_missing_contact_is_stated(synthetic):
     step_in_contact, step = synthetic.step(1e-6), synthetic.step(0.0)
-    apart = dataclasses.replace(step, region=np.zeros_like(step.region))
-    assert not apart.traction.any()
+    separated = dataclasses.replace(step, region=np.zeros_like(step.region))
+    assert not separated.traction.any()
     for name in ("pressure", "stick_slip"):
-        figure = figures(synthetic.result(step_in_contact, apart), "last")[name]
+        figure = figures(synthetic.result(step_in_contact, separated), "last")[name]
         (axes,) = figure.axes  # no colour bar
         assert [text.get_text() for text in axes.texts] == ["no contact"]
         assert not axes.collections

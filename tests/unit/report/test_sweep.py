@@ -63,9 +63,9 @@ def test_axis_labels_do_not_overlap(labels, upright, heading):
     figure.draw_without_rendering()
     (axes,) = figure.axes
     assert axes.get_xlabel() == heading
-    told = [label for label in axes.get_xticklabels() if label.get_text() in labels]
-    assert ([label.get_text() for label in told] == labels) == (heading == "point")
-    assert {label.get_rotation() for label in told} <= {90.0 if upright else 0.0}
+    labels_drawn = [label for label in axes.get_xticklabels() if label.get_text() in labels]
+    assert ([label.get_text() for label in labels_drawn] == labels) == (heading == "point")
+    assert {label.get_rotation() for label in labels_drawn} <= {90.0 if upright else 0.0}
     low, high = axes.get_xlim()
     boxes = [label.get_window_extent() for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high]
     assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
@@ -111,8 +111,8 @@ def table(sweep):
 def test_contact_at_zone_boundary_is_marked(sweep):
     edge = np.zeros((3, 2, 4))
     edge[2, 1, 3] = 1.0
-    found = table(dataclasses.replace(sweep, quantities=sweep.quantities | {"contact_at_zone_boundary": edge}))
-    (marked,) = (line for line in found.splitlines() if "converged, at the zone boundary" in line)
+    computed = table(dataclasses.replace(sweep, quantities=sweep.quantities | {"contact_at_zone_boundary": edge}))
+    (marked,) = (line for line in computed.splitlines() if "converged, at the zone boundary" in line)
     assert "6e-06" in marked
     assert "edge" not in table(sweep)
 
@@ -136,10 +136,12 @@ def test_nodes_of_a_grid_are_on_x_and_y_in_any_order():
     made = SweepResult(
         "title", axes, {"force": np.ones(2)}, {"force": "N", "zone_pressure": "Pa"}, *texts, fields, nodes
     )
-    found = dataset(made)
-    assert found.zone_pressure.dims == ("mu", "y", "x")
-    np.testing.assert_allclose(found.zone_pressure.sel(mu=1), 2 * (found.x + 10 * found.y).T)
-    assert float(found.zone_pressure.sel(mu=0, y=2, method="nearest").sel(x=3, method="nearest")) == pytest.approx(23)
-    assert (found.x.units, found.z.item(), found.mu.units) == ("m", 0.5, "1")
+    computed = dataset(made)
+    assert computed.zone_pressure.dims == ("mu", "y", "x")
+    np.testing.assert_allclose(computed.zone_pressure.sel(mu=1), 2 * (computed.x + 10 * computed.y).T)
+    assert float(computed.zone_pressure.sel(mu=0, y=2, method="nearest").sel(x=3, method="nearest")) == pytest.approx(
+        23
+    )
+    assert (computed.x.units, computed.z.item(), computed.mu.units) == ("m", 0.5, "1")
     scattered = {**nodes, "x": nodes["x"] + np.array([0, 0, 0, 0, 0, 0.1])}
     assert dataset(dataclasses.replace(made, nodes=scattered)).zone_pressure.dims == ("mu", "node")

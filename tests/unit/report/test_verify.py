@@ -22,15 +22,15 @@ def verification(scatter, factor=1.0):
     return Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
 
 
-def printed_result(found):
+def printed_result(computed):
     console = Console(width=200)
     with console.capture() as printed:
-        console.print(verification_table(found))
+        console.print(verification_table(computed))
     return printed.get().splitlines()[-1]
 
 
 @pytest.mark.parametrize(
-    ("found", "told"),
+    ("computed", "message"),
     [
         (verification(scatter=1e-4), "result: agree"),
         (
@@ -41,8 +41,8 @@ def printed_result(found):
         (verification(scatter=0.1, factor=1.05), "result: disagree"),
     ],
 )
-def test_result_states_the_number_of_comparisons(found, told):
-    assert printed_result(found).rstrip() == told
+def test_result_states_the_number_of_comparisons(computed, message):
+    assert printed_result(computed).rstrip() == message
 
 
 @pytest.mark.parametrize(("physical", "compared"), [(0.0, True), (5.0, False), (0.5, True)])
@@ -65,7 +65,7 @@ def test_noise_is_not_compared(physical, compared):
         for name, value in noise.items()
         for size in SIZES
     )
-    found = Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
-    quantities = {estimate.quantity for estimate in found.estimates}
+    computed = Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
+    quantities = {estimate.quantity for estimate in computed.estimates}
     assert ("max_magnetic_potential" in quantities) == compared
-    assert printed_result(found).startswith("result: disagree" if compared else "result: agree")
+    assert printed_result(computed).startswith("result: disagree" if compared else "result: agree")

@@ -74,19 +74,21 @@ def test_fractions_do_not_depend_on_the_path() -> None:
 def test_resistances() -> None:
     case = problem(2.0, cells=4)
     n = 16
-    own = conduction.potential_diagonal(case)
+    compliance = conduction.potential_diagonal(case)
     traction = np.full(n, -1.0)
     kappa = contact_conductivity(case.law_of("magnetic"), traction)[0]
     contact_fraction = np.linspace(0.0, 1.0, n)
-    resistance = conduction.resistances(case, traction, contact_fraction, own)
+    resistance = conduction.resistances(case, traction, contact_fraction, compliance)
     assert np.isinf(resistance[:, 0]).all()
     assert np.isinf(resistance[0, 1])
     assert resistance[-1, 1] == 1.0 / kappa
     assert (np.diff(resistance[1:, 1]) < 0.0).all()
-    assert resistance[1:, 1] == pytest.approx((1.0 / kappa + own[1:, 1]) / contact_fraction[1:] - own[1:, 1])
-    perfect = conduction.resistances(problem(np.inf, cells=4), traction, contact_fraction, own)
+    assert resistance[1:, 1] == pytest.approx(
+        (1.0 / kappa + compliance[1:, 1]) / contact_fraction[1:] - compliance[1:, 1]
+    )
+    perfect = conduction.resistances(problem(np.inf, cells=4), traction, contact_fraction, compliance)
     assert perfect[-1, 1] == 0.0
-    assert perfect[1:, 1] == pytest.approx((1.0 / contact_fraction[1:] - 1.0) * own[1:, 1])
+    assert perfect[1:, 1] == pytest.approx((1.0 / contact_fraction[1:] - 1.0) * compliance[1:, 1])
 
 
 def test_graph_as_a_fixed_point() -> None:
@@ -144,13 +146,13 @@ class Discharge(ConductivityLaw):
 def test_drop_and_conductivity_are_solved_together(steepness: float) -> None:
     """The law conducts weakly below a drop and strongly above; the root of each piece has a closed form."""
     case = problem(0.0, cells=8)
-    n, own = len(case.gap), conduction.potential_diagonal(case)
-    laws = [Discharge(0.3 / size, steepness / size) for size in own[0]]
+    n, compliance = len(case.gap), conduction.potential_diagonal(case)
+    laws = [Discharge(0.3 / size, steepness / size) for size in compliance[0]]
     case = replace(case, channels=flux_channels(laws[0], laws[1]), gap=np.full(n, 1e-6))
     alone = np.logspace(-3, 5, n)
     relative_displacement = np.zeros((n, 5))
     relative_displacement[:, 3:] = alone[:, None]
-    resistance = conduction.resistances(case, np.zeros(n), np.zeros(n), own, relative_displacement) / own
+    resistance = conduction.resistances(case, np.zeros(n), np.zeros(n), compliance, relative_displacement) / compliance
     left = np.where(alone < 1.3, alone / 1.3, (alone + steepness) / (1.3 + steepness))
     for column in resistance.T:
         np.testing.assert_allclose(alone * column / (1.0 + column), left, rtol=1e-9)

@@ -53,7 +53,7 @@ class Prescribed(Solver):
 
 
 @pytest.mark.parametrize(
-    ("kind", "status", "said"),
+    ("kind", "status", "text"),
     [
         ("cycle", Status.CYCLING, "return"),
         ("grow", Status.DIVERGED, "grew"),
@@ -63,10 +63,10 @@ class Prescribed(Solver):
         ("wander", Status.STALLED, "stayed"),
     ],
 )
-def test_status_of_iterations_that_fail(kind: str, status: Status, said: str) -> None:
+def test_status_of_iterations_that_fail(kind: str, status: Status, text: str) -> None:
     solution = solve(problem(), Prescribed(kind), StoppingCriteria(stall_window=100, max_iterations=500))
     assert solution.status is status
-    assert said in solution.message
+    assert text in solution.message
     assert solution.iterations < 500
     assert solution.history[-1, 0] == solution.iterations
 
@@ -163,11 +163,11 @@ def test_small_changes_do_not_imply_convergence() -> None:
 
 
 def test_progress_rises_to_one() -> None:
-    seen: list[tuple[str, float]] = []
-    solve(problem(), Uzawa(), progress=lambda stage, fraction: seen.append((stage, fraction)))
-    assert {stage for stage, _ in seen} == {"contact"}
-    assert all(a <= b for (_, a), (_, b) in pairwise(seen))
-    assert seen[-1][1] == 1.0
+    calls: list[tuple[str, float]] = []
+    solve(problem(), Uzawa(), progress=lambda stage, fraction: calls.append((stage, fraction)))
+    assert {stage for stage, _ in calls} == {"contact"}
+    assert all(a <= b for (_, a), (_, b) in pairwise(calls))
+    assert calls[-1][1] == 1.0
 
 
 def test_no_contact_converges_at_once() -> None:

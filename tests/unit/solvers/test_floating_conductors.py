@@ -38,12 +38,12 @@ XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
 
 
 @pytest.mark.full(except_for=4)
-@pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
+@pytest.mark.parametrize("prescribed", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
 @pytest.mark.parametrize("condition", KAPPA)
-def test_resultants_recover_the_motions(condition, given) -> None:
+def test_resultants_recover_the_motions(condition, prescribed) -> None:
     problem = conducting_sphere(Signorini(), KAPPA[condition])
     expected = balanced_solution(problem, Uzawa()).state
-    free, motion = released(problem, expected, *given)
+    free, motion = released(problem, expected, *prescribed)
     # a law that jumps may have two solutions; from a nearby start all solvers agree
     near = replace(expected, load=1.001 * expected.load)
     for solver in ALL:
@@ -130,9 +130,9 @@ def test_elimination_matches_bordered_system(condition) -> None:
         near = conductors.without_floating(response.flux, response.potential)
         again = elimination.respond(load[:, :3], conductors, near, 1e-3)
         assert np.abs(again.flux - response.flux).max() <= 1e-9 * np.abs(response.flux).max()
-        found = elimination.state(load[:, :3], conductors, np.zeros((n, 2)), np.zeros(2))
-        assert (np.abs(found.flux - flux[:, 3:]).max(axis=0) <= 1e-9 * np.abs(flux[:, 3:]).max(axis=0)).all()
-        assert found.potential == pytest.approx(unit * unknown[k:], rel=1e-9)
+        computed = elimination.state(load[:, :3], conductors, np.zeros((n, 2)), np.zeros(2))
+        assert (np.abs(computed.flux - flux[:, 3:]).max(axis=0) <= 1e-9 * np.abs(flux[:, 3:]).max(axis=0)).all()
+        assert computed.potential == pytest.approx(unit * unknown[k:], rel=1e-9)
         assert list(conductors.floating.numbers) == [0, 2]
 
 

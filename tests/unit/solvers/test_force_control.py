@@ -178,12 +178,12 @@ def test_indenter_above_the_body_is_lowered(solver, lift) -> None:
         problem, gap=problem.gap + APPROACH, prescribed_resultants=(prescribe_resultant(problem.system, PRESS, 500.0),)
     )
     above = replace(touching, gap=touching.gap + lift)
-    reference, found = (
+    reference, computed = (
         balanced_solution(touching, solver, StoppingCriteria()),
         balanced_solution(above, solver, StoppingCriteria()),
     )
-    assert found.state.motion == pytest.approx(reference.state.motion + lift, rel=1e-9)
-    assert found.iterations <= reference.iterations + 2 * solver.check_interval
+    assert computed.state.motion == pytest.approx(reference.state.motion + lift, rel=1e-9)
+    assert computed.iterations <= reference.iterations + 2 * solver.check_interval
 
 
 IMPOSSIBLE = {

@@ -118,8 +118,8 @@ def test_prescribed_potentials(fields: tuple[float | None, float | None]) -> Non
     exact = indent(XI, Sphere(RADIUS), APPROACH, *fields)
     force, charge, flux = totals(case, solution)
     assert force == pytest.approx(exact.force, rel=2e-3)
-    for found, expected, held in ((charge, exact.charge, fields[0]), (flux, exact.magnetic_flux, fields[1])):
-        assert found == pytest.approx(expected, rel=0.03) if held is not None else found == 0.0
+    for computed, expected, held in ((charge, exact.charge, fields[0]), (flux, exact.magnetic_flux, fields[1])):
+        assert computed == pytest.approx(expected, rel=0.03) if held is not None else computed == 0.0
 
 
 @pytest.mark.full

@@ -29,25 +29,25 @@ def identity(x: np.ndarray) -> np.ndarray:
 def test_restarted_iteration_solves() -> None:
     matrix, right = system()
     multiply, products = count_products(matrix)
-    found, _ = gmres(multiply, identity, right, 1e-12)
+    computed, _ = gmres(multiply, identity, right, 1e-12)
     assert len(products) > RESTART
-    np.testing.assert_allclose(found, np.linalg.solve(matrix, right), atol=1e-11 * np.abs(found).max())
+    np.testing.assert_allclose(computed, np.linalg.solve(matrix, right), atol=1e-11 * np.abs(computed).max())
 
 
 def test_single_precision_preconditioner_does_not_limit_accuracy() -> None:
     matrix, right = system()
     inverse = np.linalg.inv(np.diag(np.diag(matrix))).astype(np.float32)
     multiply, products = count_products(matrix)
-    found, _ = gmres(multiply, lambda x: (inverse @ x.astype(np.float32)).astype(float), right, 1e-13)
-    assert np.linalg.norm(right - matrix @ found) <= 1.1e-13 * np.linalg.norm(right)
+    computed, _ = gmres(multiply, lambda x: (inverse @ x.astype(np.float32)).astype(float), right, 1e-13)
+    assert np.linalg.norm(right - matrix @ computed) <= 1.1e-13 * np.linalg.norm(right)
     assert len(products) < RESTART
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-6])
 def test_tolerance_bounds_the_residual(tolerance) -> None:
     matrix, right = system()
-    found, _ = gmres(lambda x: matrix @ x, identity, right, tolerance)
-    left = np.linalg.norm(right - matrix @ found) / np.linalg.norm(right)
+    computed, _ = gmres(lambda x: matrix @ x, identity, right, tolerance)
+    left = np.linalg.norm(right - matrix @ computed) / np.linalg.norm(right)
     assert 1e-2 * tolerance < left <= tolerance * (1.0 + 1e-9)
 
 
@@ -55,9 +55,9 @@ def test_tolerance_bounds_the_residual(tolerance) -> None:
 def test_residual_is_returned(most: int) -> None:
     """The returned residual is correct whether or not the tolerance is met."""
     matrix, right = system()
-    found, left = gmres(lambda x: matrix @ x, identity, right, 1e-9, most)
+    computed, left = gmres(lambda x: matrix @ x, identity, right, 1e-9, most)
     assert (left <= 1e-9 * np.linalg.norm(right)) == (most == 400)
-    assert left == pytest.approx(np.linalg.norm(right - matrix @ found), rel=1e-4)
+    assert left == pytest.approx(np.linalg.norm(right - matrix @ computed), rel=1e-4)
 
 
 def test_number_of_products() -> None:
@@ -79,13 +79,13 @@ def test_exact_after_as_many_products_as_eigenvalues() -> None:
 def test_single_precision_ends_at_its_round_off() -> None:
     """With four eigenvalues, only round-off remains after four products, however small the tolerance."""
     random = np.random.default_rng(0)
-    turned = np.linalg.qr(random.normal(size=(400, 400)))[0]
-    matrix = ((turned * np.repeat([1.0, 2.0, 5.0, 7.0], 100)) @ turned.T).astype(np.float32)
+    rotated = np.linalg.qr(random.normal(size=(400, 400)))[0]
+    matrix = ((rotated * np.repeat([1.0, 2.0, 5.0, 7.0], 100)) @ rotated.T).astype(np.float32)
     right = random.normal(size=400).astype(np.float32)
     multiply, products = count_products(matrix)
-    found, _ = gmres(multiply, identity, right, 1e-15)
-    assert found.dtype == np.float32
-    assert np.linalg.norm(right - matrix.astype(float) @ found) <= 1e-6 * np.linalg.norm(right)
+    computed, _ = gmres(multiply, identity, right, 1e-15)
+    assert computed.dtype == np.float32
+    assert np.linalg.norm(right - matrix.astype(float) @ computed) <= 1e-6 * np.linalg.norm(right)
     assert len(products) <= 20
 
 
@@ -93,11 +93,11 @@ def test_single_precision_ends_at_its_round_off() -> None:
 def test_single_precision_with_overflowing_squares(size: float) -> None:
     matrix, right = system()
     matrix, right = matrix.astype(np.float32), (size * right).astype(np.float32)
-    found, left = gmres(lambda x: matrix @ x, identity, right, 1e-4)
-    assert found.dtype == np.float32
-    rest = right - matrix.astype(float) @ found.astype(float)
+    computed, left = gmres(lambda x: matrix @ x, identity, right, 1e-4)
+    assert computed.dtype == np.float32
+    remainder = right - matrix.astype(float) @ computed.astype(float)
     norm = float(np.linalg.norm(right.astype(float)))
-    assert float(np.linalg.norm(rest)) <= 1.1e-4 * norm
+    assert float(np.linalg.norm(remainder)) <= 1.1e-4 * norm
     assert 0.0 < left <= 1e-4 * norm
 
 
@@ -105,6 +105,6 @@ def test_single_precision_with_overflowing_squares(size: float) -> None:
 def test_nonfinite_right_hand_side(one: float) -> None:
     """The returned residual is not finite, either."""
     matrix, right = system()
-    found, left = gmres(lambda x: matrix @ x, identity, np.where(np.arange(120) == 7, one, right), 1e-4)
-    assert not found.any()
+    computed, left = gmres(lambda x: matrix @ x, identity, np.where(np.arange(120) == 7, one, right), 1e-4)
+    assert not computed.any()
     assert not np.isfinite(left)

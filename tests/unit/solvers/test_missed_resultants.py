@@ -26,10 +26,10 @@ def pressed_sphere(law):
     return problem, -float(system.weights @ solve(problem, Uzawa()).state.load[:, 2])
 
 
-def driven(problem, *given):
-    """Return a problem with resultants `given` as (mode (3,) or (n, 3), total)."""
+def driven(problem, *resultants):
+    """Return a problem with prescribed resultants (mode (3,) or (n, 3), total)."""
     prescribed_resultants = []
-    for motion, total in given:
+    for motion, total in resultants:
         mode = np.zeros((len(problem.gap), 5))
         mode[:, :3] = motion
         prescribed_resultants.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, total))
@@ -39,17 +39,17 @@ def driven(problem, *given):
 def reported(message):
     """Return the prescribed and the computed resultants named in a message."""
     number = r"(-?[\d.e+-]+(?:, -?[\d.e+-]+)*)"
-    found = re.search(rf"prescribed \({number} N, N m\) are more than friction bears.*they reach {number};", message)
-    assert found, message
-    return tuple(np.array([float(value) for value in part.split(", ")]) for part in found.groups())
+    match = re.search(rf"prescribed \({number} N, N m\) are more than friction bears.*they reach {number};", message)
+    assert match, message
+    return tuple(np.array([float(value) for value in part.split(", ")]) for part in match.groups())
 
 
 @pytest.mark.parametrize(("share", "missed"), [(0.5, False), (2.0, True)])
 def test_missed_resultants_are_reported_before_convergence(share, missed):
     problem, force = pressed_sphere(IsotropicCoulomb(MU))
-    found = solve(driven(problem, (X, share * MU * force)), Uzawa(), StoppingCriteria(max_iterations=4))
-    assert found.status is Status.ITERATION_LIMIT
-    assert ("the loads found miss the prescribed resultants" in found.message) == missed
+    solution = solve(driven(problem, (X, share * MU * force)), Uzawa(), StoppingCriteria(max_iterations=4))
+    assert solution.status is Status.ITERATION_LIMIT
+    assert ("the loads found miss the prescribed resultants" in solution.message) == missed
 
 
 @pytest.mark.full(except_for=4)
@@ -57,10 +57,10 @@ def test_missed_resultants_are_reported_before_convergence(share, missed):
 @pytest.mark.parametrize("share", [1.02, 1.3, 2.4, 1e3])
 def test_force_above_friction_limit_is_detected_early(solver, share):
     problem, force = pressed_sphere(IsotropicCoulomb(MU))
-    found = solve(driven(problem, (X, share * MU * force), (Y, 0.0)), solver)
-    assert found.status is Status.STALLED
-    assert found.iterations <= SOON
-    prescribed, borne = reported(found.message)
+    solution = solve(driven(problem, (X, share * MU * force), (Y, 0.0)), solver)
+    assert solution.status is Status.STALLED
+    assert solution.iterations <= SOON
+    prescribed, borne = reported(solution.message)
     np.testing.assert_allclose(prescribed, [share * MU * force, 0.0], rtol=1e-3)
     np.testing.assert_allclose(borne, [MU * force, 0.0], rtol=1e-2, atol=1e-2 * MU * force)
 
@@ -70,9 +70,9 @@ def test_force_above_friction_limit_is_detected_early(solver, share):
 @pytest.mark.parametrize("share", [0.9, 0.98, 0.999])
 def test_force_just_below_friction_limit_converges(solver, share):
     problem, force = pressed_sphere(IsotropicCoulomb(MU))
-    found = solve(driven(problem, (X, share * MU * force), (Y, 0.0)), solver)
-    assert found.status is Status.CONVERGED
-    np.testing.assert_allclose(problem.system.weights @ found.state.load[:, 0], share * MU * force, rtol=1e-8)
+    solution = solve(driven(problem, (X, share * MU * force), (Y, 0.0)), solver)
+    assert solution.status is Status.CONVERGED
+    np.testing.assert_allclose(problem.system.weights @ solution.state.load[:, 0], share * MU * force, rtol=1e-8)
 
 
 @pytest.mark.full(except_for=2)
@@ -101,14 +101,14 @@ def test_torque_above_friction_limit_under_prescribed_force(solver):
     state = solve(problem, Uzawa()).state
     limit = MU * float(problem.system.weights @ (-state.load[:, 2] * np.hypot(x, y)))
     twist = np.column_stack([-y, x, 0.0 * x])
-    found = solve(driven(problem, (PRESS, force), (twist, 1.3 * limit)), solver)
-    assert found.iterations <= SOON
-    _, borne = reported(found.message)
+    solution = solve(driven(problem, (PRESS, force), (twist, 1.3 * limit)), solver)
+    assert solution.iterations <= SOON
+    _, borne = reported(solution.message)
     np.testing.assert_allclose(borne, [limit], rtol=1e-2)
     assert solve(driven(problem, (PRESS, force), (twist, 0.98 * limit)), solver).status is Status.CONVERGED
 
 
 def test_full_stick_carries_any_force():
     problem, force = pressed_sphere(IsotropicCoulomb(np.inf))
-    found = solve(driven(problem, (X, 3.0 * force)), SemismoothNewton(), StoppingCriteria(max_iterations=60))
-    assert "more than friction bears" not in found.message
+    solution = solve(driven(problem, (X, 3.0 * force)), SemismoothNewton(), StoppingCriteria(max_iterations=60))
+    assert "more than friction bears" not in solution.message

@@ -87,18 +87,18 @@ def perturbed(problem: ContactProblem, state: ContactState, node: int, field: in
     return replace(state, load=load, displacement=problem.system.offset + problem.system.apply(load))
 
 
-def node_of(state: ContactState, place: str) -> int:
+def node_of(state: ContactState, position: str) -> int:
     """Return the last node in contact, or the last open node."""
-    return int(np.flatnonzero((state.load[:, 2] < 0.0) == (place == "closed"))[-1])
+    return int(np.flatnonzero((state.load[:, 2] < 0.0) == (position == "closed"))[-1])
 
 
 @pytest.mark.parametrize("field", range(5))
-@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("position", ["closed", "open"])
 @pytest.mark.parametrize("law", SOLVED)
-def test_single_wrong_load_is_detected(law: str, place: str, field: int) -> None:
+def test_single_wrong_load_is_detected(law: str, position: str, field: int) -> None:
     case, state = SOLVED[law]
     assert residual(case, state) <= TOLERANCE
-    wrong = perturbed(case, state, node_of(state, place), field, -WRONG)
+    wrong = perturbed(case, state, node_of(state, position), field, -WRONG)
     assert residual(case, wrong) > 100.0 * TOLERANCE
     if law == "frictionless":
         assert residual(case, wrong) == pytest.approx(direct_residual(case, wrong), rel=1e-8)
@@ -109,11 +109,11 @@ def test_single_wrong_load_is_detected(law: str, place: str, field: int) -> None
 
 @pytest.mark.full(except_for=9)
 @pytest.mark.parametrize("part", ["load", "displacement", "contact_fraction"])
-@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("position", ["closed", "open"])
 @pytest.mark.parametrize("law", SOLVED)
-def test_single_nan_is_detected(law: str, place: str, part: str) -> None:
+def test_single_nan_is_detected(law: str, position: str, part: str) -> None:
     case, state = SOLVED[law]
-    node = node_of(state, place)
+    node = node_of(state, position)
     for field in range(1 if part == "contact_fraction" else 5):
         for value in (np.nan, np.inf):
             values: Array = getattr(state, part).copy()
@@ -126,23 +126,23 @@ def test_single_nan_is_detected(law: str, place: str, part: str) -> None:
 
 
 @pytest.mark.parametrize("field", range(5))
-@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("position", ["closed", "open"])
 @pytest.mark.parametrize("law", SOLVED)
-def test_single_inconsistent_displacement_is_detected(law: str, place: str, field: int) -> None:
+def test_single_inconsistent_displacement_is_detected(law: str, position: str, field: int) -> None:
     case, state = SOLVED[law]
     displacement = state.displacement.copy()
-    displacement[node_of(state, place), field] += WRONG * problem_scales(case).displacement[field]
+    displacement[node_of(state, position), field] += WRONG * problem_scales(case).displacement[field]
     assert residual(case, replace(state, displacement=displacement)) >= 0.99 * WRONG
 
 
-@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("position", ["closed", "open"])
 @pytest.mark.parametrize("law", SOLVED)
-def test_single_wrong_contact_fraction_is_detected(law: str, place: str) -> None:
+def test_single_wrong_contact_fraction_is_detected(law: str, position: str) -> None:
     """Under pressure or across an open gap, the residual exceeds the error of the fraction."""
     case, state = SOLVED[law]
-    trial = -state.load[:, 2] if place == "closed" else case.gap - state.displacement[:, 2]
+    trial = -state.load[:, 2] if position == "closed" else case.gap - state.displacement[:, 2]
     contact_fraction = state.contact_fraction.copy()
-    contact_fraction[np.argmax(trial)] += -WRONG if place == "closed" else WRONG
+    contact_fraction[np.argmax(trial)] += -WRONG if position == "closed" else WRONG
     solution = solve(case, Sure(replace(state, contact_fraction=contact_fraction)), StoppingCriteria(max_iterations=1))
     assert solution.status is not Status.CONVERGED
     assert solution.residual >= 0.99 * WRONG
@@ -177,8 +177,8 @@ def test_laws_with_nodal_data_are_evaluated_at_all_nodes() -> None:
     assert residual(replace(case, contact_law=law), state, scales) == pytest.approx(expected, rel=1e-8)
 
 
-@pytest.mark.parametrize("place", ["closed", "open"])
-def test_single_wrong_load_is_detected_among_many(place: str) -> None:
+@pytest.mark.parametrize("position", ["closed", "open"])
+def test_single_wrong_load_is_detected_among_many(position: str) -> None:
     """The load is wrong at the last closed or open node, for laws evaluated at some nodes at a time, or at all."""
     n = 130
     mesh = half_space_mesh(0.05, 5e-3, n - 1, 1, Quad4())
@@ -188,13 +188,15 @@ def test_single_wrong_load_is_detected_among_many(place: str) -> None:
     case = indentation_problem(system, height, 1e-5)
     state = solve(case, ProjectedCG()).state
     assert residual(case, state) <= TOLERANCE
-    node = node_of(state, place)
+    node = node_of(state, position)
     assert node > n**2 - 400
     wrong = perturbed(case, state, node, 2, -100.0 * WRONG)
-    found = residual(case, wrong)
-    assert found > 100.0 * TOLERANCE
+    computed = residual(case, wrong)
+    assert computed > 100.0 * TOLERANCE
     unbounded = np.full(n**2, -np.inf)
-    assert residual(replace(case, contact_law=WithClosure(lambda: unbounded)), wrong) == pytest.approx(found, rel=1e-8)
+    assert residual(replace(case, contact_law=WithClosure(lambda: unbounded)), wrong) == pytest.approx(
+        computed, rel=1e-8
+    )
 
 
 def test_underflowing_coupling_is_zero() -> None:

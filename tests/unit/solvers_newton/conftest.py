@@ -61,8 +61,8 @@ def sphere() -> Callable[..., ContactProblem]:
     def make(material: str, law: ContactLaw, kappa: tuple[float, float] = (0.0, 0.0), **options: Any) -> ContactProblem:
         medium = MATERIALS[material]
         plain = SphereCase(medium, law, Insulating(), Insulating(), **options)
-        own = np.abs(np.diag(plain.problem().system.diagonal_blocks()[0]))[3:]
-        laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, own, strict=True)]
+        compliance = np.abs(np.diag(plain.problem().system.diagonal_blocks()[0]))[3:]
+        laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, compliance, strict=True)]
         return SphereCase(medium, law, *laws, **options).problem()
 
     return make

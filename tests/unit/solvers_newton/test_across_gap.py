@@ -49,10 +49,10 @@ def across(sphere):
 
     def make(law, kappa: float, strength: float, pressed: float = 1.0, **options) -> ContactProblem:
         problem = sphere("orthotropic", law, (1.0, 1.0), cells=CELLS, potentials=(2e4, -15.0), **options)
-        own, scales = potential_diagonal(problem)[0], ContactResidual.of(problem).scales
+        compliance, scales = potential_diagonal(problem)[0], ContactResidual.of(problem).scales
         laws = [
             Plates(kappa / o, 0.1 * scales.displacement[2], strength * s, pressed * kappa / o, scales.pressure)
-            for o, s in zip(own, scales.displacement[3:], strict=True)
+            for o, s in zip(compliance, scales.displacement[3:], strict=True)
         ]
         return replace(problem, channels=flux_channels(laws[0], laws[1]))
 
@@ -101,15 +101,15 @@ def test_slopes_are_resolved_for_small_drops(across) -> None:
     equation = ContactResidual.of(problem)
     law, n = problem.law_of("electric"), len(problem.gap)
     gap = law.distance * 10.0 ** RANDOM.uniform(-6.0, 1.0, n)
-    drop, own = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.self_compliance[:, 0]
+    drop, compliance = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.self_compliance[:, 0]
     kappa = law.conductivity(np.zeros(n), gap, drop)
     steeper = kappa + law.kappa / (1.0 + gap / law.distance) * 2.0 * (drop / law.strength) ** 2
     relative_displacement = np.zeros((n, 5))
     # without its flux, a node has the drop (1 + c kappa) v, of which v remains
-    relative_displacement[:, 2], relative_displacement[:, 3] = gap, (1.0 + own * kappa) * drop
+    relative_displacement[:, 2], relative_displacement[:, 3] = gap, (1.0 + compliance * kappa) * drop
     by_gap, by_drop = equation.transmissivity.gap_slopes(np.zeros(n), relative_displacement, np.zeros(n))
-    left = 1.0 / (1.0 + own * steeper)
-    change = -own * left / (1.0 + own * kappa)
+    left = 1.0 / (1.0 + compliance * steeper)
+    change = -compliance * left / (1.0 + compliance * kappa)
     np.testing.assert_allclose(by_gap[:, 0], change * kappa / (law.distance + gap), rtol=1e-6)
     np.testing.assert_allclose(
         by_drop[:, 0], (drop / relative_displacement[:, 3] - left) / relative_displacement[:, 3], rtol=1e-6
@@ -130,12 +130,12 @@ def test_solvers_agree(across, law, kappa, strength) -> None:
 
 
 @pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "translation", "potentials")])
+@pytest.mark.parametrize("prescribed", [("approach",), ("potentials",), ("approach", "translation", "potentials")])
 @pytest.mark.parametrize("solver", [SemismoothNewton(), BarzilaiBorwein()], ids=lambda solver: type(solver).__name__)
-def test_prescribed_forces_and_charges(across, solver, given) -> None:
+def test_prescribed_forces_and_charges(across, solver, prescribed) -> None:
     problem = across(IsotropicCoulomb(0.4), 1.0, 0.3, drag=0.3)
     held = solve(problem, SemismoothNewton())
-    free, motion = released(problem, held.state, *given)
+    free, motion = released(problem, held.state, *prescribed)
     solution = balanced_solution(free, solver)
     check_same(solution.state, held.state)
     np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-7)

@@ -127,13 +127,13 @@ def test_floating_conductors_under_a_force(sphere, solver, kappa) -> None:
 def test_floating_conductor_whose_conductivity_grows_with_pressure(sphere, growing, share) -> None:
     """Initially there is no pressure and hence no conduction, but the charge is reached."""
     problem = sphere("orthotropic", IsotropicCoulomb(0.3), cells=8, potentials=(2e4, 0.0))
-    own = problem.system.diagonal_blocks()[0, 3, 3]
-    problem = problem.with_laws(electric=growing(1.0 / own, 1e7, 1.0))
+    compliance = problem.system.diagonal_blocks()[0, 3, 3]
+    problem = problem.with_laws(electric=growing(1.0 / compliance, 1e7, 1.0))
     state = solve_problem(problem).state
     charge = share * resultant(problem.system, state.load)[1][0]
     solution = solve_problem(freed(problem, electric=charge))
-    found = replace(problem, potentials=problem.potentials + np.append(solution.state.motion, 0.0))
-    assert_same(solution.state, solve_problem(found).state)
+    computed = replace(problem, potentials=problem.potentials + np.append(solution.state.motion, 0.0))
+    assert_same(solution.state, solve_problem(computed).state)
     if share == 1.0:
         assert abs(solution.state.motion[0]) < 1e-6 * 2e4
 
@@ -156,8 +156,8 @@ def test_force_up_to_the_friction_limit(sphere, law, share) -> None:
     press = 2e4
     totals = {"press": press, "x": share * law.mu * press, "y": 0.0}
     state = solve_problem(freed(problem, **totals)).state
-    found = np.abs(problem.system.weights @ state.load[:, :3])
-    np.testing.assert_allclose(found, [totals["x"], 0.0, press], rtol=1e-7, atol=1e-7 * press)
+    computed = np.abs(problem.system.weights @ state.load[:, :3])
+    np.testing.assert_allclose(computed, [totals["x"], 0.0, press], rtol=1e-7, atol=1e-7 * press)
 
 
 @pytest.mark.full
@@ -256,9 +256,9 @@ def test_start_from_converged_state_and_unloading(sphere) -> None:
     for share in (1.5, 0.5):
         onward = freed(problem, press=share * 2e4, x=share * 3e3)
         assert_same(solve_problem(onward, start=state).state, solve_problem(onward).state)
-    apart = solve(freed(problem, press=0.0), SemismoothNewton(), start=replace(state, motion=state.motion[:1]))
-    assert apart.status is Status.CONVERGED
-    assert np.abs(apart.state.load[:, :3]).max() <= 1e-10 * np.abs(state.load).max()
+    separated = solve(freed(problem, press=0.0), SemismoothNewton(), start=replace(state, motion=state.motion[:1]))
+    assert separated.status is Status.CONVERGED
+    assert np.abs(separated.state.load[:, :3]).max() <= 1e-10 * np.abs(state.load).max()
 
 
 @final

@@ -32,14 +32,14 @@ def solutions(problem: ContactProblem) -> list[Array]:
     n = len(problem.gap)
     matrix = problem.system.matrix[:, :3, :, :3].reshape(3 * n, 3 * n)
     target = np.column_stack([problem.translation, problem.gap]).ravel()
-    found = []
+    computed = []
     for contact_fraction in map(np.array, product([False, True], repeat=n)):
         rows, traction = np.repeat(contact_fraction, 3), np.zeros(3 * n)
         traction[rows] = np.linalg.solve(matrix[np.ix_(rows, rows)], target[rows])
         gap = problem.gap - (matrix @ traction)[2::3]
         if (traction[2::3][contact_fraction] < 0.0).all() and (gap[~contact_fraction] >= 0.0).all():
-            found.append(traction.reshape(n, 3))
-    return found
+            computed.append(traction.reshape(n, 3))
+    return computed
 
 
 @pytest.mark.full

@@ -11,7 +11,7 @@ NODES = 40
 
 def to_blocks(matrices: np.ndarray) -> NodeBlocks:
     rows, columns, count = matrices.shape
-    return NodeBlocks.of({place: matrices[place] for place in np.ndindex(rows, columns)}, (rows, count))
+    return NodeBlocks.of({position: matrices[position] for position in np.ndindex(rows, columns)}, (rows, count))
 
 
 def to_matrix(blocks: NodeBlocks, columns: int) -> np.ndarray:
@@ -78,24 +78,24 @@ def test_inverses_on_marked_rows_and_columns(size: int) -> None:
     matrices = RANDOM.normal(size=(size, size, NODES)) + 4.0 * np.eye(size)[:, :, None]
     which = RANDOM.random((size, NODES)) < 0.6
     matrices *= which[:, None] & which
-    found = to_matrix(to_blocks(matrices).inverses(which), size)
+    computed = to_matrix(to_blocks(matrices).inverses(which), size)
     for node, marked in enumerate(which.T):
         expected = np.zeros((size, size))
         expected[np.ix_(marked, marked)] = np.linalg.inv(matrices[:, :, node][np.ix_(marked, marked)])
-        np.testing.assert_allclose(found[:, :, node], expected, atol=1e-12)
+        np.testing.assert_allclose(computed[:, :, node], expected, atol=1e-12)
 
 
 def test_inverses_of_diagonal_blocks() -> None:
     matrices = np.zeros((3, 3, NODES))
     matrices[0, 0], matrices[2, 2] = 2.0, 5.0
-    found = to_matrix(to_blocks(matrices).inverses(np.ones((3, NODES), bool)), 3)
-    np.testing.assert_array_equal(found[:, :, 7], np.diag([0.5, 0.0, 0.2]))
+    computed = to_matrix(to_blocks(matrices).inverses(np.ones((3, NODES), bool)), 3)
+    np.testing.assert_array_equal(computed[:, :, 7], np.diag([0.5, 0.0, 0.2]))
 
 
 @pytest.mark.parametrize("size", [2, 3])
 def test_singular_blocks_have_a_pseudo_inverse(size: int) -> None:
     matrices = RANDOM.normal(size=(size, size, NODES))
     matrices[0, :, ::2] = matrices[1, :, ::2]
-    found = to_matrix(to_blocks(matrices).inverses(np.ones((size, NODES), bool)), size)
+    computed = to_matrix(to_blocks(matrices).inverses(np.ones((size, NODES), bool)), size)
     expected = np.linalg.pinv(matrices.transpose(2, 0, 1)).transpose(1, 2, 0)
-    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(computed, expected, atol=1e-9 * np.abs(expected).max())

@@ -46,8 +46,8 @@ def test_tangent_in_principal_axes() -> None:
 def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, biactive) -> None:
     problem = sphere("orthotropic", OrthotropicCoulomb(0.1, 0.5, 0.3), (0.5, 2.0), cells=8)
     equation = ContactResidual.of(problem)
-    pressure, own = equation.scales.pressure, equation.self_compliance[0]
-    problem = problem.with_laws(electric=growing(1.0 / own[0], pressure, 0.5))
+    pressure, compliance = equation.scales.pressure, equation.self_compliance[0]
+    problem = problem.with_laws(electric=growing(1.0 / compliance[0], pressure, 0.5))
     equation = ContactResidual.of(problem)
     n = len(problem.gap)
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
@@ -155,9 +155,9 @@ def test_effect_of_the_contact_fraction_on_the_trial_of_a_node(sphere) -> None:
     n, node = len(problem.gap), 27
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
     contact_fraction, open_ = (equation.at(load, np.full(n, c), np.ones(n, bool), AT_REST) for c in (1.0, 0.0))
-    own = np.diagonal(problem.system.diagonal_blocks()[node])[3:]
+    compliance = np.diagonal(problem.system.diagonal_blocks()[node])[3:]
     # the fluxes for which its equations hold as before, open and closed
-    flux = (open_.residual - contact_fraction.residual)[node, 3:5] * equation.scales.displacement[3:] / own
+    flux = (open_.residual - contact_fraction.residual)[node, 3:5] * equation.scales.displacement[3:] / compliance
     moved = load.copy()
     moved[node, 3:] += flux
     raised = equation.at(moved, np.ones(n), np.ones(n, bool), AT_REST).trial - contact_fraction.trial

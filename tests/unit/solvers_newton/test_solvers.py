@@ -94,11 +94,11 @@ def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.6)], ids=str)
 def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, law, exponent) -> None:
     problem = sphere("orthotropic", law, cells=8)
-    own = np.abs(np.diag(problem.system.diagonal_blocks()[0]))[3:]
-    electric, magnetic = (growing(1.0 / o, 1e7, exponent) for o in own)
+    compliance = np.abs(np.diag(problem.system.diagonal_blocks()[0]))[3:]
+    electric, magnetic = (growing(1.0 / o, 1e7, exponent) for o in compliance)
     problem = replace(problem, channels=flux_channels(electric, magnetic))
     _, newton = force(problem, SemismoothNewton())
-    conductance = contact_conductivity(electric, newton.state.load[:, 2]) * own[0]
+    conductance = contact_conductivity(electric, newton.state.load[:, 2]) * compliance[0]
     assert 0.1 < conductance.max() < 100.0
     expected, _ = force(problem, Uzawa())
     for solver in FRICTIONAL:
@@ -187,9 +187,9 @@ def test_start_from_converged_state(sphere, solver) -> None:
 
 def test_no_contact_converges_at_once(sphere) -> None:
     problem = sphere("orthotropic", Signorini(), cells=8)
-    apart = replace(problem, gap=problem.gap + 1e-4)
+    separated = replace(problem, gap=problem.gap + 1e-4)
     for solver in ALL:
-        _, solution = force(apart, solver)
+        _, solution = force(separated, solver)
         assert not solution.state.load.any(), name(solver)
 
 
@@ -231,8 +231,8 @@ def test_auto_escapes_a_nearly_converged_state() -> None:
     plain = SphereCase(
         library_material("orthotropic-mee"), law, Insulating(), Insulating(), 10, 5.0, 2.3841492026488798
     )
-    own = potential_diagonal(plain.problem())[0, 1]
-    magnetic = StepConductivity(float(0.0003501238946480535 / own))
+    compliance = potential_diagonal(plain.problem())[0, 1]
+    magnetic = StepConductivity(float(0.0003501238946480535 / compliance))
     dragged = replace(plain, electric=StepConductivity(np.inf), magnetic=magnetic, potentials=potentials).problem()
     expected = solve(dragged, Nesterov())
     assert expected.status is Status.CONVERGED
@@ -258,7 +258,7 @@ def test_iterates_of_other_solvers_are_rejected(sphere, solver) -> None:
 def test_solution_without_contact_for_every_criterion(sphere) -> None:
     """Newton's method must make a step although no law is violated."""
     problem = sphere("transverse", IsotropicCoulomb(0.3))
-    apart = replace(problem, gap=problem.gap - problem.gap.min() + 1e-3)
-    solution = solve(apart, SemismoothNewton(), StoppingCriteria(1e-6, criterion="paper"))
+    separated = replace(problem, gap=problem.gap - problem.gap.min() + 1e-3)
+    solution = solve(separated, SemismoothNewton(), StoppingCriteria(1e-6, criterion="paper"))
     assert solution.status is Status.CONVERGED, solution.message
     assert solution.residual == 0.0

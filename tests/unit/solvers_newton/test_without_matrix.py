@@ -191,8 +191,8 @@ def test_auto_selects_newton_with_conduction(kappa: float) -> None:
 def test_conductivities_with_infinite_slope_at_zero_pressure(growing, exponent: float) -> None:
     """A Newton step from zero with the slope at zero pressure would be useless."""
     problem = dragged(32, Signorini(), Insulating())
-    own = problem.system.diagonal_blocks()[0, [3, 4], [3, 4]]
-    laws = [growing(100.0 / float(one), 5e8, exponent) for one in own]
+    compliance = problem.system.diagonal_blocks()[0, [3, 4], [3, 4]]
+    laws = [growing(100.0 / float(one), 5e8, exponent) for one in compliance]
     given = np.tile([5.0, 1.0], (32**2, 1))
     problem = replace(problem, channels=flux_channels(laws[0], laws[1]), potentials=given)
     expected = solve(problem, Nesterov())

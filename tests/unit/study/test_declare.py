@@ -54,7 +54,7 @@ def test_runs_of_a_study(write):
 
 
 @pytest.mark.parametrize(
-    ("value", "label", "place"),
+    ("value", "label", "position"),
     [
         (0.5, "0.5", 0.5),
         ("10 um", "10 um", 1e-5),
@@ -66,29 +66,29 @@ def test_runs_of_a_study(write):
         ({"kappa": 2.0, "name": "step"}, "step kappa=2.0", None),
     ],
 )
-def test_labels_and_positions_of_values(value, label, place):
+def test_labels_and_positions_of_values(value, label, position):
     (run,) = PanelTable(title="a panel", vary="some.key", values=[value]).all_runs()
     assert run.label == label
-    assert run.value == (None if place is None else pytest.approx(place))
+    assert run.value == (None if position is None else pytest.approx(position))
     assert run.set == {"some.key": value}
 
 
 def test_changes_do_not_modify_the_tables_or_each_other():
     value = {"kappa": 1.0}
-    found = changed(TABLES, {"steps[1].approach": 2.0, "conductivity.electric": value}, {"contact.law.mu": 0.9})
-    assert found["steps"] == [{"approach": 2.0}]
-    assert found["contact"] == {"law": {"name": "isotropic-coulomb", "mu": 0.9}}
-    assert found["conductivity"] == {"electric": {"kappa": 1.0}}
-    found["conductivity"]["electric"]["kappa"] = 5.0
+    computed = changed(TABLES, {"steps[1].approach": 2.0, "conductivity.electric": value}, {"contact.law.mu": 0.9})
+    assert computed["steps"] == [{"approach": 2.0}]
+    assert computed["contact"] == {"law": {"name": "isotropic-coulomb", "mu": 0.9}}
+    assert computed["conductivity"] == {"electric": {"kappa": 1.0}}
+    computed["conductivity"]["electric"]["kappa"] = 5.0
     assert value == {"kappa": 1.0}
     assert TABLES["steps"] == [{"approach": 1.0}]
     assert TABLES["contact"]["law"]["mu"] == 0.3
 
 
 def test_later_changes_replace_complete_entries():
-    found = changed(TABLES, {"contact.law.mu": 0.1}, {"contact.law": "signorini", "steps[1]": {"normal_force": 3}})
-    assert found["contact"] == {"law": "signorini"}
-    assert found["steps"] == [{"normal_force": 3}]
+    computed = changed(TABLES, {"contact.law.mu": 0.1}, {"contact.law": "signorini", "steps[1]": {"normal_force": 3}})
+    assert computed["contact"] == {"law": "signorini"}
+    assert computed["steps"] == [{"normal_force": 3}]
 
 
 @pytest.mark.parametrize(

@@ -145,12 +145,12 @@ def test_files_of_a_failed_run_are_reported(without_figures, tmp_path, monkeypat
         append(writer, step)
 
     monkeypatch.setattr(run_module.ResultWriter, "append", fails)
-    for failing, told in enumerate(  # read by `fails`
+    for failing, message in enumerate(  # read by `fails`
         ("the results of an earlier run are gone from", "1 of 2 increments are finished and in")
     ):
         with pytest.raises(ResultError, match="no space left") as caught:
             meeframe.run(without_figures, out, overwrite=True)
-        assert told in caught.value.__notes__[0]
+        assert message in caught.value.__notes__[0]
         assert (out / RESULT_FILE).exists() == bool(failing)
 
 

@@ -24,7 +24,7 @@ def test_first_and_last_run_and_references_load(name):
     study, tables = load_study(STUDIES[name])
     tables = changed(tables, {"mesh.divisions": 4, "mesh.rings": 2})
     for panel in study.panels:
-        runs = [panel.all_runs()[place].set for place in (0, -1)]
+        runs = [panel.all_runs()[position].set for position in (0, -1)]
         for changes in (*runs, *study.references.values()):
             case_from_tables(changed(tables, panel.set, changes), folder=STUDIES[name].parent)
 

@@ -47,13 +47,13 @@ def axis_of(study):
 
 def test_all_combinations_with_last_axis_fastest(read):
     study = read(STUDY)
-    found = list(study.changes())
-    assert [label for label, _ in found][:3] == [
+    computed = list(study.changes())
+    assert [label for label, _ in computed][:3] == [
         "contact.law.mu = 0, load = light",
         "contact.law.mu = 0, load = heavy",
         "contact.law.mu = 0.3, load = light",
     ]
-    assert found[3][1] == {"solver.tolerance": 1e-6, "contact.law.mu": 0.3, "steps[1].approach": "20 um"}
+    assert computed[3][1] == {"solver.tolerance": 1e-6, "contact.law.mu": 0.3, "steps[1].approach": "20 um"}
     mu, load = study.result_axes()
     np.testing.assert_array_equal(mu.values, [0.0, 0.3, np.inf])
     assert (load.labels, load.values) == (("light", "heavy"), None)
@@ -233,11 +233,11 @@ def test_documented_selections(read, tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     write_sweep(tmp_path / "out", made)
     monkeypatch.chdir(tmp_path)
-    found: dict = {}
-    exec(select, found)
-    np.testing.assert_array_equal(found["deep"], numbers[:, 1])
-    np.testing.assert_array_equal(found["frictional"], numbers[2])
-    np.testing.assert_array_equal(found["insulating"], numbers[:, :, 0])
+    namespace: dict = {}
+    exec(select, namespace)
+    np.testing.assert_array_equal(namespace["deep"], numbers[:, 1])
+    np.testing.assert_array_equal(namespace["frictional"], numbers[2])
+    np.testing.assert_array_equal(namespace["insulating"], numbers[:, :, 0])
 
 
 def test_named_axis(read):

@@ -94,7 +94,7 @@ def test_key_of_a_point_contains_everything_relevant(point):
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "message"),
     [
         (None, "indenter.radius: TOML does not support values of type NoneType: None"),
         ([10**5000], "indenter.radius[1]: an integer of 16610 binary digits"),
@@ -102,10 +102,10 @@ def test_key_of_a_point_contains_everything_relevant(point):
         (np.array([0.1, 0.2]), "radius"),
     ],
 )
-def test_invalid_values_reject_their_point(point, value, told):
+def test_invalid_values_reject_their_point(point, value, message):
     refused = point(**{"indenter.radius": value})
     assert refused.case is None
-    assert told in str(refused.problems[0])
+    assert message in str(refused.problems[0])
 
 
 def test_points_are_grouped_by_bodies(point):
@@ -126,29 +126,29 @@ def test_points_are_grouped_by_bodies(point):
 def test_equal_points_are_solved_once(point, tmp_path):
     points = [point("a"), point("b", **{"steps[1].approach": "20 um"}), point("c", title="c")]
     assert points[0].key == points[2].key
-    found = dict(solve_points(points, InProcess(), tmp_path / "systems", tmp_path / "points"))
-    assert found.keys() == {points[0].key, points[1].key}
-    assert {path.name for path in (tmp_path / "points").iterdir()} == found.keys()
+    solution = dict(solve_points(points, InProcess(), tmp_path / "systems", tmp_path / "points"))
+    assert solution.keys() == {points[0].key, points[1].key}
+    assert {path.name for path in (tmp_path / "points").iterdir()} == solution.keys()
 
 
 def test_stored_outcome_is_bitwise_identical(point, tmp_path):
     here = point(**{"contact.law": {"name": "isotropic-coulomb", "mu": 0.3}})
     ((_, made),) = solve_points([here], InProcess(), tmp_path / "systems")
     write_outcome(tmp_path / "point", made)
-    found = read_outcome(tmp_path / "point")
-    assert (found.status, found.message) == (made.status, made.message)
+    computed = read_outcome(tmp_path / "point")
+    assert (computed.status, computed.message) == (made.status, made.message)
     for name in ("traction", "displacement", "potentials", "slip", "region"):
-        values = [getattr(outcome.result.steps[-1], name) for outcome in (found, made)]
+        values = [getattr(outcome.result.steps[-1], name) for outcome in (computed, made)]
         np.testing.assert_array_equal(*values, strict=True)
-    assert found.result.provenance == made.result.provenance
+    assert computed.result.provenance == made.result.provenance
     assert case_key(here.case) == here.key
 
 
 def test_finished_points_are_reused_and_failed_ones_repeated(tmp_path):
     for status, kept in ((PointStatus.REFUSED, True), (PointStatus.FAILED, False)):
         write_outcome(tmp_path / status, Outcome(status, "why"))
-        found = read_outcome(tmp_path / status)
-        assert (found is not None) is kept
+        computed = read_outcome(tmp_path / status)
+        assert (computed is not None) is kept
     assert read_outcome(tmp_path / "refused").message == "why"
     (tmp_path / "refused" / "refused.json").write_text('{"mess')
     assert read_outcome(tmp_path / "refused") is None, "a damaged file is none"
@@ -227,11 +227,11 @@ ENDS = [
 @pytest.mark.parametrize(("error", "status"), ENDS)
 def test_failed_reduction_affects_only_its_points(point, tmp_path, error, status):
     points = [group_of(point, Ending(error)), point()]
-    found = dict(solve_points(points, InProcess(), tmp_path / "systems", tmp_path / "points"))
-    assert [found[each.key].status for each in points] == [status, PointStatus.CONVERGED]
-    assert "no" in found[points[0].key].message
-    kept = {path.name for path in (tmp_path / "points").iterdir()}
-    assert kept == {each.key for each in points if found[each.key].status is not PointStatus.FAILED}
+    solution = dict(solve_points(points, InProcess(), tmp_path / "systems", tmp_path / "points"))
+    assert [solution[each.key].status for each in points] == [status, PointStatus.CONVERGED]
+    assert "no" in solution[points[0].key].message
+    files = {path.name for path in (tmp_path / "points").iterdir()}
+    assert files == {each.key for each in points if solution[each.key].status is not PointStatus.FAILED}
 
 
 @pytest.mark.parametrize(("error", "status"), ENDS)
@@ -293,8 +293,8 @@ def test_only_one_group_holds_systems_at_a_time(point, tmp_path):
     alive = WeakSet()
     points = [group_of(point, Ending(None, alive), **{"mesh.rings": rings}) for rings in (2, 3)]
     assert len(grouped(points)) == 2
-    found = dict(solve_points(points, InProcess(), tmp_path / "systems"))
-    assert [outcome.status for outcome in found.values()] == [PointStatus.CONVERGED] * 2
+    solution = dict(solve_points(points, InProcess(), tmp_path / "systems"))
+    assert [outcome.status for outcome in solution.values()] == [PointStatus.CONVERGED] * 2
 
 
 def test_workers_with_different_code_are_detected(point, monkeypatch):

@@ -13,17 +13,17 @@ MESH = {"divisions": 16, "rings": 8, "layers": 4, "height": "120 mm", "half_widt
 def test_counts_and_growth_factors(registry):
     tables = {"mesh": MESH | {"layer_growth": 1.2}, "formulation": {"name": "skfem", "growth": 1.3, "layers": 6}}
     before = deepcopy(tables)
-    found = coarsen(tables, 2.0, registry)
-    assert found["mesh"] == MESH | {"divisions": 8, "rings": 4, "layers": 2, "layer_growth": pytest.approx(1.44)}
-    assert found["formulation"] == {"name": "skfem", "growth": pytest.approx(1.69), "layers": 3}
+    coarse = coarsen(tables, 2.0, registry)
+    assert coarse["mesh"] == MESH | {"divisions": 8, "rings": 4, "layers": 2, "layer_growth": pytest.approx(1.44)}
+    assert coarse["formulation"] == {"name": "skfem", "growth": pytest.approx(1.69), "layers": 3}
     assert tables == before
 
 
 def test_defaults_are_coarsened(registry):
     """skfem has a growth of 1.5, a block a layer growth of 1.5, a half space none."""
-    found = coarsen({"mesh": MESH, "formulation": "skfem"}, 2.0, registry)
-    assert found["mesh"]["layer_growth"] == pytest.approx(2.25)
-    assert found["formulation"] == {"name": "skfem", "growth": pytest.approx(2.25)}
+    coarse = coarsen({"mesh": MESH, "formulation": "skfem"}, 2.0, registry)
+    assert coarse["mesh"]["layer_growth"] == pytest.approx(2.25)
+    assert coarse["formulation"] == {"name": "skfem", "growth": pytest.approx(2.25)}
     half_space = {"type": "half-space", "divisions": [16, 9], "rings": 8}
     assert coarsen({"mesh": half_space}, 2.0, registry)["mesh"] == half_space | {"divisions": [8, 4], "rings": 4}
     assert coarsen({"mesh": MESH, "formulation": "dense-bem"}, 2.0, registry)["formulation"] == {"name": "dense-bem"}
@@ -32,15 +32,15 @@ def test_defaults_are_coarsened(registry):
 
 
 def test_the_same_size_is_the_same_mesh(registry):
-    found = coarsen({"mesh": MESH}, 1.0, registry)
-    assert found["mesh"] == MESH | {"layer_growth": 1.5}
+    coarse = coarsen({"mesh": MESH}, 1.0, registry)
+    assert coarse["mesh"] == MESH | {"layer_growth": 1.5}
 
 
 def test_both_bodies_are_coarsened(registry):
     second_body = {"mesh": MESH | {"divisions": 12}, "formulation": {"name": "skfem"}}
-    found = coarsen({"mesh": MESH, "second_body": second_body}, 4.0, registry)
-    assert (found["mesh"]["divisions"], found["second_body"]["mesh"]["divisions"]) == (4, 3)
-    assert found["second_body"]["formulation"]["growth"] == pytest.approx(1.5**4)
+    coarse = coarsen({"mesh": MESH, "second_body": second_body}, 4.0, registry)
+    assert (coarse["mesh"]["divisions"], coarse["second_body"]["mesh"]["divisions"]) == (4, 3)
+    assert coarse["second_body"]["formulation"]["growth"] == pytest.approx(1.5**4)
 
 
 def test_at_least_one_element_remains(registry):

@@ -24,9 +24,9 @@ def test_torque_of_sticking_flat_punch(bed, frictional):
     twisted = bed.follow(frictional, system, Step(approach=1e-6), Step(twist=1e-4), **changes)
     torque = twisted.total("torque")
     assert torque == pytest.approx(16 / 3 * bed.young / 3 * radius**3 * 1e-4, rel=0.06)
-    found = bed.follow(frictional, system, Step(approach=1e-6), Step(torque=torque), **changes)
-    assert found.motion[1] == pytest.approx(twisted.motion[1], rel=1e-8, abs=1e-16)
-    assert (found.steps[1].region != Region.SLIP).all()
+    computed = bed.follow(frictional, system, Step(approach=1e-6), Step(torque=torque), **changes)
+    assert computed.motion[1] == pytest.approx(twisted.motion[1], rel=1e-8, abs=1e-16)
+    assert (computed.steps[1].region != Region.SLIP).all()
 
 
 def test_sphere_under_force_is_hertzian_and_separates_at_zero_load(bed, frictional):
@@ -62,7 +62,7 @@ def test_floating_conductor_preserves_its_charge(bed, frictional, system):
     )
     assert min(abs(held.total("charge")), abs(held.total("magnetic_flux"))) > 0
     given = {key: held.total(key) for key in ("charge", "magnetic_flux")}
-    found = bed.follow(
+    computed = bed.follow(
         frictional,
         system,
         Step(approach=3e-5, scalars=given),
@@ -70,12 +70,12 @@ def test_floating_conductor_preserves_its_charge(bed, frictional, system):
         potentials={"electric_potential": 7.0, "magnetic_potential": 1.0},
         **law,
     )
-    assert found.motion[0] == pytest.approx(held.motion[0], rel=1e-8)
+    assert computed.motion[0] == pytest.approx(held.motion[0], rel=1e-8)
     np.testing.assert_allclose(
-        found.steps[0].fluxes, held.steps[0].fluxes, rtol=1e-6, atol=1e-9 * np.abs(held.steps[0].fluxes).max()
+        computed.steps[0].fluxes, held.steps[0].fluxes, rtol=1e-6, atol=1e-9 * np.abs(held.steps[0].fluxes).max()
     )
-    assert found.resultants[1, 6] == pytest.approx(given["charge"] / 2, rel=1e-8)
-    assert found.motion[2, 6] == pytest.approx(0.0, abs=1e-8 * 40.0)
+    assert computed.resultants[1, 6] == pytest.approx(given["charge"] / 2, rel=1e-8)
+    assert computed.motion[2, 6] == pytest.approx(0.0, abs=1e-8 * 40.0)
 
 
 def test_initial_potentials_and_ramps(bed, frictional, system):

@@ -132,8 +132,8 @@ def test_restart(write_case, registry, tmp_path, second_body):
     text = write_case(('"10 um"', '"20 um"'), more=f'\n[restart]\nfrom = "first"\n{second_body}')
     (continued,) = meeframe.solve_case(load_case(text, registry)).steps
     for name in ("traction", "displacement", "total_slip"):
-        found, expected = getattr(continued, name), getattr(both[1], name)
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
+        computed, expected = getattr(continued, name), getattr(both[1], name)
+        np.testing.assert_allclose(computed, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
     alone = load_case(write_case(('"10 um"', '"20 um"'), more='\n[restart]\nfrom = "first"\n'), registry)
     with pytest.raises(CaseError, match="cause other displacements in this body"):
         meeframe.solve_case(alone)
@@ -176,10 +176,10 @@ def test_each_body_is_cached(case, tmp_path):
     assert len(list(tmp_path.glob("*.h5"))) == 2
     cached_reduce(replace(case, second_body=None), tmp_path)
     assert len(list(tmp_path.glob("*.h5"))) == 2, "a body alone is one of the two"
-    found = cached_reduce(case, tmp_path)
-    assert len(found.terms) == 2
-    np.testing.assert_array_equal(found.dense(), made.dense())
-    np.testing.assert_array_equal(found.dense(), reduce(case).dense())
+    cached = cached_reduce(case, tmp_path)
+    assert len(cached.terms) == 2
+    np.testing.assert_array_equal(cached.dense(), made.dense())
+    np.testing.assert_array_equal(cached.dense(), reduce(case).dense())
 
 
 WRONG = {

@@ -19,12 +19,12 @@ SINGLE = float(np.finfo(np.float32).eps)
 
 def moving(problem, fields=(0, 2, 3, 4)):
     """Return a problem whose indenter may move along these fields, including a tilt."""
-    found = []
+    computed = []
     for field in fields:
         mode = np.zeros_like(problem.system.offset)
         mode[:, field] = 1.0 + (100.0 * problem.system.points[:, 0] if field == 2 else 0.0)
-        found.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, 1.0))
-    return replace(problem, prescribed_resultants=tuple(found))
+        computed.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, 1.0))
+    return replace(problem, prescribed_resultants=tuple(computed))
 
 
 def far_off(problem) -> ResidualState:
@@ -103,10 +103,10 @@ def test_nodes_at_a_bound_are_linearised_by_their_fraction(law: ContactLaw, end:
     assert (here.trial[node, 2] < 0.0) != (there.trial[node, 2] < 0.0)
     expected = (rows[0].residual - rows[1].residual)[node, :5] / np.ptp(widths)
     blocks, caused = here.linearise(), problem.system.apply(change)
-    found = (blocks.a.dense(6)[node, :5, :5] @ change[node]) + blocks.b.dense(5)[node, :5] @ caused[node]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
-    apart = 2e-6 * point.sigma[node] / equation.scales.pressure  # to the distance of the two states
-    np.testing.assert_allclose(blocks.residual[node, :3], there.residual[node, :3], rtol=1e-5, atol=apart)
+    computed = (blocks.a.dense(6)[node, :5, :5] @ change[node]) + blocks.b.dense(5)[node, :5] @ caused[node]
+    np.testing.assert_allclose(computed, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
+    separated = 2e-6 * point.sigma[node] / equation.scales.pressure  # to the distance of the two states
+    np.testing.assert_allclose(blocks.residual[node, :3], there.residual[node, :3], rtol=1e-5, atol=separated)
 
 
 def test_changed_fractions_match_a_new_evaluation(conducting) -> None:
@@ -120,10 +120,12 @@ def test_changed_fractions_match_a_new_evaluation(conducting) -> None:
     load[~np.isfinite(problem.gap)] = 0.0
     fractions, masks = random.normal(0.5, 0.7, (2, n)), random.random((2, n)) < 0.5
     point = equation.at(load, fractions[0], masks[0], AT_REST)
-    found, expected = (
+    computed, expected = (
         point.with_contact_fraction(fractions[1], masks[1]),
         equation.at_relative_displacement(point.load, point.relative_displacement, fractions[1], masks[1], AT_REST),
     )
     for name in ("contact_fraction", "biactive", "transmissivity", "switch", "sigma", "drive", "residual"):
-        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-12, atol=1e-13, err_msg=name)
-    assert not np.allclose(found.residual, point.residual)
+        np.testing.assert_allclose(
+            getattr(computed, name), getattr(expected, name), rtol=1e-12, atol=1e-13, err_msg=name
+        )
+    assert not np.allclose(computed.residual, point.residual)

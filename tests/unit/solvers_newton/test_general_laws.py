@@ -217,14 +217,14 @@ def test_charge_with_conduction_at_highest_pressure_only(problem) -> None:
     equation = ContactResidual.of(problem)
     law = BeyondPressure(1.0 / equation.self_compliance[0, 0], 1.1 * equation.scales.pressure)
     problem = replace(problem.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
-    given = solve(problem, SemismoothNewton())
-    charge = problem.system.weights @ given.state.load[:, 3]
-    assert given.status == "converged"
+    reference = solve(problem, SemismoothNewton())
+    charge = problem.system.weights @ reference.state.load[:, 3]
+    assert reference.status == "converged"
     assert abs(charge) > 0.0
     mode = np.tile([0.0, 0.0, 0.0, -1.0, 0.0], (256, 1))
     resultant = PrescribedResultant(mode, -problem.system.weights[:, None] * mode, charge)
     free = replace(problem, potentials=np.zeros((256, 2)), prescribed_resultants=(resultant,))
     for solver in (SemismoothNewton(), BarzilaiBorwein()):
-        found = solve(free, solver)
-        assert found.status == "converged", found.message
-        assert found.state.motion[0] == pytest.approx(1e3, rel=1e-6)
+        solution = solve(free, solver)
+        assert solution.status == "converged", solution.message
+        assert solution.state.motion[0] == pytest.approx(1e3, rel=1e-6)

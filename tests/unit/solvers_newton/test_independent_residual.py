@@ -28,13 +28,13 @@ def make_problem(conducting):
 
     def make(law, name: str) -> ContactProblem:
         problem = conducting(NODES, 0.3, law, Insulating(), dragged=(3e-7, 1e-7))
-        own = np.abs(diagonal(problem.system, (3, 4))[0])
+        compliance = np.abs(diagonal(problem.system, (3, 4))[0])
         if name == "insulated":
             return problem
         if name == "power":
-            laws = [PowerLaw(1.0 / o, 1e8, exponent) for o, exponent in zip(own, (0.5, 0.95), strict=True)]
+            laws = [PowerLaw(1.0 / o, 1e8, exponent) for o, exponent in zip(compliance, (0.5, 0.95), strict=True)]
         else:
-            laws = [StepConductivity(k / o) for k, o in zip(KAPPA.get(name, KAPPA["perfect"]), own, strict=True)]
+            laws = [StepConductivity(k / o) for k, o in zip(KAPPA.get(name, KAPPA["perfect"]), compliance, strict=True)]
         problem = replace(problem, channels=flux_channels(laws[0], laws[1]))
         if name != "free":
             return problem
@@ -106,8 +106,8 @@ def test_contact_residual_agrees_with_independent_residual(law, name: str, chang
 
 
 def test_scale_of_potential_drops(make_problem) -> None:
-    """Where little conducts and where fractions are intermediate, the scale exceeds that of the rows of the contact
-    residual."""
+    """The scale exceeds that of the rows of the contact residual where little conducts and where fractions are
+    intermediate."""
     problem = make_problem(COULOMB, "perfect")
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
     assert ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()

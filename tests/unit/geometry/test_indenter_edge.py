@@ -19,22 +19,22 @@ def punch(points, _frames):
 
 
 def test_distance_and_direction_from_a_circle():
-    rim = find_indenter_edge(punch, POINTS, FRAMES, REACH)
+    indenter_edge = find_indenter_edge(punch, POINTS, FRAMES, REACH)
     exact = RADIUS - np.hypot(X, Y)
     near = np.abs(exact) < 0.95 * REACH
     assert near.sum() > 100
-    assert rim.distance[near] == pytest.approx(exact[near], rel=2e-3)
-    assert (np.sign(rim.distance[~near]) == np.sign(exact[~near])).all()
-    cosine = np.einsum("na,na->n", rim.outward[near], POINTS[near, :2] / np.hypot(X, Y)[near, None])
+    assert indenter_edge.distance[near] == pytest.approx(exact[near], rel=2e-3)
+    assert (np.sign(indenter_edge.distance[~near]) == np.sign(exact[~near])).all()
+    cosine = np.einsum("na,na->n", indenter_edge.outward[near], POINTS[near, :2] / np.hypot(X, Y)[near, None])
     assert cosine.min() > 0.99
 
 
 def test_gap_is_extrapolated_linearly_beyond_the_edge():
-    rim = find_indenter_edge(punch, POINTS, FRAMES, REACH)
+    indenter_edge = find_indenter_edge(punch, POINTS, FRAMES, REACH)
     distance = RADIUS - np.hypot(X, Y)
-    beside = (distance < 0.0) & (distance > -0.95 * REACH)
-    assert rim.gap[beside] == pytest.approx((0.1 * X + 0.3)[beside], abs=1e-6)
-    assert np.isinf(rim.gap[distance > 0.0]).all()
+    outside = (distance < 0.0) & (distance > -0.95 * REACH)
+    assert indenter_edge.gap[outside] == pytest.approx((0.1 * X + 0.3)[outside], abs=1e-6)
+    assert np.isinf(indenter_edge.gap[distance > 0.0]).all()
 
 
 def test_indenter_without_end_has_no_edge():

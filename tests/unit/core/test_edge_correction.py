@@ -29,14 +29,14 @@ def test_matrix_and_operator_agree():
 
 
 def problem(kappa, area_fraction=None) -> ContactProblem:
-    found = indentation_problem(SYSTEM, np.zeros(25), 0.1, Signorini(), (kappa, 0.0))
+    computed = indentation_problem(SYSTEM, np.zeros(25), 0.1, Signorini(), (kappa, 0.0))
     return ContactProblem(
-        found.system,
-        found.contact_law,
-        found.with_laws(electric=StepConductivity(kappa)).channels,
-        found.gap,
-        found.translation,
-        found.potentials,
+        computed.system,
+        computed.contact_law,
+        computed.with_laws(electric=StepConductivity(kappa)).channels,
+        computed.gap,
+        computed.translation,
+        computed.potentials,
         area_fraction=area_fraction,
     )
 
@@ -46,10 +46,10 @@ def test_area_fractions_conduct_with_and_without_pressure():
     traction = np.where(np.arange(25) % 2 == 0, -1.0, 0.0)
     contact_fraction = (traction < 0.0).astype(float)
     case = problem(4.0, area_fraction)
-    found = resistances(case, traction, contact_fraction, np.abs(potential_diagonal(case)))
-    assert found[:10, 0] == pytest.approx(1.0)
-    assert (found[10:, 0] == np.where(contact_fraction[10:] > 0.0, 0.25, np.inf)).all()
-    assert np.isinf(found[:, 1]).all()
+    computed = resistances(case, traction, contact_fraction, np.abs(potential_diagonal(case)))
+    assert computed[:10, 0] == pytest.approx(1.0)
+    assert (computed[10:, 0] == np.where(contact_fraction[10:] > 0.0, 0.25, np.inf)).all()
+    assert np.isinf(computed[:, 1]).all()
     perfect = resistances(problem(np.inf, area_fraction), traction, contact_fraction, np.abs(potential_diagonal(case)))
     assert (perfect[:10, 0] == 0.0).all()
 

@@ -335,9 +335,9 @@ def test_curved_zones_in_global_axes(seed: int, n: int) -> None:
     both = combine_bodies(first, second_body)
     force = random.standard_normal((n, 5))
     load = np.einsum("naj,nj->na", local_to_global(first), force)
-    turned = force.copy()
-    turned[:, :3] = force[:, :3] @ TURN
-    reaction = np.einsum("naj,nj->na", local_to_global(second_body), -turned[order])
+    rotated = force.copy()
+    rotated[:, :3] = force[:, :3] @ TURN
+    reaction = np.einsum("naj,nj->na", local_to_global(second_body), -rotated[order])
     np.testing.assert_allclose(second_load(both, load), reaction, atol=1e-12)
     moved = np.einsum("naj,na->nj", local_to_global(first), first.offset + first.apply(load))
     answer = np.empty((n, 5))

@@ -20,27 +20,27 @@ class Thing:
 
 
 def test_value_is_computed_once_for_each_object_and_arguments() -> None:
-    asked = []
+    calls = []
 
     @memoize_by_identity
     def scaled(thing: Thing, factor: float, *more: float) -> float:
-        asked.append((thing, factor, *more))
+        calls.append((thing, factor, *more))
         return thing.size * factor + sum(more)
 
     one, other = Thing(2.0), Thing(3.0)
     for _ in range(2):
         assert [scaled(one, 2.0), scaled(one, 5.0), scaled(one, 5.0, 1.0), scaled(other, 2.0)] == [4.0, 10.0, 11.0, 6.0]
-    assert asked == [(one, 2.0), (one, 5.0), (one, 5.0, 1.0), (other, 2.0)]
+    assert calls == [(one, 2.0), (one, 5.0), (one, 5.0, 1.0), (other, 2.0)]
 
 
 def test_value_is_released_with_its_object() -> None:
     made = memoize_by_identity(lambda thing, name: np.zeros(3))
     thing = Thing()
-    found = ref(made(thing, "a"))
-    assert found() is made(thing, "a")
+    computed = ref(made(thing, "a"))
+    assert computed() is made(thing, "a")
     del thing
     gc.collect()
-    assert found() is None
+    assert computed() is None
 
 
 def test_errors_are_not_memoized() -> None:

@@ -62,10 +62,10 @@ def solutions(
 ) -> tuple[ContactSolution, ContactSolution]:
     """Return solutions with and without restriction; the latter comes second, so that the first one computes
     entries."""
-    found = solve(problem, SemismoothNewton(), LIMITS, start)
+    computed = solve(problem, SemismoothNewton(), LIMITS, start)
     with monkeypatch.context() as without:
         without.setattr(newton, "contact_neighbourhood", lambda problem, contact: None)
-        return found, solve(problem, SemismoothNewton(), LIMITS, start)
+        return computed, solve(problem, SemismoothNewton(), LIMITS, start)
 
 
 def record_sizes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -81,22 +81,24 @@ def record_sizes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return sizes
 
 
-def check_same(found: ContactSolution, other: ContactSolution) -> None:
-    assert found.status is other.status is Status.CONVERGED
+def check_same(computed: ContactSolution, other: ContactSolution) -> None:
+    assert computed.status is other.status is Status.CONVERGED
     for field in range(5):
         largest = np.abs(other.state.load[:, field]).max()
-        np.testing.assert_allclose(found.state.load[:, field], other.state.load[:, field], atol=1e-7 * largest, rtol=0)
-    np.testing.assert_array_equal(found.state.contact_fraction > 0.0, other.state.contact_fraction > 0.0)
+        np.testing.assert_allclose(
+            computed.state.load[:, field], other.state.load[:, field], atol=1e-7 * largest, rtol=0
+        )
+    np.testing.assert_array_equal(computed.state.contact_fraction > 0.0, other.state.contact_fraction > 0.0)
 
 
 def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[PrescribedResultant, ...]:
     """Return a normal force and half of the tangential force that friction can carry."""
-    totals, found = {2: -force, 0: 0.5 * MU * force, 1: 0.0}, []
+    totals, computed = {2: -force, 0: 0.5 * MU * force, 1: 0.0}, []
     for field, total in totals.items():
         mode = np.zeros_like(system.offset)
         mode[:, field] = 1.0
-        found.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))
-    return tuple(found)
+        computed.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))
+    return tuple(computed)
 
 
 @pytest.mark.full(except_for=3)
@@ -127,9 +129,9 @@ def test_restriction_does_not_change_the_solution(given: dict[str, Any], monkeyp
             problem, gap=gap, translation=still, prescribed_resultants=prescribed_resultants(system, force)
         )
     sizes = record_sizes(monkeypatch)
-    found, whole = solutions(problem, monkeypatch)
+    restricted, unrestricted = solutions(problem, monkeypatch)
     assert min(sizes) < 0.5 * len(problem.gap)
-    check_same(found, whole)
+    check_same(restricted, unrestricted)
 
 
 def halve_restrictions(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
@@ -141,8 +143,8 @@ def test_contact_outside_the_restriction_is_found(monkeypatch: pytest.MonkeyPatc
     problem = sphere(half_space(), (0.05, -0.1))
     with monkeypatch.context() as given:
         given.setattr(newton, "contact_neighbourhood", halve_restrictions)
-        found = solve(problem, SemismoothNewton(), LIMITS)
-    check_same(found, solutions(problem, monkeypatch)[1])
+        computed = solve(problem, SemismoothNewton(), LIMITS)
+    check_same(computed, solutions(problem, monkeypatch)[1])
 
 
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
@@ -152,17 +154,17 @@ def test_asperity_outside_the_restriction_is_found(law: ContactLaw, monkeypatch:
     coarse = coarse_problem(smooth)
     assert coarse is not None
     between = np.setdiff1d(np.arange(len(smooth.gap)), coarse.coarsening.nodes)
-    place = WIDTH * np.array([-0.36, 0.35])
-    node = between[np.linalg.norm(smooth.system.points[between, :2] - place, axis=1).argmin()]
+    position = WIDTH * np.array([-0.36, 0.35])
+    node = between[np.linalg.norm(smooth.system.points[between, :2] - position, axis=1).argmin()]
     bump = np.arange(len(smooth.gap)) == node
     problem = replace(smooth, gap=np.where(bump, 0.6 * smooth.gap.min(), smooth.gap))
     started = SemismoothNewton().init(problem, None).memory_as(newton._Memory)
     assert started.neighbourhood is not None
     assert node not in started.neighbourhood.nodes
-    found, whole = solutions(problem, monkeypatch)
-    check_same(found, whole)
-    assert found.state.load[node, 2] < 0.0
-    assert law_residual(problem, found.state, problem_scales(problem)) <= LIMITS.tolerance
+    restricted, unrestricted = solutions(problem, monkeypatch)
+    check_same(restricted, unrestricted)
+    assert restricted.state.load[node, 2] < 0.0
+    assert law_residual(problem, restricted.state, problem_scales(problem)) <= LIMITS.tolerance
 
 
 def test_failed_step_leads_to_the_whole_zone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,17 +173,17 @@ def test_failed_step_leads_to_the_whole_zone(monkeypatch: pytest.MonkeyPatch) ->
     step, failed = newton.newton_step, list[int]()
 
     def once_without(equation: ContactResidual, *given: Any) -> Step:
-        found = step(equation, *given)
+        computed = step(equation, *given)
         if failed or len(equation.blocks) == equation.count:
-            return found
+            return computed
         failed.append(len(equation.blocks))
-        return replace(found, local=np.full_like(found.local, np.nan))
+        return replace(computed, local=np.full_like(computed.local, np.nan))
 
     with monkeypatch.context() as given:
         given.setattr(newton, "newton_step", once_without)
-        found = solve(problem, SemismoothNewton(), LIMITS)
+        computed = solve(problem, SemismoothNewton(), LIMITS)
     assert failed
-    check_same(found, solutions(problem, monkeypatch)[1])
+    check_same(computed, solutions(problem, monkeypatch)[1])
 
 
 @pytest.mark.parametrize(("before", "after"), [((0.05, -0.1), (0.08, -0.1)), ((0.4, 0.4), (-0.4, -0.4))])
@@ -192,10 +194,10 @@ def test_earlier_solutions_have_no_influence(
     system = half_space()
     start = solve(sphere(system, before), SemismoothNewton(), LIMITS).state
     sizes = record_sizes(monkeypatch)
-    found, whole = solutions(sphere(system, after), monkeypatch, start)
+    restricted, unrestricted = solutions(sphere(system, after), monkeypatch, start)
     assert sizes
-    check_same(found, whole)
-    for solution in (found, whole):
+    check_same(restricted, unrestricted)
+    for solution in (restricted, unrestricted):
         open_ = solution.state.contact_fraction == 0.0
         assert not solution.state.load[open_].any()
 
@@ -205,9 +207,9 @@ def test_shrinking_contact_uses_a_restriction(monkeypatch: pytest.MonkeyPatch) -
     start = solve(sphere(system, (0.0, 0.0), 0.5), SemismoothNewton(), LIMITS).state
     assert contact_neighbourhood(sphere(system, (0.0, 0.0)), start.load.any(axis=1)) is None
     sizes = record_sizes(monkeypatch)
-    found, whole = solutions(sphere(system, (0.0, 0.0)), monkeypatch, start)
+    restricted, unrestricted = solutions(sphere(system, (0.0, 0.0)), monkeypatch, start)
     assert sizes
-    check_same(found, whole)
+    check_same(restricted, unrestricted)
 
 
 def test_edge_resolution_on_a_restriction(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -217,9 +219,9 @@ def test_edge_resolution_on_a_restriction(monkeypatch: pytest.MonkeyPatch) -> No
     finer = resolve_edges(problem, start)
     assert finer is not None
     sizes = record_sizes(monkeypatch)
-    found, whole = solutions(finer, monkeypatch, start)
+    restricted, unrestricted = solutions(finer, monkeypatch, start)
     assert sizes
-    check_same(found, whole)
+    check_same(restricted, unrestricted)
 
 
 def test_tilt_shifts_a_paraboloid(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -265,7 +267,7 @@ def test_indenter_edge_inside_a_restriction(monkeypatch: pytest.MonkeyPatch) -> 
     problem, radius = sphere(system, (0.0, 0.0)), np.hypot(*system.points[:, :2].T)
     punch = replace(problem, gap=np.where(radius < 0.2 * WIDTH, -1e-3 * WIDTH, np.inf))
     sizes = record_sizes(monkeypatch)
-    found, whole = solutions(punch, monkeypatch)
+    restricted, unrestricted = solutions(punch, monkeypatch)
     assert sizes
-    assert (found.state.load[np.isfinite(punch.gap), 2] < 0.0).mean() > 0.5
-    check_same(found, whole)
+    assert (restricted.state.load[np.isfinite(punch.gap), 2] < 0.0).mean() > 0.5
+    check_same(restricted, unrestricted)

@@ -71,8 +71,8 @@ def test_derivatives_of_the_fixed_point_map(law: ContactLaw) -> None:
 
     axes = width * np.eye(3)
     expected = [np.stack([derivative(axis) for axis in axes], axis=2) for derivative in (differences, of_gap)]
-    found = traction_tangents(law, augmented_traction(law, traction, gap, R), gap, R)
-    for one, other in zip(found, expected, strict=True):
+    computed = traction_tangents(law, augmented_traction(law, traction, gap, R), gap, R)
+    for one, other in zip(computed, expected, strict=True):
         off = np.abs(one - other).max(axis=(1, 2)) > 1e-4
         assert off.sum() <= 2, "but at kinks"
         assert np.abs(other).max() > 0.1

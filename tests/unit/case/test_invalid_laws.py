@@ -223,7 +223,7 @@ class UndefinedAbove(ConductivityLaw):
 
 
 @pytest.mark.parametrize(
-    ("law", "pressure", "told", "refused"),
+    ("law", "pressure", "message", "refused"),
     [
         (Decreasing(1e8), 1e6, False, False),
         (Decreasing(1e8), 1e9, True, True),
@@ -233,7 +233,7 @@ class UndefinedAbove(ConductivityLaw):
         (UndefinedAbove(), 1e9, False, False),
     ],
 )
-def test_divergence_is_not_attributed_to_a_law(case, law, pressure, told, refused):
+def test_divergence_is_not_attributed_to_a_law(case, law, pressure, message, refused):
     """The law is responsible only if it returns no conductivity at a pressure of the problem, here 1 GPa."""
     case = replace(
         case, solver=Diverging(pressure), potentials={"electric_potential": 100.0}, conductivity={"electric": law}
@@ -246,7 +246,7 @@ def test_divergence_is_not_attributed_to_a_law(case, law, pressure, told, refuse
     (step,) = meeframe.solve_case(case).steps
     assert step.status is Status.DIVERGED
     assert "not a finite number at iteration 2" in step.message
-    assert bool(re.search(TOLD, step.message)) is told
+    assert bool(re.search(TOLD, step.message)) is message
     outcome = solved(case, [reduce(case)])
     assert outcome.status is PointStatus.NOT_CONVERGED
     assert outcome.message == step.message

@@ -143,9 +143,9 @@ def test_rotated_frames_with_opposite_angle_on_curved_zone(cap, angle) -> None:
     expected = tractions(cap, socket_problem(cap, OrthotropicCoulomb(0.1, 0.5, 0.3)))
     e1, e2 = cap.frames[:, 0], cap.frames[:, 1]
     other = rotate_frames(cap, np.cos(angle) * e1 + np.sin(angle) * e2)
-    found = tractions(other, socket_problem(other, OrthotropicCoulomb(0.1, 0.5, 0.3 - angle)))
+    computed = tractions(other, socket_problem(other, OrthotropicCoulomb(0.1, 0.5, 0.3 - angle)))
     scale = np.abs(expected).max(axis=0)
-    assert (np.abs(found - expected).max(axis=0) <= 1e-8 * scale).all()
+    assert (np.abs(computed - expected).max(axis=0) <= 1e-8 * scale).all()
     wrong = tractions(other, socket_problem(other, OrthotropicCoulomb(0.1, 0.5, 0.3)))
     assert np.abs(wrong - expected)[:, :2].max() > 1e-2 * scale[:2].max()
     touching = expected[:, 2] != 0.0
@@ -155,8 +155,8 @@ def test_rotated_frames_with_opposite_angle_on_curved_zone(cap, angle) -> None:
 def test_isotropic_friction_does_not_depend_on_frames(cap) -> None:
     expected = tractions(cap, socket_problem(cap, IsotropicCoulomb(0.3)))
     other = rotate_frames(cap, np.random.default_rng(0).normal(size=cap.points.shape))
-    found = tractions(other, socket_problem(other, IsotropicCoulomb(0.3)))
-    assert (np.abs(found - expected).max(axis=0) <= 1e-8 * np.abs(expected).max(axis=0)).all()
+    computed = tractions(other, socket_problem(other, IsotropicCoulomb(0.3)))
+    assert (np.abs(computed - expected).max(axis=0) <= 1e-8 * np.abs(expected).max(axis=0)).all()
 
 
 SIDE, CELLS = 2.0, 17
@@ -177,8 +177,8 @@ def test_direction_equals_angle_on_flat_zone(angle: float) -> None:
     expected = tractions(system, flat_problem(system, OrthotropicCoulomb(0.1, 0.5, angle), (0.03, 0.02)))
     axes = FrictionAxes(direction=(3.0 * np.cos(angle), 3.0 * np.sin(angle), 5.0))
     other = rotate_frames(system, axes.directions(system.points))
-    found = tractions(other, flat_problem(other, OrthotropicCoulomb(0.1, 0.5), (0.03, 0.02)))
-    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    computed = tractions(other, flat_problem(other, OrthotropicCoulomb(0.1, 0.5), (0.03, 0.02)))
+    np.testing.assert_allclose(computed, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def twisted(mu1: float, mu2: float, twist: float, radial: bool) -> tuple[Array, Array, Array]:
@@ -206,7 +206,7 @@ def test_radial_axes_preserve_axisymmetry() -> None:
     scale = np.abs(traction).max()
     np.testing.assert_allclose(traction[quarter], traction, atol=1e-8 * scale)
     cells = np.rint(points[:, :2] * CELLS / SIDE).astype(int)
-    straight, oblique = (int(np.flatnonzero((cells == place).all(axis=1))[0]) for place in ([5, 0], [3, 4]))
+    straight, oblique = (int(np.flatnonzero((cells == position).all(axis=1))[0]) for position in ([5, 0], [3, 4]))
     assert pressure[straight] > 0.0
     np.testing.assert_allclose(traction[oblique], traction[straight], atol=0.03 * scale)
     _, _, wrong = twisted(0.1, 0.5, 0.3, radial=False)

@@ -14,12 +14,12 @@ from meeframe.testing.half_space import half_space_system, indentation_problem
 PRESS, X, Y = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
-def is_feasible(law, *given, cells=6) -> bool:
-    """Return True if resultants `given` as (mode (3,) or (n, 3), total) are feasible."""
+def is_feasible(law, *resultants, cells=6) -> bool:
+    """Return True if resultants (mode (3,) or (n, 3), total) are feasible."""
     system = half_space_system(2e-12 * np.eye(3), 5e-3, cells)
     problem = indentation_problem(system, np.zeros(cells**2), 0.0, law)
     prescribed_resultants = []
-    for motion, total in given:
+    for motion, total in resultants:
         mode = np.zeros((cells**2, 5))
         mode[:, :3] = motion(system.points) if callable(motion) else motion
         prescribed_resultants.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))

@@ -82,13 +82,13 @@ def test_initial_estimate_saves_a_product(problem, solution, estimate: float) ->
     """The history contains the estimate instead, and progress starts from it."""
     fractions: list[float] = []
     solver = Estimating(solution, (estimate, 0.5 * TOLERANCE))
-    found = solve(problem, solver, LIMITS, progress=lambda _, fraction: fractions.append(fraction))
+    computed = solve(problem, solver, LIMITS, progress=lambda _, fraction: fractions.append(fraction))
     assert solver.before == [0]
     assert len(products(problem)) == 1  # the independent residual
-    assert found.status is Status.CONVERGED
-    assert found.iterations == 1
-    assert found.residual == pytest.approx(residual(problem, solution), abs=1e-14)
-    np.testing.assert_array_equal(found.history, [[0, estimate], [1, found.residual]])
+    assert computed.status is Status.CONVERGED
+    assert computed.iterations == 1
+    assert computed.residual == pytest.approx(residual(problem, solution), abs=1e-14)
+    np.testing.assert_array_equal(computed.history, [[0, estimate], [1, computed.residual]])
     assert fractions == [1.0]
 
 
@@ -98,50 +98,50 @@ def test_other_initial_states_are_evaluated(problem, solution, estimate: float |
     expected = unloaded(problem, solution)
     products(problem).clear()
     solver = Estimating(solution, (estimate, 0.0))
-    found = solve(problem, solver, LIMITS)
+    computed = solve(problem, solver, LIMITS)
     assert solver.before[0] > 0
-    assert found.status is Status.CONVERGED
-    assert found.iterations == 1
+    assert computed.status is Status.CONVERGED
+    assert computed.iterations == 1
     assert expected > 0.1
-    assert found.history[0] == pytest.approx([0, expected])
+    assert computed.history[0] == pytest.approx([0, expected])
 
 
 @pytest.mark.parametrize("estimate", [None, 0.1 * TOLERANCE])
 def test_initial_state_may_be_the_solution(problem, solution, estimate: float | None) -> None:
     solver = Estimating(solution, (estimate,), still=True)
-    found = solve(problem, solver, LIMITS)
-    assert found.status is Status.CONVERGED
-    assert found.iterations == 0
+    computed = solve(problem, solver, LIMITS)
+    assert computed.status is Status.CONVERGED
+    assert computed.iterations == 0
     assert not solver.before
-    assert found.residual == pytest.approx(residual(problem, solution), abs=1e-14)
-    np.testing.assert_array_equal(found.history, [[0, found.residual]])
-    np.testing.assert_array_equal(found.state.load, solution.load)
+    assert computed.residual == pytest.approx(residual(problem, solution), abs=1e-14)
+    np.testing.assert_array_equal(computed.history, [[0, computed.residual]])
+    np.testing.assert_array_equal(computed.state.load, solution.load)
 
 
 def test_solution_with_pessimistic_estimate(problem, solution) -> None:
-    found = solve(problem, Estimating(solution, (0.5, 0.0), still=True), LIMITS)
-    assert (found.status, found.iterations) == (Status.CONVERGED, 1)
+    computed = solve(problem, Estimating(solution, (0.5, 0.0), still=True), LIMITS)
+    assert (computed.status, computed.iterations) == (Status.CONVERGED, 1)
 
 
 def test_iterations_that_end_between_checks_are_evaluated(problem, solution) -> None:
     """At the iteration limit, the laws determine the status and not the estimate."""
     estimates = (0.7, *np.full(9, 0.5), 0.0)
-    found = solve(problem, Estimating(solution, estimates), replace(LIMITS, max_iterations=4))
-    assert (found.status, found.iterations) == (Status.ITERATION_LIMIT, 4)
-    assert found.residual == pytest.approx(unloaded(problem, solution))
-    assert found.history == pytest.approx(np.array([[0, 0.7], [4, found.residual]]))
+    computed = solve(problem, Estimating(solution, estimates), replace(LIMITS, max_iterations=4))
+    assert (computed.status, computed.iterations) == (Status.ITERATION_LIMIT, 4)
+    assert computed.residual == pytest.approx(unloaded(problem, solution))
+    assert computed.history == pytest.approx(np.array([[0, 0.7], [4, computed.residual]]))
 
 
 @pytest.mark.parametrize("estimate", [None, 0.5, 0.0])
 def test_criterion_of_the_paper_evaluates_each_state(problem, solution, estimate: float | None) -> None:
     """The first change is that of the first step; solvers receive the default tolerance."""
     solver = Estimating(solution, (estimate, estimate))
-    found = solve(problem, solver, StoppingCriteria(1e-6, criterion="paper"))
+    computed = solve(problem, solver, StoppingCriteria(1e-6, criterion="paper"))
     assert solver.before[0] == 1
-    assert found.status is Status.CONVERGED
-    np.testing.assert_array_equal(found.history[:, 0], [1, 2])
+    assert computed.status is Status.CONVERGED
+    np.testing.assert_array_equal(computed.history[:, 0], [1, 2])
     pressures = np.linalg.norm(solution.load[:, :3]) / 1e9
-    assert found.history[:, 1] == pytest.approx([pressures, 0.0])
+    assert computed.history[:, 1] == pytest.approx([pressures, 0.0])
     assert solver.aims == [StoppingCriteria().tolerance]
 
 
@@ -183,10 +183,10 @@ def test_solvers_with_estimates(solver: Solver, law: ContactLaw) -> None:
     less, more = (indentation_problem(system, height, approach, law) for approach in (2e-5, 3e-5))
     for start in (None, solve(less, solver, LIMITS).state):
         watched, estimate = Watched(solver), solver.init(more, start).estimate
-        found = solve(more, watched, LIMITS, start)
-        assert found.status is Status.CONVERGED, found.message
+        computed = solve(more, watched, LIMITS, start)
+        assert computed.status is Status.CONVERGED, computed.message
         assert watched.between[0] == watched.between[1]
         assert estimate is not None
-        assert found.history[0] == pytest.approx([0, estimate], rel=1e-12)
-        assert found.residual == pytest.approx(residual(more, found.state), abs=1e-14)
-        assert found.residual <= TOLERANCE
+        assert computed.history[0] == pytest.approx([0, estimate], rel=1e-12)
+        assert computed.residual == pytest.approx(residual(more, computed.state), abs=1e-14)
+        assert computed.residual <= TOLERANCE
