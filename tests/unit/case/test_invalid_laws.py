@@ -164,7 +164,7 @@ class Decreasing(ConductivityLaw):
         return kappa if self.beyond is None else np.where(normal_traction < -self.limit, self.beyond, kappa)
 
 
-TOLD = r"conductivity\.electric: .* law Falling is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numbers"
+TOLD = r"conductivity\.electric: .* law Decreasing is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numbers"
 
 
 @pytest.mark.full(except_for=3)
@@ -260,29 +260,29 @@ class WithReturnValue(Signorini):
     returns: Callable[[np.ndarray], object] = lambda array: array
 
     def _returned(self, method, right):
-        return self.says(right) if method == self.method else right
+        return self.returns(right) if method == self.method else right
 
     def project(self, trial):
-        return self._said("project", super().project(trial))
+        return self._returned("project", super().project(trial))
 
     def tangential_scaling(self):
-        return self._said("tangential_scaling", np.zeros((2, 2)))
+        return self._returned("tangential_scaling", np.zeros((2, 2)))
 
     def resolve(self, trial, gap, r):
-        return self._said("resolve", super().project(trial))
+        return self._returned("resolve", super().project(trial))
 
     def adhesion(self, gap):
-        return self._said("adhesion", np.zeros(len(gap)))
+        return self._returned("adhesion", np.zeros(len(gap)))
 
     def initial_gap(self, points):
-        return self._said("initial_gap", np.zeros(len(points)))
+        return self._returned("initial_gap", np.zeros(len(points)))
 
     def tangent(self, trial):
-        return self._said("tangent", np.zeros((len(trial), 3, 3)))
+        return self._returned("tangent", np.zeros((len(trial), 3, 3)))
 
     def tangents(self, trial, gap, r):
-        here = self._said("by trial", np.zeros((len(trial), 3, 3)))
-        return self._said("tangents", (here, self._said("by gap", np.zeros((len(trial), 3, 3)))))
+        here = self._returned("by trial", np.zeros((len(trial), 3, 3)))
+        return self._returned("tangents", (here, self._returned("by gap", np.zeros((len(trial), 3, 3)))))
 
 
 SHAPES = {
