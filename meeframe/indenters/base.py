@@ -129,11 +129,11 @@ def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fi
     axis, translation along e1 and e2, right-handed rotations about e1, e2 and the axis; a unit potential is -1 in its
     column, as in a displacement of ReducedSystem.
     """
-    rotations = np.cross(axes[:, None, :], points - reference)
-    translations = np.broadcast_to(np.array([-axes[2], axes[0], axes[1]])[:, None, :], rotations.shape)
+    turning = np.cross(axes[:, None, :], points - reference)
+    shifting = np.broadcast_to(np.array([-axes[2], axes[0], axes[1]])[:, None, :], turning.shape)
     potentials = np.arange(len(fields.scalars))
     modes = np.zeros((N_RIGID + len(potentials), len(points), fields.size))
-    modes[:N_RIGID, :, MECHANICAL] = np.einsum("nai,kni->kna", frames, np.concatenate([translations, rotations]))
+    modes[:N_RIGID, :, MECHANICAL] = np.einsum("nai,kni->kna", frames, np.concatenate([shifting, turning]))
     modes[N_RIGID + potentials, :, N_MECHANICAL + potentials] = -1.0
     return modes
 

@@ -76,29 +76,29 @@ def zone_mesh(result: Result, step: StepResult) -> Any:
 
     zone = result.zone
     data: dict[str, Array | Indices] = {}
-    for field in schema.nodal_fields(step.fields):
-        values = field.values(zone, step)
-        if field.components in (2, 3):
-            values = np.einsum("nt,nti->ni", values, zone.frames[:, : field.components])
-        data[field.label if field.unit == "1" else f"{field.label} [{field.unit}]"] = values
+    for row in schema.nodal_fields(step.fields):
+        values = row.values(zone, step)
+        if row.components in (2, 3):
+            values = np.einsum("nt,nti->ni", values, zone.frames[:, : row.components])
+        data[row.label if row.unit == "1" else f"{row.label} [{row.unit}]"] = values
     return meshio.Mesh(zone.points, _supported(zone.cells), point_data=data)
 
 
 def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> dict[str, Array | Indices]:
     """Return fields of the contact zone at the points of the boundary, vectors (p, 3) in global axes.
 
-    Elsewhere integers are zero, others NaN.
+    Elsewhere whole numbers are zero, others NaN.
     """
     points, nodes = _matched(zone, boundary)
     data: dict[str, Array | Indices] = {}
-    for field in schema.nodal(schema.View.VTK, step.fields).values():
-        values = field.values(zone, step)[nodes]
-        if field.components in (2, 3):
-            values = np.einsum("nt,nti->ni", values, zone.frames[nodes, : field.components])
+    for row in schema.nodal(schema.View.VTK, step.fields).values():
+        values = row.values(zone, step)[nodes]
+        if row.components in (2, 3):
+            values = np.einsum("nt,nti->ni", values, zone.frames[nodes, : row.components])
         shape = (len(boundary.points), *values.shape[1:])
-        on_boundary = np.zeros(shape, np.int64) if field.integer else np.full(shape, np.nan)
-        on_boundary[points] = values
-        data[field.label if field.unit == "1" else f"{field.label} [{field.unit}]"] = on_boundary
+        field = np.zeros(shape, np.int64) if row.integer else np.full(shape, np.nan)
+        field[points] = values
+        data[row.label if row.unit == "1" else f"{row.label} [{row.unit}]"] = field
     return data
 
 

@@ -138,11 +138,9 @@ def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]
         for name in _totals()
     }
     same = run.zone.points.shape == first.zone.points.shape and np.allclose(run.zone.points, first.zone.points)
-    for name, nodal_field in _fields().items():
+    for name, row in _fields().items():
         difference = (
-            _relative(
-                lambda field: np.abs(field).max(), nodal_field.values(*state), nodal_field.values(*reference_state)
-            )
+            _relative(lambda field: np.abs(field).max(), row.values(*state), row.values(*reference_state))
             if same
             else None
         )
@@ -181,9 +179,7 @@ def _numbers(run: ComparedRun, first: ComparedRun) -> dict[str, Any]:
         "increments": [_increment(run.zone, step) for step in run.steps],
         "differences": differences(run, first),
         "points": run.zone.points.tolist(),
-        "fields": {name: _plain(nodal_field.values(run.zone, last)) for name, nodal_field in _fields().items()}
-        if last
-        else {},
+        "fields": {name: _plain(row.values(run.zone, last)) for name, row in _fields().items()} if last else {},
     }
 
 
@@ -213,11 +209,7 @@ def comparison_table(comparison: Comparison) -> RenderableType:
     done = [run for run in runs if run.steps]
     last = [schema.totals(run.zone, run.steps[-1]) for run in done]
     selected = schema.shown_totals(schema.View.COMPARISON, last)
-    fields = [
-        name
-        for name, nodal_field in _fields().items()
-        if any(nodal_field.values(run.zone, run.steps[-1]).any() for run in done)
-    ]
+    fields = [name for name, row in _fields().items() if any(row.values(run.zone, run.steps[-1]).any() for run in done)]
     titles = [comparison.title, *[""] * (len(blocks) - 1)]
     tables = [
         _table(title, block, comparison.first, selected, fields) for title, block in zip(titles, blocks, strict=True)
@@ -250,10 +242,10 @@ def _table(
     table.add_column("unit")
     for run in runs:
         table.add_column("\n".join(run.choices.values()), justify="right")
-    for total in totals:
-        for i, label in enumerate(total.labels):
-            values = [float(_total(total.name, run)[i]) if run.steps else None for run in runs]
-            table.add_row(label, total.unit, *map(_format, values))
+    for row in totals:
+        for i, label in enumerate(row.labels):
+            values = [float(_total(row.name, run)[i]) if run.steps else None for run in runs]
+            table.add_row(label, row.unit, *map(_format, values))
     columns = [differences(run, first) for run in runs]
     for name in ("force", *fields):
         words = "force" if name == "force" else _fields()[name].label
@@ -277,7 +269,7 @@ def _format(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
 def comparison_figure(comparison: Comparison) -> "Figure | None":
     """Return sections along x through the middle of the zone with all runs; None if no increment is finished."""
     done = [run for run in comparison.runs if run.steps]
-    selected = [nodal_field for nodal_field in _fields().values() if _visible(nodal_field, done)]
+    selected = [row for row in _fields().values() if _visible(row, done)]
     if not selected:
         return None
     labels = [textwrap.fill(run.label, _LEGEND_WIDTH) for run in done]
@@ -285,9 +277,9 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     figure = sheet((9.0, 3.2 * math.ceil(len(selected) / 2) + 0.2 * lines))
     grid = figure.subplots(math.ceil(len(selected) / 2), 2, squeeze=False).ravel()
     length, of_length = lengths(run.zone for run in done)
-    for axes, nodal_field in zip(grid, selected, strict=False):
-        fields = [nodal_field.values(run.zone, run.steps[-1]) for run in done]
-        factor, unit = prefixed(np.concatenate(fields), nodal_field.unit)
+    for axes, row in zip(grid, selected, strict=False):
+        fields = [row.values(run.zone, run.steps[-1]) for run in done]
+        factor, unit = prefixed(np.concatenate(fields), row.unit)
         for number, (run, field) in enumerate(zip(done, fields, strict=True)):
             nodes, x = middle_line(run.zone)
             # wide lines below narrow ones, each dashed in another way, so that coinciding lines remain visible
@@ -299,7 +291,7 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
                 "ms": 2.5,
             }
             axes.plot(x / length, field[nodes] / factor, label=labels[number], **style)
-        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{nodal_field.label} [{unit}]")
+        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{row.label} [{unit}]")
         axes.grid(alpha=0.3)
     for axes in grid[len(selected) :]:
         axes.remove()
@@ -308,14 +300,14 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     return figure
 
 
-def _visible(field: NodalField, runs: list[ComparedRun]) -> bool:
+def _visible(row: NodalField, runs: list[ComparedRun]) -> bool:
     """Return whether a field exceeds round-off on the section; tractions are compared with the pressure."""
-    measure = _fields()["pressure"] if field.name.startswith("traction") else field
+    measure = _fields()["pressure"] if row.name.startswith("traction") else row
     largest, scale = (
         max(
-            (np.abs(each.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
+            (np.abs(each_field.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
             default=0,
         )
-        for each in (field, measure)
+        for each_field in (row, measure)
     )
     return bool(largest > _ROUND_OFF * scale)
