@@ -45,7 +45,7 @@ def test_valid_system_is_accepted(case):
 @pytest.mark.parametrize(
     ("key", "array", "message"),
     [
-        ("offset", np.zeros(5), rf"offset .* formulation Spoilt has shape \(5,\); allowed: \({N}, 5\)"),
+        ("offset", np.zeros(5), rf"offset .* formulation WithFault has shape \(5,\); allowed: \({N}, 5\)"),
         ("matrix", np.zeros((N, 5, 5)), rf"matrix .* has shape \({N}, 5, 5\); allowed: \({N}, 5, {N}, 5\)"),
         ("frames", np.eye(3), rf"frames .* has shape \(3, 3\); allowed: \({N}, 3, 3\)"),
         ("weights", np.full(N, np.nan), "weights .* has numbers that are not finite"),
@@ -56,7 +56,7 @@ def test_valid_system_is_accepted(case):
         ("offset", np.zeros((N, 5), complex), "offset .* is an array of complex128"),
         ("weights", np.resize([np.inf, -np.inf], N), "weights .* has numbers that are not finite"),
         ("cells", (("quad", np.array([[0, 1, 2, 99]])),), "cells of type quad .* numbers 0 to 99; allowed: 0 to 24"),
-        ("system", None, "the formulation Spoilt returns a NoneType; allowed: a reduced system"),
+        ("system", None, "the formulation WithFault returns a NoneType; allowed: a reduced system"),
     ],
 )
 def test_invalid_systems_name_the_formulation(case, key, array, message):
