@@ -1,4 +1,4 @@
-"""Docstrings of the package and its plugins open with complete sentences; names come from the terms of the field."""
+"""Docstrings of code, tests and validation open with complete sentences; names come from the terms of the field."""
 
 import ast
 import re
@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+FOLDERS = ("meeframe", "plugins", "tests", "validation")
 FILES = sorted(
     path
-    for folder in ("meeframe", "plugins")
+    for folder in FOLDERS
     for path in (ROOT / folder).rglob("*.py")
-    if not {"tests", "examples", "build", ".venv"} & set(path.relative_to(ROOT).parts)
+    if not {"build", ".venv"} & set(path.relative_to(ROOT).parts)
 )
 OPENINGS = re.compile(r"(Of|What|Whether|That|See|As|How|Where|The same|Those)\b")
 

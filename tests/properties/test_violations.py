@@ -182,5 +182,7 @@ class SpringStick(ContactLaw):
 
 def test_states_without_a_residual_are_rejected() -> None:
     problem, normal = dragged(SpringStick(), (FAR, 0.0))
-    with pytest.raises(ValueError, match="violations cannot be computed for SpringStick, which has tangential compliance"):
+    with pytest.raises(
+        ValueError, match="violations cannot be computed for SpringStick, which has tangential compliance"
+    ):
         violations(problem, state_of(problem, normal, np.array([0.3, 0.0])))

@@ -100,7 +100,7 @@ def test_partial_slip_on_boundary_elements():
     assert finer.row.traction_rms < drag.row.traction_rms
     assert abs(drag.approach) < 0.01
     assert abs(drag.row.load) < 0.01
-    assert abs(drag.turned) < 0.01
+    assert abs(drag.second_reversal) < 0.01
     assert abs(drag.row.stick_radius) < 0.03
     assert abs(drag.dissipation) < 0.03
 

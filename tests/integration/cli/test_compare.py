@@ -384,7 +384,11 @@ def test_fundamental_solutions_apply_where_supported(write_case, laws, tmp_path)
 @pytest.mark.parametrize(
     ("option", "values", "refusal"),
     [
-        ("contact-law", ["timed", "signorini"], "load step 1 has no duration, which the contact law Timed needs"),
+        (
+            "contact-law",
+            ["timed", "signorini"],
+            "load step 1 has no duration, which the contact law RateDependent needs",
+        ),
         ("formulation", ["winkler", "unbounded"], "mesh: the mesh bounds a finite body"),
         ("contact-law", ["signorini", "orthotropic-coulomb"], "contact.law.mu1: missing key"),
         ("contact-law", ["signorini", COULOMB.replace("0.2", "-1")], "contact.law.mu = -1: must be >= 0"),

@@ -168,14 +168,14 @@ translation = ["0.2 um", "0.1 um"]
 """
 
 
-def solved(text, folder):
+def solve_case_text(text, folder):
     (folder / "case.toml").write_text(text)
     return meeframe.solve_case(meeframe.load_case(folder / "case.toml"))
 
 
-def test_tractions_and_fluxes_pass_from_the_first_body_into_the_second(tmp_path):
-    """On the surface between the bodies, at nodes well inside the contact: t = sigma.n and D.n are those of both."""
-    result = solved(PAIR, tmp_path)
+def test_tractions_and_fluxes_are_continuous_across_the_interface(tmp_path):
+    """At interface nodes well inside the contact, t = sigma.n and D.n agree in both bodies."""
+    result = solve_case_text(PAIR, tmp_path)
     (step,) = result.steps
     nodes = np.linalg.norm(result.zone.points, axis=1) < 0.25e-3
     assert step.touching[nodes].all()
@@ -197,9 +197,10 @@ def test_tractions_and_fluxes_pass_from_the_first_body_into_the_second(tmp_path)
 
 
 def test_equal_bodies_are_mirror_images(tmp_path):
-    """Of one piezoelectric material: the stress of the second at +z is that of the first at -z, turned over."""
+    """In bodies of the same piezoelectric material, the stress at +z in the second is the rotated stress at -z in
+    the first."""
     text = PAIR.replace("batio3-cofe2o4", "pzt-4").replace('translation = ["0.2 um", "0.1 um"]', "")
-    result = solved(text, tmp_path)
+    result = solve_case_text(text, tmp_path)
     points = np.array([[0.1, 0.2, -0.1], [-0.3, 0.05, -0.3], [0.0, 0.0, -0.2]]) * 1e-3
     turn = np.array([1.0, -1.0, -1.0])
     first = meeframe.interior(result, points)

@@ -99,7 +99,8 @@ def test_law_receives_the_duration_of_each_increment(write_case, laws):
 
 def test_missing_duration_is_rejected_if_required(write_case, laws):
     path = write_case(more=TIMED + HURRIED + SLIDE)
-    text = r"steps\[2\]: load step 2 has no duration, which the contact law TimeDependent needs; allowed: a duration "
+    text = r"steps\[2\]: load step 2 has no duration, which the contact law TimeDependent needs; "
+    text += r"allowed: a duration > 0 \[s\]"
     with pytest.raises(CaseError, match=text):
         load_case(path, laws)
     timed = load_case(write_case(more=TIMED + HURRIED), laws)

@@ -54,8 +54,8 @@ def disc(n: int, radius: float, seed: int) -> tuple[Array, Cells]:
     plane = np.concatenate([radius * np.column_stack([np.cos(angle), np.sin(angle)]), inner])
     triangles = Delaunay(plane).simplices.astype(np.int64)
     along, across = (plane[triangles[:, k]] - plane[triangles[:, 0]] for k in (1, 2))
-    turned = along[:, 0] * across[:, 1] < along[:, 1] * across[:, 0]
-    triangles[turned] = triangles[turned][:, ::-1]
+    inverted = along[:, 0] * across[:, 1] < along[:, 1] * across[:, 0]
+    triangles[inverted] = triangles[inverted][:, ::-1]
     return np.column_stack([plane, np.zeros(len(plane))]), (("triangle", triangles),)
 
 

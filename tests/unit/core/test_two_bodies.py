@@ -383,7 +383,7 @@ def test_compliance_of_two_bodies_is_positive_definite(dissimilar: tuple[DenseSy
 # incompatible bodies
 
 
-def test_nodes_that_coincide_within_round_off_are_matched(steel: DenseSystem) -> None:
+def test_nodes_coinciding_to_round_off_are_matched(steel: DenseSystem) -> None:
     close = steel.points + 1e-9
     assert np.array_equal(match_nodes(steel, replace(steel, points=close)), match_nodes(steel, steel))
     shifted = steel.points.copy()
@@ -398,7 +398,7 @@ def test_surfaces_that_do_not_face_each_other_are_rejected(steel: DenseSystem) -
         combine_bodies(steel, replace(steel, frames=down))
 
 
-def test_different_elements_on_the_same_nodes_are_another_division(steel: DenseSystem) -> None:
+def test_different_elements_on_the_same_nodes_do_not_match(steel: DenseSystem) -> None:
     weights = steel.weights.copy()
     weights[:2] *= (1.5, 0.5)
     assert match_nodes(steel, replace(steel, weights=weights)) is None

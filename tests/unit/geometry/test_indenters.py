@@ -167,7 +167,7 @@ def test_cubic_interpolation_is_exact_for_cubics() -> None:
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
-def test_heights_at_the_nodes_of_a_grid_are_those_of_the_samples(interpolation: str) -> None:
+def test_heights_at_grid_nodes_match_the_samples(interpolation: str) -> None:
     x, y = np.linspace(-2e-3, 2e-3, 9), np.linspace(-3e-3, 3e-3, 7)
     samples = RANDOM.uniform(size=(9, 7))
     shape = SampledHeights.on_grid(x, y, samples, interpolation)
@@ -179,7 +179,7 @@ def test_heights_at_the_nodes_of_a_grid_are_those_of_the_samples(interpolation: 
     assert shape.height(np.empty(0), np.empty(0)).shape == (0,)
 
 
-def test_samples_are_equal_to_themselves_alone() -> None:
+def test_sampled_heights_differ_and_copy_their_samples() -> None:
     rows = grid(bilinear)
     first, second = SampledHeights(rows), SampledHeights(2.0 * rows)
     assert first != second

@@ -221,8 +221,8 @@ def test_map_of_stick_and_slip(synthetic):
     assert np.abs(stick).max() == pytest.approx(0.5)
 
 
-def test_sticking_regions_end_half_way_to_slip_and_with_the_contact(synthetic):
-    """A strip that sticks across the whole contact, of nodes whose pressures differ by orders of magnitude."""
+def test_boundary_of_the_stick_region(synthetic):
+    """A strip sticks across the whole contact; pressures of its nodes differ by orders of magnitude."""
     step = synthetic.step(1e-6)
     points = synthetic.zone().points
     strip = step.touching & (np.abs(points[:, 0]) < 0.5e-3)
@@ -238,7 +238,7 @@ def test_sticking_regions_end_half_way_to_slip_and_with_the_contact(synthetic):
     np.testing.assert_allclose(contact, np.concatenate([path.vertices for path in slip.get_paths()]), atol=1e-9)
 
 
-def test_table_has_a_column_for_the_peak_load_or_for_chosen_increments(synthetic):
+def test_table_columns_for_peak_load_and_chosen_increments(synthetic):
     steps = [synthetic.step(size, increment=number) for number, size in enumerate((1e-6, 3e-6, 2e-6), 1)]
 
     def columns(*which):

@@ -250,7 +250,7 @@ numpy.save(sys.argv[2], plotter.screenshot(return_img=True))
 
 @pytest.mark.full
 def test_scene_is_rendered_off_screen(indented, tmp_path):
-    """The picture shows the pressure by many colours; a process of its own, as OpenGL may be missing altogether."""
+    """The picture shows the pressure in many colours; a separate process renders it, because OpenGL may be missing."""
     pytest.importorskip("pyvista")
     sphere = "import pyvista; pyvista.Sphere().plot(off_screen=True, window_size=(9, 9))"
     if subprocess.run([sys.executable, "-c", sphere], capture_output=True).returncode:

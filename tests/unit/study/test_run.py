@@ -227,8 +227,8 @@ def test_unknown_fields_are_rejected(write_case, registry):
         Output(fields=("slips",))
 
 
-def test_figures_show_the_increment_of_the_output_table(write_case, registry, tmp_path):
-    """The pictures of the run are those that are drawn later of the same increment, and of no other."""
+def test_figures_of_the_increment_chosen_in_output(write_case, registry, tmp_path):
+    """The figures equal those drawn later for the same increment, and differ from those of other increments."""
     out = tmp_path / "out"
     result = meeframe.run(load_case(write_case(more='increments = 3\n[output]\nstep = "1.2"\n'), registry), out)
     same, other = (write_figures(result, tmp_path / which, which) for which in ("1.2", "last"))
@@ -236,7 +236,7 @@ def test_figures_show_the_increment_of_the_output_table(write_case, registry, tm
     assert (out / "pressure.png").read_bytes() != next(p for p in other if p.name == "pressure.png").read_bytes()
 
 
-def test_figures_of_a_run_that_ends_before_the_chosen_increment_show_the_peak_load(write_case, registry, tmp_path):
+def test_figures_of_an_unfinished_run_show_the_peak_load(write_case, registry, tmp_path):
     case = replace(load_case(write_case(), registry), output=Output(step="4.7"))
     meeframe.run(case, tmp_path / "out")
     assert (tmp_path / "out" / "pressure.png").is_file()

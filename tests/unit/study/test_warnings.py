@@ -36,11 +36,11 @@ def test_sweeps_check_some_points_of_many_and_no_finished_ones(write_case, regis
     study = tmp_path / "study.toml"
     axis = '"steps[1].approach" = { from = 1e-6, to = -30e-6, count = 62 }'
     study.write_text(f'case = "{write_case().name}"\n[axes]\n{axis}\n', encoding="utf-8")
-    calls, doubts = [], Case.preflight.fget
+    calls, preflight = [], Case.preflight.fget
 
     def count(case):
         calls.append(case.steps[0].approach)
-        return ("it is deep",) if case.steps[0].approach < -25e-6 else doubts(replace(case, steps=(Step(1e-6),)))
+        return ("it is deep",) if case.steps[0].approach < -25e-6 else preflight(replace(case, steps=(Step(1e-6),)))
 
     monkeypatch.setattr(Case, "preflight", property(count))
     messages = []
