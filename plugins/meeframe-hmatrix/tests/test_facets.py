@@ -51,10 +51,10 @@ def test_integrals_are_those_element_by_element(make_block, monkeypatch, make, t
         assert (computed is None) == (others == [leaf])
         if computed is None:
             continue
-        sums, rows = no_sums(window), local(integrals.rows[row.sources.start], row)
+        sums, rows = no_sums(integrals, window), local(integrals.rows[row.sources.start], row)
         computed.add(integrals.kernel, positions[0], sums)
-        out = output(row.unknowns.stop - row.unknowns.start, [leaf])
-        enter(sums, rows, integrals.columns, window, out)
+        out = output(integrals, row.unknowns.stop - row.unknowns.start, [leaf])
+        enter(integrals.fields, sums, rows, integrals.columns, window, out)
         one = replace(row, sources=slice(row.sources.start, row.sources.start + 1))
         expected = near_rows(fine, one, [leaf])
         for computed, right in zip((out.unknown, out.load), (expected.unknown, expected.load), strict=True):
