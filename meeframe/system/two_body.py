@@ -70,12 +70,12 @@ def combine_bodies(first: ReducedSystem, second_body: ReducedSystem) -> Composed
 
 
 def second_load(system: ComposedSystem, load: Array) -> Array:
-    """Return the reaction (n, 5) on the second body, at its nodes and in its frames, to a load (n, 5) on the first."""
+    """Return the reaction (n, f) on the second body, at its nodes and in its frames, to a load (n, f) on the first."""
     return -system.terms[1].to_body(load, range(system.n_fields), range(system.n_fields))
 
 
 def second_displacement(system: ReducedSystem, load: Array) -> Array | None:
-    """Return the displacement (n, 5) of the second body's surface, at the nodes and in the frames of the first body.
+    """Return the displacement (n, f) of the second body's surface, at the nodes and in the frames of the first body.
 
     It counts from the supports and potentials of the second body, wherever a load step has moved them. The displacement
     of the first body is this one plus that of the system. None if the system has a single body.
