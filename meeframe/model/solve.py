@@ -147,7 +147,7 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
 
 
 def recovery_of(formulation: Formulation, body: Body, progress: Progress = silent) -> Callable[[Array], NodalFields]:
-    """Return a function that recovers the fields on the whole boundary for a load (n, 5).
+    """Return a function that recovers the fields on the whole boundary for a load (n, f).
 
     Its reduced system is made at the first call.
     """

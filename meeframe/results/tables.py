@@ -51,11 +51,7 @@ def dataframe(result: Result) -> Any:
 
 
 def _quantities(fields: FieldSet) -> tuple[schema.Total, ...]:
-    motions = (
-        schema.Total(scalar.value_name, scalar.value_unit, scalar.value_name.replace("_", " "))
-        for scalar in schema.further_scalars(fields)
-    )
-    return (*schema.MOTION_TOTALS, *motions, *schema.total_rows(fields), *schema.MEASURES)
+    return (*schema.motion_totals(fields), *schema.total_rows(fields), *schema.MEASURES)
 
 
 def _row(zone: Zone, step: StepResult) -> tuple[StepResult, dict[str, Any]]:

@@ -176,7 +176,7 @@ class InteriorFields(ABC):
 
         Parameters
         ----------
-        load : (n, 5) array
+        load : (n, f) array
             Load as in `ReducedSystem.apply`.
         points : (m, 3) array
             Positions in global axes [m].
@@ -199,11 +199,11 @@ class PointFields:
     points
         (m, 3) [m].
     values
-        (m, 5) displacements and potentials; unlike in a displacement of `ReducedSystem`, potentials are not negated.
+        (m, f) displacements and potentials; unlike in a displacement of `ReducedSystem`, potentials are not negated.
     gradients
-        (m, 5, 3) derivatives of the values with respect to the position.
+        (m, f, 3) derivatives of the values with respect to the position.
     fluxes
-        (m, 3, 5) stress and flux densities: entry (i, J) is the component i of the flux of field J. Columns 0 to 2 are
+        (m, 3, f) stress and flux densities: entry (i, J) is the component i of the flux of field J. Columns 0 to 2 are
         the stress, the others the electric displacement D, the magnetic flux density B and fluxes of further fields.
     """
 
@@ -214,7 +214,7 @@ class PointFields:
 
     @classmethod
     def of(cls, points: Array, values: Array, gradients: Array, stiffness: Array) -> "PointFields":
-        """Return the fields of a homogeneous body with the extended stiffness C_iJKm, (3, 5, 5, 3) in SI units."""
+        """Return the fields of a homogeneous body with the extended stiffness C_iJKm, (3, f, f, 3) in SI units."""
         fluxes = np.einsum("ijkm,pkm->pij", stiffness, gradients, optimize=True)
         return cls(points, values, gradients, fluxes)
 
@@ -261,7 +261,7 @@ class EdgeCorrection:
     Attributes
     ----------
     extra_compliance
-        (n, 5, 5) addition to the diagonal blocks, with positive semidefinite symmetric parts.
+        (n, f, f) addition to the diagonal blocks, with positive semidefinite symmetric parts.
     area_fraction
         (n,) fraction of the area of each node that is in contact, in [0, 1]; also positive at nodes just outside.
     """
@@ -317,7 +317,7 @@ def apply_fields(system: "ReducedSystem", load: Array, loaded: Sequence[int], fi
 
 
 def apply_load(system: "ReducedSystem", load: Array, fields: Sequence[int]) -> Array:
-    """Return the displacement (n, k) in k fields due to a load (n, 5), skipping fields that are unloaded."""
+    """Return the displacement (n, k) in k fields due to a load (n, f), skipping fields that are unloaded."""
     loaded = np.flatnonzero(load.any(axis=0)).tolist()
     some = load if len(loaded) == system.n_fields else load.T[loaded].T
     return apply_fields(system, some, loaded, fields)

@@ -61,7 +61,7 @@ class Rotation:
 
     @classmethod
     def of(cls, blocks: Array) -> "Rotation":
-        """Return the rotation of blocks (n, 5, 5); entries that are zero or uniform to round-off are stored so."""
+        """Return the rotation of blocks (n, f, f); entries that are zero or uniform to round-off are stored so."""
         entries: dict[tuple[int, int], float | Array] = {}
         for i, j in np.ndindex(*blocks.shape[1:]):
             entry = blocks[:, i, j]
@@ -112,7 +112,7 @@ class Rotation:
         return changed.T
 
     def change_blocks(self, blocks: Array) -> Array:
-        """Return R B R^T for blocks B (n, 5, 5)."""
+        """Return R B R^T for blocks B (n, f, f)."""
         changed = np.zeros((self.n_fields, self.n_fields, len(blocks)))
         for (i, j), first in self.entries.items():
             for (k, m), second in self.entries.items():
@@ -157,7 +157,7 @@ class Term:
         return gathered if self.rotation is None else self.rotation.change(gathered, source, target)
 
     def blocks_from_body(self, blocks: Array) -> Array:
-        """Return blocks (n, 5, 5) of the body at the nodes and in the frames of the composition."""
+        """Return blocks (n, f, f) of the body at the nodes and in the frames of the composition."""
         gathered = blocks if self.nodes is None else blocks[self.nodes]
         return gathered if self.rotation is None else self.rotation.change_blocks(gathered)
 
@@ -195,9 +195,9 @@ class ComposedSystem(
     terms
         The bodies. The first one has the nodes of the composition, in the same order.
     extra_compliance
-        (n, 5, 5) addition to the diagonal blocks, or None.
+        (n, f, f) addition to the diagonal blocks, or None.
     matrix
-        (n, 5, n, 5), the compliance if all bodies have theirs as a matrix; see `sum_matrices`.
+        (n, f, n, f), the compliance if all bodies have theirs as a matrix; see `sum_matrices`.
     """
 
     terms: tuple[Term, ...]
@@ -229,7 +229,7 @@ class ComposedSystem(
         return super().capability(kind)
 
     def apply(self, load: Array) -> Array:
-        """Return compliance(load), (n, 5), for a load (n, 5)."""
+        """Return compliance(load), (n, f), for a load (n, f)."""
         if self.matrix is not None:
             response: Array = self.matrix.reshape(load.size, load.size) @ np.ravel(load)
             return response.reshape(load.shape)
@@ -237,11 +237,11 @@ class ComposedSystem(
         return self._sum([_in_all_fields(term.system) for term in self.terms], load, fields, fields)
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5)."""
+        """Return the response of each node to its own load, (n, f, f)."""
         return self._sum_blocks([term.system.diagonal_blocks() for term in self.terms], self.extra_compliance)
 
     def dense(self) -> Array | None:
-        """Return the compliance, (n, 5, n, 5), if all bodies have theirs as a matrix."""
+        """Return the compliance, (n, f, n, f), if all bodies have theirs as a matrix."""
         return self.matrix
 
     def recover(self, load: Array) -> NodalFields:
@@ -338,7 +338,7 @@ class ComposedSystem(
         return summed
 
     def _sum_blocks(self, blocks: Sequence[Array], extra: Array | None = None) -> Array:
-        """Return the sum of blocks (n, 5, 5) of the bodies and of extra ones of the composition."""
+        """Return the sum of blocks (n, f, f) of the bodies and of extra ones of the composition."""
         total: Array | int = 0 if extra is None else extra
         for term, block in zip(self.terms, blocks, strict=True):
             total = total + term.blocks_from_body(block)
@@ -368,7 +368,7 @@ def compose(
 
 
 def sum_matrices(terms: Sequence[Term], extra: Array | None = None) -> Array | None:
-    """Return the compliance of a composition as (n, 5, n, 5) if all its bodies have theirs, else None."""
+    """Return the compliance of a composition as (n, f, n, f) if all its bodies have theirs, else None."""
     total: Array | None = None
     for term in terms:
         matrix = term.system.dense()
@@ -383,7 +383,7 @@ def sum_matrices(terms: Sequence[Term], extra: Array | None = None) -> Array | N
 
 
 def _matrix_in_frames(term: Term, matrix: Array) -> Array:
-    """Return the matrix (n, 5, n, 5) of a body at the nodes and in the frames of the composition."""
+    """Return the matrix (n, f, n, f) of a body at the nodes and in the frames of the composition."""
     if term.nodes is not None:
         matrix = matrix[term.nodes][:, :, term.nodes]
     if term.rotation is None:

@@ -94,7 +94,7 @@ class _RotatedInterior(InteriorFields):
     rotation: Rotation
 
     def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
-        """Return the fields at points (m, 3) inside the body for a load (n, 5) in the rotated frames."""
+        """Return the fields at points (m, 3) inside the body for a load (n, f) in the rotated frames."""
         fields = range(self.rotation.n_fields)
         return self.interior.evaluate(self.rotation.inverse.change(load, fields, fields), points, progress)
 

@@ -77,7 +77,7 @@ def combine_bodies(first: ReducedSystem, second_body: ReducedSystem) -> Composed
 
 
 def second_load(system: ComposedSystem, load: Array) -> Array:
-    """Return the reaction (n, 5) on the second body, at its nodes and in its frames, to a load (n, 5) on the first."""
+    """Return the reaction (n, f) on the second body, at its nodes and in its frames, to a load (n, f) on the first."""
     fields, body = range(system.n_fields), system.terms[1].system
     if isinstance(body, TransferredSystem):
         return -body.transfer.to_body(load, fields, fields)
@@ -85,7 +85,7 @@ def second_load(system: ComposedSystem, load: Array) -> Array:
 
 
 def second_displacement(system: ReducedSystem, load: Array) -> Array | None:
-    """Return the displacement (n, 5) of the second body's surface, at the nodes and in the frames of the first body.
+    """Return the displacement (n, f) of the second body's surface, at the nodes and in the frames of the first body.
 
     It counts from the supports and potentials of the second body, wherever a load step has moved them. The displacement
     of the first body is this one plus that of the system. None if the system has a single body.

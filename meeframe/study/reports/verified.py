@@ -7,6 +7,7 @@ from itertools import combinations
 from typing import Final
 
 from meeframe.contact.problem import Status
+from meeframe.fields import MEE, FieldSet
 from meeframe.study.reports.extrapolation import SECOND, Extrapolation, richardson
 
 _CANCELLED: Final = 0.01
@@ -161,6 +162,8 @@ class Verification:
         Number of planned runs.
     runs
         Finished runs.
+    fields
+        Field set of the case.
     """
 
     title: str
@@ -170,6 +173,7 @@ class Verification:
     order: float = SECOND
     planned: int = 0
     runs: tuple[VerifiedRun, ...] = ()
+    fields: FieldSet = MEE
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:

@@ -86,7 +86,7 @@ class HalfSpaceInterior(InteriorFields):
     shares: Array
 
     def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
-        """Return the fields at points (m, 3) for a load (n, 5).
+        """Return the fields at points (m, 3) for a load (n, f).
 
         Points at the same depth are evaluated together, and take least time on a rectangular grid along e1 and e2.
 

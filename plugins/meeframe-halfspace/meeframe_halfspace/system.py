@@ -95,7 +95,7 @@ class HalfSpaceSystem(
         return None if absent.get(kind, False) else super().capability(kind)
 
     def apply(self, load: Array) -> Array:
-        """Return compliance(load), (n, 5) for a load (n, 5), by fast Fourier transforms of the fields that are loaded.
+        """Return compliance(load), (n, f) for a load (n, f), by fast Fourier transforms of the fields that are loaded.
 
         It is fastest if the columns of the load are stored one after another.
         """
@@ -122,7 +122,7 @@ class HalfSpaceSystem(
         return bool((self.shares == 1.0).all())
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5), stored entry by entry."""
+        """Return the response of each node to its own load, (n, f, f), stored entry by entry."""
         blocks = np.zeros((self.n_fields, self.n_fields, len(self.shares)))  # most entries stay zero, and cost nothing
         for index in np.argwhere(self._block.T):
             np.multiply(self._block.T[*index], self.shares, out=blocks[*index])
@@ -217,7 +217,7 @@ class HalfSpaceSystem(
         return known[0]
 
     def recover(self, load: Array) -> NodalFields:
-        """Return the fields on the contact zone for a load (n, 5); outside the zone the surface bears no load."""
+        """Return the fields on the contact zone for a load (n, f); outside the zone the surface bears no load."""
         values = (self.offset + self.apply(load)) * potential_signs(self.n_fields)
         return NodalFields(self.points, self.cells, self._global(values), self._global(load))
 
@@ -249,7 +249,7 @@ def _prolong(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -
 
 
 def dense_matrix(system: HalfSpaceSystem) -> Array:
-    """Return the compliance of a system, (n, 5, n, 5), by one product for each field of a unit load."""
+    """Return the compliance of a system, (n, f, n, f), by one product for each field of a unit load."""
     (nx, ny), n, n_fields = system.grid.size, system.grid.nodes.size, system.n_fields
     # a unit density in the corner of a grid that has room for all offsets
     wide = replace(system.convolution, size=system.convolution.padded)

@@ -431,7 +431,7 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
     + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal")]
     + [("single precision", "apply_fields of loads float32")]
-    + [("gradients", "are not the derivatives"), ("interior", "do not tend to those of apply at its surface")]
+    + [("gradients", "are not the derivatives"), ("interior", "do not tend to those of recover at its surface")]
     + [("part", "lacks some of the requested nodes"), ("nodes of a part", "points of a subsystem are not")],
 )
 def test_wrong_capabilities_are_detected(wrong: str, message: str) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import get_num_threads
 
-from meeframe.plugin import N_FIELDS, Array, Progress
+from meeframe.plugin import Array, Progress
 from meeframe.plugin.boundary_elements import NONE, exterior_terms
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split
 from meeframe_hmatrix.clusters import Cluster, diameter, distance
@@ -56,7 +56,7 @@ def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> Syst
     near_columns: dict[int, list[Cluster]] = {}
     for row_cluster, column_cluster in inadmissible:
         near_columns.setdefault(row_cluster.sites.start, []).append(column_cluster)
-    known_terms = np.zeros((len(tree.unknowns), 1 + N_FIELDS))
+    known_terms = np.zeros((len(tree.unknowns), 1 + len(integrals.fields)))
     value_blocks: dict[tuple[int, int, int, int], Block] = {}
     load_blocks: dict[tuple[int, int, int, int], Block] = {}
     near_results: list[Rows] = []
@@ -152,11 +152,12 @@ def _subtract_constants(
 ) -> None:
     """Subtract free term and principal value, such that rows of a closed surface vanish for constant fields.
 
-    constant: (u, 5) product of each equation with the five constant fields without them.
+    constant: (u, f) product of each equation with the f constant fields without them.
     """
     tree, sources = integrals.tree, integrals.sources
     if integrals.mesh.semi_infinite:
-        exterior = exterior_terms(integrals.kernel, integrals.mesh, integrals.positions).reshape(-1, N_FIELDS, N_FIELDS)
+        n_fields = len(integrals.fields)
+        exterior = exterior_terms(integrals.kernel, integrals.mesh, integrals.positions).reshape(-1, n_fields, n_fields)
         used = integrals.rows != NONE
         constant[integrals.rows[used]] -= exterior.transpose(0, 2, 1)[used]
     for row_cluster, near_result in zip(row_leaves, near_results, strict=True):

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import lstsq
 
-from meeframe.plugin import N_FIELDS, Array, Indices
+from meeframe.plugin import Array, Indices
 from meeframe.plugin.boundary_elements import NONE, Accuracy
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.facets import Facets, interpolate
@@ -104,7 +104,7 @@ def far_rows(
     source, field = np.nonzero(rows != NONE)
     equations = rows[source, field] - row_cluster.unknowns.start
     left, selected = _skeleton(integrals, row_cluster, (sample_positions, normals), (source, field), tolerance)
-    window, out = column_window(integrals, column_clusters), output(len(selected), column_clusters)
+    window, out = column_window(integrals, column_clusters), output(integrals, len(selected), column_clusters)
     sources = np.unique(source[selected])
     positions = integrals.positions[row_cluster.sources.start + sources]
     leaves = [leaf for column_cluster in column_clusters for leaf in column_cluster.leaves()]
@@ -119,15 +119,15 @@ def far_rows(
             by_rule[leaf.sites] = True
         by_element = window._replace(site=np.where(by_rule, window.site, NONE))
     for number, position in zip(sources, positions, strict=True):
-        sums = no_sums(window)
+        sums = no_sums(integrals, window)
         for kind, numbers, quadrature in quadrature_by_kind:
             add(integrals, kind, numbers, quadrature._replace(offsets=quadrature.offsets - position), by_element, sums)
         if interpolated is not None:
             interpolated.add(integrals.kernel, position, sums)
-        local_rows = np.full(N_FIELDS, NONE)
+        local_rows = np.full(len(integrals.fields), NONE)
         indices = np.flatnonzero(source[selected] == number)
         local_rows[field[selected[indices]]] = indices
-        enter(sums, local_rows, integrals.columns, window, out)
+        enter(integrals.fields, sums, local_rows, integrals.columns, window, out)
     left_rows = np.zeros((row_cluster.unknowns.stop - row_cluster.unknowns.start, len(selected)), left.dtype)
     left_rows[equations] = left
     return left_rows, out
@@ -147,10 +147,11 @@ def _skeleton(
     """
     sample_positions, normals = quadrature
     source, field = equations
-    rows = np.full((row_cluster.sources.stop - row_cluster.sources.start, N_FIELDS), NONE)
+    n_fields = len(integrals.fields)
+    rows = np.full((row_cluster.sources.stop - row_cluster.sources.start, n_fields), NONE)
     rows[source, field] = np.arange(len(source))
     centre = row_cluster.row_box.mean(axis=0)
-    unscaled, sizes = np.empty((len(source), 0, 2 * N_FIELDS), precision(tolerance)), np.empty((0, 2))
+    unscaled, sizes = np.empty((len(source), 0, 2 * n_fields), precision(tolerance)), np.empty((0, 2))
     samples = INITIAL_SAMPLES
     while True:
         n_test = samples // SAMPLES_PER_TEST
@@ -158,14 +159,14 @@ def _skeleton(
             sample_positions, row_cluster.row_box[0], row_cluster.row_box[1], samples + n_test
         )
         new = sample_indices[len(sizes) :]
-        new_samples = np.empty((len(source), len(new), 2 * N_FIELDS), unscaled.dtype)
+        new_samples = np.empty((len(source), len(new), 2 * n_fields), unscaled.dtype)
         norms = _sample(
             integrals, integrals.positions[row_cluster.sources], rows, sample_positions[new], normals[new], new_samples
         )
         unscaled, sizes = np.concatenate((unscaled, new_samples), axis=1), np.concatenate((sizes, norms))
         distances = np.linalg.norm(sample_positions[sample_indices] - centre, axis=1, keepdims=True) ** [1, 2]
         factors = 1.0 / np.maximum(sizes, MIN_RELATIVE_SIZE * (distances * sizes).max(axis=0) / distances)
-        sampled = unscaled * np.repeat(factors, N_FIELDS, axis=1).astype(unscaled.dtype)
+        sampled = unscaled * np.repeat(factors, n_fields, axis=1).astype(unscaled.dtype)
         exhausted = len(sample_indices) < samples + n_test
         n_used = len(sample_indices) if exhausted else samples
         left, selected = interpolation(sampled[:, :n_used].reshape(len(source), -1), source, tolerance)
@@ -180,14 +181,17 @@ def _skeleton(
 def _sample(
     integrals: Integrals, positions: Array, rows: Indices, sample_positions: Array, normals: Array, samples: Array
 ) -> Array:
-    """Fill samples (m, p, 10) of u and t in m equations, rows (s, 5) of the positions (s, 3); return norms (p, 2)."""
+    """Fill samples (m, p, 2 f) of u and t in m equations, rows (s, f) of positions (s, 3); return norms (p, 2)."""
     squares = np.zeros((len(sample_positions), 2))
     for first in range(0, len(positions), SOURCES_PER_CALL):
         group = positions[first : first + SOURCES_PER_CALL]
         offsets = (sample_positions - group[:, None]).reshape(-1, 3)
         u, t = integrals.kernel.evaluate(offsets, np.tile(normals, (len(group), 1)))
         local_rows = rows[first : first + SOURCES_PER_CALL]
-        enter_samples(u.reshape(-1, 25), t.reshape(-1, 25), local_rows, samples, squares)
+        n_offsets = len(offsets)
+        enter_samples(
+            integrals.fields, u.reshape(n_offsets, -1), t.reshape(n_offsets, -1), local_rows, samples, squares
+        )
     norms: Array = np.sqrt(squares)
     return norms
 

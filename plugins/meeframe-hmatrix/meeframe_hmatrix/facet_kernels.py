@@ -79,8 +79,8 @@ def add_weights(points, numbers, sites, patches, centre, axes, half_sides, first
 
 
 @njit(cache=True, nogil=True)
-def add_products(u, t, starts, weights, sites, site_starts, patches, patch_starts, sums):
-    """Add weights times kernels u, t (c, 25) to the sums of nodes, facet by facet.
+def add_products(fields, u, t, starts, weights, sites, site_starts, patches, patch_starts, sums):
+    """Add weights times kernels u, t (c, f^2) to the sums of nodes, facet by facet.
 
     Facet g has the points from starts[g] to starts[g + 1], likewise the positions of its sites and patches in the sums,
     and, after those of the previous facets, weights (sites, points) and (patches, points).
@@ -96,6 +96,6 @@ def add_products(u, t, starts, weights, sites, site_starts, patches, patch_start
             size = len(positions) * n
             integrals = np.dot(weights[offset : offset + size].reshape(len(positions), n), kernel[facet_points])
             for i in range(len(positions)):
-                for k in range(25):
+                for k in range(len(fields) ** 2):
                     out[positions[i], k] += integrals[i, k]
             offset += size

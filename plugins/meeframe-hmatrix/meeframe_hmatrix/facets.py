@@ -172,8 +172,9 @@ class InterpolatedFacets:
     def add(self, kernel: Kernel, position: Array, sums: Sums) -> None:
         """Add the integrals seen from a source to its sums."""
         u, t = kernel.evaluate(self.points - position, self.normals)
-        kernels = u.reshape(-1, 25), t.reshape(-1, 25)
-        add_products(*kernels, self.starts, self.weights, *self.sites, *self.patches, sums)
+        n_points, n_fields = len(u), u.shape[1]
+        kernels = u.reshape(n_points, -1), t.reshape(n_points, -1)
+        add_products(tuple(range(n_fields)), *kernels, self.starts, self.weights, *self.sites, *self.patches, sums)
 
 
 def interpolate(

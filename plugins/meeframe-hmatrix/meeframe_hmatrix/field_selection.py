@@ -1,6 +1,6 @@
 """Compliance of the contact zone between some of the fields, as a tree of blocks."""
 
-from meeframe.plugin import N_FIELDS, Array
+from meeframe.plugin import Array
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, count_entries, shape, to_dense
 
 CALL_OVERHEAD = 4000
@@ -15,14 +15,14 @@ def select_fields(compliance: Block, to_load: Array, to_displacement: Array) -> 
     Parameters
     ----------
     compliance
-        Tree with five rows and columns for each node.
+        Tree with n_fields rows and columns for each node.
     to_load, to_displacement
-        Maps (n, 5, l) and (n, f, 5) of the nodes in this order.
+        Maps (n, n_fields, l) and (n, f, n_fields) of the nodes in this order.
     """
-    first = compliance.rows.start
+    first, n_fields = compliance.rows.start, to_load.shape[1]
 
     def nodes_of(indices: slice, start: int) -> slice:
-        return slice((indices.start - start) // N_FIELDS, (indices.stop - start) // N_FIELDS)
+        return slice((indices.start - start) // n_fields, (indices.stop - start) // n_fields)
 
     def select(block: Block) -> Block:
         row_nodes, column_nodes = nodes_of(block.rows, first), nodes_of(block.columns, 0)
@@ -43,10 +43,10 @@ def select_fields(compliance: Block, to_load: Array, to_displacement: Array) -> 
 
 
 def _multiply_nodes(children: Array, array: Array) -> Array:
-    """Return matrices (n, f, 5) of each node times its five rows of an array (5 n, k)."""
-    nodes, fields, _ = children.shape
+    """Return matrices (n, f, n_fields) of each node times its rows of an array (n_fields n, k)."""
+    nodes, fields, n_fields = children.shape
     width = array.shape[1]  # may be zero
-    product: Array = children @ array.reshape(nodes, N_FIELDS, width)
+    product: Array = children @ array.reshape(nodes, n_fields, width)
     return product.reshape(nodes * fields, width)
 
 

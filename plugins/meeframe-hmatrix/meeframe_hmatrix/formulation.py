@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import Field
 
 from meeframe.plugin import (
-    N_FIELDS,
     ONE_BLAS_THREAD,
     AnyArray,
     Array,
@@ -34,6 +33,7 @@ from meeframe.plugin.boundary_elements import (
     Tabulated,
     Units,
     anisotropy,
+    bind_fields,
     characteristic_length,
     collocate,
     find_patches,
@@ -46,7 +46,6 @@ from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, tabulate_integrals
 from meeframe_hmatrix.packing import pack, unpack
 from meeframe_hmatrix.system import (
-    ALL_FIELDS,
     ARRAYS,
     BoundarySystem,
     HierarchicalSystem,
@@ -108,17 +107,12 @@ class HierarchicalBEM(PersistentFormulation):
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
-        if body.fields.size != N_FIELDS:
-            raise CaseError(
-                f"the formulation hmatrix-bem is compiled for {N_FIELDS} fields, the body has {body.fields.size}; "
-                "allowed: half-space, dense-bem or skfem"
-            )
         check_mesh(body.mesh)
         check_contact_zone(body.mesh, body.contact_group)
         layout, _ = self._layout(body)
         _check_memory(layout.n_unknowns, self.tolerance)
         stiffness = _scaled(body)
-        self.fundamental_solution.bind(stiffness)
+        bind_fields(self.fundamental_solution, stiffness)
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
@@ -136,7 +130,7 @@ class HierarchicalBEM(PersistentFormulation):
         boundary = self.boundary(body, progress)
         compliance = condense(boundary.system, boundary.factors, BLOCK_TOLERANCE_RATIO * self.tolerance, progress)
         zone = find_contact_zone(body.mesh, body.contact_group or "")
-        order = boundary.tree.loads[::N_FIELDS] // N_FIELDS
+        order = boundary.tree.loads[:: body.fields.size] // body.fields.size
         to_load, to_displacement = frames_to_units(zone.frames, boundary.units)
         node_compliance = np.einsum("naj,njk,nkb->nab", to_displacement, extract_diagonal(compliance, order), to_load)
         values = boundary.layout.value_column[boundary.layout.zone]
@@ -146,7 +140,7 @@ class HierarchicalBEM(PersistentFormulation):
         compliance = unpack(*pack(compliance))  # in memory as a system from arrays
         groups = coupled_groups(body.stiffness)
         for group in groups:  # truncation leaves noise where the material couples nothing
-            other_fields = np.setdiff1d(ALL_FIELDS, group)
+            other_fields = np.setdiff1d(range(body.fields.size), group)
             node_compliance[:, np.array(group)[:, None], other_fields] = 0.0
             if not any(np.any(condition.data) for condition in body.conditions if condition.field in group):
                 offset[:, group] = 0.0
@@ -166,7 +160,8 @@ class HierarchicalBEM(PersistentFormulation):
         compliance = unpack(arrays["table"], arrays["numbers"])
         boundary_system = LazyBoundary(partial(self.boundary, body))
         shapes = {name: array.shape for name, array in data.items()} | {"table": shape(compliance)}
-        expected = {name: (n, *rest) for name, rest in ARRAYS.items()} | {"table": (N_FIELDS * n, N_FIELDS * n)}
+        f = body.fields.size
+        expected = dict.fromkeys(ARRAYS, (n, f, f)) | {"offset": (n, f), "order": (n,), "table": (f * n, f * n)}
         if shapes != expected:
             raise ValueError(f"{n} nodes of a hierarchical system have arrays of the shapes {expected}, not {shapes}")
         return HierarchicalSystem(
@@ -189,7 +184,7 @@ class HierarchicalBEM(PersistentFormulation):
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         sources = collocate(mesh, layout)
         tree = cluster_tree(mesh, layout, sources, self.leaf_size)
-        kernel = self.fundamental_solution.bind(stiffness)
+        kernel = bind_fields(self.fundamental_solution, stiffness)
         block_tolerance = BLOCK_TOLERANCE_RATIO * self.tolerance
         with ONE_BLAS_THREAD:
             integrals = tabulate_integrals(mesh, layout, sources, tree, kernel, accuracy)
@@ -200,7 +195,7 @@ class HierarchicalBEM(PersistentFormulation):
     def _representation(self, body: Body) -> InteriorRepresentation:
         stiffness = _scaled(body)
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
-        bind = partial(self.fundamental_solution.bind, stiffness)
+        bind = partial(bind_fields, self.fundamental_solution, stiffness)
         return InteriorRepresentation(body.mesh, body.stiffness, units, bind, anisotropy(stiffness))
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -58,7 +59,7 @@ class Integrals:
     positions
         Collocation points (s, 3).
     rows
-        Their equations (s, 5), NONE where there is none.
+        Their equations (s, f), NONE where there is none.
     columns
         Columns of unknowns and loads.
     kinds
@@ -80,6 +81,11 @@ class Integrals:
     kinds: tuple[Kind, ...]
     patch_sites: Indices
     elements_at_sites: tuple[Indices, Indices]
+
+    @cached_property
+    def fields(self) -> tuple[int, ...]:
+        """Numbers of the fields."""
+        return tuple(range(self.rows.shape[1]))
 
     def elements(self, clusters: Sequence[Cluster]) -> Iterator[tuple[Kind, Indices]]:
         """Yield the elements that touch the sites of clusters, by kind, with ascending numbers."""

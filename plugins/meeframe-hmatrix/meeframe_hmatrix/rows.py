@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from meeframe.plugin import N_FIELDS, Array, Indices, MeshError
+from meeframe.plugin import Array, Indices, MeshError
 from meeframe.plugin.boundary_elements import BUFFER_TOO_SMALL, NONE, Accuracy
 from meeframe.plugin.surfaces import gauss_table, shape_functions, shape_table
 from meeframe_hmatrix.clusters import Cluster
@@ -30,8 +30,8 @@ ADAPTIVE = 128
 def near_rows(integrals: Integrals, row_cluster: Cluster, column_clusters: Sequence[Cluster]) -> Rows:
     """Return the equations of a leaf in the columns of near leaves, side by side, by the rules of dense-bem."""
     window = column_window(integrals, column_clusters)
-    out = output(row_cluster.unknowns.stop - row_cluster.unknowns.start, column_clusters)
-    sums, element_groups = no_sums(window), list(integrals.elements(column_clusters))
+    out = output(integrals, row_cluster.unknowns.stop - row_cluster.unknowns.start, column_clusters)
+    sums, element_groups = no_sums(integrals, window), list(integrals.elements(column_clusters))
     work_arrays: dict[Kind, QuadraturePoints] = {}
     for source in range(row_cluster.sources.start, row_cluster.sources.stop):
         position = integrals.positions[source]
@@ -51,7 +51,7 @@ def near_rows(integrals: Integrals, row_cluster: Cluster, column_clusters: Seque
                 points, work = quadrature_points(integrals, position, kind, singular, adaptive, xi, work)
                 _add_singular(integrals, kind, singular, xi, points, window, sums)
             work_arrays[kind] = work
-        enter(sums, local(integrals.rows[source], row_cluster), integrals.columns, window, out)
+        enter(integrals.fields, sums, local(integrals.rows[source], row_cluster), integrals.columns, window, out)
     return out
 
 
@@ -113,7 +113,7 @@ def add(
             sums_of_elements = integrals.kernel.integrate(points.offsets, points.weights, starts, kind.planes[chunk])
         if sums_of_elements is None:
             sums_of_elements = _sums(integrals, points, starts, points.weights)
-        accumulate(*sums_of_elements, kind.sites[chunk], kind.patches[chunk], window, sums)
+        accumulate(integrals.fields, *sums_of_elements, kind.sites[chunk], kind.patches[chunk], window, sums)
 
 
 def _add_singular(
@@ -125,16 +125,17 @@ def _add_singular(
     """
     at_source = np.repeat(shape_functions(kind.element, xi), np.diff(points.starts), axis=0)
     sums_of_elements = _sums(integrals, points, points.starts, points.weights - points.measures[:, None] * at_source)
-    accumulate(*sums_of_elements, kind.sites[singular], kind.patches[singular], window, sums)
+    accumulate(integrals.fields, *sums_of_elements, kind.sites[singular], kind.patches[singular], window, sums)
 
 
 def _sums(integrals: Integrals, points: QuadraturePoints, starts: Indices, value_weights: Array) -> tuple[Array, Array]:
-    """Return sums of u and t (m, k, 25) over elements with points from starts[i] to starts[i + 1]."""
+    """Return sums of u and t (m, k, f^2) over elements with points from starts[i] to starts[i + 1]."""
     used = slice(starts[0], starts[-1])
     u, t = integrals.kernel.evaluate(points.offsets[used], points.normals[used])
-    sums = np.zeros((2, len(starts) - 1, points.weights.shape[1], 25))
+    fields, n_points = integrals.fields, len(u)
+    sums = np.zeros((2, len(starts) - 1, points.weights.shape[1], len(fields) ** 2))
     weights = points.weights[used], value_weights[used]
-    sums_by_element(u.reshape(-1, 25), t.reshape(-1, 25), *weights, starts - starts[0], *sums)
+    sums_by_element(fields, u.reshape(n_points, -1), t.reshape(n_points, -1), *weights, starts - starts[0], *sums)
     return sums[0], sums[1]
 
 
@@ -147,7 +148,7 @@ def _containing_elements(integrals: Integrals, source: int, kind: Kind) -> tuple
 
 
 def local(rows: Indices, cluster: Cluster) -> Indices:
-    """Return the rows (5,) of a source relative to the first row of a cluster."""
+    """Return the rows (f,) of a source relative to the first row of a cluster."""
     return np.where(rows == NONE, NONE, rows - cluster.unknowns.start)
 
 
@@ -173,13 +174,14 @@ def _positions(numbers: Indices, count: int) -> Indices:
     return positions
 
 
-def no_sums(window: Window) -> Sums:
+def no_sums(integrals: Integrals, window: Window) -> Sums:
     """Return zero sums for a source."""
-    return Sums(np.zeros((len(window.sites), N_FIELDS**2)), np.zeros((len(window.patches), N_FIELDS**2)))
+    n_entries = len(integrals.fields) ** 2
+    return Sums(np.zeros((len(window.sites), n_entries)), np.zeros((len(window.patches), n_entries)))
 
 
-def output(n_rows: int, column_clusters: Sequence[Cluster]) -> Rows:
+def output(integrals: Integrals, n_rows: int, column_clusters: Sequence[Cluster]) -> Rows:
     """Return zero rows for n_rows equations in the columns of some clusters."""
     unknowns = sum(cluster.unknowns.stop - cluster.unknowns.start for cluster in column_clusters)
     loads = sum(cluster.loads.stop - cluster.loads.start for cluster in column_clusters)
-    return Rows(np.zeros((n_rows, unknowns)), np.zeros((n_rows, loads)), np.zeros((n_rows, 1 + N_FIELDS)))
+    return Rows(np.zeros((n_rows, unknowns)), np.zeros((n_rows, loads)), np.zeros((n_rows, 1 + len(integrals.fields))))

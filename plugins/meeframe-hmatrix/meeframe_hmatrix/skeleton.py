@@ -39,22 +39,24 @@ def farthest_points(points, low, high, count):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def enter_samples(u, t, rows, samples, squares):
-    """Enter kernels u, t (s p, 25) of some sources in samples (m, p, 10), and add their squares to squares (p, 2).
+def enter_samples(fields, u, t, rows, samples, squares):
+    """Enter kernels u, t (s p, f^2) of some sources in samples (m, p, 2 f), and add their squares to squares (p, 2).
 
-    rows: (s, 5) of the equations of the sources, negative where there is none. Entry 5 J + K is that of the equation K.
+    rows: (s, f) of the equations of the sources, negative where there is none. Entry f J + K is that of the equation K.
+    fields: (0, ..., f - 1).
     """
+    n_fields = len(fields)
     n = samples.shape[1]
     for source in range(len(rows)):
         for point in range(n):
             value_u, value_t = u[source * n + point], t[source * n + point]
             squares[point, 0] += (value_u**2).sum()
             squares[point, 1] += (value_t**2).sum()
-            for k in range(5):
+            for k in range(n_fields):
                 if rows[source, k] >= 0:
                     sample = samples[rows[source, k], point]
-                    for j in range(5):
-                        sample[j], sample[5 + j] = value_u[5 * j + k], value_t[5 * j + k]
+                    for j in range(n_fields):
+                        sample[j], sample[n_fields + j] = value_u[n_fields * j + k], value_t[n_fields * j + k]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gcrotmk
 
 from meeframe.plugin import (
-    ELECTRIC,
     MECHANICAL,
-    N_FIELDS,
+    N_MECHANICAL,
+    POTENTIALS,
     AnyArray,
     ApproximateInverse,
     Array,
@@ -40,7 +40,7 @@ from meeframe_hmatrix.arithmetic import (
     worker_pool,
 )
 from meeframe_hmatrix.assembly import System
-from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, to_dense
+from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, shape, to_dense
 from meeframe_hmatrix.clusters import ClusterTree
 from meeframe_hmatrix.field_selection import merge_blocks, select_fields
 from meeframe_hmatrix.packing import pack
@@ -48,17 +48,13 @@ from meeframe_hmatrix.product import Product, product_of
 from meeframe_hmatrix.truncated_inverse import TruncatedInverse, truncated_inverse
 from meeframe_hmatrix.truncation import precision
 
-SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
-"""Signs of the fields in a displacement of ReducedSystem."""
 RESIDUAL_TOLERANCE: Final = 1e-10
 RESTART_LENGTH, MAX_RESTARTS = 50, 4
 """Bounds of GMRES: iterations between restarts, and restarts."""
 MAX_PRODUCTS: Final = 8
 """Largest number of stored products between fields of load and displacement."""
-ALL_FIELDS: Final = tuple(range(N_FIELDS))
-
-ARRAYS: Final = {"offset": (5,), "order": (), "to_load": (5, 5), "to_displacement": (5, 5), "node_compliance": (5, 5)}
-"""Stored arrays of a system besides its compliance, with their shapes after the axis of the nodes."""
+ARRAYS: Final = ("offset", "order", "to_load", "to_displacement", "node_compliance")
+"""Stored arrays of a system besides its compliance."""
 
 Fields = tuple[int, ...]
 
@@ -79,7 +75,7 @@ class BoundarySystem:
     flux_unit: float
 
     def unknowns(self, loads: Array) -> Array:
-        """Return the unknowns, in the numbering of the layout, for loads (5 n) in that of the tree.
+        """Return the unknowns, in the numbering of the layout, for loads (f n) in that of the tree.
 
         GMRES is preconditioned with the factors. Raises CaseError if it does not converge.
         """
@@ -122,7 +118,7 @@ class BoundarySystem:
         return solution, iterations
 
     def fields(self, loads: Array) -> NodalFields:
-        """Return the fields on the boundary for loads (n, 5).
+        """Return the fields on the boundary for loads (n, f).
 
         Loads are in units of the system, the order of the layout and global axes.
         """
@@ -141,7 +137,7 @@ def factorise(system: System, tolerance: float, progress: Progress) -> Factors:
 def condense(system: System, factors: Factors, tolerance: float, progress: Progress) -> Block:
     """Return the compliance of the contact zone by the factors of the matrix.
 
-    It gives values (5 n) there for loads (5 n), both in the order of the tree and in units of the system.
+    It gives values (f n) there for loads (f n), both in the order of the tree and in units of the system.
     """
     progress("compliance", 0.0)
     assert isinstance(factors, SplitFactors)
@@ -199,23 +195,23 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     Attributes
     ----------
     order
-        (n,) node of each five rows of the compliance.
+        (n,) node of each f rows of the compliance.
     to_load, to_displacement
-        (n, 5, 5) from local frames to units of the system in global axes, and back.
+        (n, f, f) from local frames to units of the system in global axes, and back.
     node_compliance
-        (n, 5, 5) response of each node to its own load, in local frames and SI units.
+        (n, f, f) response of each node to its own load, in local frames and SI units.
     compliance
         The matrix of `condense`.
     boundary_system
         The system of the whole boundary; like products and inverses, it is computed again in other processes.
     representation
         The interior representation of the body.
+    groups
+        Groups of fields that the material couples; the compliance between two groups is exactly zero.
     products
         The latest products, by their fields.
     inverses
         Approximate inverses, by their fields.
-    groups
-        Groups of fields that the material couples; the compliance between two groups is exactly zero.
     """
 
     order: Indices
@@ -225,9 +221,9 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     compliance: Block
     boundary_system: LazyBoundary
     representation: InteriorRepresentation
+    groups: tuple[Fields, ...]
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, TruncatedInverse | None] = field(default_factory=dict)
-    groups: tuple[Fields, ...] = (ALL_FIELDS,)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "products": {}, "inverses": {}}
@@ -243,8 +239,9 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         return {name: getattr(self, name) for name in ARRAYS} | {"table": table, "numbers": numbers}
 
     def apply(self, load: Array) -> Array:
-        """Return compliance(load), (n, 5), for a load (n, 5)."""
-        return self.apply_fields(load, ALL_FIELDS, ALL_FIELDS)
+        """Return compliance(load), (n, f), for a load (n, f)."""
+        fields = range(self.n_fields)
+        return self.apply_fields(load, fields, fields)
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in k fields by a matrix of the entries between these fields and the loaded ones."""
@@ -287,7 +284,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         return self.inverses[key]
 
     def apply_iterative(self, load: Array) -> tuple[Array, int]:
-        """Return offset + compliance(load) by GMRES on the whole system, (n, 5), and the number of iterations.
+        """Return offset + compliance(load) by GMRES on the whole system, (n, f), and the number of iterations.
 
         It is free of the truncation of the elimination, which only affects the preconditioner; that of the assembly
         remains. Raises CaseError if it does not converge.
@@ -302,7 +299,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         return displacement, iterations
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5)."""
+        """Return the response of each node to its own load, (n, f, f)."""
         return self.node_compliance
 
     def diagonal(self, fields: Sequence[int]) -> Array:
@@ -314,7 +311,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         return None
 
     def recover(self, load: Array) -> NodalFields:
-        """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
+        """Return the fields on the whole boundary for a load (n, f) on the contact zone."""
         return self.boundary.fields(np.einsum("nja,na->nj", self.to_load, load))
 
     def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
@@ -323,30 +320,36 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
 
 
 def coupled_groups(stiffness: Array) -> tuple[Fields, ...]:
-    """Return the groups of fields that an extended stiffness (3, 5, 5, 3) couples; displacements are one group."""
-    groups = [set(range(ELECTRIC))]
-    for name in range(ELECTRIC, N_FIELDS):
+    """Return the groups of fields that an extended stiffness (3, f, f, 3) couples; displacements are one group."""
+    groups = [set(range(N_MECHANICAL))]
+    for name in range(N_MECHANICAL, stiffness.shape[1]):
         joined = [group for group in groups if stiffness[:, sorted(group), name, :].any()]
         groups = [group for group in groups if group not in joined] + [{name}.union(*joined)]
     return tuple(tuple(sorted(group)) for group in groups)
 
 
 def extract_diagonal(compliance: Block, order: Indices) -> Array:
-    """Blocks (n, 5, 5) on the diagonal of a compliance whose rows are those of nodes order (n,), five each."""
-    blocks = np.empty((len(order), N_FIELDS, N_FIELDS))
+    """Return the diagonal blocks (n, f, f) of a compliance whose rows are those of nodes order (n,), f each."""
+    n_fields = shape(compliance)[0] // len(order)
+    blocks = np.empty((len(order), n_fields, n_fields))
     for leaf in leaves(compliance):
         start, stop = leaf.columns.start, leaf.columns.stop
         if leaf.rows.start - compliance.rows.start == start:
-            nodes = order[start // N_FIELDS : stop // N_FIELDS]
-            blocks[nodes] = np.einsum("iaib->iab", to_dense(leaf).reshape(len(nodes), N_FIELDS, -1, N_FIELDS))
+            nodes = order[start // n_fields : stop // n_fields]
+            blocks[nodes] = np.einsum("iaib->iab", to_dense(leaf).reshape(len(nodes), n_fields, -1, n_fields))
     return blocks
 
 
 def frames_to_units(frames: Array, units: Units) -> tuple[Array, Array]:
-    """From local loads to units of the system in global axes, from values there to displacements, (n, 5, 5)."""
-    rotation = np.zeros((len(frames), N_FIELDS, N_FIELDS))
+    """Return maps of local loads to units of the system in global axes, and of values there to displacements.
+
+    Both are (n, f, f); potentials are negated in displacements.
+    """
+    n_fields = len(units.scaling.factors)
+    unity, signs = np.ones(n_fields), np.ones(n_fields)
+    signs[POTENTIALS] = -1.0
+    rotation = np.tile(np.eye(n_fields), (len(frames), 1, 1))
     rotation[:, MECHANICAL, MECHANICAL] = frames
-    rotation[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
-    to_load = rotation.transpose(0, 2, 1) * units.fluxes(np.ones(N_FIELDS))[:, None]
-    to_displacement = SIGNS[:, None] * rotation * units.values_si(np.ones(N_FIELDS))
+    to_load = rotation.transpose(0, 2, 1) * units.fluxes(unity)[:, None]
+    to_displacement = signs[:, None] * rotation * units.values_si(unity)
     return to_load, to_displacement

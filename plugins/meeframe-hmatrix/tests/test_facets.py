@@ -48,19 +48,19 @@ def test_integrals_match_element_by_element(make_block, monkeypatch, make, toler
     for leaf in far:
         window = column_window(integrals, [leaf])
         box = np.stack([positions[0], positions[0]])
-        computed, others = interpolate(integrals, [leaf], facets_of_leaves, positions, box, accuracy, window)
-        assert (computed is None) == (others == [leaf])
-        if computed is None:
+        interpolated, others = interpolate(integrals, [leaf], facets_of_leaves, positions, box, accuracy, window)
+        assert (interpolated is None) == (others == [leaf])
+        if interpolated is None:
             continue
-        sums, rows = no_sums(window), local(integrals.rows[row.sources.start], row)
-        computed.add(integrals.kernel, positions[0], sums)
-        out = output(row.unknowns.stop - row.unknowns.start, [leaf])
-        enter(sums, rows, integrals.columns, window, out)
+        sums, rows = no_sums(integrals, window), local(integrals.rows[row.sources.start], row)
+        interpolated.add(integrals.kernel, positions[0], sums)
+        out = output(integrals, row.unknowns.stop - row.unknowns.start, [leaf])
+        enter(integrals.fields, sums, rows, integrals.columns, window, out)
         one = replace(row, sources=slice(row.sources.start, row.sources.start + 1))
         expected = near_rows(fine, one, [leaf])
-        for computed, right in zip((out.unknown, out.load), (expected.unknown, expected.load), strict=True):
-            worst = max(worst, relative(computed, right))
-        points += len(computed.points)
+        for block, exact in zip((out.unknown, out.load), (expected.unknown, expected.load), strict=True):
+            worst = max(worst, relative(block, exact))
+        points += len(interpolated.points)
         rules = [orders_from(box, facet.kind, facet.numbers, accuracy) for facet in facets_of_leaves[leaf]]
         direct += sum(int(orders.prod(axis=1).sum()) for orders in rules)
     assert 0 < points < 0.7 * direct

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meeframe.results.records import resultants
-from meeframe.study.quantities import TOTALS, largest, nodal
+from meeframe.study.quantities import largest, nodal, totals
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def rotated(synthetic):
 
 def test_signs_of_totals(rotated):
     zone, step = rotated
-    found = {name: total(resultants(zone, step)) for name, total in TOTALS.items()}
+    found = {name: total(resultants(zone, step)) for name, total in totals().items()}
     nodes = (np.linalg.norm(zone.points[:, :2], axis=1) < 1.5e-3).sum()
     assert found["force"] == pytest.approx(nodes * 1e-6 * 1e6)
     assert found["force_y"] == pytest.approx(0.1 * found["force"])
