@@ -31,7 +31,7 @@ import pandas as pd
 import meeframe
 from meeframe.material import library_material
 from meeframe.material.half_space import axisymmetric_compliance
-from meeframe.testing.closed_forms import FlatPunch, Sphere, indent
+from meeframe.testing.closed_forms import FlatPunch, indent
 
 plt.style.use(meeframe.STYLE)
 
