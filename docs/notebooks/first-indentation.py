@@ -263,6 +263,7 @@ assert stiffening > 0
 # %% [markdown]
 # ## Where to go next
 #
+# - [A piezoelectric force sensor](force-sensor.py) uses the coupling of this page
 # - [Friction laws](friction-law.py) and [comparisons of laws, solvers and formulations](compare.py)
 # - [Cases and results in Python](../tutorials/python.md) lists all arguments
 # - [Verify a case](../howto/verify.md) where there is no closed form; [all checks of meeframe](../validation/checks.md)

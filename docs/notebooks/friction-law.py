@@ -216,3 +216,4 @@ right.set_title("falling coefficient, first increment")
 # - [Your first friction law](../tutorials/first-friction-law.md) turns a law into a file for `--plugin`, and into a package
 # - [Contracts](../howto/plugins.md#contracts): interface compliance, adhesion, memory and rate in a law
 # - [Friction laws](../reference/laws-friction.md) that exist already
+# - [Hysteresis and dissipation](hysteresis.py) under a cyclic load

@@ -267,7 +267,8 @@ def test_hierarchical_matrices_agree_with_dense_ones(tolerance: float) -> None:
     dense, hierarchical = (formulation.reduce(body) for formulation in formulations)
     assert hierarchical.dense() is None
     expected, state = (
-        solved(indentation(system, warm.fields, laws, (2e3, -3.0, POTENTIAL), 3e-6)) for system in (dense, hierarchical)
+        solve_problem(indentation(system, warm.fields, laws, (2e3, -3.0, POTENTIAL), 3e-6))
+        for system in (dense, hierarchical)
     )
     assert (np.abs(expected.load).max(axis=0) > 0.0).all()
     for column in range(warm.fields.size):
