@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
 from importlib import metadata
+from typing import Final
 
 import numba
 import numpy as np
@@ -12,7 +13,8 @@ import numpy as np
 from meeframe.common.errors import TooLargeError
 from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_position
-from meeframe.fields import Array, Indices
+from meeframe.contact.scales import problem_scales
+from meeframe.fields import POTENTIALS, Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.laws.base import is_pure_projection
 from meeframe.mesh.body import Body
@@ -42,6 +44,9 @@ from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies, second_displacement
+
+_ROUND_OFF: Final = 1e-12
+"""Fraction of the expected magnitude of a potential below which it is zero, as on grounded conductors."""
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
@@ -290,6 +295,8 @@ def _step_result(
     state = solution.state
     traction, fluxes = split_load(state.load)
     displacement, potentials, second_body = _surfaces(kinematics.system, state)
+    expected = problem_scales(increment.problem).displacement[POTENTIALS]
+    potentials[:, np.abs(potentials).max(axis=0) < _ROUND_OFF * expected] = 0.0
     return StepResult(
         loading=Loading.of(
             end.motion,

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
-from meeframe.fields import MEE, FieldSet
+from meeframe.fields import MEE, Array, FieldSet
 from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
 from meeframe.results import schema
 from meeframe.results.balance import Unbalance, balanced_names, unbalance
@@ -24,6 +24,8 @@ AT_BOUNDARY: Final = (
 )
 _Row = tuple[str, str, list[Any]]
 
+_ROUND_OFF: Final = 1e-11
+"""Fraction of the largest component below which a component of a force is shown as zero."""
 _ENERGY: Final = "dissipated_energy"
 _ABOUT: Final = {"tilt": "moment", "twist": "torque"}
 """Resultants that the table shows with their conjugate motion; the others always have rows."""
@@ -149,9 +151,15 @@ def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
 def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
     """Yield rows of the totals of present phenomena; the dissipated energy is that of the whole load step."""
     for row in schema.shown_totals(schema.View.SUMMARY, totals, fields):
+        columns = np.array([_without_round_off(np.atleast_1d(total[row.name])) for total in totals])
         for i, label in enumerate(row.labels):
             words = f"{label}, whole step" if row.name == _ENERGY else label
-            yield words, row.unit, [float(np.atleast_1d(total[row.name])[i]) for total in totals]
+            yield words, row.unit, columns[:, i].tolist()
+
+
+def _without_round_off(components: Array) -> Array:
+    """Return components with zeros in place of those that are negligible beside the largest one."""
+    return np.where(np.abs(components) < _ROUND_OFF * np.abs(components).max(), 0.0, components)
 
 
 def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[_Row]:

@@ -1,6 +1,6 @@
 """Commands, examples, links and names on the README and the pages of docs/ are correct."""
 
-import importlib
+import importlib.util
 import re
 import shlex
 from collections.abc import Iterator
@@ -202,3 +202,20 @@ def test_getting_started(workplace):
     assert 0 < totals["friction"].force[0] <= -0.1 * totals["friction"].force[2]
     assert -totals["conducting"].force[2] < -totals["first"].force[2]
     assert totals["conducting"].charge != 0 == totals["first"].charge
+
+
+def test_each_picture_of_the_pages_has_one_source():
+    """docs/make_images.py draws every picture again, by scripts that exist."""
+    spec = importlib.util.spec_from_file_location("make_images", ROOT / "docs" / "make_images.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    drawn = [picture for source in module.SOURCES.values() for picture in module.pictures(source)]
+    assert sorted(drawn) == sorted((ROOT / "docs").rglob("*.png"))
+    for source in module.SOURCES.values():
+        assert module.pictures(source)
+        for script in source.scripts:
+            assert (ROOT / script.split()[0]).is_file()
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert [
+        picture.name for picture in drawn if f"/{picture.name})" not in text and f"({picture.name})" not in text
+    ] == []

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
+import meeframe
 from meeframe.contact.problem import Solver, Status
 from meeframe.elements import Quad4
 from meeframe.laws import Signorini
@@ -67,3 +68,19 @@ def test_convergence_with_large_contact_resistance(solver: Solver, kappa: float)
     assert theirs.status is Status.CONVERGED
     largest = np.abs(theirs.state.load).max(axis=0)
     assert (np.abs(ours.state.load - theirs.state.load) <= 1e-6 * largest).all()
+
+
+def test_the_potential_of_a_grounded_conductor_is_exactly_zero():
+    """Under a conducting sphere without friction the potential vanishes on the whole surface, without round-off."""
+    case = meeframe.Case(
+        material="pzt-4",
+        mesh=meeframe.mesh.half_space(contact_width="4 mm", divisions=12),
+        indenter=meeframe.Sphere("100 mm"),
+        conductivity={"electric": meeframe.StepConductivity(float("inf"))},
+        formulation=HalfSpace(),
+        steps=[meeframe.Step(approach="10 um"), meeframe.Step(approach="10 um", electric_potential="1 V")],
+    )
+    grounded, charged = case.solve()
+    assert grounded.fluxes[:, 0].any()
+    assert not grounded.potentials.any()
+    np.testing.assert_allclose(charged.potentials[charged.touching, 0], 1.0, rtol=1e-3)
