@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet
+from meeframe.fields import MEE, N_MECHANICAL, Array, FieldSet
+from meeframe.mesh.regular import local_components
 
 N_RIGID: Final = 6
 """Number of rigid motions of the indenter, which come before its potentials."""
@@ -129,11 +130,18 @@ def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fi
     axis, translation along e1 and e2, right-handed rotations about e1, e2 and the axis; a unit potential is -1 in its
     column, as in a displacement of ReducedSystem.
     """
-    turning = np.cross(axes[:, None, :], points - reference)
-    shifting = np.broadcast_to(np.array([-axes[2], axes[0], axes[1]])[:, None, :], turning.shape)
     potentials = np.arange(len(fields.scalars))
-    modes = np.zeros((N_RIGID + len(potentials), len(points), fields.size))
-    modes[:N_RIGID, :, MECHANICAL] = np.einsum("nai,kni->kna", frames, np.concatenate([shifting, turning]))
+    # field by field: a column that is zero throughout is never written, and takes no memory
+    modes = np.zeros((N_RIGID + len(potentials), fields.size, len(points))).transpose(0, 2, 1)
+    for number in range(N_RIGID):
+        if number < 3:
+            moved = np.broadcast_to((-axes[2], axes[0], axes[1])[number], points.shape)
+        else:
+            moved = np.cross(axes[number - 3], points - reference)
+        local = local_components(frames, moved)
+        for column in range(N_MECHANICAL):
+            if local[:, column].any():
+                modes[number, :, column] = local[:, column]
     modes[N_RIGID + potentials, :, N_MECHANICAL + potentials] = -1.0
     return modes
 
@@ -145,6 +153,24 @@ def motion_measures(modes: Array, weights: Array) -> Array:
     as in ReducedSystem. Forces [N] and moments [N m] are those of the indenter on the body, the normal force positive
     in compression; total fluxes, such as the charge [C], are what leaves the body.
     """
-    measures: Array = weights[:, None] * modes
-    measures[N_RIGID:] *= -1.0
-    return measures
+    return np.stack([motion_measure(modes, weights, number) for number in range(len(modes))])
+
+
+def motion_measure(modes: Array, weights: Array, number: int) -> Array:
+    """Return one of the measures of `motion_measures`, (n, fields)."""
+    signs = weights if number < N_RIGID else -weights
+    measure = np.zeros(modes.shape[:0:-1]).T  # field by field, as the modes
+    for column, mode in enumerate(modes[number].T):
+        if mode.any():
+            measure[:, column] = signs * mode
+    return measure
+
+
+def total_resultants(modes: Array, weights: Array, load: Array) -> Array:
+    """Return the resultants (motions,) of a load (n, fields), see `motion_measures`, without their measures."""
+    weighted = [weights * column for column in load.T]
+    result = np.array(
+        [sum(float(mode @ column) for mode, column in zip(each.T, weighted, strict=True)) for each in modes]
+    )
+    result[N_RIGID:] *= -1.0
+    return result

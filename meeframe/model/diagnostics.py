@@ -14,6 +14,7 @@ from meeframe.indenters import longest_side
 from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, motion_modes
 from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.mesh.measures import corners
+from meeframe.mesh.regular import grid_shape
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
 from meeframe.plugin.hookspecs import PROJECT
@@ -271,7 +272,17 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
 def boundary_sides(zone: Zone) -> tuple[Indices, Array]:
     """Return corners (m, 2) of the sides of one cell only, and vectors (m, 3) to them from its middle [m]."""
     sides, ways = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3))]
-    for outline in corners(zone.cells):
+    outlines, inner, shape = (
+        corners(zone.cells),
+        np.zeros(len(zone.points), bool),
+        grid_shape(zone.cells, len(zone.points)),
+    )
+    if shape is not None:  # the outermost cells alone
+        outer = np.ones((shape[0] - 1, shape[1] - 1), bool)
+        outer[1:-1, 1:-1] = False
+        outlines = [outlines[0][outer.ravel()]]
+        inner.reshape(shape)[1:-1, 1:-1] = True
+    for outline in outlines:
         pairs = np.stack([outline, np.roll(outline, -1, axis=1)], axis=-1)
         middles = zone.points[outline].mean(axis=1)[:, None]
         sides.append(pairs.reshape(-1, 2))
@@ -280,6 +291,7 @@ def boundary_sides(zone: Zone) -> tuple[Indices, Array]:
     one, other = np.sort(joined, axis=1).T
     _, first, counts = np.unique(one * len(zone.points) + other, return_index=True, return_counts=True)
     border = first[counts == 1]
+    border = border[~inner[joined[border]].any(axis=1)]  # not the sides shared with cells further inside
     return joined[border], away[border]
 
 

@@ -17,7 +17,7 @@ from meeframe.contact.problem import (
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
-from meeframe.indenters.base import FORCE_RATIO, N_RIGID, motion_measures, motion_modes
+from meeframe.indenters.base import FORCE_RATIO, N_RIGID, motion_measure, motion_modes, total_resultants
 from meeframe.laws.base import augmented_traction, is_adhesive, resolve
 from meeframe.mesh import ContactZone
 from meeframe.model.conduction import watched
@@ -113,9 +113,7 @@ class IndenterKinematics:
     def rim(self, increment: Increment) -> IndenterEdge | None:
         """Return the edge of the indenter in an increment."""
         rim = self._touching_rim
-        return rim and replace(
-            rim, gap=rim.gap + np.einsum("k,kn->n", increment.base[:N_RIGID], self.modes[:N_RIGID, :, 2])
-        )
+        return rim and replace(rim, gap=rim.gap + self._moved(increment.base, 2))
 
     @cached_property
     def modes(self) -> Array:
@@ -123,10 +121,16 @@ class IndenterKinematics:
         geometry = self.system.points, self.system.frames, self.case.placement.base, self.reference
         return motion_modes(*geometry, self.case.fields)
 
-    @cached_property
-    def measures(self) -> Array:
-        """Measures of the resultants conjugate to the motions, (motions, n, fields)."""
-        return motion_measures(self.modes, self.system.weights)
+    def _moved(self, motion: Array, column: int) -> Array:
+        """Return a local component (n,) [m] of the indenter's rigid motion, for motions (motions,)."""
+        moved = np.zeros(len(self.system.points))
+        for number in np.flatnonzero(motion[:N_RIGID]):
+            moved += motion[number] * self.modes[number, :, column]
+        return moved
+
+    def _measure(self, number: int) -> Array:
+        """Return the measure (n, fields) of the resultant conjugate to a motion."""
+        return motion_measure(self.modes, self.system.weights, number)
 
     @cached_property
     def resists(self) -> NDArray[np.bool_]:
@@ -144,9 +148,9 @@ class IndenterKinematics:
             base[self.case.motions.columns[key]] = controls[key]
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
-        gap = self.touching_gap + np.einsum("k,kn->n", base[:N_RIGID], self.modes[:N_RIGID, :, 2])
-        tangential = np.einsum("k,knt->nt", base[:N_RIGID], self.modes[:N_RIGID, :, :2])
-        potentials = np.tile(base[N_RIGID:], (len(gap), 1))
+        gap = self.touching_gap + self._moved(base, 2)
+        tangential = np.stack([self._moved(base, column) for column in range(2)], axis=1)
+        potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         translation = tangential - start.total_slip
@@ -161,11 +165,13 @@ class IndenterKinematics:
         for key, totals in prescribed.items():
             numbers = range(*columns[key].indices(len(self.modes)))
             for number, total in zip(numbers, totals, strict=True):
-                measure = self.measures[number]
+                if not self.resists[number]:
+                    continue
+                measure = self._measure(number)
                 if key == FORCE_RATIO:
-                    measure, total = measure - total * self.measures[columns["normal_force"]][0], 0.0
-                if self.resists[number]:
-                    prescribed_resultants[number] = PrescribedResultant(self.modes[number], measure, float(total))
+                    (normal,) = range(*columns["normal_force"].indices(len(self.modes)))
+                    measure, total = measure - total * self._measure(normal), 0.0
+                prescribed_resultants[number] = PrescribedResultant(self.modes[number], measure, float(total))
         return dict(sorted(prescribed_resultants.items()))
 
     def restore_unresisted_motions(
@@ -205,7 +211,7 @@ class IndenterKinematics:
         traction = state.load[:, :2]
         if start.state is not None:
             # of the problem as solved: with a contact edge between nodes, those near the indenter have gaps, too
-            back = np.einsum("k,kn->n", (start.motion - increment.base)[:N_RIGID], self.modes[:N_RIGID, :, 2])
+            back = self._moved(start.motion - increment.base, 2)
             gap = np.column_stack([slip, problem.gap + back - start.state.displacement[:, 2]])
             stiffness = 1.0 / problem_scales(problem).normal_compliance
             r = stiffness, _TANGENTIAL_STEP * stiffness
@@ -217,8 +223,7 @@ class IndenterKinematics:
 
     def resultants(self, state: ContactState) -> Array:
         """Return the resultants conjugate to the motions in a state of the contact zone, (motions,)."""
-        totals: Array = np.einsum("kni,ni->k", self.measures, state.load)
-        return totals
+        return total_resultants(self.modes, self.system.weights, state.load)
 
 
 def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]:

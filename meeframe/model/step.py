@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel
-from meeframe.fields import MECHANICAL, MEE, Array, FieldSet
+from meeframe.contact.scales import largest
+from meeframe.fields import MEE, N_MECHANICAL, Array, FieldSet
 from meeframe.fields.units import Quantity
 from meeframe.indenters.base import N_RIGID, IndenterMotions
 from meeframe.laws.base import ContactLaw, is_adhesive
@@ -178,8 +179,12 @@ def resisted(modes: Array, contact: ContactLaw, channels: tuple[FluxChannel, ...
     Motions are resisted by normal tractions, or by tangential ones that the law admits in that direction; potentials if
     their law conducts.
     """
-    moving = modes[:N_RIGID, :, MECHANICAL]
-    size = np.abs(moving).max(axis=(1, 2))
-    held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
-    mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_FRACTION * size
-    return np.concatenate([mechanical, [channel.is_conducting for channel in channels]])
+    scaling = contact.tangential_scaling()
+    mechanical = []
+    for mode in modes[:N_RIGID]:
+        size = max(largest(mode[:, column]) for column in range(N_MECHANICAL))
+        held = largest(mode[:, 2])
+        if held <= _LEAST_FRACTION * size and scaling.any():
+            held = largest(mode[:, :2] @ scaling)
+        mechanical.append(held > _LEAST_FRACTION * size)
+    return np.array([*mechanical, *(channel.is_conducting for channel in channels)])

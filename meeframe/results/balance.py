@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.elements import ELEMENTS
 from meeframe.elements.base import shape_functions
 from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, POTENTIALS, Array, FieldSet
@@ -76,6 +77,7 @@ def unbalance(boundary: NodalFields | None, contact_fluxes: Array | None = None)
     return Unbalance(total[MECHANICAL], total[POTENTIALS], relative)
 
 
+@memoize_by_identity
 def _closed(boundary: NodalFields) -> bool:
     """Return whether the integral of the normal vanishes, by the straight sides of the elements."""
     outlines = [np.zeros((0, 3)), *(vector_areas(boundary.points[outline]) for outline in corners(boundary.cells))]

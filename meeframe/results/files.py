@@ -25,7 +25,7 @@ from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
 from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
 from meeframe.results import schema
-from meeframe.results.hdf5 import changed_file, numbers_of, table_of, text_of
+from meeframe.results.hdf5 import changed_file, is_compressible, numbers_of, table_of, text_of
 from meeframe.results.output import INCREMENTS, RESULT_FILE, replacing
 from meeframe.results.records import Loading, Provenance, Region, Result, RunStatus, SecondSurface, StepResult, Zone
 from meeframe.results.schema import BOUNDARY, NodalField, Stored
@@ -40,6 +40,8 @@ _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", 
 _LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
 _SMALL: Final = 4096
 """Size in bytes below which arrays are not compressed."""
+_LARGE: Final = 1 << 20
+"""Size in bytes above which arrays that hardly shrink are not compressed, which takes longer than all else."""
 _CHUNK: Final = 1 << 24
 """Largest size of a chunk in bytes."""
 _BOUNDARY_FILE: Final = "boundary.h5"
@@ -266,9 +268,9 @@ def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) ->
 
 
 def _put(group: Any, name: str, values: Any) -> Any:
-    """Write an array, compressed unless it is small; one chunk for the whole array compresses best."""
+    """Write an array, compressed if that halves it; one chunk for the whole array compresses best."""
     array = np.asarray(values)
-    if array.nbytes < _SMALL:
+    if array.nbytes < _SMALL or (array.nbytes > _LARGE and not is_compressible(array)):
         return group.create_dataset(name, data=array)
     chunk = (min(len(array), max(1, _CHUNK * len(array) // array.nbytes)), *array.shape[1:])
     return group.create_dataset(name, data=array, chunks=chunk, shuffle=True, compression="gzip", compression_opts=1)

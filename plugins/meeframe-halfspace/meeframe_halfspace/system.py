@@ -223,7 +223,7 @@ class HalfSpaceSystem(
 
     def _global(self, extended: Array) -> Array:
         result = extended.copy()
-        result[:, MECHANICAL] = np.einsum("ni,nij->nj", extended[:, MECHANICAL], self.frames)
+        result[:, MECHANICAL] = extended[:, MECHANICAL] @ self.grid.frame
         return result
 
 

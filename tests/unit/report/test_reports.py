@@ -335,7 +335,7 @@ def test_table_has_motions_that_were_free_or_are_not_zero(synthetic):
 def test_table_shows_negligible_components_as_zero(synthetic):
     step = synthetic.step(1e-6)
     traction = np.abs(step.traction[:, 2:]) * [1e-13, 1e-3, -1.0]
-    lines = printed(synthetic.result(dataclasses.replace(step, traction=traction))).splitlines()
+    lines = print_summary(synthetic.result(dataclasses.replace(step, traction=traction))).splitlines()
     rows = {line.split("│")[1].strip(): line.split("│")[-2].strip() for line in lines if "│" in line}
     assert (rows["force x"], rows["force y"], rows["force z"]) == ("0", "0.009", "-9")
 
