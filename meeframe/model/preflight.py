@@ -7,7 +7,7 @@ from typing import Final, final
 import numpy as np
 
 from meeframe.contact.free_motion import motions
-from meeframe.contact.problem import Solver
+from meeframe.contact.problem import Solver, check_accepted, is_selective
 from meeframe.fields import Array
 from meeframe.indenters.base import RIGID_MOTIONS
 from meeframe.laws.base import is_adhesive
@@ -61,10 +61,10 @@ def planned(kinematics: IndenterKinematics) -> Iterator[Increment]:
 
 def check_solver(case: CaseData, solver: Solver) -> None:
     """Raise CaseError if the solver does not accept the contact problem of a load step."""
-    if type(solver).check is Solver.check:
+    if not is_selective(solver):
         return
     for increment in planned(undeformed(case)):
-        solver.check(increment.problem)
+        check_accepted(solver, increment.problem)
 
 
 def preflight(kinematics: IndenterKinematics) -> Iterator[str]:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from meeframe.contact.problem import ContactProblem as ContactProblem
     from meeframe.contact.problem import ContactState as ContactState
     from meeframe.contact.problem import Iterate as Iterate
+    from meeframe.contact.problem import SelectiveSolver as SelectiveSolver
     from meeframe.contact.problem import Solver as Solver
     from meeframe.contact.problem import indenter_position as indenter_position
     from meeframe.contact.problem import unbalance as unbalance
@@ -141,6 +142,7 @@ _HOMES = {
     "ContactProblem": "meeframe.contact.problem",
     "ContactState": "meeframe.contact.problem",
     "Iterate": "meeframe.contact.problem",
+    "SelectiveSolver": "meeframe.contact.problem",
     "Solver": "meeframe.contact.problem",
     "indenter_position": "meeframe.contact.problem",
     "unbalance": "meeframe.contact.problem",

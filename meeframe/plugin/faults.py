@@ -2,11 +2,12 @@
 
 import inspect
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from itertools import chain
 from typing import Any, Final
 
+from meeframe.contact.problem import SelectiveSolver, Solver
 from meeframe.elements.base import SurfaceElement
 from meeframe.laws.base import OPTIONAL_METHODS, ContactLaw
 from meeframe.plugin.hookspecs import PROJECT, Record
@@ -15,6 +16,8 @@ NAME: Final = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 """Pattern of the names allowed in case files."""
 NAME_RULE: Final = "lower-case letters, digits and hyphens, beginning with a letter: my-law"
 """Description of this pattern."""
+_OPTIONAL: Final[Mapping[type, Sequence[type]]] = {ContactLaw: OPTIONAL_METHODS, Solver: (SelectiveSolver,)}
+"""Protocols of the optional methods of a contract."""
 
 
 def fault(kind: str, contract: type, record: Any) -> str:
@@ -50,8 +53,8 @@ def _fault_of_class(contract: type, factory: Any) -> str:
     missing = ", ".join(sorted(getattr(factory, "__abstractmethods__", ())))
     if missing:
         return f"class {factory.__name__} lacks {missing}, {_required_by()}"
-    optional = OPTIONAL_METHODS if contract is ContactLaw else ()
-    for name, method in chain.from_iterable(vars(protocol).items() for protocol in (contract, *optional)):
+    protocols = contract, *_OPTIONAL.get(contract, ())
+    for name, method in chain.from_iterable(vars(protocol).items() for protocol in protocols):
         if not inspect.isfunction(method) or name.startswith("_") or not hasattr(factory, name):
             continue
         arguments = list(inspect.signature(method).parameters.values())[1:]

@@ -25,6 +25,7 @@ from meeframe.contact.problem import (
     ContactSolution,
     ContactState,
     Solver,
+    check_accepted,
     contact_gap,
     indenter_position,
 )
@@ -130,7 +131,7 @@ def solve_local(
     Raises CaseError if the solver does not accept the problem.
     """
     problem = contact_problem(local)
-    solver.check(problem)
+    check_accepted(solver, problem)
     with warnings.catch_warnings():
         # W of more contacts than degrees of freedom is singular: its residual shows whether there is a solution
         warnings.simplefilter("ignore", LinAlgWarning)

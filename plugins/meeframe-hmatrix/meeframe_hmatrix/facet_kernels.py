@@ -52,24 +52,24 @@ def _lagrange(nodes, x, out):
 
 
 @njit(cache=True, nogil=True)
-def add_weights(points, numbers, sites, patches, centre, axes, half_sides, first, second, values, fluxes):
+def add_weights(quadrature, numbers, sites, patches, centre, axes, half_sides, first, second, values, fluxes):
     """Add integrals of shape functions times interpolating polynomials to values (s, p) and fluxes (f, p).
 
-    points: of the rules on elements, whose nodes have the positions sites and patches (e, k) in the output, negative if
-    not needed; first (m,), second (n,): the nodes of interpolation on [-1, 1], p = m n.
+    quadrature: points of the rules on elements, whose nodes have the positions sites and patches (e, k) in the output,
+    negative if not needed; first (m,), second (n,): the nodes of interpolation on [-1, 1], p = m n.
     """
     along_first, along_second = np.empty(len(first)), np.empty(len(second))
     for element in range(len(numbers)):
-        for q in range(points.starts[element], points.starts[element + 1]):
+        for q in range(quadrature.starts[element], quadrature.starts[element + 1]):
             x = y = 0.0
             for axis in range(3):
-                offset = points.offsets[q, axis] - centre[axis]
+                offset = quadrature.offsets[q, axis] - centre[axis]
                 x += offset * axes[0, axis]
                 y += offset * axes[1, axis]
             _lagrange(first, x / half_sides[0], along_first)
             _lagrange(second, y / half_sides[1], along_second)
             for a in range(sites.shape[1]):
-                site, patch, weight = sites[element, a], patches[element, a], points.weights[q, a]
+                site, patch, weight = sites[element, a], patches[element, a], quadrature.weights[q, a]
                 if site >= 0:
                     for i in range(len(first)):
                         for j in range(len(second)):

@@ -76,7 +76,7 @@ class Facet:
         key = orders, rules
         if key not in self.weights:
             selection = np.tile(rules, (len(self.numbers), 1))
-            points, _ = quadrature_points(
+            quadrature, _ = quadrature_points(
                 integrals, np.zeros(3), self.kind, self.numbers, selection, np.full(selection.shape, np.nan)
             )
             result = np.zeros((len(self.sites), prod(orders))), np.zeros((len(self.patches), prod(orders)))
@@ -85,7 +85,7 @@ class Facet:
                 _find_positions(self.patches, self.kind.patches[self.numbers]),
             )
             nodes = (gauss_table().points[n, :n] for n in orders)
-            add_weights(points, self.numbers, *positions, self.centre, self.axes, self.half_sides, *nodes, *result)
+            add_weights(quadrature, self.numbers, *positions, self.centre, self.axes, self.half_sides, *nodes, *result)
             self.weights[key] = result
         return self.weights[key]
 

@@ -39,17 +39,17 @@ def near_rows(integrals: Integrals, row_cluster: Cluster, column_clusters: Seque
             array[:] = 0.0
         for kind, elements in element_groups:
             singular, xi = _containing_elements(integrals, source, kind)
-            others = elements[~np.isin(elements, singular)]
-            orders = orders_from(np.stack([position, position]), kind, others, integrals.accuracy)
+            regular = elements[~np.isin(elements, singular)]
+            orders = orders_from(np.stack([position, position]), kind, regular, integrals.accuracy)
             work = work_arrays.get(kind)
-            points, work = quadrature_points(
-                integrals, position, kind, others, orders, np.full(orders.shape, np.nan), work
+            quadrature, work = quadrature_points(
+                integrals, position, kind, regular, orders, np.full(orders.shape, np.nan), work
             )
-            add(integrals, kind, others, points, window, sums)
+            add(integrals, kind, regular, quadrature, window, sums)
             if len(singular):
                 adaptive = np.zeros((len(singular), 2), np.int64)
-                points, work = quadrature_points(integrals, position, kind, singular, adaptive, xi, work)
-                _add_singular(integrals, kind, singular, xi, points, window, sums)
+                quadrature, work = quadrature_points(integrals, position, kind, singular, adaptive, xi, work)
+                _add_singular(integrals, kind, singular, xi, quadrature, window, sums)
             work_arrays[kind] = work
         enter(integrals.fields, sums, local(integrals.rows[source], row_cluster), integrals.columns, window, out)
     return out
@@ -102,39 +102,51 @@ def _work_arrays(capacity: int, n_elements: int, kind: Kind) -> QuadraturePoints
 
 
 def add(
-    integrals: Integrals, kind: Kind, elements: Indices, points: QuadraturePoints, window: Window, sums: Sums
+    integrals: Integrals, kind: Kind, elements: Indices, quadrature: QuadraturePoints, window: Window, sums: Sums
 ) -> None:
     """Add the integrals over elements to the sums of a source that none of them contains."""
     for first in range(0, len(elements), ELEMENTS_PER_CALL):
         chunk = elements[first : first + ELEMENTS_PER_CALL]
-        starts = points.starts[first : first + len(chunk) + 1]
+        starts = quadrature.starts[first : first + len(chunk) + 1]
         sums_of_elements = None
         if kind.planes is not None:
-            sums_of_elements = integrals.kernel.integrate(points.offsets, points.weights, starts, kind.planes[chunk])
+            sums_of_elements = integrals.kernel.integrate(
+                quadrature.offsets, quadrature.weights, starts, kind.planes[chunk]
+            )
         if sums_of_elements is None:
-            sums_of_elements = _sums(integrals, points, starts, points.weights)
+            sums_of_elements = _sums(integrals, quadrature, starts, quadrature.weights)
         accumulate(integrals.fields, *sums_of_elements, kind.sites[chunk], kind.patches[chunk], window, sums)
 
 
 def _add_singular(
-    integrals: Integrals, kind: Kind, singular: Indices, xi: Array, points: QuadraturePoints, window: Window, sums: Sums
+    integrals: Integrals,
+    kind: Kind,
+    singular: Indices,
+    xi: Array,
+    quadrature: QuadraturePoints,
+    window: Window,
+    sums: Sums,
 ) -> None:
     """Add the integrals over elements that contain the source at reference coordinates xi (n, 2).
 
     t is multiplied by N_a(x) - N_a(source), which makes the integrals regular.
     """
-    at_source = np.repeat(shape_functions(kind.element, xi), np.diff(points.starts), axis=0)
-    sums_of_elements = _sums(integrals, points, points.starts, points.weights - points.measures[:, None] * at_source)
+    at_source = np.repeat(shape_functions(kind.element, xi), np.diff(quadrature.starts), axis=0)
+    sums_of_elements = _sums(
+        integrals, quadrature, quadrature.starts, quadrature.weights - quadrature.measures[:, None] * at_source
+    )
     accumulate(integrals.fields, *sums_of_elements, kind.sites[singular], kind.patches[singular], window, sums)
 
 
-def _sums(integrals: Integrals, points: QuadraturePoints, starts: Indices, value_weights: Array) -> tuple[Array, Array]:
+def _sums(
+    integrals: Integrals, quadrature: QuadraturePoints, starts: Indices, value_weights: Array
+) -> tuple[Array, Array]:
     """Return sums of u and t (m, k, f^2) over elements with points from starts[i] to starts[i + 1]."""
     used = slice(starts[0], starts[-1])
-    u, t = integrals.kernel.evaluate(points.offsets[used], points.normals[used])
+    u, t = integrals.kernel.evaluate(quadrature.offsets[used], quadrature.normals[used])
     fields, n_points = integrals.fields, len(u)
-    sums = np.zeros((2, len(starts) - 1, points.weights.shape[1], len(fields) ** 2))
-    weights = points.weights[used], value_weights[used]
+    sums = np.zeros((2, len(starts) - 1, quadrature.weights.shape[1], len(fields) ** 2))
+    weights = quadrature.weights[used], value_weights[used]
     sums_by_element(fields, u.reshape(n_points, -1), t.reshape(n_points, -1), *weights, starts - starts[0], *sums)
     return sums[0], sums[1]
 

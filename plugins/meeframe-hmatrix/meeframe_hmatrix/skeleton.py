@@ -8,19 +8,19 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def farthest_points(points, low, high, count):
-    """Return the numbers of at most `count` of the points (n, 3), spread out as seen from a box.
+def farthest_points(positions, low, high, count):
+    """Return the numbers of at most `count` of the points at positions (n, 3), spread out as seen from a box.
 
     The first is the nearest to the box; each next one is the farthest from the previous ones relative to its distance
     from the box, so that they are dense close to the box. A larger count only adds points.
     """
-    n = len(points)
+    n = len(positions)
     count = min(count, n)
     scale, gap = np.empty(n), np.full(n, np.inf)
     for i in range(n):
         square = 0.0
         for axis in range(3):
-            x = points[i, axis]
+            x = positions[i, axis]
             square += max(0.0, max(low[axis] - x, x - high[axis])) ** 2
         scale[i] = 1.0 / square
     selected = np.empty(count, np.int64)
@@ -30,7 +30,7 @@ def farthest_points(points, low, high, count):
         for i in range(n):
             square = 0.0
             for axis in range(3):
-                square += (points[i, axis] - points[selected[number - 1], axis]) ** 2
+                square += (positions[i, axis] - positions[selected[number - 1], axis]) ** 2
             gap[i] = min(gap[i], square * scale[i])
             if gap[i] > largest:
                 farthest, largest = i, gap[i]

@@ -41,10 +41,16 @@ def test_integrals_match_element_by_element(make_block, monkeypatch, make, toler
     integrals = integrals_of(make(make_block), monkeypatch)
     accuracy = integrals.accuracy._replace(tolerance=tolerance)
     fine = replace(integrals, accuracy=accuracy._replace(tolerance=1e-8))
-    facets_of_leaves, leaves, points, direct, worst = facets(integrals), list(integrals.tree.root.leaves()), 0, 0, 0.0
-    row = next(leaf for leaf in leaves if leaf.sources.stop - leaf.sources.start > 5)
-    positions = integrals.positions[row.sources][:1]
-    far = [leaf for leaf in leaves if distance(row.row_box, leaf.column_box) > 0]
+    facets_of_leaves, leaves, points, direct, largest_error = (
+        facets(integrals),
+        list(integrals.tree.root.leaves()),
+        0,
+        0,
+        0.0,
+    )
+    row_cluster = next(leaf for leaf in leaves if leaf.sources.stop - leaf.sources.start > 5)
+    positions = integrals.positions[row_cluster.sources][:1]
+    far = [leaf for leaf in leaves if distance(row_cluster.row_box, leaf.column_box) > 0]
     for leaf in far:
         window = column_window(integrals, [leaf])
         box = np.stack([positions[0], positions[0]])
@@ -52,19 +58,19 @@ def test_integrals_match_element_by_element(make_block, monkeypatch, make, toler
         assert (interpolated is None) == (others == [leaf])
         if interpolated is None:
             continue
-        sums, rows = no_sums(integrals, window), local(integrals.rows[row.sources.start], row)
+        sums, rows = no_sums(integrals, window), local(integrals.rows[row_cluster.sources.start], row_cluster)
         interpolated.add(integrals.kernel, positions[0], sums)
-        out = output(integrals, row.unknowns.stop - row.unknowns.start, [leaf])
+        out = output(integrals, row_cluster.unknowns.stop - row_cluster.unknowns.start, [leaf])
         enter(integrals.fields, sums, rows, integrals.columns, window, out)
-        one = replace(row, sources=slice(row.sources.start, row.sources.start + 1))
+        one = replace(row_cluster, sources=slice(row_cluster.sources.start, row_cluster.sources.start + 1))
         expected = near_rows(fine, one, [leaf])
         for block, exact in zip((out.unknown, out.load), (expected.unknown, expected.load), strict=True):
-            worst = max(worst, relative(block, exact))
+            largest_error = max(largest_error, relative(block, exact))
         points += len(interpolated.points)
         rules = [orders_from(box, facet.kind, facet.numbers, accuracy) for facet in facets_of_leaves[leaf]]
         direct += sum(int(orders.prod(axis=1).sum()) for orders in rules)
     assert 0 < points < 0.7 * direct
-    assert worst < tolerance
+    assert largest_error < tolerance
 
 
 @pytest.mark.full

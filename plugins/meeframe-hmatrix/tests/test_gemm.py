@@ -20,7 +20,7 @@ def arrays(dtype):
 
 @PRECISIONS
 @pytest.mark.parametrize("width", [1, 3])
-def test_slices_are_added(dtype, width):
+def test_blocks_are_added(dtype, width):
     random = np.random.default_rng(2)
     for first in arrays(dtype):
         for left in arrays(dtype):
@@ -54,7 +54,7 @@ def test_low_rank_without_columns_adds_nothing(dtype, width):
 
 
 @PRECISIONS
-def test_products_are_subtracted_from_their_blocks(dtype):
+def test_products_are_subtracted_in_their_ranges(dtype):
     left, right = arrays(dtype)[3], arrays(dtype)[1].T
     target = np.random.default_rng(3).normal(size=(9, 11)).astype(dtype)
     expected = target.copy()

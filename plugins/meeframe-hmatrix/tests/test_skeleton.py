@@ -7,7 +7,7 @@ from meeframe_hmatrix.skeleton import farthest_points
 from meeframe_hmatrix.truncation import SINGLE_PRECISION_TOLERANCE
 
 
-def test_sample_points_are_denser_near_the_box():
+def test_samples_are_dense_close_to_the_box():
     points = np.random.default_rng(4).uniform((1, 0, 0), (9, 1, 1), (4000, 3))
     selected = farthest_points(points, np.zeros(3), np.array([0.0, 1.0, 1.0]), 60)
     assert len(set(selected)) == 60
