@@ -107,6 +107,7 @@ def read_any(file: Path) -> Any:
             raise MeshError("no such file")
     except PermissionError as error:
         raise MeshError(f"cannot be read: {error.strerror}") from None
+    _check_hdf5(file)
     output = io.StringIO()
     try:
         with _READ_LOCK, contextlib.redirect_stdout(output), contextlib.redirect_stderr(output), _finite_files(meshio):
@@ -114,6 +115,20 @@ def read_any(file: Path) -> Any:
     except (Exception, SystemExit) as error:
         text = " ".join(output.getvalue().split()) or str(error) or type(error).__name__
         raise MeshError(f"meshio cannot read it: {text}") from None
+
+
+def _check_hdf5(file: Path) -> None:
+    """Raise MeshError if a file is one of HDF5 that refers to other files."""
+    import h5py
+
+    from meeframe.common.hdf5 import open_hdf5
+
+    try:
+        if h5py.is_hdf5(file):
+            with open_hdf5(file):
+                pass
+    except (OSError, ValueError, RuntimeError) as error:
+        raise MeshError(f"cannot be read as HDF5: {error}") from None
 
 
 class _FiniteFile(io.FileIO):

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from meeframe.common.errors import MaterialError as MaterialError
     from meeframe.common.errors import MeshError as MeshError
     from meeframe.common.errors import TooLargeError as TooLargeError
+    from meeframe.common.hdf5 import open_hdf5 as open_hdf5
     from meeframe.contact.channels import FluxChannel as FluxChannel
     from meeframe.contact.conduction import Switches as Switches
     from meeframe.contact.conduction import potential_diagonal as potential_diagonal
@@ -187,6 +188,8 @@ _HOMES = {
     "apply_fields": "meeframe.system.capabilities",
     "diagonal": "meeframe.system.capabilities",
     "rescale_inverse": "meeframe.system.capabilities",
+    # Files
+    "open_hdf5": "meeframe.common.hdf5",
     # Compiled code and threads
     "ONE_BLAS_THREAD": "meeframe.common.blas",
     "prefetch": "meeframe.greens._kernels.prefetch",

@@ -24,6 +24,8 @@ RT-444 (2014); layout of the files from its header fclib.h.
 """
 
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +35,7 @@ import numpy as np
 from scipy import sparse
 
 from meeframe.common.errors import CaseError, ResultError
+from meeframe.common.hdf5 import open_hdf5
 from meeframe.fields import Array, Indices
 from meeframe.results.hdf5 import changed_file
 from meeframe.results.output import replacing
@@ -43,7 +46,7 @@ LARGEST: Final = 5_000
 
 Its matrix is held in full, 1.8 GB at this size; solvers need four times that in addition (Newton's method six times).
 """
-_UNREADABLE: Final = (KeyError, ValueError, TypeError, IndexError, OSError, RuntimeError)
+_UNREADABLE: Final = (LookupError, ValueError, TypeError, ArithmeticError, OSError, RuntimeError)
 """Exceptions of h5py and numpy for files that are damaged or hold something else."""
 _LOCAL: Final = "fclib_local"
 _SOLUTION: Final = "solution"
@@ -202,11 +205,15 @@ def read_solution(path: Path) -> LocalSolution | None:
             raise ResultError(f"{path}: its solution cannot be read: {error}") from None
 
 
-def _opened(path: Path) -> Any:
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
     try:
-        return h5py.File(path, "r")
+        with open_hdf5(path) as file:
+            yield file
     except OSError as error:
         raise ResultError(f"{path}: cannot be read as HDF5: {error}") from None
+    except ValueError as error:
+        raise ResultError(f"{path}: {error}") from None
 
 
 def _local(local: Any) -> LocalProblem:

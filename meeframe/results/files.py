@@ -21,6 +21,7 @@ import h5py
 import numpy as np
 
 from meeframe.common.errors import ResultError
+from meeframe.common.hdf5 import open_hdf5
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
 from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
@@ -161,7 +162,7 @@ def read_result(folder: str | Path) -> Result:
     try:
         if folder.is_file():
             raise ResultError(f"no result in {folder}: it is a file; name the folder of a run")
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path, _is_increment) as file:
             version = file.attrs.get("format")
             if version != FORMAT:
                 again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""
@@ -178,6 +179,13 @@ def read_result(folder: str | Path) -> Result:
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
         # changed on the disk
         raise ResultError(f"{path} is damaged: {error}") from None
+
+
+def _is_increment(name: str, target: str) -> bool:
+    """Return whether a link of a result file is one to the file of an increment or of the boundary of an open run."""
+    number = name.removeprefix("steps/")
+    own = _BOUNDARY_FILE if name == "boundary" else f"{number}.h5"
+    return (name == "boundary" or number.isdecimal()) and target == f"{INCREMENTS}/{own}"
 
 
 def _put_head(file: Any, result: Result) -> None:

@@ -5,9 +5,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-import h5py
 import numpy as np
 
+from meeframe.common.hdf5 import open_hdf5
 from meeframe.fields import Array
 from meeframe.results.hdf5 import changed_file
 from meeframe.results.output import replacing
@@ -73,7 +73,7 @@ def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) 
 def _read(path: Path, kind: str, key: str, take: Callable[[Any], Value]) -> Value | None:
     """Return the data read from a file of this kind and key; None if there is no complete one."""
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             return take(file) if (file.attrs["format"], file.attrs["key"]) == (kind, key) else None
     except (OSError, KeyError, RuntimeError, ValueError):  # absent, cut short, or changed on the disk
         return None

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.plugin import Array, CaseError, Quantity
+from meeframe.plugin import Array, CaseError, Quantity, open_hdf5
 
 AnyArray = NDArray[Any]
 
@@ -149,7 +149,7 @@ def _read_npy(path: Path, scales: Scales) -> HeightMap:
 
 
 def _read_hdf5(path: Path, scales: Scales) -> HeightMap:
-    with h5py.File(path) as file:
+    with open_hdf5(path) as file:
         datasets: list[str] = []
         file.visititems(lambda name, item: datasets.append(name) if getattr(item, "ndim", 0) == 2 else None)
         name = scales.dataset or (datasets[0] if len(datasets) == 1 else None)
