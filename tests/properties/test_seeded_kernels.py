@@ -23,11 +23,11 @@ POINT = r"for \[ *-?\d.*\] it gives"
 class Element(SurfaceElement):
     """An element with some properties of another one."""
 
-    unchanged: SurfaceElement
+    correct: SurfaceElement
     changed: tuple[tuple[str, Any], ...] = ()
 
     def part(self, name: str) -> Any:
-        return dict(self.changed).get(name, getattr(self.right, name))
+        return dict(self.changed).get(name, getattr(self.correct, name))
 
     name = property(lambda self: self.part("name"))
     meshio_type = property(lambda self: self.part("meshio_type"))
@@ -43,12 +43,12 @@ class Element(SurfaceElement):
         return type(self) is type(other)
 
 
-def element(unchanged: SurfaceElement, **changed: Any) -> SurfaceElement:
+def element(correct: SurfaceElement, **changed: Any) -> SurfaceElement:
     """Return an element of a separate class, so that objects created without arguments are equal to it."""
 
     class Changed(Element):
         def __init__(self) -> None:
-            super().__init__(unchanged, tuple(changed.items()))
+            super().__init__(correct, tuple(changed.items()))
 
     return Changed()
 
@@ -105,16 +105,16 @@ class WrongSolution(FundamentalSolution):
 
 @dataclass(frozen=True)
 class WrongKernel(Kernel):
-    unchanged: Kernel
+    correct: Kernel
     fault: Fault
     steep: float
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        u, t = self.right.evaluate(offset, normal)
+        u, t = self.correct.evaluate(offset, normal)
         return self.fault(offset, u, t)
 
     def gradient(self, offset: Array) -> Array:
-        return self.steep * self.right.gradient(offset)
+        return self.steep * self.correct.gradient(offset)
 
 
 def asymmetric(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:

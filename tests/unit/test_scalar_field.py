@@ -258,8 +258,8 @@ def test_scalar_field_in_case_files_results_and_reports(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
-def test_hierarchical_matrices_agree_with_dense_ones(tolerance: float) -> None:
-    """Frictional contact with three channels; the small leaves give matrices with blocks of low rank."""
+def test_hierarchical_matrices_match_dense_matrices(tolerance: float) -> None:
+    """Frictional contact with three channels; small leaves give low-rank blocks."""
     warm = library_material("batio3-cofe2o4").with_field(HEAT, CONDUCTIVITY)
     mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (10, 10), 3, Quad4())
     body, laws = Body(warm.stiffness, mesh, (), "contact", warm.fields), (*LAWS, StepConductivity(KAPPA))
@@ -316,8 +316,8 @@ def test_finite_body_with_uncoupled_fields(formulation: Formulation) -> None:
     [DenseBEM(), FiniteElements(), HierarchicalBEM(tolerance=1e-5, leaf_size=10)],
     ids=["dense-bem", "skfem", "hmatrix-bem"],
 )
-def test_formulations_conform_with_it(formulation: Formulation) -> None:
-    """The conformance kit takes the number of fields from the body."""
+def test_formulations_conform_with_scalar_field(formulation: Formulation) -> None:
+    """The conformance kit derives the number of fields from the body."""
     rotation = rotation_about((1.0, 2.0, 0.5), 0.8)
     material = library_material("orthotropic-mee").rotated(rotation).with_field(HEAT, CONDUCTIVITY)
     field = LinearField.random(material.stiffness, seed=5)
@@ -329,7 +329,7 @@ def test_formulations_conform_with_it(formulation: Formulation) -> None:
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("formulation", [HalfSpace(edges="resolved"), HalfSpace(matrix_up_to=0)])
-def test_capabilities_of_half_spaces_include_it(formulation: HalfSpace) -> None:
+def test_capabilities_of_half_spaces_include_scalar_field(formulation: HalfSpace) -> None:
     material = library_material("orthotropic-mee").with_field(HEAT, CONDUCTIVITY)
     mesh = half_space_mesh(2.0, (1.0, 0.8), (24, 21), 1, Quad4())
     system = formulation.reduce(Body(material.stiffness, mesh, (), "contact", material.fields))
@@ -339,13 +339,13 @@ def test_capabilities_of_half_spaces_include_it(formulation: HalfSpace) -> None:
 
 @pytest.fixture
 def warm(tmp_path: Path) -> tuple[Path, plugins.Registry]:
-    """A case file with one increment of the further field, and the registry that knows the field."""
+    """Return a case file with one increment of the additional field, and the registry that contains the field."""
     path = tmp_path / "warm.toml"
     path.write_text(CASE.removesuffix('[[steps]]\nheat = "2 mW"\n'), encoding="utf-8")
     return path, replace(plugins.load(), scalar_fields=(HEAT,))
 
 
-def test_verification_compares_it(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
+def test_verification_compares_scalar_field(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
     path, registry = warm
     path.write_text(CASE, encoding="utf-8")
     densities = "half-space", '{name = "half-space", density = "constant"}'
@@ -368,8 +368,8 @@ def test_verification_compares_it(warm: tuple[Path, plugins.Registry], tmp_path:
     assert re.search(r"indenter temperature +│ K +│", console.export_text())
 
 
-def test_comparison_shows_it(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
-    """A law for all fields reaches it, too."""
+def test_comparison_shows_scalar_field(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
+    """A conductivity law for all fields applies to it, too."""
     path, registry = warm
     laws = ['{name = "step", kappa = 700}', '{name = "step", kappa = 350}']
     made = compare(path, {"conductivity-law": laws}, tmp_path / "compared", registry=registry)
@@ -387,7 +387,7 @@ def test_comparison_shows_it(warm: tuple[Path, plugins.Registry], tmp_path: Path
     assert any("temperature" in axes.get_ylabel() for axes in figure.axes)
 
 
-def test_sweeps_collect_it(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
+def test_sweeps_collect_scalar_field(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
     """The heat is proportional to the temperature of the indenter; a point without the field has none."""
     path, registry = warm
     study = tmp_path / "study.toml"
@@ -413,7 +413,7 @@ def test_sweeps_collect_it(warm: tuple[Path, plugins.Registry], tmp_path: Path) 
         sweep(study, tmp_path / "again", registry=registry)
 
 
-def test_studies_may_show_it(tmp_path: Path) -> None:
+def test_studies_show_scalar_field(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     (tmp_path / "warm.toml").write_text(CASE, encoding="utf-8")
     registry = replace(plugins.load(), scalar_fields=(HEAT,))

@@ -1,4 +1,4 @@
-"""Sweeps of cases built in Python."""
+"""Test sweeps of cases built in Python."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ CASE = meeframe.Case(
 )
 
 
-def test_each_point_is_the_case_with_its_values():
+def test_points_match_separate_cases():
     axes = {"mu": {"contact.law.mu": [0.1, 0.3]}, "indenter.radius": ["100 mm", "50 mm"]}
     sweep = meeframe.sweep(CASE, axes, fields=["pressure"], every_increment=True)
     changed = replace(CASE, contact=meeframe.IsotropicCoulomb(0.1), indenter=meeframe.Sphere(0.05)).solve()
@@ -30,7 +30,7 @@ def test_each_point_is_the_case_with_its_values():
     assert sweep["normal_force"].attrs["units"] == "N"
 
 
-def test_a_folder_keeps_the_points(tmp_path):
+def test_points_are_stored_in_a_folder(tmp_path):
     axes = {"contact.law.mu": [0.1]}
     first = meeframe.sweep(CASE, axes, tmp_path / "out")
     (point,) = (tmp_path / "out" / "points").iterdir()
@@ -41,13 +41,13 @@ def test_a_folder_keeps_the_points(tmp_path):
     assert (point / "result.h5").stat().st_mtime_ns == written
 
 
-def test_messages_name_the_axis_and_no_file():
+def test_messages_name_the_axis():
     with pytest.raises(meeframe.CaseError, match=r"^Sweep: contact\.law\.muu = 1: ") as error:
         meeframe.sweep(CASE, {"contact.law.muu": [1]})
     assert ".toml" not in str(error.value)
 
 
-def test_objects_without_a_name_are_refused():
+def test_unregistered_objects_are_rejected():
     class Law(meeframe.IsotropicCoulomb):
         pass
 
