@@ -19,7 +19,7 @@ _ASTRAY: Final = 10.0
 
 
 @dataclass(frozen=True)
-class Answer:
+class LawEvaluation:
     """Conductivity kappa returned by a law under a normal traction [Pa], a gap [m] and a drop [V or A]."""
 
     kappa: float
@@ -38,7 +38,7 @@ class _Watch:
     """
 
     law: ConductivityLaw
-    answers: list[Answer] = field(default_factory=list)
+    evaluations: list[LawEvaluation] = field(default_factory=list)
 
     def __call__(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """Return the conductivity of the law."""
@@ -46,8 +46,8 @@ class _Watch:
         wrong = ~(kappa >= 0.0)
         if wrong.any() and not _tried(normal_traction, gap):
             finite = np.isfinite(normal_traction) & np.isfinite(gap) & np.isfinite(drop)
-            result = _answers(kappa, normal_traction, gap, drop, wrong & finite)
-            self.answers[:] = sorted([*self.answers, *result], key=lambda answer: -answer.traction)[:1]
+            result = _evaluations(kappa, normal_traction, gap, drop, wrong & finite)
+            self.evaluations[:] = sorted([*self.evaluations, *result], key=lambda answer: -answer.traction)[:1]
         return kappa
 
 
@@ -67,12 +67,14 @@ def _tried(traction: Array, gap: Array) -> bool:
     return across or np.array_equal(traction, PRESSURES) or bool((traction == PRESSURES[-1]).all())
 
 
-def _answers(kappa: Array, traction: Array, gap: Array, drop: Array, which: NDArray[np.bool_]) -> Iterator[Answer]:
+def _evaluations(
+    kappa: Array, traction: Array, gap: Array, drop: Array, which: NDArray[np.bool_]
+) -> Iterator[LawEvaluation]:
     """Yield the answer under the least traction among the selected ones (n,), if any."""
     nodes = np.flatnonzero(which)
     if nodes.size:
         node = nodes[traction[nodes].argmax()]
-        yield Answer(*(float(values[node]) for values in (kappa, traction, gap, drop)))
+        yield LawEvaluation(*(float(values[node]) for values in (kappa, traction, gap, drop)))
 
 
 def check_conduction(problem: ContactProblem, solution: ContactSolution) -> ContactSolution:
@@ -91,7 +93,7 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
             result = list(_wrong_in_state(problem, solution, law, column))
         else:
             watch = vars(law).get("conductivity")
-            result = watch.answers if isinstance(watch, _Watch) else []
+            result = watch.evaluations if isinstance(watch, _Watch) else []
         for answer in result:
             drop = f" and a drop of {answer.drop:g} {field.value_unit}"
             across = f", a gap of {answer.gap:g} m{drop}" if law.across_gap else ""
@@ -109,7 +111,7 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
 
 def _wrong_in_state(
     problem: ContactProblem, solution: ContactSolution, law: ConductivityLaw, column: int
-) -> Iterator[Answer]:
+) -> Iterator[LawEvaluation]:
     """Yield the first invalid conductivity of a law in a finite state, if there is one."""
     state = solution.state
     relative_displacement = indenter_position(problem, state.motion) - state.displacement
@@ -119,4 +121,4 @@ def _wrong_in_state(
     arguments = traction[mask], gap[mask], relative_displacement[mask, column]
     with np.errstate(all="ignore"):
         kappa = law.conductivity(*arguments)
-    yield from _answers(kappa, *arguments, ~(kappa >= 0.0))
+    yield from _evaluations(kappa, *arguments, ~(kappa >= 0.0))

@@ -29,7 +29,7 @@ from meeframe.results import schema
 from meeframe.results.hdf5 import changed_file, is_compressible, numbers_of, table_of, text_of
 from meeframe.results.output import INCREMENTS, RESULT_FILE, replacing
 from meeframe.results.records import Loading, Provenance, Region, Result, RunStatus, SecondSurface, StepResult, Zone
-from meeframe.results.schema import BOUNDARY, NodalField, Stored
+from meeframe.results.schema import BOUNDARY, NodalField, StorageCondition
 from meeframe.system.reduced import NodalFields
 
 FORMAT: Final = "meeframe-result 6"
@@ -249,7 +249,7 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
 
 
 def _is_stored(field: NodalField, fields: Collection[str] | None) -> bool:
-    if field.stored is Stored.ALWAYS:
+    if field.stored is StorageCondition.ALWAYS:
         return True
     # without a selection everything that a step holds, except derived quantities
     return bool(field.attribute) if fields is None else field.name in fields
@@ -346,7 +346,11 @@ def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: A
         boundary = NodalFields(numbers_of(shared, "points", (p, 3)), _get_cells(shared, p), *fields)
     held = [field for field in schema.nodal_fields(field_set) if field.attribute]
     zero = text_of(group, "zero").split()
-    missing = {field.name for field in held if field.stored is not Stored.ALWAYS and field.name not in (*group, *zero)}
+    missing = {
+        field.name
+        for field in held
+        if field.stored is not StorageCondition.ALWAYS and field.name not in (*group, *zero)
+    }
     loading = _get_loading(group["loading"], field_set)
     arrays = _get_fields(group, [field for field in held if field.name not in missing], n)
     if missing:

@@ -17,7 +17,7 @@ from meeframe.indenters.base import IndenterMotions
 from meeframe.results.records import Region, StepResult, Zone, resultants
 
 
-class Stored(StrEnum):
+class StorageCondition(StrEnum):
     """Condition under which a result file holds a nodal field."""
 
     ALWAYS = "always"
@@ -72,7 +72,7 @@ class NodalField:
     label: str
     values: Callable[[Zone, StepResult], Array]
     components: int = 0
-    stored: Stored = Stored.ON_REQUEST
+    stored: StorageCondition = StorageCondition.ON_REQUEST
     views: frozenset[View] = EVERYWHERE
     attribute: str = ""
     column: int | None = None
@@ -89,7 +89,7 @@ def _state(
     unit: str,
     label: str,
     components: int = 0,
-    stored: Stored = Stored.ALWAYS,
+    stored: StorageCondition = StorageCondition.ALWAYS,
     views: frozenset[View] = NOWHERE,
     attribute: str = "",
     column: int | None = None,
@@ -148,9 +148,9 @@ NODAL_FIELDS: tuple[NodalField, ...] = (
     _state("contact_fraction", "1", "contact fraction"),
     _state("dissipation", "J/m^2", "dissipation"),
     _state("region", "1", "region", views=frozenset({View.VTK}), integer=True),
-    _state("slip", "m", "slip", 2, Stored.WITH_FRICTION, frozenset({View.VTK})),
-    _state("total_slip", "m", "total slip", 2, Stored.WITH_FRICTION, frozenset({View.VTK})),
-    _state("slip_path", "m", "slip path", stored=Stored.WITH_FRICTION),
+    _state("slip", "m", "slip", 2, StorageCondition.WITH_FRICTION, frozenset({View.VTK})),
+    _state("total_slip", "m", "total slip", 2, StorageCondition.WITH_FRICTION, frozenset({View.VTK})),
+    _state("slip_path", "m", "slip path", stored=StorageCondition.WITH_FRICTION),
 )
 """Fields on the contact zone.
 
@@ -186,7 +186,7 @@ def nodal(view: View, fields: FieldSet = MEE) -> dict[str, NodalField]:
 
 def optional_fields() -> tuple[str, ...]:
     """Return the names that `[output] fields` may hold."""
-    return (*(field.name for field in NODAL_FIELDS if field.stored is not Stored.ALWAYS), BOUNDARY)
+    return (*(field.name for field in NODAL_FIELDS if field.stored is not StorageCondition.ALWAYS), BOUNDARY)
 
 
 def loaded_fields(friction: bool) -> frozenset[str]:
@@ -194,7 +194,7 @@ def loaded_fields(friction: bool) -> frozenset[str]:
 
     friction: whether the contact law resists slip, or the case continues a run whose law may have resisted it.
     """
-    kinds = {Stored.WITH_FRICTION} if friction else set()
+    kinds = {StorageCondition.WITH_FRICTION} if friction else set()
     return frozenset({field.name for field in NODAL_FIELDS if field.stored in kinds} | {BOUNDARY})
 
 

@@ -28,7 +28,7 @@ from meeframe.study.choices import Choice, enter
 from meeframe.study.quantities import totals
 from meeframe.study.refinement import coarsen, element_size
 from meeframe.study.reports.extrapolation import MESHES, SECOND
-from meeframe.study.reports.verified import Measured, Verification, VerifiedRun
+from meeframe.study.reports.verified import MeasuredQuantity, Verification, VerifiedRun
 from meeframe.study.reports.verify import verification_figure, verification_json
 from meeframe.system.reduced import Progress, ReducedSystem, silent
 
@@ -87,7 +87,7 @@ class Meshes:
 
 
 @dataclass(frozen=True, eq=False)
-class Planned:
+class PlannedRun:
     """A run to be done.
 
     Attributes
@@ -185,8 +185,8 @@ def verify(
 
 def _run_all(
     verification: Verification,
-    planned: Sequence[Planned],
-    solve: Callable[[Planned], VerifiedRun],
+    planned: Sequence[PlannedRun],
+    solve: Callable[[PlannedRun], VerifiedRun],
     out: Path,
     progress: Progress,
 ) -> Verification:
@@ -206,13 +206,13 @@ def _run_all(
 
 def planned_runs(
     file: Path, chosen: Sequence[Choice], meshes: Meshes, registry: Registry
-) -> tuple[list[Planned], dict[str, str]]:
+) -> tuple[list[PlannedRun], dict[str, str]]:
     """Return all runs of a verification, coarsest meshes first, and the reasons of formulations that refuse the case.
 
     Raises CaseError if the meshes cannot be coarsened or two of them are equal.
     """
     _, tables = read_toml(file)
-    runs: list[Planned] = []
+    runs: list[PlannedRun] = []
     refusals: dict[str, str] = {}
     sizes = [element_size(coarsen(tables, size, registry)) for size in meshes.sizes()]
     if any(coarse <= fine for coarse, fine in pairwise(sizes)):
@@ -224,7 +224,7 @@ def planned_runs(
     for choice in chosen:
         try:
             runs += [
-                Planned(choice.label, size, _case(file, tables, choice, scale, registry))
+                PlannedRun(choice.label, size, _case(file, tables, choice, scale, registry))
                 for scale, size in zip(meshes.sizes(), sizes, strict=True)
             ]
         except MeeframeError as error:
@@ -242,7 +242,7 @@ def _case(file: Path, tables: Mapping[str, Any], choice: Choice, size: float, re
     return case_from_tables(coarsen(changed, size, registry), registry, file.parent)
 
 
-def _solve(run: Planned, every_step: bool, reducer: Callable[[Case], ReducedSystem]) -> VerifiedRun:
+def _solve(run: PlannedRun, every_step: bool, reducer: Callable[[Case], ReducedSystem]) -> VerifiedRun:
     """Solve one run and return its quantities, or the reason why a solver, law or formulation refuses it."""
     result = VerifiedRun(run.formulation, run.size, run.case.mesh.n_elements)
     begin = time.perf_counter()
@@ -263,7 +263,7 @@ def _solve(run: Planned, every_step: bool, reducer: Callable[[Case], ReducedSyst
     )
 
 
-def measured(system: ReducedSystem, step: StepResult, scaling: FieldScaling) -> dict[str, Measured]:
+def measured(system: ReducedSystem, step: StepResult, scaling: FieldScaling) -> dict[str, MeasuredQuantity]:
     """Return the quantities of a load step that a verification compares, by name.
 
     These are `meeframe.study.quantities.totals` and the moments without those that are prescribed, and the motions
@@ -280,7 +280,9 @@ def measured(system: ReducedSystem, step: StepResult, scaling: FieldScaling) -> 
     scales, noise = _scales(system, step), {"contact_area": _area_uncertainty(zone, summed.contact_area)}
     smallest = _physical_scales(step, scales["force"], scaling)
     return {
-        name: Measured(float(value), scales.get(name, abs(float(value))), noise.get(name, 0.0), smallest.get(name, 0.0))
+        name: MeasuredQuantity(
+            float(value), scales.get(name, abs(float(value))), noise.get(name, 0.0), smallest.get(name, 0.0)
+        )
         for name, value in values.items()
     }
 

@@ -23,10 +23,10 @@ from meeframe.results.records import resultants
 from meeframe.study import quantities
 from meeframe.study.choices import Choice
 from meeframe.study.reports.extrapolation import of_order, richardson
-from meeframe.study.reports.verified import Agreement, Estimate, Measured, Verification, VerifiedRun
+from meeframe.study.reports.verified import Agreement, Estimate, MeasuredQuantity, Verification, VerifiedRun
 from meeframe.study.reports.verify import unit_of
 from meeframe.study.validate import Check, Claim, Curve, Item, Plot
-from meeframe.study.verify import Meshes, Planned, planned_runs, verify
+from meeframe.study.verify import Meshes, PlannedRun, planned_runs, verify
 from meeframe.system.reduced import ReducedSystem
 
 TITLE = "Three methods on the same cases: boundary elements, finite elements, half space by FFT"
@@ -166,12 +166,12 @@ def bodies(name: str, task: Task, strong: bool, quick: bool) -> Iterator[Item]:
         yield from extrapolated(f"body of section {name}", result)
 
 
-def under_given_pressure(planned: Sequence[Planned], systems: Sequence[ReducedSystem], order: float) -> Verification:
+def under_given_pressure(planned: Sequence[PlannedRun], systems: Sequence[ReducedSystem], order: float) -> Verification:
     """Return compliances in the form of totals of cases."""
     runs = []
     for run, system in zip(planned, systems, strict=True):
         result = {name: compliance(system, pressure) for name, pressure in PRESSURES.items()}
-        steps = {1: {name: Measured(value, abs(value)) for name, value in result.items()}}
+        steps = {1: {name: MeasuredQuantity(value, abs(value)) for name, value in result.items()}}
         runs.append(VerifiedRun(run.formulation, run.size, run.case.mesh.n_elements, Status.CONVERGED, steps=steps))
     return Verification("compliances", "", {}, {}, order, len(runs), tuple(runs))
 

@@ -11,7 +11,7 @@ import numpy as np
 from meeframe.common.errors import MeeframeError
 from meeframe.fields import Array
 from meeframe.study.reports.validation import BAD, CaseReport, Curve, Map, Plot, Validation, Verdict
-from meeframe.study.reports.validation_table import reason_of, words_of
+from meeframe.study.reports.validation_table import reason_of, table_cells
 
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _MARKERS: Final = ("circle", "square", "diamond", "triangle-up", "x", "cross", "star")
@@ -23,8 +23,8 @@ _STYLE: Final = """
 body { max-width: 1180px; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b; }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
 th, td { padding: .2rem .6rem; border-bottom: 1px solid #ddd; text-align: right; vertical-align: top; }
-th:first-child, td:first-child, th:last-child, td:last-child, td.words { text-align: left; }
-td.words { max-width: 24rem; }
+th:first-child, td:first-child, th:last-child, td:last-child, td.cells { text-align: left; }
+td.cells { max-width: 24rem; }
 .source { color: #555; }
 .pass { color: #05713c; } .fail, .error { color: #b00020; font-weight: bold; } .differs { color: #8a5a00; }
 .plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(480px, 1fr)); gap: 1rem; }
@@ -102,12 +102,12 @@ def _case(case: CaseReport) -> Iterator[str]:
     yield "<table>\n<tr><th>check</th><th>computed</th><th>reference</th><th>difference</th><th>tolerance</th>"
     yield "<th>time [s]</th><th></th></tr>"
     for row in case.rows:
-        verdict, words, explained = row.item.verdict, words_of(row), reason_of(row.item)
+        verdict, cells, explained = row.item.verdict, table_cells(row), reason_of(row.item)
         reason = f'<br><span class="source">{escape(explained)}</span>' if explained else ""
-        kinds = ['<td class="words">' if len(word) > 24 else "<td>" for word in words[1:]]
-        rest = "".join(f"{kind}{escape(word)}</td>" for kind, word in zip(kinds, words[1:], strict=True))
+        kinds = ['<td class="cells">' if len(word) > 24 else "<td>" for word in cells[1:]]
+        rest = "".join(f"{kind}{escape(word)}</td>" for kind, word in zip(kinds, cells[1:], strict=True))
         verdict_class = str(verdict).replace(" ", "-")
-        yield f'<tr><td>{escape(words[0])}{reason}</td>{rest}<td class="{verdict_class}">{verdict}</td></tr>'
+        yield f'<tr><td>{escape(cells[0])}{reason}</td>{rest}<td class="{verdict_class}">{verdict}</td></tr>'
     yield "</table>"
     if case.error:
         yield f'<pre class="error">{escape(case.error)}</pre>'

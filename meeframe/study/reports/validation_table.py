@@ -15,7 +15,7 @@ from meeframe.results.canvas import prefixed
 from meeframe.study.reports.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
 
 
-class Words(NamedTuple):
+class TableCells(NamedTuple):
     """Cells of a row of the table."""
 
     name: str
@@ -26,16 +26,16 @@ class Words(NamedTuple):
     seconds: str
 
 
-def words_of(row: Row) -> Words:
+def table_cells(row: Row) -> TableCells:
     """Return the cells of a row: values and criterion of a claim, numbers of a check, reason of a skipped check."""
     result, seconds = row.item, f"{row.seconds:.1f}"
     match result:
         case Claim():
-            return Words(result.name, result.found, "", "", result.criterion, seconds)
+            return TableCells(result.name, result.found, "", "", result.criterion, seconds)
         case Skip():
-            return Words(result.name, result.reason, "", "", "", seconds)
+            return TableCells(result.name, result.reason, "", "", "", seconds)
         case Check():
-            return Words(result.name, *_numbers(result), seconds)
+            return TableCells(result.name, *_numbers(result), seconds)
 
 
 def reason_of(result: Check | Claim | Skip) -> str:
@@ -77,7 +77,7 @@ def validation_table(validation: Validation) -> RenderableType:
         for number, row in enumerate(case.rows):
             verdict = row.item.verdict
             name = "" if number else case.name
-            words = (shorten(word, _MAX_WIDTH, placeholder=" ...") for word in words_of(row))
+            words = (shorten(word, _MAX_WIDTH, placeholder=" ...") for word in table_cells(row))
             table.add_row(name, *words, Text(str(verdict), style=_STYLES.get(verdict, "")))
             if reason_of(row.item):
                 remarks.append(Text(f"{case.name}, {row.item.name}: {reason_of(row.item)}"))

@@ -31,7 +31,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredQuantity:
     """A measured quantity.
 
     Attributes
@@ -79,7 +79,7 @@ class VerifiedRun:
     elements: int
     status: str = ""
     message: str = ""
-    steps: Mapping[int, Mapping[str, Measured]] = field(default_factory=dict)
+    steps: Mapping[int, Mapping[str, MeasuredQuantity]] = field(default_factory=dict)
     seconds: float = 0.0
 
 
@@ -229,7 +229,7 @@ class Verification:
         }
 
 
-def _is_cancelled(values: Sequence[Measured]) -> bool:
+def _is_cancelled(values: Sequence[MeasuredQuantity]) -> bool:
     """Return whether a quantity cancels almost entirely, or is negligible on its physical scale."""
     largest = max(abs(value.value) for value in values)
     cancelled = _CANCELLED * max(value.scale for value in values)

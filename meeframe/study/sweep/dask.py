@@ -47,7 +47,7 @@ _BLAS_THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THRE
 
 
 @dataclass(frozen=True)
-class Sealed:
+class PickledObject:
     """A pickled object for another process.
 
     Attributes
@@ -66,7 +66,7 @@ class Sealed:
     code: str = ""
 
     @classmethod
-    def of(cls, content: object, plugins: tuple[tuple[str, bytes], ...], code: str = "") -> "Sealed":
+    def of(cls, content: object, plugins: tuple[tuple[str, bytes], ...], code: str = "") -> "PickledObject":
         """Pickle an object. Raises as pickle."""
         return cls(plugins, pickling.dumps(content), code)
 
@@ -92,21 +92,21 @@ def _code_mismatch(reason: str) -> CaseError:
 
 
 @dataclass(frozen=True)
-class Carried:
+class SystemReference:
     """A reduced system for the workers that use it, identified by its key.
 
     Attributes
     ----------
     key
         Key of the reduced system.
-    sealed
+    pickled
         The pickled system, or the pickled formulation and body.
     instead
         Outcome of all points of the system if it could not be computed.
     """
 
     key: str
-    sealed: Sealed | None = field(default=None, compare=False, repr=False)
+    pickled: PickledObject | None = field(default=None, compare=False, repr=False)
     instead: Outcome | None = field(default=None, compare=False)
 
 
@@ -140,7 +140,7 @@ def _warning_handler() -> Callable[[Any], None]:
     return lambda event: show(*event[1])
 
 
-def reduced(key: str, bodies: Sealed, folder: str, threads: int | None = None) -> Carried:
+def reduced(key: str, bodies: PickledObject, folder: str, threads: int | None = None) -> SystemReference:
     """Return the reduced system of a pickled formulation and body, from files in `folder` if it is accessible here."""
     formulation, body = bodies.open()
     try:
@@ -149,39 +149,41 @@ def reduced(key: str, bodies: Sealed, folder: str, threads: int | None = None) -
                 system = cached_body(formulation, body, Path(folder), key=key)
             else:
                 system = reduce_for_contact(formulation, body)
-        return _carried(key, system, bodies)
+        return _refer_to(key, system, bodies)
     except (MeeframeError, MemoryError) as error:
-        return Carried(key, instead=Outcome.without_result(error))
+        return SystemReference(key, instead=Outcome.without_result(error))
 
 
-def _carried(key: str, system: ReducedSystem, bodies: Sealed) -> Carried:
+def _refer_to(key: str, system: ReducedSystem, bodies: PickledObject) -> SystemReference:
     matrix = system.dense()
     if matrix is not None:  # the intermediate data of the reduction are not sent
         arrays = system.points, system.frames, system.weights, system.cells, system.offset
-        return Carried(key, Sealed.of(DenseSystem(*arrays, matrix, partial(_recover, bodies)), bodies.plugins))
+        return SystemReference(
+            key, PickledObject.of(DenseSystem(*arrays, matrix, partial(_recover, bodies)), bodies.plugins)
+        )
     try:
-        return Carried(key, Sealed.of(system, bodies.plugins))
+        return SystemReference(key, PickledObject.of(system, bodies.plugins))
     except MemoryError:
         raise
     except Exception:  # it cannot be pickled: each process reduces the body itself
-        return Carried(key, bodies)
+        return SystemReference(key, bodies)
 
 
-def _recover(bodies: Sealed, load: Array) -> NodalFields:
+def _recover(bodies: PickledObject, load: Array) -> NodalFields:
     return reduce_body(*bodies.open()).recover(load)
 
 
 @lru_cache(maxsize=2)
-def _open_system(carried: Carried) -> ReducedSystem:
+def _open_system(reference: SystemReference) -> ReducedSystem:
     """Return the system, unpickled once in each process."""
-    assert carried.sealed is not None
-    content = carried.sealed.open()
+    assert reference.pickled is not None
+    content = reference.pickled.open()
     return content if isinstance(content, ReducedSystem) else reduce_for_contact(*content)
 
 
-def solved_there(case: Sealed, *systems: Carried, threads: int | None = None) -> Outcome:
+def solve_in_worker(case: PickledObject, *systems: SystemReference, threads: int | None = None) -> Outcome:
     """Return the outcome of a pickled case on the systems of its bodies."""
-    instead = next((carried.instead for carried in systems if carried.instead is not None), None)
+    instead = next((reference.instead for reference in systems if reference.instead is not None), None)
     with limited(threads), _forward_warnings():
         return instead or solved(case.open(), map(_open_system, systems))
 
@@ -198,7 +200,7 @@ class Cluster(Pool):
     address
         Address of the scheduler, for messages.
     plugins
-        As in Sealed.
+        As in PickledObject.
     processes
         Number of local processes that share the machine; None for workers that have their resources to themselves.
     threads
@@ -249,15 +251,15 @@ class Cluster(Pool):
         groups = grouped(points)
         for (bodies, group), threads in zip(groups, self._reduction_threads(groups), strict=True):
             systems = {
-                key: submit(reduced, key, self._seal(body), folder, threads, key=f"reduced-{key[:16]}-{run}")
+                key: submit(reduced, key, self._pickle(body), folder, threads, key=f"reduced-{key[:16]}-{run}")
                 for key, body in bodies
             }
             for point in group:
-                case = self._seal(point.case)
+                case = self._pickle(point.case)
                 shared = [systems[key] for key, _ in bodies]
                 yield (
                     submit(
-                        solved_there, case, *shared, threads=threads_per_point, key=f"solved-{point.key[:16]}-{run}"
+                        solve_in_worker, case, *shared, threads=threads_per_point, key=f"solved-{point.key[:16]}-{run}"
                     ),
                     point,
                 )
@@ -275,8 +277,8 @@ class Cluster(Pool):
         systems = {key for bodies, _ in groups[:first] for key, _ in bodies}
         return [max(self.threads // len(systems), 1)] * first + [1] * (len(groups) - first)
 
-    def _seal(self, content: object) -> Sealed:
-        return Sealed.of(content, self.plugins, code_key(content))
+    def _pickle(self, content: object) -> PickledObject:
+        return PickledObject.of(content, self.plugins, code_key(content))
 
     def _outcome(self, future: Any) -> Outcome:
         if future.cancelled():

@@ -118,17 +118,19 @@ def _solve(
     file: Path, out: Path, study: SweepTable, points: Sequence[Point], pool: Pool, progress: Progress
 ) -> SweepResult:
     """Solve and write the sweep in a folder that is open."""
-    gathered: dict[str, Gathered] = {}
+    point_data: dict[str, PointData] = {}
     try:
         for key, outcome in solve_points(points, pool, out / SYSTEMS, out / POINTS, progress):
-            gathered[key] = Gathered.of(outcome, study.fields)
+            point_data[key] = PointData.of(outcome, study.fields)
     except KeyboardInterrupt as error:
-        error.add_note(f"{len(gathered)} of {len(points)} points are finished and in {out}; the same command continues")
-        if gathered:
-            write_sweep(out, _result(file, study, points, gathered))
+        error.add_note(
+            f"{len(point_data)} of {len(points)} points are finished and in {out}; the same command continues"
+        )
+        if point_data:
+            write_sweep(out, _result(file, study, points, point_data))
         raise
     progress("writing", 0.0)
-    result = _result(file, study, points, gathered)
+    result = _result(file, study, points, point_data)
     write_sweep(out, result)
     plots = [plot.over(result.axes, result.field_set) for plot in study.plots]
     with replacing(out / FIGURE_FILE) as path:
@@ -156,7 +158,7 @@ def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Po
 
 
 @dataclass(frozen=True, eq=False)
-class Gathered:
+class PointData:
     """Data of a point that a sweep holds in memory.
 
     Attributes
@@ -178,7 +180,7 @@ class Gathered:
     field_set: FieldSet = MEE
 
     @classmethod
-    def of(cls, outcome: Outcome, fields: Sequence[str]) -> "Gathered":
+    def of(cls, outcome: Outcome, fields: Sequence[str]) -> "PointData":
         """Extract the data of an outcome."""
         result = outcome.result
         if result is None:
@@ -190,7 +192,7 @@ class Gathered:
         return cls(outcome.status, outcome.message, numbers, nodal, field_set)
 
 
-_UNFINISHED: Final = Gathered("unfinished", "the sweep was interrupted")
+_UNFINISHED: Final = PointData("unfinished", "the sweep was interrupted")
 
 
 def _fields(result: Result, names: Sequence[str], field_set: FieldSet) -> dict[str, Array]:
@@ -203,10 +205,10 @@ def _fields(result: Result, names: Sequence[str], field_set: FieldSet) -> dict[s
     }
 
 
-def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Mapping[str, Gathered]) -> SweepResult:
+def _result(file: Path, study: SweepTable, points: Sequence[Point], point_data: Mapping[str, PointData]) -> SweepResult:
     axes = study.result_axes()
     shape = tuple(len(axis.labels) for axis in axes)
-    collected = [gathered.get(point.key, _UNFINISHED) for point in points]
+    collected = [point_data.get(point.key, _UNFINISHED) for point in points]
 
     def over_axes(table: Any) -> Any:
         return table.reshape(shape + table.shape[1:])
@@ -237,7 +239,7 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
     )
 
 
-def _numbers(collected: Sequence[Gathered], name: str, count: int) -> Array:
+def _numbers(collected: Sequence[PointData], name: str, count: int) -> Array:
     """Return a number of the last `count` increments of each point, (p, count), in order and padded with nan."""
     table = np.full((len(collected), count), np.nan)
     for row, point in zip(table, collected, strict=True):
@@ -246,7 +248,7 @@ def _numbers(collected: Sequence[Gathered], name: str, count: int) -> Array:
     return table
 
 
-def _padded(collected: Sequence[Gathered], name: str) -> Array:
+def _padded(collected: Sequence[PointData], name: str) -> Array:
     """Return a field of each point, (p, n) for the n nodes of the largest zone, padded with nan."""
     fields = [np.empty(0) if point.fields is None else point.fields[name] for point in collected]
     table = np.full((len(fields), max(map(len, fields))), np.nan)

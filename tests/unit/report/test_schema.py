@@ -15,7 +15,7 @@ from meeframe.results.figures import figures
 from meeframe.results.files import read_result, write_result
 from meeframe.results.output import output_files
 from meeframe.results.records import StepResult, resultants
-from meeframe.results.schema import NodalField, Stored, Total
+from meeframe.results.schema import NodalField, StorageCondition, Total
 from meeframe.results.summary import summary, summary_table
 from meeframe.results.vtk import write_fields
 from meeframe.study.reports.compare import ComparedRun, Comparison, comparison_json, comparison_table
@@ -30,7 +30,7 @@ def extended(monkeypatch):
         "J/m^2",
         "work of the pressure",
         lambda _, step: step.traction[:, 2] * step.displacement[:, 2],
-        stored=Stored.ALWAYS,
+        stored=StorageCondition.ALWAYS,
     )
     total = Total(
         "work",

@@ -4,7 +4,7 @@ import pytest
 from rich.console import Console
 
 from meeframe.contact.problem import Status
-from meeframe.study.reports.verified import Measured, Verification, VerifiedRun
+from meeframe.study.reports.verified import MeasuredQuantity, Verification, VerifiedRun
 from meeframe.study.reports.verify import verification_table
 
 SIZES = (1 / 4, 1 / 8, 1 / 16)
@@ -16,8 +16,8 @@ def verification(scatter, factor=1.0):
         VerifiedRun(name, size, 10, str(Status.CONVERGED), steps={1: {"force": force, "max_pressure": pressure}})
         for name, scale in (("one", 1.0), ("other", factor))
         for size, sign in zip(SIZES, (1, -1, 1), strict=True)
-        for force in [Measured(scale * (1 + 0.1 * size**2), 1.0)]
-        for pressure in [Measured(1 + sign * scatter, 1.0)]
+        for force in [MeasuredQuantity(scale * (1 + 0.1 * size**2), 1.0)]
+        for pressure in [MeasuredQuantity(1 + sign * scatter, 1.0)]
     )
     return Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
 
@@ -57,8 +57,8 @@ def test_noise_is_not_compared(physical, compared):
             str(Status.CONVERGED),
             steps={
                 1: {
-                    "force": Measured(1 + 0.1 * size**2, 1.0),
-                    "max_magnetic_potential": Measured(value, value, physical=physical),
+                    "force": MeasuredQuantity(1 + 0.1 * size**2, 1.0),
+                    "max_magnetic_potential": MeasuredQuantity(value, value, physical=physical),
                 }
             },
         )

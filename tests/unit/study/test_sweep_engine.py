@@ -21,7 +21,7 @@ from meeframe.model.solve import bodies_of, reduce, solve_case
 from meeframe.results.records import resultants
 from meeframe.study.declare import changed
 from meeframe.study.sweep import dask as sweep_dask
-from meeframe.study.sweep.dask import Sealed, reduced, solved_there
+from meeframe.study.sweep.dask import PickledObject, reduced, solve_in_worker
 from meeframe.study.sweep.engine import pool_of, solve_points
 from meeframe.study.sweep.points import Outcome, Point, PointStatus, read_outcome, write_outcome
 from meeframe.study.sweep.pool import InProcess, grouped
@@ -162,13 +162,13 @@ def test_dense_system_is_sent_to_workers(point, tmp_path, seen):
     if seen:
         folder.mkdir()
     ((key, body),) = ((system_key(*body), body) for body in bodies_of(here.case))
-    carried = reduced(key, Sealed.of(body, ()), str(folder))
+    reference = reduced(key, PickledObject.of(body, ()), str(folder))
     assert folder.exists() is seen
     assert [path.stem for path in folder.glob("*")] == [key] * seen
-    outcome = solved_there(Sealed.of(here.case, ()), carried)
+    outcome = solve_in_worker(PickledObject.of(here.case, ()), reference)
     expected = solve_case(here.case).steps[-1]
     np.testing.assert_array_equal(outcome.result.steps[-1].traction, expected.traction)
-    system = sweep_dask._open_system(carried)
+    system = sweep_dask._open_system(reference)
     load = np.ones_like(system.offset)
     np.testing.assert_allclose(system.recover(load).values, reduce(here.case).recover(load).values, rtol=1e-12)
 
@@ -181,9 +181,9 @@ def test_matrix_free_system_is_sent_or_recomputed(point, monkeypatch, tmp_path, 
     for module in (sweep_dask, solve):
         monkeypatch.setattr(module, "reduce_body", lambda *given: made.append(1) or original(*given))
     (body,) = bodies_of(case)
-    carried = reduced(f"key {portable}", Sealed.of(body, ()), str(tmp_path / "absent"))
+    reference = reduced(f"key {portable}", PickledObject.of(body, ()), str(tmp_path / "absent"))
     for _ in range(2):
-        outcome = solved_there(Sealed.of(case, ()), carried)
+        outcome = solve_in_worker(PickledObject.of(case, ()), reference)
         step = outcome.result.steps[-1]
         assert resultants(outcome.result.zone, step).max_pressure == pytest.approx(1e14 * 1e-5)
     assert len(made) == (1 if portable else 2), "once in each process"
@@ -238,8 +238,8 @@ def test_failed_reduction_affects_only_its_points(point, tmp_path, error, status
 def test_failed_reduction_on_a_worker(point, tmp_path, error, status):
     case = group_of(point, Ending(error)).case
     (body,) = bodies_of(case)
-    carried = reduced("key", Sealed.of(body, ()), str(tmp_path / "absent"))
-    outcome = solved_there(Sealed.of(point().case, ()), carried)
+    reference = reduced("key", PickledObject.of(body, ()), str(tmp_path / "absent"))
+    outcome = solve_in_worker(PickledObject.of(point().case, ()), reference)
     assert outcome.status is status
     assert "no" in outcome.message
 
@@ -254,7 +254,7 @@ def test_memory_error_during_reduction(point, tmp_path, monkeypatch, module):
     assert outcome.status is PointStatus.FAILED
     (tmp_path / "systems").mkdir(exist_ok=True)
     ((key, body),) = ((system_key(*body), body) for body in bodies_of(point().case))
-    assert reduced(key, Sealed.of(body, ()), str(tmp_path / "systems")).instead.status is PointStatus.FAILED
+    assert reduced(key, PickledObject.of(body, ()), str(tmp_path / "systems")).instead.status is PointStatus.FAILED
 
 
 def test_full_disk_ends_the_sweep(point, tmp_path, monkeypatch):
@@ -271,7 +271,7 @@ def test_full_disk_ends_the_sweep(point, tmp_path, monkeypatch):
         with pytest.raises(ResultError, match="no space left"):
             list(solve_points([here], InProcess(), *folders))
         with pytest.raises(ResultError, match="no space left"):
-            reduced(key, Sealed.of(body, ()), str(folders[0]))
+            reduced(key, PickledObject.of(body, ()), str(folders[0]))
     ((_, outcome),) = solve_points([here], InProcess(), *folders)
     assert outcome.status is PointStatus.CONVERGED
 
@@ -299,13 +299,13 @@ def test_only_one_group_holds_systems_at_a_time(point, tmp_path):
 
 def test_workers_with_different_code_are_detected(point, monkeypatch):
     case = point().case
-    sealed = Sealed.of(case, (), code_key(case))
-    assert case_key(sealed.open()) == case_key(case)
+    pickled = PickledObject.of(case, (), code_key(case))
+    assert case_key(pickled.open()) == case_key(case)
     monkeypatch.setattr("meeframe.model.cache._sources", lambda _: b"of another version")
     with pytest.raises(CaseError, match="runs other code than this command: sources or versions differ; allowed: the"):
-        solved_there(sealed)
+        solve_in_worker(pickled)
     with pytest.raises(CaseError, match="runs other code than this command: No module named 'absent_plugin'"):
-        Sealed((), b"cabsent_plugin\nSprings\n.").open()
+        PickledObject((), b"cabsent_plugin\nSprings\n.").open()
 
 
 def test_key_of_code_depends_on_classes_only(point):
