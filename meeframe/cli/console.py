@@ -13,9 +13,9 @@ from types import FrameType
 from typing import TYPE_CHECKING, Final
 
 import typer
-from rich.console import Console
 
 from meeframe.common.errors import MeeframeError
+from meeframe.common.literal import LiteralConsole, printable
 
 if TYPE_CHECKING:
     from meeframe.plugin.registry import Registry
@@ -48,12 +48,12 @@ def exit_status(memory_status: int = BAD_INPUT, interruption_note: str = "") -> 
         with _handle_termination(), _print_warnings():
             yield
     except MeeframeError as error:
-        print(f"error: {_with_notes(str(error), error)}", file=sys.stderr)
+        print(f"error: {printable(_with_notes(str(error), error))}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except OSError as error:
         if error.errno not in _PATH_ERRORS or error.filename is None:
             raise
-        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        print(printable(f"error: {error.filename}: {error.strerror}"), file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except RuntimeError as error:
         if "no locator available" not in str(error):  # raised by numba for its cache
@@ -166,9 +166,9 @@ def loading() -> Iterator[None]:
             gc.enable()
 
 
-def stdout() -> Console:
+def stdout() -> LiteralConsole:
     """Return the standard output, on which text appears literally and is not wrapped unless it is a terminal."""
-    return Console(width=None if sys.stdout.isatty() else 240, markup=False, emoji=False)
+    return LiteralConsole(width=None if sys.stdout.isatty() else 240, markup=False, emoji=False)
 
 
 def registry(files: list[Path] | None) -> "Registry":
@@ -183,7 +183,7 @@ def registry(files: list[Path] | None) -> "Registry":
 
 def warn(text: str) -> None:
     """Print a warning on standard error."""
-    print(f"warning: {text}", file=sys.stderr)
+    print(printable(f"warning: {text}"), file=sys.stderr)
 
 
 def progress() -> "AbstractContextManager[Progress]":
