@@ -57,7 +57,10 @@ def preconditioner(rows: ReducedJacobian) -> Linear:
             conducting = between[coupled[row, between]]
             a = a.with_entries(row, row, conducting, 0.0)
             b = b.with_entries(
-                row, rows.displacement_fields.index(field), conducting, 1.0 / rows.equation.scales.displacement[field]
+                row,
+                rows.displacement_fields.index(field),
+                conducting,
+                1.0 / rows.equation.scales.drop[field - N_MECHANICAL],
             )
     solve = _solution_of_loads(replace(rows, a=a, b=b, coupled=coupled))
     fraction_row = np.array([a.entry(last, column)[between] for column in range(last + 1)], rows.precision)
