@@ -26,6 +26,8 @@ NOT_CONVERGED: Final = 1
 BAD_INPUT: Final = 2
 INTERRUPTED: Final = 130
 
+_HDF5: Final = "meeframe.results.hdf5"
+"""Module that HDF5 calls to write."""
 _PATH_ERRORS: Final = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP)
 """Error numbers caused by the paths that users give."""
 
@@ -95,7 +97,8 @@ def _handle_termination() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():  # signal handlers can be set in the main thread only
         yield
         return
-    hook, handlers = sys.unraisablehook, {signal.SIGTERM: signal.signal(signal.SIGTERM, _interrupt)}
+    hook, numbers = sys.unraisablehook, (signal.SIGTERM, signal.SIGALRM)
+    handlers = {number: signal.signal(number, _interrupt) for number in numbers}
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # background jobs of a shell ignore it
         handlers[signal.SIGINT] = signal.signal(signal.SIGINT, _interrupt)
     sys.unraisablehook = lambda ignored: (
@@ -105,18 +108,20 @@ def _handle_termination() -> Iterator[None]:
         yield
     finally:
         sys.unraisablehook = hook
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in handlers.items():
             signal.signal(number, handler)
 
 
 def _interrupt(_number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, or raise it later while numba unpickles a return value.
+    """Raise KeyboardInterrupt, or raise it later while numba unpickles a return value or HDF5 writes a file.
 
     At the end of every long call compiled code asks Python to unpickle what it returns. An exception raised there is
-    lost: numba returns all the same, and Python turns it into a SystemError.
+    lost: numba returns all the same, and Python turns it into a SystemError. HDF5 calls Python to write; it takes an
+    exception for an error of the file.
     """
     while frame is not None:
-        if frame.f_code.co_name == "_numba_unpickle":
+        if frame.f_code.co_name == "_numba_unpickle" or frame.f_globals.get("__name__") == _HDF5:
             _interrupt_soon()
             return
         frame = frame.f_back
@@ -124,13 +129,12 @@ def _interrupt(_number: int, frame: FrameType | None) -> None:
 
 
 def _interrupt_soon() -> None:
-    """Interrupt again in a moment by a signal, which also ends waiting calls, unless the command has ended by then."""
+    """Interrupt again in a moment by a signal, which also ends waiting calls, unless the command has ended by then.
 
-    def ask() -> None:
-        if signal.getsignal(signal.SIGTERM) is _interrupt:
-            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
-
-    threading.Timer(0.01, ask).start()
+    No thread may start here: it may collect garbage, which waits for h5py, which waits for this function.
+    """
+    if signal.getsignal(signal.SIGALRM) is _interrupt:
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
 
 
 def _repeat_interrupt(ignored: "sys.UnraisableHookArgs") -> bool:
