@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
-from meeframe.common.errors import CaseError
+from meeframe.common.errors import CaseError, listed
 from meeframe.common.toml import read_toml
 from meeframe.fields.units import read_quantity
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
@@ -236,7 +236,7 @@ def checked(model: type[Model], file: Path) -> Model:
         return model.model_validate(tables)
     except ValidationError as error:
         problems = (_brief(problem) for problem in problems_of(error, model))
-        raise CaseError("\n".join(f"{file}: {problem}" for problem in problems)) from None
+        raise CaseError(listed(f"{file}: {problem}" for problem in problems)) from None
 
 
 def _brief(problem: Problem) -> Problem:
