@@ -2,6 +2,7 @@
 
 import errno
 import gc
+import os
 import signal
 import sys
 import threading
@@ -53,6 +54,10 @@ def exit_status(memory_status: int = BAD_INPUT, interruption_note: str = "") -> 
         print(f"error: {printable(_with_notes(str(error), error))}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except OSError as error:
+        if error.errno == errno.ENOSPC and error.filename is None:  # files are reported with their names
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python writes the rest at its end
+            print("error: the standard output cannot be written: no space is left on its device", file=sys.stderr)
+            raise typer.Exit(BAD_INPUT) from None
         if error.errno not in _PATH_ERRORS or error.filename is None:
             raise
         print(printable(f"error: {error.filename}: {error.strerror}"), file=sys.stderr)

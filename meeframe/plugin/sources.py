@@ -17,6 +17,7 @@ from typing import Final
 from packaging.requirements import InvalidRequirement, Requirement
 
 from meeframe.common.errors import MeeframeError, PluginError, PluginFault
+from meeframe.common.files import MAX_TEXT_BYTES, check_file
 from meeframe.plugin.hookspecs import PROJECT
 
 LOCAL: Final = f"{PROJECT}_file_"
@@ -95,6 +96,7 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
         If the file cannot be read or fails; the message names the file, the line and the cause.
     """
     try:
+        check_file(path, MAX_TEXT_BYTES)
         source = path.read_bytes()
     except OSError as error:
         raise PluginError(f"plugin file {path} cannot be read: {error.strerror or error}") from None

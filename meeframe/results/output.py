@@ -182,7 +182,8 @@ def replacing(target: Path) -> Iterator[Path]:
             raise
         raise ResultError(f"{target} cannot be written: {message}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # the folder itself may be gone
+            temporary.unlink(missing_ok=True)
 
 
 def _flush(path: Path) -> None:
