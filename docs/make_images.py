@@ -1,35 +1,86 @@
-"""Draw the pictures of README.md and docs/howto/gallery.md that no command draws: `uv run python docs/make_images.py`.
+"""Draw all pictures of the documentation in the house style: `uv run python docs/make_images.py [NAME ...]`.
 
-Indenters come from the cases of section 7.1 of the reference paper, with one mesh, one material and one reduced system.
+Each name stands for the pictures of one script; without names all are drawn. Pages of numbers that belong to the
+pictures are written with them. Indenters of the gallery come from the cases of section 7.1 of the reference paper, with
+one mesh, one material and one reduced system.
 """
 
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 import meeframe
 from meeframe.fields import Array
 from meeframe.indenters import Cone, Cylinder, Paraboloid, Placement, RectangularPunch
 from meeframe.material.half_space import axisymmetric_compliance
-from meeframe.model.solve import solve_steps
-from meeframe.results.canvas import MAP_COLOURS
-from meeframe.results.figures import save_figure
+from meeframe.model.solve import provenance, solve_steps
+from meeframe.results.canvas import LINE_COLOURS, house_style, label_panels, sheet, styled
+from meeframe.results.figures import draw_map
 from meeframe.results.history import history
-from meeframe.results.picture import Picture
-from meeframe.results.records import StepResult, zone_of
+from meeframe.results.records import Result, StepResult, zone_of
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
 
 HERE = Path(__file__).parent
-CASES = HERE.parent / "validation" / "transversely_isotropic_indentation"
-LOOP = HERE.parent / "validation" / "load_histories" / "loop.toml"
-LINES = {"EMII": "#0072B2", "EMCI": "#D55E00"}  # of the Okabe-Ito palette
+ROOT = HERE.parent
+CASES = ROOT / "validation" / "transversely_isotropic_indentation"
+LOOP = ROOT / "validation" / "load_histories" / "loop.toml"
+LINES = dict(zip(("EMII", "EMCI"), LINE_COLOURS, strict=False))
 MM, GPA, KV = 1e-3, 1e9, 1e3
+
+
+@dataclass(frozen=True)
+class Source:
+    """Scripts that draw pictures.
+
+    Attributes
+    ----------
+    pictures
+        Patterns of the paths of the pictures in the folder of this script.
+    scripts
+        Command lines of Python, relative to the root of the repository; none for this script.
+    minutes
+        Time on two cores.
+    """
+
+    pictures: tuple[str, ...]
+    scripts: tuple[str, ...]
+    minutes: float
+
+
+SOURCES = {
+    "gallery": Source(("images/overview.png", "images/indenters.png", "images/hysteresis.png"), (), 1),
+    "rough": Source(
+        ("images/rough.png",), ("plugins/meeframe-halfspace/examples/pictures.py docs/images/rough.png",), 1
+    ),
+    "laws": Source(
+        ("images/laws/*.png",),
+        tuple(f"plugins/meeframe-laws/pictures/{kind}.py" for kind in ("friction", "interface", "conductivity")),
+        5,
+    ),
+    "performance": Source(
+        ("images/dense_*.png", "images/half_space*.png", "images/hierarchical_*.png", "images/solver_*.png"),
+        ("validation/benchmarks/report.py --page",),
+        1,
+    ),
+    "indentation": Source(
+        ("validation/transversely_isotropic_indentation_*.png",),
+        ("validation/transversely_isotropic_indentation/regenerate.py",),
+        5,
+    ),
+    "friction": Source(("validation/exact_friction_*.png",), ("validation/exact_friction/regenerate.py",), 30),
+    "orthotropic": Source(("validation/orthotropic_*.png",), ("validation/orthotropic_claims/regenerate.py",), 30),
+}
 
 
 def read_case(condition: str) -> meeframe.Case:
@@ -37,12 +88,12 @@ def read_case(condition: str) -> meeframe.Case:
     return meeframe.load_case(CASES / f"{condition.lower()}.toml")
 
 
-def solve(case: meeframe.Case, system: ReducedSystem) -> StepResult:
-    """Return the last step of a case. Raises RuntimeError if it did not converge."""
-    step = list(solve_steps(case, system))[-1]
-    if step.status != "converged":
-        raise RuntimeError(f"{case.title}: {step.message}")
-    return step
+def solve(case: meeframe.Case, system: ReducedSystem) -> Result:
+    """Return the result of a case. Raises RuntimeError if it did not converge."""
+    steps = tuple(solve_steps(case, system))
+    if steps[-1].status != "converged":
+        raise RuntimeError(f"{case.title}: {steps[-1].message}")
+    return Result(provenance(case), zone_of(system), case.n_increments, steps)
 
 
 def closed_form(case: meeframe.Case, condition: str) -> Indentation:
@@ -57,6 +108,8 @@ class Quantity:
 
     Attributes
     ----------
+    name
+        Name of the field in results.
     label
         Label with unit.
     values
@@ -67,14 +120,18 @@ class Quantity:
         The unit in SI.
     """
 
+    name: str
     label: str
-    values: Any
-    exact: Any
+    values: Callable[[StepResult], Array]
+    exact: Callable[[Indentation], Callable[[Array], Array]]
     unit: float
 
 
-PRESSURE = Quantity("contact pressure [GPa]", lambda step: -step.traction[:, 2] / GPA, lambda form: form.pressure, GPA)
+PRESSURE = Quantity(
+    "pressure", "contact pressure [GPa]", lambda step: -step.traction[:, 2] / GPA, lambda form: form.pressure, GPA
+)
 POTENTIAL = Quantity(
+    "electric_potential",
     "electric potential [kV]",
     lambda step: step.potentials[:, 0] / KV,
     lambda form: form.electric_potential,
@@ -82,28 +139,30 @@ POTENTIAL = Quantity(
 )
 
 
+@styled
 def overview(system: ReducedSystem) -> Figure:
     """Draw maps of the insulated indentation, and sections of it and of the conducting one with the half space."""
-    figure = new_figure(11.4, 3.9)
+    figure = sheet((11.4, 3.1))
     maps, sections = figure.subfigures(1, 2, width_ratios=(2.05, 1.0))
-    axes = maps.subplots(1, 2, sharey=True)
-    panels = sections.subplots(2, sharex=True)
+    axes, panels = maps.subplots(1, 2), sections.subplots(2, sharex=True)
     for condition in LINES:
         case = read_case(condition)
-        step, form = solve(case, system), closed_form(case, condition)
+        result, form = solve(case, system), closed_form(case, condition)
         for quantity, panel in zip((PRESSURE, POTENTIAL), panels, strict=True):
-            draw_section(panel, system, step, form, quantity, condition)
+            draw_section(panel, result, form, quantity, condition)
         if condition == "EMII":
             for quantity, panel in zip((PRESSURE, POTENTIAL), axes, strict=True):
-                draw_map(figure, panel, system, step, quantity)
+                draw_map(panel, result, quantity.name)
+                panel.set_title("")
                 draw_circle(panel, form.contact_radius)
-    axes[0].set_ylabel("y [mm]")
-    panels[0].legend(fontsize=7.5, frameon=False, loc="lower center", handlelength=1.4)
+    panels[0].legend(fontsize=7.5, loc="lower center", handlelength=1.4)
     panels[1].set_xlabel("x [mm], y = 0")
     sections.align_ylabels(panels)
+    label_panels([*axes, *panels])
     return figure
 
 
+@styled
 def indenters(system: ReducedSystem) -> Figure:
     """Draw the pressure under five insulated indenters on the same block."""
     sphere = read_case("EMII")
@@ -123,12 +182,13 @@ def indenters(system: ReducedSystem) -> Figure:
             sphere, indenter=RectangularPunch(half, half), placement=Placement(tilt_1=0.004), steps=approach
         ),
     }
-    figure = new_figure(13.4, 3.2)
-    axes = figure.subplots(1, len(cases), sharey=True)
-    for panel, (name, case) in zip(axes, cases.items(), strict=True):
-        draw_map(figure, panel, system, solve(case, system), PRESSURE)
-        panel.set_title(name, fontsize=10)
-    axes[0].set_ylabel("y [mm]")
+    figure = sheet((10.6, 6.2))
+    axes = figure.subplots(2, 3).ravel()
+    for panel, (name, case) in zip(axes, cases.items(), strict=False):
+        draw_map(panel, solve(case, system), PRESSURE.name)
+        panel.set(title=name, xlim=(-2.5, 2.5), ylim=(-2.5, 2.5))
+    axes[-1].remove()
+    label_panels(axes[:-1])
     return figure
 
 
@@ -139,42 +199,22 @@ def hysteresis() -> Figure:
     return figure
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of a size [inch]."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def draw_map(figure: Figure, axes: Any, system: ReducedSystem, step: StepResult, quantity: Quantity) -> None:
-    """Draw filled contours over the contact zone."""
-    picture = Picture.of(zone_of(system))
-    values = picture.values(quantity.values(step))
-    contours = axes.tricontourf(picture.triangulation, values, levels=24, cmap=MAP_COLOURS)
-    figure.colorbar(
-        contours, ax=axes, label=quantity.label, location="top", shrink=0.9, aspect=30, ticks=MaxNLocator(5)
-    )
-    axes.set(aspect="equal", xlabel="x [mm]")
-
-
 def draw_circle(axes: Any, radius: float) -> None:
     """Draw the contact circle of the closed form [m]."""
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
-    axes.plot(radius / MM * np.cos(angle), radius / MM * np.sin(angle), "w--", linewidth=0.9)
+    axes.plot(radius / MM * np.cos(angle), radius / MM * np.sin(angle), "k:", linewidth=1.0)
 
 
-def draw_section(
-    axes: Any, system: ReducedSystem, step: StepResult, form: Indentation, quantity: Quantity, condition: str
-) -> None:
+def draw_section(axes: Any, result: Result, form: Indentation, quantity: Quantity, condition: str) -> None:
     """Draw nodal values on y = 0 as dots, and the closed form as a line."""
-    x, line = middle_row(system.points)
+    x, line = middle_row(result.zone.points)
     fine = np.linspace(x.min(), x.max(), 600)
     exact = quantity.exact(form)(np.abs(fine)) / quantity.unit
     axes.plot(fine / MM, exact, color=LINES[condition], linewidth=1.3, label=f"{condition}, closed form")
-    values = quantity.values(step)[line]
+    values = quantity.values(result.steps[-1])[line]
     axes.plot(x / MM, values, "o", color=LINES[condition], markersize=3.2, label=f"{condition}, meeframe")
     axes.set_ylabel(quantity.label, fontsize=8)
-    axes.grid(alpha=0.3)
+    axes.grid(visible=True)
 
 
 def middle_row(points: Array) -> tuple[Array, Array]:
@@ -184,14 +224,50 @@ def middle_row(points: Array) -> tuple[Array, Array]:
     return points[line, 0], line
 
 
-def main() -> None:
-    """Write all pictures."""
+def draw_gallery() -> None:
+    """Write the pictures of README.md and of the gallery."""
     case = read_case("EMII")
     system = case.formulation.reduce(case.body)
-    for name, figure in (("overview", overview(system)), ("indenters", indenters(system))):
-        figure.savefig(HERE / "images" / f"{name}.png", dpi=110, pil_kwargs={"optimize": True})
-    save_figure(hysteresis(), HERE / "images" / "hysteresis.png")
+    drawn = {"overview": overview(system), "indenters": indenters(system), "hysteresis": hysteresis()}
+    for name, figure in drawn.items():
+        with house_style():
+            figure.savefig(HERE / "images" / f"{name}.png", dpi=120, pil_kwargs={"optimize": True})
+
+
+def pictures(source: Source) -> list[Path]:
+    """Return the pictures of a source that exist."""
+    every = sorted(HERE.rglob("*.png"))
+    return [path for path in every if any(fnmatch(str(path.relative_to(HERE)), one) for one in source.pictures)]
+
+
+def draw(name: str) -> list[Path]:
+    """Draw the pictures of a source, and return those that its scripts no longer draw."""
+    source, began = SOURCES[name], time.time()
+    if not source.scripts:
+        draw_gallery()
+    environment = os.environ | {"MATPLOTLIBRC": meeframe.STYLE, "MPLBACKEND": "agg"}
+    for script in source.scripts:
+        subprocess.run([sys.executable, *script.split()], cwd=ROOT, env=environment, check=True)
+    return [path for path in pictures(source) if path.stat().st_mtime < began]
+
+
+def main() -> int:
+    """Draw the pictures that are named, or all, and report those that nothing draws."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    listed = ", ".join(f"{name} ({source.minutes:g} min)" for name, source in SOURCES.items())
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"sources and their time on two cores: {listed}")
+    names = parser.parse_args().names or list(SOURCES)
+    unknown = [name for name in names if name not in SOURCES]
+    if unknown:
+        parser.error(f"unknown names: {', '.join(unknown)}; allowed: {', '.join(SOURCES)}")
+    left = []
+    for name in names:
+        print(name, flush=True)
+        left += draw(name)
+    for path in left:
+        print(f"not drawn again: {path.relative_to(ROOT)}", file=sys.stderr)
+    return int(bool(left))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from meeframe.api.parts import Contact as Contact
     from meeframe.api.parts import SecondBody as SecondBody
     from meeframe.api.parts import Step as Step
+    from meeframe.api.sweep import sweep as sweep
     from meeframe.common.errors import CaseError as CaseError
     from meeframe.common.errors import MeeframeError as MeeframeError
     from meeframe.formulations.dense_bem import DenseBEM as DenseBEM
@@ -84,6 +85,7 @@ _HOMES = {
     "Contact": "meeframe.api.parts",
     "SecondBody": "meeframe.api.parts",
     "Step": "meeframe.api.parts",
+    "sweep": "meeframe.api.sweep",
     "CaseError": "meeframe.common.errors",
     "MeeframeError": "meeframe.common.errors",
     "DenseBEM": "meeframe.formulations.dense_bem",

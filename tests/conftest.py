@@ -1,4 +1,4 @@
-"""What several tests share: a tiny case, a formulation that needs no boundary elements, a made-up result."""
+"""Shared fixtures: a tiny case, a formulation without boundary elements, a synthetic result."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -78,7 +78,7 @@ magnetic_potential = 0
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """RANDOM of a module gives each test the same numbers, whichever ran before it in this process."""
+    """Reset RANDOM of the module, so that results do not depend on the order of the tests."""
     random = getattr(getattr(item, "module", None), "RANDOM", None)
     if random is not None:
         begun = random.bit_generator
@@ -87,7 +87,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @dataclass(frozen=True)
 class Winkler(Formulation):
-    """Independent springs: each node answers its own load alone, so that contact has a closed form."""
+    """Independent springs: each node responds to its load only, so contact has a closed form."""
 
     stiffness: Annotated[float, Quantity("Pa/m", gt=0)]
 
@@ -111,7 +111,7 @@ class Winkler(Formulation):
 
 @pytest.fixture(scope="session")
 def registry():
-    """All that is installed, and the springs."""
+    """Return the installed plugins and the springs."""
     record = Record("winkler", Winkler, "independent springs", "Winkler (1867)")
     loaded = plugins.load()
     return replace(loaded, entries=(*loaded.entries, Entry(Kind.FORMULATION, record, Provider("tests", "0"))))
@@ -119,7 +119,7 @@ def registry():
 
 @pytest.fixture
 def write_case(tmp_path):
-    """Writes the tiny case with texts replaced and added; gives its path."""
+    """Return a function that writes the tiny case with replaced and added texts and returns its path."""
 
     def write(*changes: tuple[str, str], more: str = "") -> Path:
         text = CASE
@@ -135,7 +135,7 @@ def write_case(tmp_path):
 
 @pytest.fixture
 def case_file(write_case) -> Path:
-    """The tiny case in two steps, solved by boundary elements."""
+    """Return the tiny case in two steps, solved by boundary elements."""
     return write_case(
         ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"\nquadrature_tolerance = 1e-3'),
         ("[[steps]]", '[solver]\nname = "uzawa"\ntolerance = 1e-6\n\n[[steps]]'),
@@ -146,7 +146,7 @@ def case_file(write_case) -> Path:
 
 @pytest.fixture(scope="session")
 def second_body():
-    """Tables of a second body for the tiny case, a bed of springs three times as stiff."""
+    """Return tables of a second body for the tiny case, a bed of springs three times as stiff."""
     return COUNTER
 
 
@@ -154,7 +154,7 @@ SIDE = 5
 
 
 def zone() -> Zone:
-    """A flat square zone of 4 x 4 cells, 1 mm each, facing +x3."""
+    """Return a flat square zone of 4 x 4 cells, 1 mm each, facing +x3."""
     grid = np.arange(SIDE) * 1e-3 - 2e-3
     x, y = np.meshgrid(grid, grid)
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(SIDE**2)])
@@ -166,8 +166,8 @@ def zone() -> Zone:
 
 
 def step(approach: float, status: Status = Status.CONVERGED, number: int = 1, increment: int = 1) -> StepResult:
-    """A step with pressure 1e6 Pa x approach / 1 um inside a circle of 1.5 mm, and a tangential pull that makes it slip
-    by 10 nm except at its centre."""
+    """Return a step with the pressure 1e6 Pa x approach / 1 um inside a circle of 1.5 mm, and a tangential traction
+    with a slip of 10 nm except at the centre."""
     place = zone()
     inside = np.linalg.norm(place.points[:, :2], axis=1) < 1.5e-3
     pressure = 1e12 * approach * inside
@@ -208,5 +208,5 @@ def result(*steps: StepResult, planned: int = 0) -> Result:
 
 @pytest.fixture(scope="session")
 def synthetic() -> SimpleNamespace:
-    """Makers of the parts of a made-up result."""
+    """Return functions that create the parts of a synthetic result."""
     return SimpleNamespace(zone=zone, step=step, result=result)

@@ -1,4 +1,4 @@
-"""Docstrings of the package and its plugins open with complete sentences; names come from the terms of the field."""
+"""Docstrings of code, tests and validation open with complete sentences; names come from the terms of the field."""
 
 import ast
 import re
@@ -6,15 +6,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+FOLDERS = ("meeframe", "plugins", "tests", "validation")
 FILES = sorted(
     path
-    for folder in ("meeframe", "plugins")
+    for folder in FOLDERS
     for path in (ROOT / folder).rglob("*.py")
-    if not {"tests", "examples", "build", ".venv"} & set(path.relative_to(ROOT).parts)
+    if not {"build", ".venv"} & set(path.relative_to(ROOT).parts)
 )
 OPENINGS = re.compile(r"(Of|What|Whether|That|See|As|How|Where|The same|Those)\b")
 
-# names that a contact mechanician or numerical analyst would not look for, and those that replace them
+# discouraged names and their replacements
 DIALECT = {
     "own_response": "diagonal",
     "block_response": "apply_fields",
@@ -64,7 +65,7 @@ DIALECT = {
 
 
 def public(tree: ast.Module) -> Iterator[tuple[int, ast.AST]]:
-    """A module, and what it and its public classes define under public names, each with its line."""
+    """Yield a module, and its public definitions and those of its public classes, each with its line."""
     yield 1, tree
     scopes: list[ast.AST] = [tree]
     while scopes:
@@ -78,7 +79,7 @@ def public(tree: ast.Module) -> Iterator[tuple[int, ast.AST]]:
 
 
 def names(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Names that a module defines, with their lines: functions, classes, arguments, variables, attributes."""
+    """Yield the names that a module defines, with their lines: functions, classes, arguments, variables, attributes."""
     for node in ast.walk(tree):
         if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             yield node.lineno, node.name
@@ -90,7 +91,7 @@ def names(tree: ast.Module) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.attr
 
 
-def faults_of_docstrings(text: str) -> list[str]:
+def docstring_faults(text: str) -> list[str]:
     faults = []
     for line, node in public(ast.parse(text)):
         first, *_ = (ast.get_docstring(node) or "").split("\n\n")
@@ -103,32 +104,32 @@ def faults_of_docstrings(text: str) -> list[str]:
     return faults
 
 
-def faults_of_names(text: str) -> list[str]:
-    found = sorted(set(names(ast.parse(text))))
-    faults = [f"line {line}: {name}; rather: {DIALECT[name]}" for line, name in found if name in DIALECT]
-    return faults + [f"line {line}: {name}: a possessive" for line, name in found if re.match(r"_?own_", name)]
+def name_faults(text: str) -> list[str]:
+    computed = sorted(set(names(ast.parse(text))))
+    faults = [f"line {line}: {name}; rather: {DIALECT[name]}" for line, name in computed if name in DIALECT]
+    return faults + [f"line {line}: {name}: a possessive" for line, name in computed if re.match(r"_?own_", name)]
 
 
-def test_the_checks_find_what_they_are_for():
-    assert faults_of_docstrings('"""A module."""\ndef f():\n    """Whether it is."""') == [
+def test_checks_detect_faults():
+    assert docstring_faults('"""A module."""\ndef f():\n    """Whether it is."""') == [
         "line 2: opens with 'Whether': Whether it is."
     ]
-    assert faults_of_docstrings('class A:\n    def f(self):\n        """Return it"""')
-    assert not faults_of_docstrings('def _f():\n    """Of what"""\nclass A:\n    """Assemble it.\n\n    Of"""')
-    assert faults_of_names("def f(own_gap):\n    self.tensed = 1\n    Rim = 2\n    return turned")
-    assert not faults_of_names("def f(owner):\n    return restored")
+    assert docstring_faults('class A:\n    def f(self):\n        """Return it"""')
+    assert not docstring_faults('def _f():\n    """Of what"""\nclass A:\n    """Assemble it.\n\n    Of"""')
+    assert name_faults("def f(own_gap):\n    self.tensed = 1\n    Rim = 2\n    return turned")
+    assert not name_faults("def f(owner):\n    return restored")
 
 
-def faults_of_files(check: Callable[[str], list[str]]) -> str:
+def file_faults(check: Callable[[str], list[str]]) -> str:
     faults = ((file.relative_to(ROOT), fault) for file in FILES for fault in check(file.read_text(encoding="utf-8")))
     return "\n".join(f"{file}, {fault}" for file, fault in faults)
 
 
 def test_first_lines_are_sentences():
-    faults = faults_of_files(faults_of_docstrings)
+    faults = file_faults(docstring_faults)
     assert not faults, faults
 
 
 def test_names_are_terms_of_the_field():
-    faults = faults_of_files(faults_of_names)
+    faults = file_faults(name_faults)
     assert not faults, faults

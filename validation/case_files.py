@@ -6,7 +6,7 @@ from pathlib import Path
 from meeframe.model.load import load_case
 from meeframe.model.solve import solve_case
 from meeframe.results.records import Resultants, resultants
-from meeframe.study.quantities import TOTALS
+from meeframe.study.quantities import totals
 from meeframe.study.validate import Check
 
 UNITS = {"force": "N", "charge": "C", "magnetic_flux": "Wb", "contact_area": "m^2", "max_pressure": "Pa"}
@@ -21,8 +21,8 @@ def solved(file: Path) -> Resultants:
 
 
 def totals_of(file: Path, exact: Mapping[str, float], tolerance: float = 1e-3) -> Iterator[Check]:
-    """Check the totals of a case, by names of TOTALS, against exact values."""
+    """Check the totals of a case, by names of `totals`, against exact values."""
     result = solved(file)
     for name, true in exact.items():
         words = f"{file.parent.name}/{file.name}, with meeframe run: {name.replace('_', ' ')}"
-        yield Check(words, TOTALS[name](result), true, tolerance, UNITS[name])
+        yield Check(words, totals()[name](result), true, tolerance, UNITS[name])

@@ -32,8 +32,8 @@ def conducting(runs: Mapping[str, Run], cells: float, shape: str) -> Iterator[It
 def at_potentials(run: Run, cells: float, shape: str, given: str, quick: bool) -> Iterator[Item]:
     """Check totals of a charged indenter to 1e-3 on single grids with different positions of the contact edge.
 
-    The contributions of pressure and potentials nearly cancel, and those of the potentials are singular at the contact
-    edge, which is resolved between the nodes. `quick`: one grid only.
+    The contributions of pressure and potentials nearly cancel, and those of the potentials are singular at the
+    contact edge, which is resolved between the nodes. `quick`: one grid only.
     """
     resolved = replace(run, edges="resolved")
     for part in OFFSETS[:1] if quick else OFFSETS:

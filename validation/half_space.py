@@ -22,11 +22,11 @@ Height = Callable[[Array, Array], Array]
 """Height of the indenter above its lowest point [m] at x, y (n,) [m], inf where there is no indenter."""
 
 
-Edges = Literal["nodes", "resolved"]
+EdgeOption = Literal["nodes", "resolved"]
 
 
 def half_space(
-    stiffness: Array, width: tuple[float, float], divisions: int, matrix_up_to: int = 0, edges: Edges = "nodes"
+    stiffness: Array, width: tuple[float, float], divisions: int, matrix_up_to: int = 0, edges: EdgeOption = "nodes"
 ) -> ReducedSystem:
     """Return a rectangular zone on a half space with the given divisions along x and y."""
     mesh = half_space_mesh(10.0 * max(width), width, divisions, 1, Quad4())
@@ -85,7 +85,7 @@ def press(
     conductivity: tuple[float, float] = (0.0, 0.0),
     potentials: tuple[float, float] = (0.0, 0.0),
     divisions: int | None = None,
-    edges: Edges = "nodes",
+    edges: EdgeOption = "nodes",
 ) -> Pressed:
     """Press without friction; cells: number in the contact width (or widths along x and y); edges: see HalfSpace.
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from half_space import Edges, Height, Pressed, observed_order, press
+from half_space import EdgeOption, Height, Pressed, observed_order, press
 
 from meeframe.fields import Array
 from meeframe.indenters import shapes as rigid
@@ -30,7 +30,7 @@ class Run:
     shape: Shape
     approach: float
     potentials: Potentials = (None, None)
-    edges: Edges = "nodes"
+    edges: EdgeOption = "nodes"
 
     @property
     def exact(self) -> Indentation:

@@ -64,7 +64,7 @@ class Case:
         Conductivity laws of the contact, such as {"electric": meeframe.StepConductivity(float("inf"))}; insulating by
         default.
     placement : Placement, optional
-        Place and axis of the indenter.
+        Position and axis of the indenter.
     potentials : mapping of str to float or str, optional
         Initial potentials of the indenter, such as {"electric_potential": "5 V"}; zero by default.
     formulation : Formulation, optional
@@ -83,6 +83,11 @@ class Case:
         Title of the case.
     plugins : sequence of str or Path, optional
         Local plugin files whose names a case file may use.
+
+    Attributes
+    ----------
+    checked : Case
+        Case as all parts of meeframe take it, with material, mesh, laws and steps as objects in SI units.
 
     Raises
     ------
@@ -107,7 +112,7 @@ class Case:
     output: Output = field(default_factory=Output)
     title: str = ""
     plugins: Sequence[str | Path] = ()
-    _checked: list[CheckedCase] = field(default_factory=list, init=False, repr=False)
+    checked: CheckedCase = field(init=False)
 
     def __post_init__(self) -> None:
         try:
@@ -116,18 +121,13 @@ class Case:
             raise CaseError("\n".join(map(_in_python, error.problems))) from error.__cause__
         with suppress(CaseError):  # an object without a name in case files
             checked = replace(checked, text=self.to_toml())
-        self._checked.append(checked)
+        object.__setattr__(self, "checked", checked)  # as frozen dataclasses set fields that follow from others
 
     def __repr__(self) -> str:
         """Return a line instead of all parts, which `to_toml` shows."""
         case = self.checked
         counts = f"{case.mesh.n_elements} elements, {len(case.steps)} load steps, {case.n_increments} increments"
         return f"Case({self.title!r}: {case.material.name or 'material without a name'}, {counts})"
-
-    @property
-    def checked(self) -> CheckedCase:
-        """Case as all parts of meeframe take it, with material, mesh, laws and steps as objects in SI units."""
-        return self._checked[0]
 
     @property
     def warnings(self) -> tuple[str, ...]:

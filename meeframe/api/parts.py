@@ -58,7 +58,7 @@ def _brief(part: Any) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """Load step; quantities that it does not name stay as the previous step left them.
+    """Load step; quantities that it does not name keep their values of the previous step.
 
     For each motion of the indenter either the motion, measured from first contact, or the conjugate resultant is given.
 

@@ -1,7 +1,7 @@
 """Commands on one case: run, check and show."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -62,12 +62,23 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
 @app.command()
 def show(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
+    step: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="STEP",
+            help="Load step such as 2, increment such as 2.5, 'last', or 'peak'; repeatable. By default the ends of "
+            "all load steps and the peak load.",
+        ),
+    ] = None,
     interior: Annotated[
         bool,
         typer.Option(
             "--interior", metavar="", help="Evaluate fields inside the body under the contact; write interior.vtu."
         ),
     ] = False,
+    body: Annotated[
+        Literal["first", "second"], typer.Option(metavar="BODY", help="'first' or 'second' of two, for --interior.")
+    ] = "first",
     case: Annotated[
         Path | None,
         typer.Option(
@@ -81,28 +92,34 @@ def show(
 ) -> None:
     """Print the summary of a run as a table.
 
-    With --interior, the body of the case is reduced again, and the fields after the last increment are evaluated in a
-    box under the contact. Their largest values are printed, and all fields are written to interior.vtu in DIR.
+    With --interior, the body of the case is reduced again, and the fields after an increment, by default that of the
+    peak load, are evaluated in a box under the contact. Their largest values are printed, all fields are written to
+    interior.vtu in DIR, and a section through the middle of the contact is drawn in interior.png.
     """
     with console.exit_status():
         from meeframe.results.files import read_result
         from meeframe.results.summary import summary_table
 
         result = read_result(folder)
-        console.stdout().print(summary_table(result))
+        console.stdout().print(summary_table(result, step or ()))
         if not interior:
             return
         from meeframe.model.threads import limited
+        from meeframe.results.figures import save_figure, title_of
         from meeframe.results.interior import maxima_table, write_interior
-        from meeframe.results.output import INTERIOR_FILE
+        from meeframe.results.output import INTERIOR_FILE, INTERIOR_PICTURE, replacing
+        from meeframe.results.selection import select
         from meeframe.study.interior import interior as interior_of_run
 
         registry = console.registry(plugin)
+        chosen = select(result, step[0] if step else None)
         with limited(threads), console.progress() as progress:
-            fields = interior_of_run(result, case=case, registry=registry, progress=progress)
+            fields = interior_of_run(result, case=case, step=chosen, body=body, registry=registry, progress=progress)
         write_interior(folder / INTERIOR_FILE, fields)
+        with replacing(folder / INTERIOR_PICTURE) as path:
+            save_figure(fields.figure(title_of(result, chosen)), path)
         console.stdout().print(maxima_table(fields))
-        print(f"fields: {folder / INTERIOR_FILE}")
+        print(f"fields: {folder / INTERIOR_FILE}, section: {folder / INTERIOR_PICTURE}")
 
 
 @app.command()

@@ -175,8 +175,6 @@ class Switches:
     def next(self, was_touching: Mask, touching: Mask, trial: Array) -> "Switches":
         """Return the switches after one step of the tractions.
 
-        was_touching, touching: (n,) contact before and after it; trial: (n,) trial tractions [Pa].
-
         Parameters
         ----------
         was_touching, touching : Mask
@@ -195,8 +193,6 @@ class Switches:
 
     def contact_fraction(self, before: Array, touching: Mask, trial: Array, pressure: float) -> Array:
         """Return the contact fractions after a step.
-
-        pressure: characteristic pressure [Pa].
 
         Parameters
         ----------

@@ -12,7 +12,7 @@ Insufficient friction shows once every law is satisfied, everything that resists
 from typing import Final
 
 import numpy as np
-import scipy  # its submodules are imported where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.contact.free_motion import maximal_traction, motions, reserve
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
@@ -83,29 +83,29 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
     tangential = [k for k in motions(problem) if not _lifts(problem, k)]
     imbalance = unbalance(problem, state.load)
     relative = imbalance / scales.totals
-    missed = float(np.linalg.norm(relative[tangential]))
+    deficit = float(np.linalg.norm(relative[tangential]))
     others = np.delete(relative, tangential)
-    if not TOLERANCE < missed < np.inf:
+    if not TOLERANCE < deficit < np.inf:
         return None
     measures = [problem.prescribed_resultants[k].measure[:, MECHANICAL] / scales.totals[k] for k in tangential]
     direction = -np.tensordot(relative[tangential], measures, axes=1)
     gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
-    shortfall = missed - abs(reserve(problem.contact_law, state.load[:, MECHANICAL], gap, direction)) / missed
+    shortfall = deficit - abs(reserve(problem.contact_law, state.load[:, MECHANICAL], gap, direction)) / deficit
     # other resultants may be missed too, in favour of these: they bring friction only by its coefficient
     if (
-        not shortfall >= MIN_UNREACHABLE_FRACTION * missed
+        not shortfall >= MIN_UNREACHABLE_FRACTION * deficit
         or not largest(others) <= MIN_UNREACHABLE_FRACTION * shortfall
     ):
         return None
     if not law_violation(problem, state, scales) <= MAX_VIOLATION_RATIO * shortfall:
         return None
     totals = np.array([problem.prescribed_resultants[k].total for k in tangential])
-    attained = np.where(
+    resultants = np.where(
         np.abs(totals + imbalance[tangential]) > TOLERANCE * scales.totals[tangential],
         totals + imbalance[tangential],
         0.0,
     )
-    prescribed, friction = (", ".join(f"{value:.4g}" for value in values) for values in (totals, attained))
+    prescribed, friction = (", ".join(f"{value:.4g}" for value in values) for values in (totals, resultants))
     return (
         f"the tangential forces and moments prescribed ({prescribed} N, N m) are more than friction bears: all slips, "
         f"and at the pressures found they reach {friction}; allowed: less, a motion in their place, or more pressure "

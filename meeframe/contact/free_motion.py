@@ -138,20 +138,20 @@ def balanced_projection(
         Tractions and motions. The unbalance of resultants that cannot be reached is as small as could be found.
     """
     balance = _Balance.of(problem, traction, gap, r)
-    point = balance.at(np.zeros(len(balance.totals)))
-    max_displacement = MAX_DISTANCE_RATIO * balance.distance_scale(point)
+    state = balance.at(np.zeros(len(balance.totals)))
+    max_displacement = MAX_DISTANCE_RATIO * balance.distance_scale(state)
     for _ in range(MAX_ITERATIONS):
-        if (np.abs(point.unbalance) <= RESULTANT_ROUND_OFF * point.size).all():
+        if (np.abs(state.unbalance) <= RESULTANT_ROUND_OFF * state.size).all():
             break
-        candidate = balance.improve(point, max_displacement)
+        candidate = balance.improve(state, max_displacement)
         if candidate is None:
             break
-        point = candidate
-    return BalancedProjection(point.traction, point.trial, point.motion)
+        state = candidate
+    return BalancedProjection(state.traction, state.trial, state.motion)
 
 
 @dataclass(frozen=True, eq=False)
-class _MotionPoint:
+class _MotionState:
     """Gap, trial and tractions (n, 3) at a motion.
 
     unbalance: (k,) of the resultants; size: (k,) magnitudes that set their round-off.
@@ -193,17 +193,17 @@ class _Balance:
         resistance = np.einsum("kni,kni->k", np.abs(measures), np.abs(modes)) * r[0]
         return cls(problem, traction, gap, r, modes, measures, totals, resistance)
 
-    def at(self, motion: Array) -> _MotionPoint:
+    def at(self, motion: Array) -> _MotionState:
         """Return the tractions at a motion (k,)."""
         gap = self.gap + np.tensordot(motion, self.modes, axes=1)
         trial = augmented_traction(self.problem.contact_law, self.traction, gap, self.r)
         projected = fixed_point_map(self.problem.contact_law, trial, gap, self.r)
         contributions = self.measures * projected
         size = np.maximum(np.abs(contributions).sum(axis=(1, 2)), np.abs(self.totals))
-        return _MotionPoint(motion, gap, trial, projected, contributions.sum(axis=(1, 2)) - self.totals, size)
+        return _MotionState(motion, gap, trial, projected, contributions.sum(axis=(1, 2)) - self.totals, size)
 
-    def improve(self, point: _MotionPoint, max_displacement: float) -> _MotionPoint | None:
-        """Return a point with less unbalance; None if there is none.
+    def improve(self, state: _MotionState, max_displacement: float) -> _MotionState | None:
+        """Return a state with less unbalance; None if there is none.
 
         Damped Newton steps are tried with increasing regularisation. max_displacement: largest allowed displacement of
         the indenter by the motion [m].
@@ -211,10 +211,10 @@ class _Balance:
         weight = np.divide(
             1.0, np.sqrt(self.resistance), out=np.zeros_like(self.resistance), where=self.resistance > 0.0
         )
-        scaled = weight[:, None] * self._jacobian(point) * weight
-        right = -weight * point.unbalance
+        scaled = weight[:, None] * self._jacobian(state) * weight
+        right = -weight * state.unbalance
         for regularisation in REGULARISATION:
-            if regularisation > 0.0 and self._is_friction_exhausted(point, weight):
+            if regularisation > 0.0 and self._is_friction_exhausted(state, weight):
                 return None
             try:
                 step = weight * np.linalg.solve(scaled + regularisation * np.eye(len(weight)), right)
@@ -225,7 +225,7 @@ class _Balance:
                 continue
             step *= min(1.0, max_displacement / displacement)
             for fraction in FRACTIONS:
-                motion = point.motion + fraction * step
+                motion = state.motion + fraction * step
                 if self._max_displacement(motion) > max_displacement:
                     continue
                 candidate = self.at(motion)
@@ -233,9 +233,9 @@ class _Balance:
                     right
                 ):
                     return candidate
-        return self._bisect(point, weight, max_displacement)
+        return self._bisect(state, weight, max_displacement)
 
-    def _is_friction_exhausted(self, point: _MotionPoint, weight: Array) -> bool:
+    def _is_friction_exhausted(self, state: _MotionState, weight: Array) -> bool:
         """Return whether no tractions under the same pressures have less unbalance.
 
         The motion does not change the pressures here. The resultants then lie beyond a plane that the best tractions
@@ -243,47 +243,47 @@ class _Balance:
         """
         if self.modes[:, :, 2].any():
             return False
-        direction = -np.tensordot(weight**2 * point.unbalance, self.measures, axes=1)
-        unused = reserve(self.problem.contact_law, point.traction, point.gap[:, 2], direction)
-        return abs(unused) <= MIN_DECREASE * float(((weight * point.unbalance) ** 2).sum())
+        direction = -np.tensordot(weight**2 * state.unbalance, self.measures, axes=1)
+        unused = reserve(self.problem.contact_law, state.traction, state.gap[:, 2], direction)
+        return abs(unused) <= MIN_DECREASE * float(((weight * state.unbalance) ** 2).sum())
 
-    def _bisect(self, point: _MotionPoint, weight: Array, max_displacement: float) -> _MotionPoint | None:
-        """Return a point where the unbalance stops driving the indenter the present way; None if there is none.
+    def _bisect(self, state: _MotionState, weight: Array, max_displacement: float) -> _MotionState | None:
+        """Return a state where the unbalance stops driving the indenter the present way; None if there is none.
 
         Before contact, or in full slip, the resultants do not change with the motion and no Newton step helps. Along
         their direction the unbalance is monotone (exactly so without friction and attraction), which allows bisection.
         """
-        direction = -(weight**2) * point.unbalance
+        direction = -(weight**2) * state.unbalance
         displacement = self._max_displacement(direction)
         if not 0.0 < displacement < np.inf:
             return None
         low, high = 0.0, max_displacement / displacement
-        if direction @ self.at(point.motion + high * direction).unbalance < 0.0:
+        if direction @ self.at(state.motion + high * direction).unbalance < 0.0:
             return None
-        candidate = point
+        candidate = state
         for _ in range(MAX_BISECTIONS):
             middle = 0.5 * (low + high)
-            candidate = self.at(point.motion + middle * direction)
-            if np.linalg.norm(weight * candidate.unbalance) < 0.5 * np.linalg.norm(weight * point.unbalance):
+            candidate = self.at(state.motion + middle * direction)
+            if np.linalg.norm(weight * candidate.unbalance) < 0.5 * np.linalg.norm(weight * state.unbalance):
                 break
             low, high = (middle, high) if direction @ candidate.unbalance < 0.0 else (low, middle)
         return (
             candidate
-            if np.linalg.norm(weight * candidate.unbalance) < np.linalg.norm(weight * point.unbalance)
+            if np.linalg.norm(weight * candidate.unbalance) < np.linalg.norm(weight * state.unbalance)
             else None
         )
 
-    def _jacobian(self, point: _MotionPoint) -> Array:
+    def _jacobian(self, state: _MotionState) -> Array:
         """Return the derivative of the resultants with respect to the motion, (k, k)."""
-        _, by_gap = traction_tangents(self.problem.contact_law, point.trial, point.gap, self.r)
+        _, by_gap = traction_tangents(self.problem.contact_law, state.trial, state.gap, self.r)
         return np.asarray(np.einsum("kni,nij,lnj->kl", self.measures, by_gap, self.modes))
 
-    def distance_scale(self, point: _MotionPoint) -> float:
+    def distance_scale(self, state: _MotionState) -> float:
         """Return the largest distance of body and indenter, or motion due to the unbalance in the whole zone [m]."""
-        finite = np.isfinite(point.trial[:, 2])
-        separation = float(np.abs(point.trial[finite]).max(initial=0.0)) / self.r[0]
+        finite = np.isfinite(state.trial[:, 2])
+        separation = float(np.abs(state.trial[finite]).max(initial=0.0)) / self.r[0]
         motion = np.divide(
-            point.unbalance, self.resistance, out=np.zeros_like(self.resistance), where=self.resistance > 0.0
+            state.unbalance, self.resistance, out=np.zeros_like(self.resistance), where=self.resistance > 0.0
         )
         return max(separation, self._max_displacement(motion))
 

@@ -33,7 +33,7 @@ class Coarse:
 def coarse_problem(problem: ContactProblem) -> Coarse | None:
     """Return the problem on the coarser reduced system; None if there is none.
 
-    There is none either if the law or the contact edge belongs to these nodes, or if too little of the indenter lies
+    There is also none if the law or the contact edge belongs to these nodes, or if too little of the indenter lies
     above the remaining nodes.
     """
     law = problem.contact_law

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import ClassVar, Final
+from typing import ClassVar, Final, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from meeframe.system.reduced import ReducedSystem
 
 AT_REST: Final = np.zeros(0)
 """Motion of an indenter without prescribed resultants."""
+Memory = TypeVar("Memory")
 
 
 class Status(StrEnum):
@@ -236,6 +237,12 @@ class Iterate:
     motion: Array = field(default_factory=lambda: AT_REST)
     estimate: float | None = None
 
+    def memory_as(self, kind: type[Memory]) -> Memory:
+        """Return the memory; raise TypeError unless it is of this kind, which the solver's `init` makes."""
+        if not isinstance(self.memory, kind):
+            raise TypeError("the iterate was not made by the init of this solver")
+        return self.memory
+
 
 @dataclass(frozen=True, eq=False)
 class ContactState:
@@ -292,31 +299,15 @@ class ContactSolution:
 class Solver(ABC):
     """Iteration on a ContactProblem; the fields of a concrete class are its case-file keys.
 
-    A solver implements `init` and `step`, and `check` if it does not accept every problem. Stopping criteria, history,
-    the guard against non-finite numbers and the status belong to the driver loop in meeframe.solvers.
+    A solver implements `init` and `step`, and `check` (`SelectiveSolver`) if it does not accept every problem. Stopping
+    criteria, history, the guard against non-finite numbers and the status belong to the driver loop in
+    meeframe.solvers.
     """
 
     check_interval: ClassVar[int] = 1
     """Steps between two evaluations by the driver; more than one for solvers whose steps cost less than these."""
     stall_window: ClassVar[int] = 2_000
     """Steps within which the residual should fall by a tenth; fewer for solvers whose steps cost more."""
-
-    def check(self, problem: ContactProblem) -> None:
-        """Check whether the solver accepts a problem; by default it accepts every problem.
-
-        The check is made before the body is reduced: the compliance of the system is then zero.
-
-        Parameters
-        ----------
-        problem : ContactProblem
-            Problem to check.
-
-        Raises
-        ------
-        CaseError
-            If the solver does not accept it.
-        """
-        return
 
     @abstractmethod
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
@@ -353,6 +344,37 @@ class Solver(ABC):
         Iterate
             The next iterate.
         """
+
+
+class SelectiveSolver(Protocol):
+    """A solver that does not accept every problem."""
+
+    def check(self, problem: ContactProblem) -> None:
+        """Check whether the solver accepts a problem.
+
+        The check is made before the body is reduced: the compliance of the system is then zero.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            Problem to check.
+
+        Raises
+        ------
+        CaseError
+            If the solver does not accept it.
+        """
+
+
+def is_selective(solver: Solver) -> bool:
+    """Return whether the solver has `check`."""
+    return hasattr(solver, "check")
+
+
+def check_accepted(solver: Solver, problem: ContactProblem) -> None:
+    """Raise CaseError if the solver does not accept a problem; solvers without `check` accept every problem."""
+    if is_selective(solver):
+        cast(SelectiveSolver, solver).check(problem)
 
 
 def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:

@@ -10,7 +10,7 @@ from meeframe.contact.nested import is_uniform
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS
-from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map
+from meeframe.laws.base import augmented_traction, contact_traction, fixed_point_map, has_resolvent
 from meeframe.system.capabilities import apply_load
 
 BLOCK_SIZE: Final = 2**14
@@ -20,7 +20,7 @@ BLOCK_SIZE: Final = 2**14
 def essential_fields(problem: ContactProblem) -> tuple[int, ...]:
     """Return the fields of the displacement on which the laws depend, by column."""
     law = problem.contact_law
-    is_frictionless = not law.tangential_scaling().any() and type(law).resolve is ContactLaw.resolve
+    is_frictionless = not law.tangential_scaling().any() and not has_resolvent(law)
     needed = (not is_frictionless, not is_frictionless, True, *(channel.is_conducting for channel in problem.channels))
     return tuple(np.flatnonzero(needed).tolist())
 

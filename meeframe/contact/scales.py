@@ -11,7 +11,7 @@ from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.nested import Coarse, coarse_problem, has_similar_area, is_similar, is_uniform
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, indenter_field, indenter_position
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
-from meeframe.laws.base import attraction
+from meeframe.laws.base import attraction, resolve
 from meeframe.system.capabilities import Multigrid, apply_load
 from meeframe.system.reduced import ReducedSystem
 
@@ -207,7 +207,7 @@ def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance:
         return attractive_pressure
     count = 1 if is_uniform(law, len(overlap)) else len(overlap)
     gap = np.tile([0.0, 0.0, -depth], (count, 1))
-    traction = law.resolve(gap / compliance, gap, (1.0 / compliance, 1.0 / compliance))
+    traction = resolve(law, gap / compliance, gap, (1.0 / compliance, 1.0 / compliance))
     return max(float(-traction[:, 2].min(initial=0.0)), attractive_pressure) or depth / compliance
 
 

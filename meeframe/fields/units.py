@@ -145,8 +145,8 @@ class Quantity:
         """Bounds in words, "" if there are none."""
         signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
         finite = {name: bound for name, bound in self.bounds.items() if abs(bound) != math.inf}
-        parts = [f"{signs[name]} {bound:g}" for name, bound in finite.items()]
-        return " and ".join([*parts, *(["finite"] if len(finite) < len(self.bounds) else [])])
+        bounds = [f"{signs[name]} {bound:g}" for name, bound in finite.items()]
+        return " and ".join([*bounds, *(["finite"] if len(finite) < len(self.bounds) else [])])
 
     def _parse(self, text: str) -> float:
         number = self._prefixed(text)

@@ -2,9 +2,9 @@
 
 import os
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Final, Literal, final
+from typing import Annotated, Any, Final, Literal, final
 
 import numpy as np
 import scipy  # submodules load on first use
@@ -18,6 +18,7 @@ from meeframe.indenters.base import Indenter
 Interpolation = Literal["linear", "cubic", "nodes"]
 
 COORDINATE_TOLERANCE: Final = 1e-6  # relative to the extent; closer coordinates are the same
+NODE_TOLERANCE: Final = 1e-12  # relative to the extent; round-off of positions at nodes of the grid
 
 
 @final
@@ -60,8 +61,8 @@ class Heights(Indenter):
             If the file cannot be read or its data are not valid; the message names the file.
         """
         try:
-            rows = _read(str(self.file), os.stat(self.file).st_mtime_ns) * self.unit
-            return _interpolate(rows, self.interpolation, x, y)
+            surface = _read(str(self.file), os.stat(self.file).st_mtime_ns, self.unit, self.interpolation)
+            return surface.height(x, y)
         except OSError as error:
             raise CaseError(f"heights: {self.file}: cannot be read: {error.strerror or error}") from None
         except ValueError as error:
@@ -99,8 +100,9 @@ class SampledHeights(Indenter):
 
     def __post_init__(self) -> None:
         try:
-            object.__setattr__(self, "rows", np.asarray(self.rows))
+            object.__setattr__(self, "rows", np.array(self.rows))  # a copy: its grid is made only once
             _check_rows(self.rows)
+            self.rows.setflags(write=False)
         except ValueError as error:
             raise CaseError(f"heights: {error}") from None
         check_quantities(self)
@@ -159,9 +161,13 @@ class SampledHeights(Indenter):
             If the rows do not form a grid.
         """
         try:
-            return _interpolate(self.rows, self.interpolation, x, y)
+            return self._surface.height(x, y)
         except ValueError as error:
             raise CaseError(f"heights: {error}") from None
+
+    @cached_property
+    def _surface(self) -> "HeightGrid | _HeightNodes":
+        return _surface(np.asarray(self.rows, float), self.interpolation)
 
     @property
     def pointwise(self) -> bool:
@@ -170,8 +176,8 @@ class SampledHeights(Indenter):
 
 
 @lru_cache(maxsize=4)
-def _read(file: str, _modified: int) -> Array:
-    """Return the rows of a file, cached until the file changes."""
+def _read(file: str, _modified: int, unit: float, interpolation: Interpolation) -> "HeightGrid | _HeightNodes":
+    """Return the surface in a file, cached until the file changes."""
     if file.lower().endswith(".npy"):
         rows = read_npy(file)
     else:
@@ -180,7 +186,7 @@ def _read(file: str, _modified: int) -> Array:
             lines = [line.partition("#")[0].replace(",", " ").replace(";", " ") for line in text]
         rows = np.loadtxt(lines, ndmin=2) if any(line.strip() for line in lines) else np.empty((0, 3))
     _check_rows(rows)
-    return np.asarray(rows, float)
+    return _surface(np.asarray(rows, float) * unit, interpolation)
 
 
 def _check_rows(rows: Array) -> None:
@@ -191,36 +197,119 @@ def _check_rows(rows: Array) -> None:
         raise ValueError(f"row {bad[0] + 1} is not finite: {rows[bad[0]]}")
 
 
-def _interpolate(rows: Array, interpolation: Interpolation, x: Array, y: Array) -> Array:
-    targets = np.stack([np.asarray(x, float), np.asarray(y, float)], axis=-1)
-    if interpolation == "nodes":
-        return _at_nodes(rows, targets)
-    xs, ys, grid = _grid(rows)
-    if interpolation == "cubic" and min(grid.shape) < 4:
-        raise ValueError(f"cubic interpolation needs 4 points along each side of the grid; it has {grid.shape}")
-    # nodes on the border of the grid belong to it in spite of round-off
-    margin = COORDINATE_TOLERANCE * np.array([np.ptp(xs), np.ptp(ys)])
-    low, high = np.array([xs[0], ys[0]]), np.array([xs[-1], ys[-1]])
-    covered = np.all((targets >= low - margin) & (targets <= high + margin), axis=-1)
-    covered_targets = np.clip(targets[covered], low, high)
-    heights = np.full(len(targets), np.inf)
-    if interpolation == "cubic":
-        heights[covered] = scipy.interpolate.RectBivariateSpline(xs, ys, grid - grid.min()).ev(*covered_targets.T)
-    else:
-        heights[covered] = scipy.interpolate.RegularGridInterpolator((xs, ys), grid - grid.min())(covered_targets)
-    return heights
+def _surface(rows: Array, interpolation: Interpolation) -> "HeightGrid | _HeightNodes":
+    """Return the surface through rows (x, y, height), (n, 3)."""
+    return _HeightNodes(rows) if interpolation == "nodes" else HeightGrid(*_grid(rows), interpolation)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class HeightGrid:
+    """A surface that is interpolated between heights on a rectangular grid.
+
+    Attributes
+    ----------
+    x, y : Array
+        Coordinates of the grid, (nx,) and (ny,), increasing [m].
+    heights : Array
+        Heights, (nx, ny) [m], heights[i, j] at x[i], y[j].
+    interpolation : {'linear', 'cubic'}
+        Bilinear or bicubic interpolation.
+
+    Raises
+    ------
+    ValueError
+        If cubic interpolation has fewer than four points along a side.
+    """
+
+    x: Array
+    y: Array
+    heights: Array
+    interpolation: Interpolation = "linear"
+
+    def __post_init__(self) -> None:
+        if self.interpolation == "cubic" and min(self.heights.shape) < 4:
+            raise ValueError(
+                f"cubic interpolation needs 4 points along each side of the grid; it has {self.heights.shape}"
+            )
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Return the height above the lowest point of the grid, (n,) [m], inf outside the grid."""
+        positions = np.asarray(x, float), np.asarray(y, float)
+        heights = np.full(positions[0].shape, np.inf)
+        covered = np.ones(heights.shape, bool)
+        for axis, values in zip((self.x, self.y), positions, strict=True):
+            # nodes on the border of the grid belong to it in spite of round-off
+            margin = COORDINATE_TOLERANCE * np.ptp(axis)
+            covered &= (values >= axis[0] - margin) & (values <= axis[-1] + margin)
+        if not covered.any():
+            return heights
+        across, along = (
+            np.clip(values[covered], axis[0], axis[-1])
+            for axis, values in zip((self.x, self.y), positions, strict=True)
+        )
+        i, j = _nodes_at(self.x, across), _nodes_at(self.y, along)
+        if i is None or j is None:
+            heights[covered] = self._interpolate(across, along)
+        else:
+            heights[covered] = self.heights[i, j] - self._lowest
+        return heights
+
+    @cached_property
+    def _lowest(self) -> float:
+        return float(self.heights.min())
+
+    @cached_property
+    def _interpolant(self) -> Any:
+        """Interpolant of the heights above the lowest one, made when a height between nodes is first evaluated."""
+        heights = self.heights - self._lowest
+        if self.interpolation == "cubic":
+            return scipy.interpolate.RectBivariateSpline(self.x, self.y, heights)
+        return scipy.interpolate.RegularGridInterpolator((self.x, self.y), heights)
+
+    def _interpolate(self, x: Array, y: Array) -> Array:
+        if self.interpolation == "cubic":
+            return np.asarray(self._interpolant.ev(x, y))
+        return np.asarray(self._interpolant(np.stack([x, y], axis=-1)))
+
+
+def _nodes_at(axis: Array, values: Array) -> Indices | None:
+    """Return the number of the node at each of the values (n,), (n,); None if there is not one at every value."""
+    tolerance = NODE_TOLERANCE * np.ptp(axis)
+    numbers: Indices = np.minimum(np.searchsorted(axis, values - tolerance), len(axis) - 1)
+    return numbers if (np.abs(axis[numbers] - values) <= tolerance).all() else None
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _HeightNodes:
+    """Heights at nodes that need not be on a grid: rows (x, y, height), (n, 3) [m]."""
+
+    rows: Array
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Return the height of the row at the same position above the lowest one, (n,) [m], inf where there is none."""
+        extent = np.ptp(self.rows[:, :2], axis=0).max()
+        distance, row = self._tree.query(np.stack([np.asarray(x, float), np.asarray(y, float)], axis=-1))
+        above = self.rows[row, 2] - self.rows[:, 2].min()
+        return np.where(distance <= COORDINATE_TOLERANCE * extent, above, np.inf)
+
+    @cached_property
+    def _tree(self) -> Any:
+        return scipy.spatial.cKDTree(self.rows[:, :2])
 
 
 def _grid(rows: Array) -> tuple[Array, Array, Array]:
     """Return axes (nx,) and (ny,), and heights (nx, ny), of rows that form a full rectangular grid."""
     (xs, i), (ys, j) = _axis(rows[:, 0]), _axis(rows[:, 1])
-    if len(rows) != len(xs) * len(ys) or len(np.unique(i * len(ys) + j)) != len(rows) or min(len(xs), len(ys)) < 2:
+    grid = np.full((len(xs), len(ys)) if len(rows) == len(xs) * len(ys) else (0, 0), np.nan)
+    if grid.size:
+        grid[i, j] = rows[:, 2]
+    if min(grid.shape) < 2 or np.isnan(grid).any():  # two rows at one node leave another one without
         raise ValueError(
             f"{len(rows)} rows with {len(xs)} distinct x and {len(ys)} distinct y do not form a full rectangular grid "
             "of at least 2 x 2 points (interpolation = 'nodes' accepts scattered points)"
         )
-    grid = np.empty((len(xs), len(ys)))
-    grid[i, j] = rows[:, 2]
     return xs, ys, grid
 
 
@@ -232,10 +321,3 @@ def _axis(values: Array) -> tuple[Array, Indices]:
     number = np.empty(len(values), np.int64)
     number[order] = np.cumsum(is_new) - 1
     return ordered[is_new], number
-
-
-def _at_nodes(rows: Array, targets: Array) -> Array:
-    """Return the heights of the rows at the same positions, inf where there is none."""
-    extent = np.ptp(rows[:, :2], axis=0).max()
-    distance, row = scipy.spatial.cKDTree(rows[:, :2]).query(targets)
-    return np.where(distance <= COORDINATE_TOLERANCE * extent, rows[row, 2] - rows[:, 2].min(), np.inf)

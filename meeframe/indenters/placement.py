@@ -145,9 +145,10 @@ def _intersect(indenter: Indenter, start: Array, direction: Array) -> tuple[Arra
     none if level stops rising. For other indenters it may rise again; the ray then has not converged. Rays that pass
     outside the surface do not meet it, whatever the shape of its sides.
     """
+    if not np.any(direction[:, :2]):  # rays along the axis
+        return (indenter.height(start[:, 0], start[:, 1]) - start[:, 2]) / direction[:, 2], np.ones(len(start), bool)
     distance = -start[:, 2] / direction[:, 2]
     scale = np.abs(start).max(initial=0.0) or 1.0
-    upright = not np.any(direction[:, :2])
     running, missed, falling = np.ones(len(start), bool), np.zeros(len(start), bool), np.zeros(len(start), bool)
     for _ in range(MAX_STEPS):
         rays = np.flatnonzero(running)
@@ -155,7 +156,7 @@ def _intersect(indenter: Indenter, start: Array, direction: Array) -> tuple[Arra
             break
         position = start[rays] + distance[rays, None] * direction[rays]
         height = indenter.height(position[:, 0], position[:, 1])
-        rate = direction[rays, 2] - (0.0 if upright else _slope(indenter, position, direction[rays], 1e-6 * scale))
+        rate = direction[rays, 2] - _slope(indenter, position, direction[rays], 1e-6 * scale)
         missed[rays] = np.isinf(height)
         falling[rays] = ~missed[rays] & (rate <= 0)
         stopped = (missed | falling)[rays]
@@ -170,6 +171,8 @@ def _intersect(indenter: Indenter, start: Array, direction: Array) -> tuple[Arra
 def _intersects_later(indenter: Indenter, start: Array, direction: Array, distance: Array, length: float) -> Flags:
     """Return whether rays rise above the surface within `length` beyond a distance, by samples."""
     intersects = np.zeros(len(start), bool)
+    if not len(start):
+        return intersects
     for extra in np.linspace(0, length, N_SAMPLES + 1)[1:]:
         position = start + (distance + extra)[:, None] * direction
         intersects |= position[:, 2] > indenter.height(position[:, 0], position[:, 1])

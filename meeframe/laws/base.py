@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar, Final, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +33,9 @@ class ContactLaw(ABC):
     The indenter drags the body along, so that the tangential traction has the sign of the tangential gap. The minus
     sign of eq. (28) belongs to the opposite sign of the slip.
 
-    Laws that only limit the tractions implement `project` and `tangential_scaling`. Laws with a compliance, or that
-    depend on the slip, also implement `resolve`, laws with adhesion `adhesion`, and laws with a memory `for_increment`.
+    Laws that only limit the tractions implement `project` and `tangential_scaling`. Three further methods are optional,
+    and a law that has one of them has the capability: `resolve` (`ResolventLaw`) for a compliance or a dependence on
+    the slip, `adhesion` (`AdhesiveLaw`) for an attraction, `for_increment` (`LawWithMemory`) for a memory.
     """
 
     needs_duration: ClassVar[bool] = False
@@ -73,51 +74,6 @@ class ContactLaw(ABC):
             admits no tangential traction.
         """
 
-    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Return the tractions of the law for trial tractions; by default `project`.
-
-        Parameters
-        ----------
-        trial : Array
-            Trial tractions, (n, 3) [Pa], in the columns of `project`.
-        gap : Array
-            Gaps of the trial, (n, 3) [m]; the last column is inf where no indenter lies above.
-        r : tuple of float
-            Normal and tangential step length of the trial [Pa/m].
-
-        Returns
-        -------
-        Array
-            Tractions, (n, 3) [Pa].
-
-        Notes
-        -----
-        A law in which the gap is a monotone function G(t) of the traction returns the t with
-        t + r (tangential_scaling . G_tau(t), G_nu(t)) = trial, so that solutions do not depend on r. Dependences that
-        are not monotone, such as friction that weakens with slip, use the gap of the trial.
-        """
-        return self.project(trial)
-
-    def adhesion(self, gap: Array) -> Array:
-        """Return the attraction across the gap; by default zero.
-
-        Parameters
-        ----------
-        gap : Array
-            Normal gaps, (n,) [m]. Those of overlapping surfaces count as zero.
-
-        Returns
-        -------
-        Array
-            Attraction, (n,) >= 0 [Pa], zero at an infinite gap. A large attraction pulls the bodies together.
-
-        Notes
-        -----
-        The attraction is added to the normal traction of the contact. The tractions of `project`, `resolve` and
-        conductivities are without the attraction.
-        """
-        return np.zeros_like(gap)
-
     def initial_gap(self, points: Array) -> Array:
         """Return the contribution of the interface to the gap of the undeformed bodies; by default zero.
 
@@ -132,24 +88,6 @@ class ContactLaw(ABC):
             Contributions, (n,) [m].
         """
         return np.zeros(len(points))
-
-    def for_increment(self, slip_path: Array, duration: float | None) -> "ContactLaw":
-        """Return the law during one increment; by default the law itself.
-
-        Parameters
-        ----------
-        slip_path : Array
-            Length of the path that each node has slipped in contact before the increment, (n,) [m]. The slip during the
-            increment is the tangential gap.
-        duration : float or None
-            Duration of the increment [s], None if the load step has none.
-
-        Returns
-        -------
-        ContactLaw
-            The law with which the increment is solved.
-        """
-        return self
 
     def tangent(self, trial: Array) -> Array:
         """Return an element of the generalised derivative of `project`; by default by central differences.
@@ -176,7 +114,7 @@ class ContactLaw(ABC):
         Parameters
         ----------
         trial, gap, r
-            As for `resolve`.
+            As for `ResolventLaw.resolve`.
 
         Returns
         -------
@@ -185,25 +123,152 @@ class ContactLaw(ABC):
         Array
             Derivatives by the gap, (n, 3, 3) [Pa/m].
         """
-        if type(self).resolve is ContactLaw.resolve:
+        if not has_resolvent(self):
             return self.tangent(trial), np.zeros((*trial.shape, 3))
         finite = np.asarray(np.isfinite(trial).all(axis=1) & np.isfinite(gap).all(axis=1))
         base, base_gap = np.where(finite[:, None], trial, 0.0), np.where(finite[:, None], gap, 0.0)
         size = np.abs(base).max(axis=1)
         distance = size / max(r) + np.abs(base_gap).max(axis=1)
         by_trial = _differences(
-            lambda argument: self.resolve(argument, base_gap, r),
+            lambda argument: resolve(self, argument, base_gap, r),
             base,
             _WIDTH * np.where(size > 0.0, size, 1.0),
             finite,
         )
         by_gap = _differences(
-            lambda argument: self.resolve(base, argument, r),
+            lambda argument: resolve(self, base, argument, r),
             base_gap,
             _WIDTH * np.where(distance > 0.0, distance, 1.0),
             finite,
         )
         return by_trial, by_gap
+
+
+class ResolventLaw(Protocol):
+    """A contact law whose tractions depend on the gap, because of a compliance or of the slip."""
+
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        """Return the tractions of the law for trial tractions.
+
+        Parameters
+        ----------
+        trial : Array
+            Trial tractions, (n, 3) [Pa], in the columns of `ContactLaw.project`.
+        gap : Array
+            Gaps of the trial, (n, 3) [m]; the last column is inf where no indenter lies above.
+        r : tuple of float
+            Normal and tangential step length of the trial [Pa/m].
+
+        Returns
+        -------
+        Array
+            Tractions, (n, 3) [Pa].
+
+        Notes
+        -----
+        A law in which the gap is a monotone function G(t) of the traction returns the t with
+        t + r (tangential_scaling . G_tau(t), G_nu(t)) = trial, so that solutions do not depend on r. Dependences that
+        are not monotone, such as friction that weakens with slip, use the gap of the trial.
+        """
+
+
+class AdhesiveLaw(Protocol):
+    """A contact law with an attraction across the gap."""
+
+    def adhesion(self, gap: Array) -> Array:
+        """Return the attraction across the gap.
+
+        Parameters
+        ----------
+        gap : Array
+            Normal gaps, (n,) [m]. Those of overlapping surfaces count as zero.
+
+        Returns
+        -------
+        Array
+            Attraction, (n,) >= 0 [Pa], zero at an infinite gap. A large attraction pulls the bodies together.
+
+        Notes
+        -----
+        The attraction is added to the normal traction of the contact. The tractions of `ContactLaw.project`, `resolve`
+        and conductivities are without the attraction.
+        """
+
+
+class LawWithMemory(Protocol):
+    """A contact law that changes from one increment to the next."""
+
+    def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
+        """Return the law during one increment.
+
+        Parameters
+        ----------
+        slip_path : Array
+            Length of the path that each node has slipped in contact before the increment, (n,) [m]. The slip during the
+            increment is the tangential gap.
+        duration : float or None
+            Duration of the increment [s], None if the load step has none.
+
+        Returns
+        -------
+        ContactLaw
+            The law with which the increment is solved.
+        """
+
+
+OPTIONAL_METHODS: Final = (ResolventLaw, AdhesiveLaw, LawWithMemory)
+"""Protocols of the optional methods of contact laws."""
+
+
+def has_resolvent(law: ContactLaw) -> bool:
+    """Return whether the law has `resolve`, so that its tractions depend on the gap."""
+    return hasattr(law, "resolve")
+
+
+def is_adhesive(law: ContactLaw) -> bool:
+    """Return whether the law has `adhesion`."""
+    return hasattr(law, "adhesion")
+
+
+def has_memory(law: ContactLaw) -> bool:
+    """Return whether the law has `for_increment`."""
+    return hasattr(law, "for_increment")
+
+
+def resolve(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -> Array:
+    """Return the tractions of any law for trial tractions: those of `resolve`, or of `project` for a law without it.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        The law.
+    trial, gap, r
+        As for `ResolventLaw.resolve`.
+
+    Returns
+    -------
+    Array
+        Tractions, (n, 3) [Pa].
+    """
+    return cast(ResolventLaw, law).resolve(trial, gap, r) if has_resolvent(law) else law.project(trial)
+
+
+def for_increment(law: ContactLaw, slip_path: Array, duration: float | None) -> ContactLaw:
+    """Return any law during one increment, which is the law itself if it has no memory.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        The law.
+    slip_path, duration
+        As for `LawWithMemory.for_increment`.
+
+    Returns
+    -------
+    ContactLaw
+        The law with which the increment is solved.
+    """
+    return cast(LawWithMemory, law).for_increment(slip_path, duration) if has_memory(law) else law
 
 
 def _differences(function: Callable[[Array], Array], at: Array, width: Array, finite: NDArray[np.bool_]) -> Array:
@@ -316,17 +381,12 @@ def contact_traction(law: ContactLaw, normal_traction: Array, gap: Array) -> Arr
 
 def attraction(law: ContactLaw, gap: Array) -> Array:
     """Return the attraction, (n,) [Pa], at normal gaps (n,) [m], with negative gaps taken as zero."""
-    return law.adhesion(np.maximum(gap, 0.0)) if is_adhesive(law) else np.zeros_like(gap)
-
-
-def is_adhesive(law: ContactLaw) -> bool:
-    """Return whether the law implements adhesion."""
-    return type(law).adhesion is not ContactLaw.adhesion
+    return cast(AdhesiveLaw, law).adhesion(np.maximum(gap, 0.0)) if is_adhesive(law) else np.zeros_like(gap)
 
 
 def is_pure_projection(law: ContactLaw) -> bool:
     """Return whether the law is defined by `project` alone, independent of the gap."""
-    return type(law).resolve is ContactLaw.resolve and not is_adhesive(law)
+    return not has_resolvent(law) and not is_adhesive(law)
 
 
 def attraction_slope(law: ContactLaw, gap: Array) -> Array:
@@ -336,7 +396,7 @@ def attraction_slope(law: ContactLaw, gap: Array) -> Array:
     """
     is_open = np.isfinite(gap) & (gap > 0.0)
     positive_gap = np.where(is_open, gap, 1.0)
-    change = law.adhesion(positive_gap * (1.0 + _WIDTH)) - law.adhesion(positive_gap * (1.0 - _WIDTH))
+    change = attraction(law, positive_gap * (1.0 + _WIDTH)) - attraction(law, positive_gap * (1.0 - _WIDTH))
     return np.where(is_open, change / (2.0 * _WIDTH * positive_gap), 0.0)
 
 
@@ -409,7 +469,7 @@ def fixed_point_map(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -
     Array
         Tractions, (n, 3) [Pa].
     """
-    traction = law.resolve(trial, gap, r)
+    traction = resolve(law, trial, gap, r)
     if is_adhesive(law):
         traction = traction.copy()
         traction[:, 2] += attraction(law, gap[:, 2])

@@ -17,7 +17,7 @@ from meeframe.mesh.topology import MeshEdges, find_edges, reflection
 
 Flags = NDArray[np.bool_]
 
-MAX_POSITIONS_SHOWN = 3  # largest number of places in a message
+MAX_POSITIONS_SHOWN = 3  # largest number of positions in a message
 MERGE_FRACTION = 1e-3  # points closer than this fraction of the shortest edge are duplicates
 PLANE_TOLERANCE = 1e-9  # largest difference of unit normals on the boundary of a half space
 MIN_JACOBIAN_RATIO = 1e-6  # least Jacobian of an element relative to its mean

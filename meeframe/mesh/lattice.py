@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import MeshError
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Array, Indices
+from meeframe.mesh.regular import grid_cells
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 MIN_SIZE: Final = 1e-60
@@ -138,11 +139,11 @@ def prism_surface(
     inner[...] = top_numbers.size + loop_numbers.size + np.arange(inner.size).reshape(inner.shape)
 
     strips = _strip_cells(np.concatenate([border_entries(top_numbers)[None], loop_numbers]))
-    cells = _grid_cells(top_numbers)
+    cells = grid_cells(top_numbers)
     chequer = _checkerboard(shape[0] - 1, shape[1] - 1)
     return QuadSurface(
         points=np.concatenate([block.reshape(-1, 3) for block in (top, loops, base[1:-1, 1:-1])]),
-        quads=np.concatenate([cells, strips, _grid_cells(base_numbers)[:, ::-1]]),
+        quads=np.concatenate([cells, strips, grid_cells(base_numbers)[:, ::-1]]),
         groups=np.concatenate([np.full(len(cells), groups[0]), groups[1].ravel(), np.full(len(cells), groups[2])]),
         parity=np.concatenate([chequer, _checkerboard(len(loops), count), chequer]),
         group_names=names,
@@ -164,7 +165,7 @@ def frame_surface(grid: Array, loops: Array, names: tuple[str, str]) -> QuadSurf
     shape, count = grid.shape[:2], loops.shape[1]
     numbers = np.arange(shape[0] * shape[1]).reshape(shape)
     cells, strips = (
-        _grid_cells(numbers),
+        grid_cells(numbers),
         _strip_cells(np.concatenate([border_entries(numbers)[None], _loop_numbers(numbers, loops)])),
     )
     return QuadSurface(
@@ -193,14 +194,6 @@ def _checkerboard(rows: int, columns: int) -> Indices:
     """Return the parities of rows x columns cells, row by row."""
     parity: Indices = np.add.outer(np.arange(rows), np.arange(columns)).ravel() % 2
     return parity
-
-
-def _grid_cells(numbers: Indices) -> Indices:
-    """Return the cells of a grid of point numbers, counter-clockwise from above, (nx ny, 4)."""
-    cells = np.empty((numbers.shape[0] - 1, numbers.shape[1] - 1, 4), np.int64)
-    for k, corner in enumerate((numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:])):
-        cells[:, :, k] = corner
-    return cells.reshape(-1, 4)
 
 
 def border_sides(divisions: tuple[int, int], sides: tuple[int, int, int, int]) -> Indices:

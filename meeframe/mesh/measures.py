@@ -158,6 +158,10 @@ def vector_areas(points: Array) -> Array:
 
     The polygons need not be plane.
     """
-    centred = points - points.mean(axis=1, keepdims=True)
-    areas: Array = np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1) / 2.0
-    return areas
+    areas = np.zeros((len(points), 3))
+    for k in range(1, points.shape[1] - 1):  # triangles of the first corner and two successive ones
+        one, other = points[:, k] - points[:, 0], points[:, k + 1] - points[:, 0]
+        for axis in range(3):
+            first, second = (axis + 1) % 3, (axis + 2) % 3
+            areas[:, axis] += one[:, first] * other[:, second] - one[:, second] * other[:, first]
+    return areas / 2.0

@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.common.errors import MeshError
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.elements.base import shape_functions
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import VOLUME_ORDER, affine, gauss_rule, normal_vectors
+from meeframe.mesh.regular import shared_frames
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 MIN_NORMAL_COSINE = np.cos(np.pi / 4)  # of an element's normal with the zone's normal at its nodes: 45 degrees
@@ -43,7 +45,8 @@ class ContactZone:
 def find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     """Return the contact zone of a face group.
 
-    Normals at points are means over the elements of the zone alone, weighted by their areas.
+    Normals at points are means over the elements of the zone alone, weighted by their areas. Points of a half space
+    share one frame.
 
     Parameters
     ----------
@@ -71,21 +74,31 @@ def _find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     in_zone = np.zeros(len(mesh.points), bool)
     for block in blocks:
         in_zone[block.connectivity] = True
-    numbers, local_number = np.flatnonzero(in_zone), np.cumsum(in_zone) - 1
-    weights, normals = np.zeros(len(numbers)), np.zeros((len(numbers), 3))
-    cells, corners = [], []
+    numbers = np.flatnonzero(in_zone)
+    # the points of a generated zone come first in its mesh, which then shares its arrays
+    are_first = numbers[-1] == len(numbers) - 1
+    points = mesh.points[: len(numbers)] if are_first else mesh.points[numbers]
+    local_number = None if are_first else np.cumsum(in_zone) - 1
+    weights, cells, integrals = np.zeros(len(numbers)), [], []
     for block in blocks:
-        local = local_number[block.connectivity]
+        local = block.connectivity if local_number is None else local_number[block.connectivity]
         cells.append((block.element.meshio_type, local))
-        corners.append(_unit_normals(mesh, block))
-        integrals = _shape_integrals(mesh, block)
-        np.add.at(weights, local, integrals)
-        np.add.at(normals, local, corners[-1] * integrals.sum(axis=1)[:, None, None])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    if not (lengths > 0).all():
-        raise MeshError(f"contact zone {group!r}: no normal at {mesh.points[numbers[np.argmin(lengths)]]} [m]")
-    zone = ContactZone(mesh.points[numbers], local_frames(normals / lengths), weights, tuple(cells), numbers)
-    _check_smooth(corners, zone, group)
+        integrals.append(_shape_integrals(mesh, block))
+        weights += np.bincount(local.ravel(), integrals[-1].ravel(), len(numbers))
+    if mesh.semi_infinite:
+        normal = _unit_normals(mesh, ElementBlock(blocks[0].element, blocks[0].connectivity[:1], blocks[0].groups[:1]))
+        frames = shared_frames(local_frames(normal[0, :1])[0], len(numbers))
+        zone = ContactZone(points, frames, weights, tuple(cells), numbers)
+    else:
+        corners = [_unit_normals(mesh, block) for block in blocks]
+        normals = np.zeros((len(numbers), 3))
+        for (_, local), each, integral in zip(cells, corners, integrals, strict=True):
+            np.add.at(normals, local, each * integral.sum(axis=1)[:, None, None])
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        if not (lengths > 0).all():
+            raise MeshError(f"contact zone {group!r}: no normal at {points[np.argmin(lengths)]} [m]")
+        zone = ContactZone(points, local_frames(normals / lengths), weights, tuple(cells), numbers)
+        _check_smooth(corners, zone, group)
     for array in (zone.points, zone.frames, zone.weights, zone.numbers, *(local for _, local in cells)):
         array.setflags(write=False)
     return zone
@@ -138,15 +151,18 @@ def local_frames(normals: Array, first_axis: tuple[float, float, float] = (1.0, 
 
 def _zone_blocks(mesh: SurfaceMesh, group: str) -> list[ElementBlock]:
     index = mesh.group(group)
-    chosen = [(block, block.groups == index) for block in mesh.blocks]
-    blocks = [
-        ElementBlock(b.element, b.connectivity[selected], b.groups[selected])
-        for b, selected in chosen
-        if selected.any()
-    ]
+    chosen = [(block, _selection(block.groups == index)) for block in mesh.blocks]
+    blocks = [ElementBlock(b.element, b.connectivity[selected], b.groups[selected]) for b, selected in chosen]
+    blocks = [block for block in blocks if len(block.groups)]
     if not blocks:
         raise MeshError(f"contact zone {group!r}: the face group has no elements")
     return blocks
+
+
+def _selection(selected: NDArray[np.bool_]) -> NDArray[np.bool_] | slice:
+    """Return a mask, as a slice if it marks the first entries, for views in place of copies."""
+    count = int(selected.sum())
+    return slice(count) if selected[:count].all() else selected
 
 
 def _shape_integrals(mesh: SurfaceMesh, block: ElementBlock) -> Array:

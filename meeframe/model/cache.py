@@ -33,7 +33,7 @@ _LIBRARIES: Final = ("numpy", "scipy", "numba")
 def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> ReducedSystem:
     """Return the reduced system of a case, from files in `folder` if possible; otherwise compute and store it.
 
-    There is a file for each body, found by `system_key`; a damaged one is written anew. A system from a file is
+    There is a file for each body, found by `system_key`; a damaged one is replaced. A system from a file is
     identical bit for bit; `recover` reduces the body again when it is first called. Systems without a matrix or
     `Persistence` are computed each time. Raises the errors of meeframe.model.solve.reduce, and ResultError if the
     folder cannot be written.

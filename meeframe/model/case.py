@@ -21,7 +21,7 @@ from meeframe.model.frames import frames_along
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
-from meeframe.model.second_body import check_alike, check_fields, check_match
+from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
 from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import choices
@@ -47,7 +47,7 @@ class Case(CaseData):
     steps : tuple of Step
         Load steps in their order.
     placement : Placement, optional
-        Place and axis of the indenter.
+        Position and axis of the indenter.
     potentials : mapping of str to float, optional
         Initial potentials of the indenter by name, such as {"electric_potential": 5.0} [V]; zero if not given.
     restart : Restart, optional
@@ -141,7 +141,11 @@ class Case(CaseData):
         """Warnings that do not come from formulations, in words."""
         with faults_of_plugins():
             kinematics = undeformed(self)
-            return (*preflight(kinematics), *unused_potentials(kinematics))
+            return (
+                *preflight(kinematics),
+                *unused_potentials(kinematics),
+                *coarse_zone(self.second_body, self.mesh, self.zone),
+            )
 
     @property
     def n_increments(self) -> int:

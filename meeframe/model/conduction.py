@@ -57,7 +57,7 @@ def watched(law: ConductivityLaw) -> ConductivityLaw:
     Its class and fields, by which solvers may recognise it, are unchanged.
     """
     copied = copy(law)
-    object.__setattr__(copied, "conductivity", _Watch(law))  # in place of the method, on this instance alone
+    object.__setattr__(copied, "conductivity", _Watch(law))  # replaces the method on this instance only
     return copied
 
 

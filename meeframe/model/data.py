@@ -22,6 +22,7 @@ from meeframe.model.restart import Restart
 from meeframe.model.second_body import SecondBody
 from meeframe.model.step import Step
 from meeframe.results.schema import optional_fields
+from meeframe.results.selection import ALLOWED, NAMED, step_numbers
 from meeframe.solvers import Auto, StoppingCriteria
 
 
@@ -36,17 +37,24 @@ class Output:
     fields
         Names of optional fields in result.h5 (docs/reference/results.md); None: those that the case loads. Raises
         CaseError for other names.
+    step
+        Increment that the figures show: "peak" for that of the peak load, "last", the number of a load step, such as
+        "2", for its last increment, or "2.5" for increment 5 of load step 2. Figures of a run that ends before this
+        increment show the peak load. Raises CaseError for other texts.
     """
 
     figures: bool = True
     vtu: bool = True
     fields: tuple[str, ...] | None = None
+    step: str = "peak"
 
     def __post_init__(self) -> None:
         allowed = optional_fields()
         for name in self.fields or ():
             if name not in allowed:
                 raise CaseError(f"fields: {name!r} is no optional field; allowed: {', '.join(allowed)}")
+        if self.step not in NAMED and not step_numbers(self.step):
+            raise CaseError(f"step: {self.step!r} is no increment; {ALLOWED}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +88,7 @@ class CaseData:
 
     @cached_property
     def motions(self) -> IndenterMotions:
-        """Names and places of the motions of the indenter."""
+        """Names and indices of the motions of the indenter."""
         return IndenterMotions(self.fields)
 
     @cached_property

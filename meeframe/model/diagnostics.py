@@ -12,8 +12,9 @@ from meeframe.contact.problem import Status
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
 from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, motion_modes
-from meeframe.laws.base import ContactLaw, augmented_traction, fixed_point_map, is_adhesive
+from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.mesh.measures import corners
+from meeframe.mesh.regular import grid_shape
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
 from meeframe.plugin.hookspecs import PROJECT
@@ -33,10 +34,10 @@ _LARGEST_ONSET: Final = 0.25
 
 For a sphere, tangential tractions are then accurate to some per cent (docs/reference/case-files.md).
 """
-_NOTICED: Final = 1e-3
+_NEGLIGIBLE_RATIO: Final = 1e-3
 """Ratio of tangential to normal tractions, and of gaps to displacements, below which they count as zero."""
 _COARSE: Final = 0.1
-"""Relative uncertainty of the contact area above which a diagnostic is given."""
+"""Relative uncertainty of the contact area above which a diagnostic is reported."""
 _OF_RIM: Final = 0.5
 """Factor on the fraction of a contact's nodes at its boundary, to the power 3/2, in the error estimate of the area.
 
@@ -61,7 +62,7 @@ class Diagnostics:
 
     Parameters
     ----------
-    mechanism
+    kinematics
         Kinematics of the indenter on the reduced system.
     warnings
         Warnings of the formulations of the case, in words.
@@ -94,19 +95,19 @@ class Diagnostics:
         case = kinematics.case
         sides = sides_reached(result, self.zone_boundary) if result.status is Status.CONVERGED else 0
         # contact that reaches the boundary already implies an overlap of the whole zone
-        foreseen = list(preflight(kinematics)) if warns and not sides else []
-        said = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(foreseen)))
+        warnings = list(preflight(kinematics)) if warns and not sides else []
+        sentences = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(warnings)))
         if onsets is not None:
-            said += diagnostics_on_end(zone, result, case.contact_law, onsets)
-            said += snap_in(kinematics.system, case.contact_law, result)
+            sentences += diagnostics_on_end(zone, result, case.contact_law, onsets)
+            sentences += snap_in(kinematics.system, case.contact_law, result)
         if warns:
-            said += [*self.warnings(), *foreseen, *unused_potentials(kinematics)]
-        return replace(with_message(result, said), contact_at_zone_boundary=sides > 0)
+            sentences += [*self.warnings(), *warnings, *unused_potentials(kinematics)]
+        return replace(with_message(result, sentences), contact_at_zone_boundary=sides > 0)
 
 
-def with_message(result: StepResult, said: Iterable[str]) -> StepResult:
+def with_message(result: StepResult, sentences: Iterable[str]) -> StepResult:
     """Return the result with further sentences in its message."""
-    return replace(result, message="; ".join([result.message, *said]))
+    return replace(result, message="; ".join([result.message, *sentences]))
 
 
 def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False) -> Iterator[str]:
@@ -161,7 +162,7 @@ class ContactOnsets:
         """
         if step.status is not Status.CONVERGED:
             return self
-        apart = self.gap > _NOTICED * np.abs(step.displacement[:, 2]).max()
+        apart = self.gap > _NEGLIGIBLE_RATIO * np.abs(step.displacement[:, 2]).max()
         number = np.where(self.touching | ~apart, self.number, step.increment)
         return ContactOnsets(step.gap, step.touching, np.where(step.touching, number, 0))
 
@@ -178,10 +179,10 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     count, rim = int(step.touching.sum()), _rim(zone, step)
     new = np.bincount(onsets.number, minlength=2)[1:]
     late = onsets.number == 1 + new.argmax()
-    shear, pressure = (np.linalg.norm(part) for part in (step.traction[late, :2], step.traction[late, 2]))
+    shear, pressure = (np.linalg.norm(traction) for traction in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes equidistant nodes come into contact together, whatever the increments
     much = new.max() > max(_LARGEST_ONSET * count, rim / 2)
-    if law.tangential_scaling().any() and much and shear > _NOTICED * pressure:
+    if law.tangential_scaling().any() and much and shear > _NEGLIGIBLE_RATIO * pressure:
         yield (
             f"{new.max() / count:.0%} of the contact formed in one increment, and its slip includes motion before it "
             "touched: use more `increments`"
@@ -243,7 +244,7 @@ def steepest_fall(law: ContactLaw) -> float:
     """Return the steepest decrease of the attraction with the gap [Pa/m], >= 0, by successively shorter chords."""
     gaps = _TRIAL_GAPS
     for _ in range(1 + _LOOKS):
-        fall = -np.diff(law.adhesion(gaps)) / np.diff(gaps)
+        fall = -np.diff(attraction(law, gaps)) / np.diff(gaps)
         index = int(fall.argmax())
         gaps = np.linspace(gaps[max(index - 1, 0)], gaps[min(index + 2, len(gaps) - 1)], _GAPS_PER_LOOK)
     return max(float(fall.max()), 0.0)
@@ -255,10 +256,7 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
     law: of the case. A single node is unstable where the decrease of the attraction times its response to its own load
     exceeds one; the response grows with the size of elements.
     """
-    if (
-        not is_adhesive(law)
-        or law.adhesion(np.maximum(step.gap, 0.0)).max() <= _NOTICED_ATTRACTION * np.abs(step.traction).max()
-    ):
+    if not is_adhesive(law) or attraction(law, step.gap).max() <= _NOTICED_ATTRACTION * np.abs(step.traction).max():
         return
     ratio = steepest_fall(law) * float(diagonal(system, (2,)).max())
     if ratio <= 1.0:
@@ -274,7 +272,17 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
 def boundary_sides(zone: Zone) -> tuple[Indices, Array]:
     """Return corners (m, 2) of the sides of one cell only, and vectors (m, 3) to them from its middle [m]."""
     sides, ways = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3))]
-    for outline in corners(zone.cells):
+    outlines, inner, shape = (
+        corners(zone.cells),
+        np.zeros(len(zone.points), bool),
+        grid_shape(zone.cells, len(zone.points)),
+    )
+    if shape is not None:  # the outermost cells alone
+        outer = np.ones((shape[0] - 1, shape[1] - 1), bool)
+        outer[1:-1, 1:-1] = False
+        outlines = [outlines[0][outer.ravel()]]
+        inner.reshape(shape)[1:-1, 1:-1] = True
+    for outline in outlines:
         pairs = np.stack([outline, np.roll(outline, -1, axis=1)], axis=-1)
         middles = zone.points[outline].mean(axis=1)[:, None]
         sides.append(pairs.reshape(-1, 2))
@@ -283,6 +291,7 @@ def boundary_sides(zone: Zone) -> tuple[Indices, Array]:
     one, other = np.sort(joined, axis=1).T
     _, first, counts = np.unique(one * len(zone.points) + other, return_index=True, return_counts=True)
     border = first[counts == 1]
+    border = border[~inner[joined[border]].any(axis=1)]  # not the sides shared with cells further inside
     return joined[border], away[border]
 
 
@@ -300,7 +309,7 @@ def open_sides(zone: Zone, gaps: Callable[[Array, Array], Array] | None) -> Indi
 
 
 def sides_reached(step: StepResult, sides: Indices) -> int:
-    """Return the number of the sides (m, 2) that the contact has reached.
+    """Return how many of the sides (m, 2) are in contact.
 
     It is zero where full contact is intended, as indicated by a uniform gap over the zone.
     """

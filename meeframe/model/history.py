@@ -15,11 +15,11 @@ Controls = Mapping[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Converged:
+class ConvergedState:
     """Converged state from which a computation continues.
 
-    motions: names and places of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
-    places; total_slip: (n, 2) and slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the
+    motions: names and indices of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
+    indices; total_slip: (n, 2) and slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the
     undeformed body.
     """
 
@@ -42,7 +42,7 @@ class Converged:
         return value
 
 
-def at_rest(motions: IndenterMotions, potentials: Mapping[str, float], n: int) -> Converged:
+def at_rest(motions: IndenterMotions, potentials: Mapping[str, float], n: int) -> ConvergedState:
     """Return the initial state of n nodes without load.
 
     The indenter just touches and has the given potentials, by name.
@@ -50,26 +50,26 @@ def at_rest(motions: IndenterMotions, potentials: Mapping[str, float], n: int) -
     motion = np.zeros(motions.size)
     for name, potential in potentials.items():
         motion[motions.columns[name]] = potential
-    return Converged(motions, motion, np.zeros(motions.size), np.zeros((n, 2)), np.zeros(n), None)
+    return ConvergedState(motions, motion, np.zeros(motions.size), np.zeros((n, 2)), np.zeros(n), None)
 
 
-def held(start: Converged, prescribed: Controls) -> Controls:
+def hold_motions(start: ConvergedState, prescribed: Controls) -> Controls:
     """Return the prescribed resultants, with every other motion fixed at its present value."""
-    return ramped({key: start.value(key) for key in start.motions.motions}, start, prescribed)
+    return ramp({key: start.value(key) for key in start.motions.motions}, start, prescribed)
 
 
-def ramped(controls: Controls, start: Converged, prescribed: Controls, fraction: float = 1.0) -> Controls:
-    """Return the controls after a fraction of the linear way from a step's start to its given values.
+def ramp(controls: Controls, start: ConvergedState, prescribed: Controls, fraction: float = 1.0) -> Controls:
+    """Return the controls after a fraction of the linear way from a step's start to its prescribed values.
 
     Controls that are not prescribed remain.
     """
     columns = start.motions.columns
-    taken = [columns[key] for key in prescribed]
-    others = {key: value for key, value in controls.items() if columns[key] not in taken}
+    determined = [columns[key] for key in prescribed]
+    others = {key: value for key, value in controls.items() if columns[key] not in determined}
     return others | {key: (1.0 - fraction) * start.value(key) + fraction * value for key, value in prescribed.items()}
 
 
-def extrapolate(law: ContactLaw, before: Converged, here: Converged) -> ContactState | None:
+def extrapolate(law: ContactLaw, before: ConvergedState, here: ConvergedState) -> ContactState | None:
     """Predict the state after another increment of the same size as the last one, as an initial guess for solvers.
 
     Parameters

@@ -17,12 +17,12 @@ from meeframe.contact.problem import (
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
-from meeframe.indenters.base import FORCE_RATIO, N_RIGID, motion_measures, motion_modes
-from meeframe.laws.base import augmented_traction, is_adhesive
+from meeframe.indenters.base import FORCE_RATIO, N_RIGID, motion_measure, motion_modes, total_resultants
+from meeframe.laws.base import augmented_traction, is_adhesive, resolve
 from meeframe.mesh import ContactZone
 from meeframe.model.conduction import watched
 from meeframe.model.data import CaseData
-from meeframe.model.history import Controls, Converged, at_rest, held
+from meeframe.model.history import Controls, ConvergedState, at_rest, hold_motions
 from meeframe.model.laws import gap_of_law, law_of_increment
 from meeframe.model.step import resisted
 from meeframe.results.records import Region
@@ -33,11 +33,11 @@ _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they count as perpendicular."""
 _RELATIVE_SEARCH_DISTANCE: Final = 2.0
 """Distance around the edge of the indenter that is considered, in the longest sides of cells."""
-_FIRM: Final = 1e6
+_TANGENTIAL_STEP: Final = 1e6
 """Tangential step of a law, in stiffnesses of a node, at which it returns the traction of a given slip."""
-_STUCK: Final = 1e-6
+_MAX_STICK_SLIP: Final = 1e-6
 """Largest slip of a sticking node, as a fraction of that due to the characteristic pressure."""
-_UNCERTAIN: Final = 10.0
+_MAX_STICK_SLIP_RATIO: Final = 10.0
 """Largest slip of a sticking node, in multiples of the residual of the solution."""
 
 
@@ -75,7 +75,7 @@ class IndenterKinematics:
         If the contact law adds to it, along the normals, the indenter stands so that the lowest gap at a node is zero.
         """
         gap = self.gaps(self.system.points, self.system.frames)
-        return self._lowered(gap)
+        return self._with_law_gap(gap)
 
     @cached_property
     def _lowering(self) -> Array:
@@ -90,7 +90,7 @@ class IndenterKinematics:
         way = (gap[closing] / nearing[closing]).min() if closing.any() else 0.0
         return np.asarray(added - way * nearing)
 
-    def _lowered(self, gap: Array) -> Array:
+    def _with_law_gap(self, gap: Array) -> Array:
         """Return gaps (n,) of the surfaces changed as by the contact law, without overlap if the law adds to them."""
         return np.maximum(gap + self._lowering, 0.0) if self._lowering.any() else gap
 
@@ -99,8 +99,8 @@ class IndenterKinematics:
         cells, placement = self.system.cells, self.case.placement
         zone = ContactZone(points, frames, np.ones(len(points)), cells, np.arange(len(points)))
         # its height refers to the highest point of the system's zone, whichever points are evaluated
-        lowered = placement.lowest(points)[2] - placement.lowest(self.system.points)[2]
-        return initial_gap(self.case.indenter, zone, placement, float(lowered))
+        height_difference = placement.lowest(points)[2] - placement.lowest(self.system.points)[2]
+        return initial_gap(self.case.indenter, zone, placement, float(height_difference))
 
     @cached_property
     def _touching_rim(self) -> IndenterEdge | None:
@@ -108,14 +108,12 @@ class IndenterKinematics:
             return None
         search_distance = _RELATIVE_SEARCH_DISTANCE * longest_side(self.system.points, self.system.cells)
         rim = find_indenter_edge(self.gaps, self.system.points, self.system.frames, search_distance)
-        return rim and replace(rim, gap=self._lowered(rim.gap))
+        return rim and replace(rim, gap=self._with_law_gap(rim.gap))
 
     def rim(self, increment: Increment) -> IndenterEdge | None:
         """Return the edge of the indenter in an increment."""
         rim = self._touching_rim
-        return rim and replace(
-            rim, gap=rim.gap + np.einsum("k,kn->n", increment.base[:N_RIGID], self.modes[:N_RIGID, :, 2])
-        )
+        return rim and replace(rim, gap=rim.gap + self._moved(increment.base, 2))
 
     @cached_property
     def modes(self) -> Array:
@@ -123,17 +121,23 @@ class IndenterKinematics:
         geometry = self.system.points, self.system.frames, self.case.placement.base, self.reference
         return motion_modes(*geometry, self.case.fields)
 
-    @cached_property
-    def measures(self) -> Array:
-        """Measures of the resultants conjugate to the motions, (motions, n, fields)."""
-        return motion_measures(self.modes, self.system.weights)
+    def _moved(self, motion: Array, column: int) -> Array:
+        """Return a local component (n,) [m] of the indenter's rigid motion, for motions (motions,)."""
+        moved = np.zeros(len(self.system.points))
+        for number in np.flatnonzero(motion[:N_RIGID]):
+            moved += motion[number] * self.modes[number, :, column]
+        return moved
+
+    def _measure(self, number: int) -> Array:
+        """Return the measure (n, fields) of the resultant conjugate to a motion."""
+        return motion_measure(self.modes, self.system.weights, number)
 
     @cached_property
     def resists(self) -> NDArray[np.bool_]:
         """Mask of the motions that anything may resist, (motions,)."""
         return resisted(self.modes, self.case.contact_law, self.case.channels)
 
-    def increment(self, controls: Controls, start: Converged, duration: float | None = None) -> Increment:
+    def increment(self, controls: Controls, start: ConvergedState, duration: float | None = None) -> Increment:
         """Return the increment from a converged state to the given controls, in a duration [s].
 
         Slip is measured from that state. Motions are small: the gap changes by their part along the normals. Free
@@ -144,9 +148,9 @@ class IndenterKinematics:
             base[self.case.motions.columns[key]] = controls[key]
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
-        gap = self.touching_gap + np.einsum("k,kn->n", base[:N_RIGID], self.modes[:N_RIGID, :, 2])
-        tangential = np.einsum("k,knt->nt", base[:N_RIGID], self.modes[:N_RIGID, :, :2])
-        potentials = np.tile(base[N_RIGID:], (len(gap), 1))
+        gap = self.touching_gap + self._moved(base, 2)
+        tangential = np.stack([self._moved(base, column) for column in range(2)], axis=1)
+        potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         translation = tangential - start.total_slip
@@ -161,14 +165,18 @@ class IndenterKinematics:
         for key, totals in prescribed.items():
             numbers = range(*columns[key].indices(len(self.modes)))
             for number, total in zip(numbers, totals, strict=True):
-                measure = self.measures[number]
+                if not self.resists[number]:
+                    continue
+                measure = self._measure(number)
                 if key == FORCE_RATIO:
-                    measure, total = measure - total * self.measures[columns["normal_force"]][0], 0.0
-                if self.resists[number]:
-                    prescribed_resultants[number] = PrescribedResultant(self.modes[number], measure, float(total))
+                    (normal,) = range(*columns["normal_force"].indices(len(self.modes)))
+                    measure, total = measure - total * self._measure(normal), 0.0
+                prescribed_resultants[number] = PrescribedResultant(self.modes[number], measure, float(total))
         return dict(sorted(prescribed_resultants.items()))
 
-    def settled(self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]) -> ContactState:
+    def restore_unresisted_motions(
+        self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]
+    ) -> ContactState:
         """Return the state with motions that nothing resists, for lack of nodes (n,) in contact, left unchanged.
 
         Exceptions are motions along normals, which must not bring the indenter into the body or away from what it
@@ -177,22 +185,22 @@ class IndenterKinematics:
         if touches.any():
             return state
         modes = self.modes[increment.free]
-        felt = modes[:, :, 2].any(axis=1) | (modes * state.load)[:, :, POTENTIALS].any(axis=(1, 2))
-        return replace(state, motion=np.where(felt, state.motion, 0.0))
+        is_resisted = modes[:, :, 2].any(axis=1) | (modes * state.load)[:, :, POTENTIALS].any(axis=(1, 2))
+        return replace(state, motion=np.where(is_resisted, state.motion, 0.0))
 
-    def reached(
-        self, increment: Increment, state: ContactState, touches: NDArray[np.bool_], start: Converged
-    ) -> Converged:
-        """Return a state of the contact zone, with these nodes (n,) in contact, as one to continue from."""
+    def converged_state(
+        self, increment: Increment, state: ContactState, touches: NDArray[np.bool_], start: ConvergedState
+    ) -> ConvergedState:
+        """Return the converged state to continue from, for a state of the contact zone with nodes (n,) in contact."""
         motion = increment.base.copy()
         motion[increment.free] += state.motion
         slip = slip_of(increment, state)
         way = np.where(touches, np.linalg.norm(slip, axis=1), 0.0)
-        return Converged(
+        return ConvergedState(
             self.case.motions, motion, self.resultants(state), start.total_slip + slip, start.slip_path + way, state
         )
 
-    def dissipation(self, increment: Increment, start: Converged, state: ContactState, region: Indices) -> Array:
+    def dissipation(self, increment: Increment, start: ConvergedState, state: ContactState, region: Indices) -> Array:
         """Return the work of friction in an increment from a converged state, (n,) [J/m^2].
 
         It is zero except where nodes (n,) of `region` slip. While a node slips its traction is the one of the law for
@@ -203,32 +211,31 @@ class IndenterKinematics:
         traction = state.load[:, :2]
         if start.state is not None:
             # of the problem as solved: with a contact edge between nodes, those near the indenter have gaps, too
-            back = np.einsum("k,kn->n", (start.motion - increment.base)[:N_RIGID], self.modes[:N_RIGID, :, 2])
+            back = self._moved(start.motion - increment.base, 2)
             gap = np.column_stack([slip, problem.gap + back - start.state.displacement[:, 2]])
             stiffness = 1.0 / problem_scales(problem).normal_compliance
-            r = stiffness, _FIRM * stiffness
+            r = stiffness, _TANGENTIAL_STEP * stiffness
             pressed = np.column_stack([np.zeros_like(slip), start.state.load[:, 2]])
             law = problem.contact_law
             with np.errstate(all="ignore"):  # the state may come from a diverged iteration
-                traction = traction + law.resolve(augmented_traction(law, pressed, gap, r), gap, r)[:, :2]
+                traction = traction + resolve(law, augmented_traction(law, pressed, gap, r), gap, r)[:, :2]
         return np.where(region == Region.SLIP, np.einsum("nt,nt->n", traction, slip) / 2.0, 0.0)
 
     def resultants(self, state: ContactState) -> Array:
         """Return the resultants conjugate to the motions in a state of the contact zone, (motions,)."""
-        totals: Array = np.einsum("kni,ni->k", self.measures, state.load)
-        return totals
+        return total_resultants(self.modes, self.system.weights, state.load)
 
 
-def beginning(kinematics: IndenterKinematics) -> tuple[Converged, Controls]:
+def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]:
     """Return the initial state and its controls: the undeformed body, or the end of an earlier run."""
     case = kinematics.case
     if case.restart is None:
         here = at_rest(case.motions, case.potentials, len(kinematics.system.points))
-        return here, held(here, {})
+        return here, hold_motions(here, {})
     step = case.restart.step
     totals = kinematics.resultants(step.state)
-    here = Converged(case.motions, step.loading.motion, totals, step.total_slip, step.slip_path, step.state)
-    return here, held(here, step.loading.prescribed)
+    here = ConvergedState(case.motions, step.loading.motion, totals, step.total_slip, step.slip_path, step.state)
+    return here, hold_motions(here, step.loading.prescribed)
 
 
 def slip_of(increment: Increment, state: ContactState) -> Array:
@@ -246,7 +253,7 @@ def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
     with np.errstate(all="ignore"):  # the state may come from a diverged iteration
         # where surfaces are apart by round-off, traction and attraction differ by that: the law knows which it is
         trial = augmented_traction(law, state.load[:, MECHANICAL], gap, r)
-        return np.asarray(law.resolve(trial, gap, r)[:, 2] < 0.0)
+        return np.asarray(resolve(law, trial, gap, r)[:, 2] < 0.0)
 
 
 def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np.bool_]) -> Indices:
@@ -256,6 +263,8 @@ def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np
     """
     scales = problem_scales(increment.problem)
     slip = np.linalg.norm(slip_of(increment, solution.state), axis=1)
-    noticed = max(_STUCK, _UNCERTAIN * solution.residual) * scales.pressure * scales.normal_compliance
-    slips = (slip > noticed) | (not increment.problem.contact_law.tangential_scaling().any())
+    resolution = (
+        max(_MAX_STICK_SLIP, _MAX_STICK_SLIP_RATIO * solution.residual) * scales.pressure * scales.normal_compliance
+    )
+    slips = (slip > resolution) | (not increment.problem.contact_law.tangential_scaling().any())
     return np.where(touches, np.where(slips, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64)

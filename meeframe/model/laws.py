@@ -7,7 +7,15 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.fields import Array
-from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.base import (
+    ConductivityLaw,
+    ContactLaw,
+    attraction,
+    for_increment,
+    has_resolvent,
+    is_adhesive,
+    resolve,
+)
 
 _STEPS: Final = (1e12, 1e12)
 """Normal and tangential steps of the augmented tractions with which laws are tested [Pa/m]."""
@@ -32,9 +40,8 @@ def gap_of_law(law: ContactLaw, points: Array) -> Array:
 def check_tractions(law: ContactLaw, n: int) -> None:
     """Raise CaseError unless the contact law returns valid arrays for n nodes.
 
-    It must return one traction for each node, with the quantities that belong to it; leave the arrays unchanged that it
-    is given; and return finite tractions for finite trial ones. Further requirements are left to its conformance kit;
-    without these shapes a run ends in the middle.
+    It must return one traction for each node, with the quantities that belong to it; leave its arguments unchanged; and
+    return finite tractions for finite trial ones. Further requirements are left to its conformance kit.
     """
     for first in range(0, len(_TRIALS), n):  # small zones have too few nodes for all at once
         _check_tractions(law, np.resize(np.roll(_TRIALS, -first, axis=0), (n, 3)))
@@ -46,13 +53,14 @@ def _check_tractions(law: ContactLaw, trial: Array) -> None:
     calls: dict[str, tuple[Callable[[Array, Array], object], tuple[int, ...]]] = {
         "project": (lambda trial, _: law.project(trial), (n, 3)),
         "tangential_scaling": (lambda _trial, _gap: law.tangential_scaling(), (2, 2)),
-        "resolve": (lambda trial, gap: law.resolve(trial, gap, _STEPS), (n, 3)),
-        "adhesion": (lambda _, gap: law.adhesion(gap[:, 2]), (n,)),
+        "resolve": (lambda trial, gap: resolve(law, trial, gap, _STEPS), (n, 3)),
+        "adhesion": (lambda _, gap: attraction(law, gap[:, 2]), (n,)),
         "tangent": (lambda trial, _: law.tangent(trial), (n, 3, 3)),
         "tangents": (lambda trial, gap: law.tangents(trial, gap, _STEPS), (n, 3, 3)),
     }
+    implemented = {"resolve": has_resolvent(law), "adhesion": is_adhesive(law)}
     for method, (ask, shape) in calls.items():
-        if getattr(type(law), method) is getattr(ContactLaw, method):
+        if not implemented.get(method, True):
             continue
         what, arguments = f"{method} of the contact law {type(law).__name__}", (trial.copy(), gap.copy())
         tried = _PLAIN.get(method, trial)
@@ -113,7 +121,7 @@ def law_of_increment(law: ContactLaw, slip_path: Array, duration: float | None) 
 
     Raises CaseError unless that law passes check_tractions.
     """
-    made = law.for_increment(slip_path, duration)
+    made = for_increment(law, slip_path, duration)
     if not isinstance(made, ContactLaw):
         raise CaseError(
             f"for_increment of the contact law {type(law).__name__} returns {made!r}; allowed: a contact law"

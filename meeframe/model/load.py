@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from meeframe.common.errors import CaseError, MeeframeError, listed
 from meeframe.common.toml import check_integers, read_toml
 from meeframe.contact.problem import Solver
-from meeframe.fields import MEE, FieldSet
+from meeframe.fields import FieldSet
 from meeframe.material import Material, material_from_table
 from meeframe.mesh import Grading, block_mesh, half_space_mesh, read_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
@@ -77,7 +77,7 @@ def case_from_tables(
     registry = replace(registry or plugins.load(), folder=folder)
     problems: list[Problem] = []
     material = _material([], tables, registry, folder)
-    fields = FieldSet((*MEE.scalars, *registry.scalar_fields)) if material is None else material.fields
+    fields = registry.fields if material is None else material.fields
     checked = _attempt(problems, lambda: _validate(tables, registry, fields))
     material = _material(problems, tables, registry, folder)
     other_material = _material(problems, tables.get("second_body"), registry, folder, "second_body")
@@ -172,7 +172,7 @@ def _assemble(
         formulation=table.formulation,
         solver=solver,
         limits=table.solver.record,
-        output=Output(table.output.figures, table.output.vtu, table.output.fields),
+        output=Output(table.output.figures, table.output.vtu, table.output.fields, table.output.step),
         second_body=second_body,
         title=table.title,
         text=text,

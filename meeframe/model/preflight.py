@@ -7,14 +7,14 @@ from typing import Final, final
 import numpy as np
 
 from meeframe.contact.free_motion import motions
-from meeframe.contact.problem import Solver
+from meeframe.contact.problem import Solver, check_accepted, is_selective
 from meeframe.fields import Array
 from meeframe.indenters.base import RIGID_MOTIONS
 from meeframe.laws.base import is_adhesive
 from meeframe.mesh import find_contact_zone
 from meeframe.model.data import CaseData
 from meeframe.model.frames import frames_along
-from meeframe.model.history import ramped
+from meeframe.model.history import ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
@@ -55,16 +55,16 @@ def planned(kinematics: IndenterKinematics) -> Iterator[Increment]:
     """Yield the increment to the end of each load step; motions that are not prescribed keep their initial values."""
     here, controls = beginning(kinematics)
     for step in kinematics.case.steps:
-        controls = ramped(controls, here, step.prescribed)
+        controls = ramp(controls, here, step.prescribed)
         yield kinematics.increment(controls, here, step.increment_duration)
 
 
 def check_solver(case: CaseData, solver: Solver) -> None:
     """Raise CaseError if the solver does not accept the contact problem of a load step."""
-    if type(solver).check is Solver.check:
+    if not is_selective(solver):
         return
     for increment in planned(undeformed(case)):
-        solver.check(increment.problem)
+        check_accepted(solver, increment.problem)
 
 
 def preflight(kinematics: IndenterKinematics) -> Iterator[str]:

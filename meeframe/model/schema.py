@@ -55,6 +55,7 @@ from meeframe.model.values import (
 from meeframe.plugin.registry import CONTRACTS
 from meeframe.plugin.validation import Problem, TableError, build, choices
 from meeframe.results.schema import optional_fields
+from meeframe.results.selection import ALLOWED, NAMED, step_numbers
 from meeframe.solvers import StoppingCriteria
 
 
@@ -230,11 +231,12 @@ class RestartTable(Table):
 
 
 class OutputTable(Table):
-    """Table [output]: files in addition to result.h5 and summary.json, and the optional fields in result.h5."""
+    """Table [output]: further files, the optional fields in result.h5, and the increment that the figures show."""
 
     figures: Flag = True
     vtu: Flag = True
     fields: tuple[Text, ...] | None = None
+    step: Text = "peak"
 
     @field_validator("fields")
     @classmethod
@@ -244,6 +246,13 @@ class OutputTable(Table):
             if name not in allowed:
                 raise TableError(Problem((number,), f"is no optional field; allowed: {', '.join(allowed)}", name))
         return names
+
+    @field_validator("step")
+    @classmethod
+    def _increment(cls, step: str) -> str:
+        if step not in NAMED and not step_numbers(step):
+            raise TableError(Problem((), f"is no increment; {ALLOWED}", step))
+        return step
 
 
 class CaseTable(Table):
@@ -262,6 +271,17 @@ class CaseTable(Table):
     restart: RestartTable | None = None
     steps: tuple[StepTable, ...] = Field(min_length=1)
     output: OutputTable = OutputTable()
+
+    @model_validator(mode="after")
+    def _has_increment(self) -> "CaseTable":
+        """Check that the increment of the figures is one of the load steps."""
+        numbers = step_numbers(self.output.step)
+        counts = {number: step.increments for number, step in enumerate(self.steps, 1)}
+        if numbers and not (numbers[0] in counts and all(1 <= one <= counts[numbers[0]] for one in numbers[1:])):
+            steps = ", ".join(f"{number} (increments 1 to {count})" for number, count in counts.items())
+            text = f"is no increment of the case; allowed: peak, last, and load steps {steps}"
+            raise TableError(Problem(("output", "step"), text, self.output.step))
+        return self
 
     @classmethod
     @lru_cache(maxsize=8)

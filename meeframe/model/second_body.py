@@ -1,19 +1,25 @@
 """Second of two deformable bodies, as described by a case."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from meeframe.common.errors import CaseError
+import numpy as np
+
+from meeframe.common.errors import CaseError, MeshError
 from meeframe.fields import FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material
 from meeframe.mesh import check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.mortar import check_facing
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.plugin.sources import faults_of_plugins
-from meeframe.system.two_body import match_nodes
+from meeframe.system.two_body import TURN_OVER, match_nodes
 
+MAX_SPACING_RATIO: Final = 1.05
+"""Largest ratio of the spacings of nodes, of the second body and the first, without a warning."""
 _BODIES: Final = ("first body", "second body")
 
 
@@ -49,9 +55,42 @@ def check_fields(second_body: SecondBody | None, fields: FieldSet) -> None:
 
 
 def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> None:
-    """Raise MeshError unless the contact zone of the second body, if there is one, fits that of the first."""
-    if second_body is not None:
-        match_nodes(find_contact_zone(mesh, zone), find_contact_zone(second_body.mesh, second_body.zone))
+    """Raise MeshError unless the contact zone of the second body, if there is one, fits that of the first.
+
+    The nodes of both coincide, or `meeframe.system.transfer` can transfer between them: not on a periodic surface, and
+    not with edges between nodes, which are those of one of the divisions.
+    """
+    if second_body is None:
+        return
+    first, second = find_contact_zone(mesh, zone), find_contact_zone(second_body.mesh, second_body.zone)
+    if match_nodes(first, second) is not None:
+        return
+    for name, applies in (
+        ("a periodic surface", second_body.formulation.is_periodic()),
+        ("edges resolved between the nodes", second_body.formulation.resolves_edges()),
+    ):
+        if applies:
+            raise MeshError(
+                f"the contact zones of the two bodies have {len(first.points)} and {len(second.points)} nodes that do "
+                f"not coincide; allowed with {name}: the same division of both, with the second turned over about the "
+                "x1 axis"
+            )
+    check_facing(first.points, first.cells, second.points * TURN_OVER, second.cells)
+
+
+def coarse_zone(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> Iterator[str]:
+    """Yield a warning if the nodes of the second body's zone, other than those of the first, are farther apart."""
+    if second_body is None:
+        return
+    first, second = find_contact_zone(mesh, zone), find_contact_zone(second_body.mesh, second_body.zone)
+    if match_nodes(first, second) is not None:
+        return
+    spacing, other = (float(np.sqrt(one.weights.sum() / len(one.points))) for one in (first, second))
+    if other > MAX_SPACING_RATIO * spacing:
+        yield (
+            f"the nodes of the second body's contact zone are {other:.3g} m apart, those of the first {spacing:.3g} m: "
+            "pressures at nodes oscillate, while forces are accurate; better: exchange the bodies, or refine the second"
+        )
 
 
 def check_alike(second_body: SecondBody | None, formulation: Formulation) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
 from importlib import metadata
+from typing import Final
 
 import numba
 import numpy as np
@@ -12,7 +13,8 @@ import numpy as np
 from meeframe.common.errors import TooLargeError
 from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_position
-from meeframe.fields import Array, Indices
+from meeframe.contact.scales import problem_scales
+from meeframe.fields import POTENTIALS, Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.laws.base import is_pure_projection
 from meeframe.mesh.body import Body
@@ -20,7 +22,7 @@ from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
-from meeframe.model.history import Converged, extrapolate, ramped
+from meeframe.model.history import ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
 from meeframe.model.systems import checked
@@ -42,6 +44,9 @@ from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies, second_displacement
+
+_ROUND_OFF: Final = 1e-12
+"""Fraction of the expected magnitude of a potential below which it is zero, as on grounded conductors."""
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
@@ -147,7 +152,7 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
 
 
 def recovery_of(formulation: Formulation, body: Body, progress: Progress = silent) -> Callable[[Array], NodalFields]:
-    """Return a function that recovers the fields on the whole boundary for a load (n, 5).
+    """Return a function that recovers the fields on the whole boundary for a load (n, f).
 
     Its reduced system is made at the first call.
     """
@@ -183,14 +188,14 @@ def solve_steps(
         onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
-            controls = ramped(before, begin, step.prescribed, increment / step.increments)
+            controls = ramp(before, begin, step.prescribed, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
                 planned = kinematics.increment(controls, here, step.increment_duration)
                 start = _start(planned, last, here)
-                reached, result = _solve(kinematics, planned, here, start, (number, increment), share)
-                last, here = here if reached is not here else None, reached
+                end, result = _solve(kinematics, planned, here, start, (number, increment), share)
+                last, here = here if end is not here else None, end
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)
                 warns = boundary and ends and number == 1
@@ -216,7 +221,7 @@ def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float
     clock(stage, (done + fraction) / planned)
 
 
-def _start(increment: Increment, last: Converged | None, here: Converged) -> ContactState | None:
+def _start(increment: Increment, last: ConvergedState | None, here: ConvergedState) -> ContactState | None:
     """Return the initial guess of an increment: the converged state, or its continuation.
 
     Where surfaces attract each other or conduct, or friction depends on the slip, several solutions may exist: the one
@@ -243,11 +248,11 @@ def _start(increment: Increment, last: Converged | None, here: Converged) -> Con
 def _solve(
     kinematics: IndenterKinematics,
     increment: Increment,
-    here: Converged,
+    here: ConvergedState,
     start: ContactState | None,
     numbers: tuple[int, int],
     progress: Progress,
-) -> tuple[Converged, StepResult]:
+) -> tuple[ConvergedState, StepResult]:
     """Return the state after an increment, or the one before if it does not converge, and its result.
 
     start: initial guess of the solver; numbers: of the step and the increment.
@@ -258,11 +263,11 @@ def _solve(
     increment = replace(increment, problem=problem)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
-    solution = replace(solution, state=kinematics.settled(increment, solution.state, touches))
+    solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))
     region = regions(increment, solution, touches)
-    reached = kinematics.reached(increment, solution.state, touches, here)
-    result = _step_result(kinematics, increment, here, reached, solution, region, numbers)
-    return (reached if solution.status is Status.CONVERGED else here), result
+    end = kinematics.converged_state(increment, solution.state, touches, here)
+    result = _step_result(kinematics, increment, here, end, solution, region, numbers)
+    return (end if solution.status is Status.CONVERGED else here), result
 
 
 def provenance(case: Case) -> Provenance:
@@ -281,8 +286,8 @@ def _software() -> dict[str, str]:
 def _step_result(
     kinematics: IndenterKinematics,
     increment: Increment,
-    start: Converged,
-    reached: Converged,
+    start: ConvergedState,
+    end: ConvergedState,
     solution: ContactSolution,
     region: Indices,
     numbers: tuple[int, int],
@@ -290,9 +295,11 @@ def _step_result(
     state = solution.state
     traction, fluxes = split_load(state.load)
     displacement, potentials, second_body = _surfaces(kinematics.system, state)
+    expected = problem_scales(increment.problem).displacement[POTENTIALS]
+    potentials[:, np.abs(potentials).max(axis=0) < _ROUND_OFF * expected] = 0.0
     return StepResult(
         loading=Loading.of(
-            reached.motion,
+            end.motion,
             increment.prescribed,
             kinematics.reference,
             kinematics.case.placement.base,
@@ -308,8 +315,8 @@ def _step_result(
         fluxes=fluxes,
         contact_fraction=state.contact_fraction,
         slip=slip_of(increment, state),
-        total_slip=reached.total_slip,
-        slip_path=reached.slip_path,
+        total_slip=end.total_slip,
+        slip_path=end.slip_path,
         dissipation=kinematics.dissipation(increment, start, state, region),
         region=region,
         status=solution.status,

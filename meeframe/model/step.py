@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel
-from meeframe.fields import MECHANICAL, MEE, Array, FieldSet
+from meeframe.contact.scales import largest
+from meeframe.fields import MEE, N_MECHANICAL, Array, FieldSet
 from meeframe.fields.units import Quantity
 from meeframe.indenters.base import N_RIGID, IndenterMotions
 from meeframe.laws.base import ContactLaw, is_adhesive
@@ -25,7 +26,7 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class Step:
-    """Load step in SI units; quantities that it does not name stay as the previous step left them.
+    """Load step in SI units; quantities that it does not name keep their values of the previous step.
 
     For each of the indenter's motions either the motion, from where it just touched, or the conjugate resultant is
     given. Axes, signs and reference point are those of Loading and `resultants`. Texts with units, such as "5 N",
@@ -122,13 +123,13 @@ def _in_si(key: str, value: Any, motions: IndenterMotions) -> Any:
         if isinstance(value, str):
             return quantity.convert(value)
         if isinstance(value, list | tuple):
-            value = tuple(quantity.convert(part) if isinstance(part, str) else part for part in value)
+            value = tuple(quantity.convert(number) if isinstance(number, str) else number for number in value)
         numbers = np.asarray(value)
         if value is not None and numbers.dtype.kind not in "fiu":
             raise ValueError(f"expected {quantity.expected}")
     except ValueError as error:
         raise CaseError(f"{key} = {value!r}: {error}") from None
-    # arrays as well, which neither compare nor stay fixed
+    # also of arrays, which are mutable and not comparable
     return numbers.item() if numbers.size == 1 else tuple(numbers.tolist())
 
 
@@ -178,8 +179,12 @@ def resisted(modes: Array, contact: ContactLaw, channels: tuple[FluxChannel, ...
     Motions are resisted by normal tractions, or by tangential ones that the law admits in that direction; potentials if
     their law conducts.
     """
-    moving = modes[:N_RIGID, :, MECHANICAL]
-    size = np.abs(moving).max(axis=(1, 2))
-    held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
-    mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_FRACTION * size
-    return np.concatenate([mechanical, [channel.is_conducting for channel in channels]])
+    scaling = contact.tangential_scaling()
+    mechanical = []
+    for mode in modes[:N_RIGID]:
+        size = max(largest(mode[:, column]) for column in range(N_MECHANICAL))
+        held = largest(mode[:, 2])
+        if held <= _LEAST_FRACTION * size and scaling.any():
+            held = largest(mode[:, :2] @ scaling)
+        mechanical.append(held > _LEAST_FRACTION * size)
+    return np.array([*mechanical, *(channel.is_conducting for channel in channels)])

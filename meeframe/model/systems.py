@@ -20,7 +20,7 @@ _SHAPES: Final[dict[str, tuple[int, ...]]] = {
 def checked(formulation: Formulation, system: object, n_fields: int) -> ReducedSystem:
     """Return the system of a formulation if it is a reduced system with finite arrays of the contract's shapes.
 
-    n_fields: number of fields of the body. Without these shapes a run ends in the middle, far from the formulation.
+    n_fields: number of fields of the body. Without this check a run would fail later, with an unrelated message.
     Raises CaseError.
     """
     name = type(formulation).__name__
@@ -37,7 +37,9 @@ def checked(formulation: Formulation, system: object, n_fields: int) -> ReducedS
             raise CaseError(f"{what} is {kind}; allowed: a NumPy array of floats")
         if array.shape != shape:
             raise CaseError(f"{what} has shape {array.shape}; allowed: {shape}")
-        with np.errstate(invalid="ignore"):  # the sum shows any, without an array as large as the matrix
+        with np.errstate(
+            invalid="ignore"
+        ):  # the sum is not finite if an entry is not; it needs no array as large as the matrix
             finite = np.isfinite(array.sum())
         if not finite:
             raise CaseError(f"{what} has numbers that are not finite; allowed: finite ones")

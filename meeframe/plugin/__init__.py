@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from meeframe.contact.problem import ContactProblem as ContactProblem
     from meeframe.contact.problem import ContactState as ContactState
     from meeframe.contact.problem import Iterate as Iterate
+    from meeframe.contact.problem import SelectiveSolver as SelectiveSolver
     from meeframe.contact.problem import Solver as Solver
     from meeframe.contact.problem import indenter_position as indenter_position
     from meeframe.contact.problem import unbalance as unbalance
@@ -50,9 +51,13 @@ if TYPE_CHECKING:
     from meeframe.greens.base import FundamentalSolution as FundamentalSolution
     from meeframe.greens.base import Kernel as Kernel
     from meeframe.indenters.base import Indenter as Indenter
+    from meeframe.indenters.heights import HeightGrid as HeightGrid
     from meeframe.indenters.heights import SampledHeights as SampledHeights
+    from meeframe.laws.base import AdhesiveLaw as AdhesiveLaw
     from meeframe.laws.base import ConductivityLaw as ConductivityLaw
     from meeframe.laws.base import ContactLaw as ContactLaw
+    from meeframe.laws.base import LawWithMemory as LawWithMemory
+    from meeframe.laws.base import ResolventLaw as ResolventLaw
     from meeframe.laws.base import StepLengths as StepLengths
     from meeframe.laws.base import augmented_traction as augmented_traction
     from meeframe.laws.base import contact_traction as contact_traction
@@ -70,6 +75,7 @@ if TYPE_CHECKING:
     from meeframe.mesh.zone import local_frames as local_frames
     from meeframe.plugin.hookspecs import Record as Record
     from meeframe.plugin.hookspecs import hookimpl as hookimpl
+    from meeframe.system.capabilities import INTERIOR_STAGE as INTERIOR_STAGE
     from meeframe.system.capabilities import AnyArray as AnyArray
     from meeframe.system.capabilities import ApproximateInverse as ApproximateInverse
     from meeframe.system.capabilities import Coarsening as Coarsening
@@ -115,8 +121,11 @@ _HOMES = {
     "Quantity": "meeframe.fields.units",
     "check_quantities": "meeframe.fields.units",
     # Laws
+    "AdhesiveLaw": "meeframe.laws.base",
     "ConductivityLaw": "meeframe.laws.base",
     "ContactLaw": "meeframe.laws.base",
+    "LawWithMemory": "meeframe.laws.base",
+    "ResolventLaw": "meeframe.laws.base",
     "StepLengths": "meeframe.laws.base",
     "augmented_traction": "meeframe.laws.base",
     "contact_traction": "meeframe.laws.base",
@@ -126,6 +135,7 @@ _HOMES = {
     "OrthotropicCoulomb": "meeframe.laws.coulomb",
     # Indenters
     "Indenter": "meeframe.indenters.base",
+    "HeightGrid": "meeframe.indenters.heights",
     "SampledHeights": "meeframe.indenters.heights",
     # Elements and fundamental solutions
     "SurfaceElement": "meeframe.elements.base",
@@ -135,6 +145,7 @@ _HOMES = {
     "ContactProblem": "meeframe.contact.problem",
     "ContactState": "meeframe.contact.problem",
     "Iterate": "meeframe.contact.problem",
+    "SelectiveSolver": "meeframe.contact.problem",
     "Solver": "meeframe.contact.problem",
     "indenter_position": "meeframe.contact.problem",
     "unbalance": "meeframe.contact.problem",
@@ -169,6 +180,7 @@ _HOMES = {
     "EdgeResolution": "meeframe.system.capabilities",
     "FieldwiseApply": "meeframe.system.capabilities",
     "IndenterEdge": "meeframe.system.capabilities",
+    "INTERIOR_STAGE": "meeframe.system.capabilities",
     "InteriorFields": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",

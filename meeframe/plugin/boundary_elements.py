@@ -16,6 +16,7 @@ from meeframe.formulations.dense_bem.layout import NONE, Layout, Units, boundary
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import characteristic_length
 from meeframe.greens import Tabulated
+from meeframe.greens.decoupled import bind_fields
 
 __all__ = [
     "BUFFER_TOO_SMALL",
@@ -27,6 +28,7 @@ __all__ = [
     "Tabulated",
     "Units",
     "anisotropy",
+    "bind_fields",
     "boundary_fields",
     "characteristic_length",
     "collocate",

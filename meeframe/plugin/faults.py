@@ -2,17 +2,22 @@
 
 import inspect
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import metadata
+from itertools import chain
 from typing import Any, Final
 
+from meeframe.contact.problem import SelectiveSolver, Solver
 from meeframe.elements.base import SurfaceElement
+from meeframe.laws.base import OPTIONAL_METHODS, ContactLaw
 from meeframe.plugin.hookspecs import PROJECT, Record
 
 NAME: Final = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 """Pattern of the names allowed in case files."""
 NAME_RULE: Final = "lower-case letters, digits and hyphens, beginning with a letter: my-law"
 """Description of this pattern."""
+_OPTIONAL: Final[Mapping[type, Sequence[type]]] = {ContactLaw: OPTIONAL_METHODS, Solver: (SelectiveSolver,)}
+"""Protocols of the optional methods of a contract."""
 
 
 def fault(kind: str, contract: type, record: Any) -> str:
@@ -48,8 +53,9 @@ def _fault_of_class(contract: type, factory: Any) -> str:
     missing = ", ".join(sorted(getattr(factory, "__abstractmethods__", ())))
     if missing:
         return f"class {factory.__name__} lacks {missing}, {_required_by()}"
-    for name, method in vars(contract).items():
-        if not inspect.isfunction(method) or name.startswith("_"):
+    protocols = contract, *_OPTIONAL.get(contract, ())
+    for name, method in chain.from_iterable(vars(protocol).items() for protocol in protocols):
+        if not inspect.isfunction(method) or name.startswith("_") or not hasattr(factory, name):
             continue
         arguments = list(inspect.signature(method).parameters.values())[1:]
         if not _accepts(factory, name, arguments):
@@ -67,7 +73,7 @@ def _required_by() -> str:
 
 
 def _accepts(factory: type, name: str, arguments: Sequence[inspect.Parameter]) -> bool:
-    """Return whether a method accepts the arguments of the abstract method by position, each in the same place."""
+    """Return whether a method accepts the arguments of the abstract method by position, each at the same index."""
     method = inspect.getattr_static(factory, name)
     if isinstance(method, property) or not callable(getattr(factory, name)):
         return False

@@ -13,7 +13,7 @@ import pluggy
 from meeframe.common.errors import PluginError
 from meeframe.contact.problem import Solver
 from meeframe.elements.base import SurfaceElement
-from meeframe.fields import OPTIONAL_FIELDS, ScalarField
+from meeframe.fields import MEE, OPTIONAL_FIELDS, FieldSet, ScalarField
 from meeframe.formulations.base import Formulation
 from meeframe.greens.base import FundamentalSolution
 from meeframe.indenters.base import Indenter
@@ -89,6 +89,11 @@ class Registry:
     folder: Path = Path()
     unit: str = ""
     scalar_fields: tuple[ScalarField, ...] = OPTIONAL_FIELDS
+
+    @property
+    def fields(self) -> FieldSet:
+        """Field set with all scalar fields that materials may have."""
+        return FieldSet((*MEE.scalars, *self.scalar_fields))
 
     @classmethod
     def from_plugins(cls, plugins: Iterable[tuple[Provider, object]], broken: Iterable[Broken] = ()) -> "Registry":

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.elements import ELEMENTS
 from meeframe.elements.base import shape_functions
 from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, POTENTIALS, Array, FieldSet
@@ -19,7 +20,7 @@ _CLOSED: Final = 1e-6
 """Largest integral of the normal over a closed surface, as a fraction of its area."""
 _ROUNDING: Final = 1e-10
 """Fraction of the largest work of a field below which a field is zero but for rounding."""
-NOTICED: Final = 0.02
+WARNING_THRESHOLD: Final = 0.02
 """Relative unbalance above which a warning is given."""
 
 
@@ -76,6 +77,7 @@ def unbalance(boundary: NodalFields | None, contact_fluxes: Array | None = None)
     return Unbalance(total[MECHANICAL], total[POTENTIALS], relative)
 
 
+@memoize_by_identity
 def _closed(boundary: NodalFields) -> bool:
     """Return whether the integral of the normal vanishes, by the straight sides of the elements."""
     outlines = [np.zeros((0, 3)), *(vector_areas(boundary.points[outline]) for outline in corners(boundary.cells))]
@@ -93,10 +95,10 @@ def unbalance_warning(
 ) -> Iterator[str]:
     """Yield a warning if the fields on the boundary are noticeably out of equilibrium; arguments as for `unbalance`."""
     result = unbalance(boundary, contact_fluxes)
-    if result is None or result.relative.max() <= NOTICED:
+    if result is None or result.relative.max() <= WARNING_THRESHOLD:
         return
     shares = zip(balanced_names(fields), result.relative, strict=True)
-    texts = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > NOTICED)
+    texts = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > WARNING_THRESHOLD)
     yield (
         f"tractions and fluxes on the boundary violate equilibrium by {texts}: those at supports and grounds have "
         "errors of this size, which more elements there reduce; those of the contact are not affected"

@@ -56,6 +56,17 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
     return drawn
 
 
+def on_axes(axes: Any, draw: Callable[[Any], None]) -> Any:
+    """Draw in the house style on axes of matplotlib, on new ones if these are None, and return them."""
+    with house_style():
+        if axes is None:
+            from matplotlib import pyplot
+
+            axes = pyplot.subplots(layout="constrained")[1]
+        draw(axes)
+    return axes
+
+
 def sheet(size: tuple[float, float]) -> "Figure":
     """Return an empty figure of a size in inches."""
     # the object interface: no global state, no display, and half the start-up time of pyplot
@@ -77,7 +88,7 @@ def label_panels(panels: Any) -> None:
     """Put the letters (a), (b), ... into the corners of several panels."""
     for axes, letter in zip(panels, ascii_lowercase, strict=False):
         if len(panels) > 1:
-            axes.annotate(f"({letter})", (0.0, 1.0), (-4, 3), "axes fraction", "offset points", ha="right")
+            axes.annotate(f"({letter})", (0.0, 1.0), (-4, 7), "axes fraction", "offset points", ha="right")
 
 
 def prefixed(values: Array, unit: str) -> tuple[float, str]:

@@ -5,7 +5,7 @@ The problem of m contacts, each with one normal and two tangential components in
     (u_N + mu |u_T|, u_T) in the dual cone of r and normal to r (De Saxce's form of Signorini's and Coulomb's laws):
 r_N > 0 only where u_N = 0, and where u_T is not zero r_T = -mu r_N u_T / |u_T|.
 
-Layout, after fclib.h: nothing is an attribute, whole numbers are int32, the others float64, single ones of shape (1,),
+Layout, after fclib.h: nothing is an attribute, integers are int32, the others float64, single ones of shape (1,),
 texts scalar, of fixed length and ended by a zero byte.
     /fclib_local/spacedim           3
     /fclib_local/W/                 nzmax, m, n, nz, p, i, x: a sparse matrix as CSparse has it. nz = -1: compressed
@@ -44,8 +44,7 @@ PER_CONTACT: Final = 3
 LARGEST: Final = 5_000
 """Largest number of contacts of a problem.
 
-Its matrix is held in full, 1.8 GB at this size; our solvers need four times that in addition (by Newton's method six
-times).
+Its matrix is held in full, 1.8 GB at this size; solvers need four times that in addition (Newton's method six times).
 """
 _UNREADABLE: Final = (LookupError, ValueError, TypeError, ArithmeticError, OSError, RuntimeError)
 """Exceptions of h5py and numpy for files that are damaged or hold something else."""

@@ -7,7 +7,7 @@ meeframe has the direction of the slip, a reaction of FCLIB the opposite one. Co
 (nu, e1, e2), which keeps frames right-handed. Nodes without an indenter above are no contacts.
 
 Files contain mechanics alone. Where the contact conducts, its potentials are eliminated at given resistances R =
-1/kappa (on the set A of node and potential pairs that conduct, meeframe.solvers.conduction.elimination), which take the
+1/kappa (on the set A of fluxes of nodes that conduct, meeframe.solvers.conduction.elimination), which take the
 Schur complement W = C_mm - C_mA (C_AA + R)^-1 C_Am of the compliance.
 """
 
@@ -25,6 +25,7 @@ from meeframe.contact.problem import (
     ContactSolution,
     ContactState,
     Solver,
+    check_accepted,
     contact_gap,
     indenter_position,
 )
@@ -130,7 +131,7 @@ def solve_local(
     Raises CaseError if the solver does not accept the problem.
     """
     problem = contact_problem(local)
-    solver.check(problem)
+    check_accepted(solver, problem)
     with warnings.catch_warnings():
         # W of more contacts than degrees of freedom is singular: its residual shows whether there is a solution
         warnings.simplefilter("ignore", LinAlgWarning)
@@ -201,17 +202,17 @@ def _condensed(
     resistance: (n, 2).
     """
     matrix, q = compliance[np.ix_(dofs, dofs)], relative_displacement[dofs]
-    of_fields = np.full((len(resistance), PER_CONTACT + resistance.shape[1]), np.inf)
-    of_fields[:, PER_CONTACT:] = resistance
-    pairs = np.flatnonzero(np.isfinite(of_fields))
-    if pairs.size == 0:
+    diagonal = np.full((len(resistance), PER_CONTACT + resistance.shape[1]), np.inf)
+    diagonal[:, PER_CONTACT:] = resistance
+    fluxes = np.flatnonzero(np.isfinite(diagonal))
+    if fluxes.size == 0:
         return matrix, q
-    equations = compliance[np.ix_(pairs, pairs)] + np.diag(of_fields.flat[pairs])
+    equations = compliance[np.ix_(fluxes, fluxes)] + np.diag(diagonal.flat[fluxes])
     scale = np.diag(equations) ** -0.5  # makes the equations independent of units
     factor = lu_factor(scale[:, None] * equations * scale)
-    right_hand_sides = np.column_stack([compliance[np.ix_(pairs, dofs)], relative_displacement[pairs]])
-    caused = compliance[np.ix_(dofs, pairs)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * right_hand_sides))
-    return matrix - caused[:, :-1], q - caused[:, -1]
+    right_hand_sides = np.column_stack([compliance[np.ix_(fluxes, dofs)], relative_displacement[fluxes]])
+    response = compliance[np.ix_(dofs, fluxes)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * right_hand_sides))
+    return matrix - response[:, :-1], q - response[:, -1]
 
 
 def _no_body(_load: Array) -> NodalFields:

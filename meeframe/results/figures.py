@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
 from meeframe.results import schema
-from meeframe.results.canvas import LINE_COLOURS, NO_CONTACT, head, house_style, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import LINE_COLOURS, head, house_style, label_panels, prefixed, sheet, styled
 from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
@@ -53,9 +53,9 @@ def figures(result: Result, which: Which = None) -> "dict[str, Figure]":
         return {}
     title = title_of(result, step)
     drawn: dict[str, Figure] = {}
-    for row in shown_fields(result, step):
-        drawn[row.name] = sheet(_MAP_SIZE)
-        draw_map(drawn[row.name].subplots(), result, row.name, step, title)
+    for field in shown_fields(result, step):
+        drawn[field.name] = sheet(_MAP_SIZE)
+        draw_map(drawn[field.name].subplots(), result, field.name, step, title)
     drawn["sections"] = _sections(result, step, title)
     if has_friction(result):
         drawn["stick_slip"] = sheet((_MAP_SIZE[0], _MAP_SIZE[1] + 0.3))
@@ -109,14 +109,14 @@ def has_friction(result: Result) -> bool:
 
 def shown_fields(result: Result, step: StepResult) -> list[NodalField]:
     """Return the pressure, and the other fields with maps that are not zero throughout."""
-    rows = schema.nodal(schema.View.MAP, step.fields).values()
-    return [row for row in rows if row.name == PRESSURE or nodal_values(result, row, step).any()]
+    fields = schema.nodal(schema.View.MAP, step.fields).values()
+    return [field for field in fields if field.name == PRESSURE or nodal_values(result, field, step).any()]
 
 
-def nodal_values(result: Result, row: NodalField, step: StepResult) -> Array:
+def nodal_values(result: Result, field: NodalField, step: StepResult) -> Array:
     """Return the values of a nodal field, with round-off as zero: it is small against other increments."""
-    values = row.values(result.zone, step)
-    peak = max((np.abs(row.values(result.zone, other)).max() for other in result.steps), default=0.0)
+    values = field.values(result.zone, step)
+    peak = max((np.abs(field.values(result.zone, other)).max() for other in result.steps), default=0.0)
     return np.where(np.abs(values) > _ROUND_OFF * peak, values, 0.0)
 
 
@@ -154,37 +154,47 @@ def draw_map(axes: Any, result: Result, name: str, which: Which = None, title: s
     Raises ResultError for an unknown name.
     """
     step = select(result, which)
-    row, zone = _field(name, step), result.zone
+    field, zone = _field(name, step), result.zone
     picture = Picture.of(zone)
-    _prepare(axes, picture, row.label, title)
+    _prepare(axes, picture, field.label, title)
     of_contact = name == PRESSURE
     felt = _felt(step) if of_contact else np.ones(len(zone.points), bool)
     if not felt.any():
         _no_contact(axes, picture)
         return
-    values = nodal_values(result, row, step)
-    factor, unit = prefixed(values[felt], row.unit)
+    values = nodal_values(result, field, step)
+    factor, unit = prefixed(values[felt], field.unit)
     if of_contact:
         # the open nodes next to the contact take the pressure of their neighbours: no colour fades before the edge
         values = picture.extended(values, felt)
     limits = {"vmin": min(values[felt].min() / factor, 0.0)} if of_contact else {}
     drawn = picture.shade(axes, values / factor, felt, vmax=values[felt].max() / factor or 1.0, **limits)
-    axes.figure.colorbar(drawn, ax=axes, label=f"{row.label} [{unit}]")
+    axes.figure.colorbar(drawn, ax=axes, label=f"{field.label} [{unit}]")
     if step.touching.any() and not step.touching.all():
         edge = picture.values(_edge(zone, step))
-        rim = picture.triangles_at(step.touching, ~step.touching)
         if of_contact and not (felt & ~step.touching).any():
-            axes.tricontourf(rim, edge, [-2 * _BETWEEN[1], 0], colors=[NO_CONTACT])
+            _clip_to_contact(axes, drawn, picture, step, edge)
+        rim = picture.triangles_at(step.touching, ~step.touching)
         axes.tricontour(rim, edge, [0.0], colors="#D55E00" if of_contact else "white", linewidths=1.2)
     if of_contact:
         _zoom(axes, picture, felt)
 
 
+def _clip_to_contact(axes: Any, drawn: Any, picture: Picture, step: StepResult, edge: Array) -> None:
+    """Clip what is drawn at the contact edge, where the values `edge` at the points of the triangulation are zero."""
+    region = axes.tricontourf(picture.triangles_at(step.touching), edge, [0.0, 2.0 * _BETWEEN[1]])
+    (outline,) = region.get_paths()
+    region.remove()
+    drawn.set_clip_path(outline, axes.transData)
+
+
 def _field(name: str, step: StepResult) -> NodalField:
-    rows = {row.name: row for row in schema.nodal_fields(step.fields) if not row.components and not row.integer}
-    if name not in rows:
-        raise ResultError(f"unknown field {name!r}; allowed: {', '.join(rows)}")
-    return rows[name]
+    fields = {
+        field.name: field for field in schema.nodal_fields(step.fields) if not field.components and not field.integer
+    }
+    if name not in fields:
+        raise ResultError(f"unknown field {name!r}; allowed: {', '.join(fields)}")
+    return fields[name]
 
 
 def _prepare(axes: Any, picture: Picture, what: str, title: str) -> None:
@@ -220,12 +230,15 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     if not step.touching.any():
         _no_contact(axes, picture)
         return
-    edge, contact = _edge(result.zone, step), picture.triangles_at(step.touching)
-    sticking = np.where(step.region == Region.STICK, 1.0, -1.0) * np.abs(edge)
-    shown = ((edge, "slip", totals.slip_area), (sticking, "stick", totals.stick_area))
+    edge, contact = picture.values(_edge(result.zone, step)), picture.triangles_at(step.touching)
+    # open nodes take the mean of their neighbours, so that sticking regions end at the contact edge or half way to slip
+    sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
+    shown = ((edge, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
         axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
-        axes.tricontourf(contact, picture.values(level), [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
+        drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
+        if not step.touching.all():
+            _clip_to_contact(axes, drawn, picture, step, edge)
     _zoom(axes, picture, step.touching)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 
@@ -241,8 +254,8 @@ def draw_section(axes: Any, result: Result, name: str = PRESSURE, which: Which =
     if name == TANGENTIAL:
         label, unit, values = "traction along x", "Pa", _tangential(result, step, picture)
     else:
-        row = _field(name, step)
-        label, unit, values = row.label, row.unit, nodal_values(result, row, step)
+        field = _field(name, step)
+        label, unit, values = field.label, field.unit, nodal_values(result, field, step)
     x = np.linspace(picture.points[:, 0].min(), picture.points[:, 0].max(), 401)
     on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(picture.points[:, 1])
     factor, unit = prefixed(values, unit)
@@ -260,7 +273,7 @@ def _tangential(result: Result, step: StepResult, picture: Picture) -> Array:
 
 def _sections(result: Result, step: StepResult, title: str) -> "Figure":
     """Return sections along x through the middle; with friction the tangential traction, too."""
-    names = [row.name for row in shown_fields(result, step)]
+    names = [field.name for field in shown_fields(result, step)]
     if step.traction[:, :2].any():
         names.insert(1, TANGENTIAL)
     figure = sheet((6.0, 2.4 * len(names)))

@@ -26,7 +26,7 @@ from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
 from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
 from meeframe.results import schema
-from meeframe.results.hdf5 import changed_file, numbers_of, table_of, text_of
+from meeframe.results.hdf5 import changed_file, is_compressible, numbers_of, table_of, text_of
 from meeframe.results.output import INCREMENTS, RESULT_FILE, replacing
 from meeframe.results.records import Loading, Provenance, Region, Result, RunStatus, SecondSurface, StepResult, Zone
 from meeframe.results.schema import BOUNDARY, NodalField, Stored
@@ -41,6 +41,8 @@ _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", 
 _LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
 _SMALL: Final = 4096
 """Size in bytes below which arrays are not compressed."""
+_LARGE: Final = 1 << 20
+"""Size in bytes above which arrays that hardly shrink are not compressed, which takes longer than all else."""
 _CHUNK: Final = 1 << 24
 """Largest size of a chunk in bytes."""
 _BOUNDARY_FILE: Final = "boundary.h5"
@@ -225,8 +227,8 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
     )
     motions = IndenterMotions(step.fields)
     group.attrs["scalar_fields"] = json.dumps([asdict(scalar) for scalar in step.fields.scalars])
-    chosen = [row for row in schema.nodal_fields(step.fields) if _is_stored(row, fields)]
-    _put_fields(group, chosen, {row.name: row.values(zone, step) for row in chosen})
+    chosen = [field for field in schema.nodal_fields(step.fields) if _is_stored(field, fields)]
+    _put_fields(group, chosen, {field.name: field.values(zone, step) for field in chosen})
     _put_all(group, _STEP_UNITS, {name: getattr(step, name) for name in _STEP_UNITS})
     loading = group.create_group("loading")
     units = {name: motions.units[name] for name in motions.motions} | _LOADING_UNITS
@@ -240,35 +242,35 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
     if step.area_fraction is not None:
         _put_all(group, {"area_fraction": "1"}, {"area_fraction": step.area_fraction})
     if step.second_body is not None:
-        rows = _surface_fields(step.fields)
-        values = {row.name: _column(getattr(step.second_body, row.attribute), row) for row in rows}
-        _put_fields(group.create_group("second_body"), rows, values)
+        surface_fields = _surface_fields(step.fields)
+        values = {field.name: _column(getattr(step.second_body, field.attribute), field) for field in surface_fields}
+        _put_fields(group.create_group("second_body"), surface_fields, values)
     if step.boundary is not None and (fields is None or BOUNDARY in fields):
         units = {"values": ", ".join(step.fields.value_units), "fluxes": ", ".join(step.fields.flux_units)}
         values = {"values": step.boundary.values, "fluxes": step.boundary.fluxes}
         _put_all(group.create_group("boundary"), units, values)
 
 
-def _is_stored(row: NodalField, fields: Collection[str] | None) -> bool:
-    if row.stored is Stored.ALWAYS:
+def _is_stored(field: NodalField, fields: Collection[str] | None) -> bool:
+    if field.stored is Stored.ALWAYS:
         return True
     # without a selection everything that a step holds, except derived quantities
-    return bool(row.attribute) if fields is None else row.name in fields
+    return bool(field.attribute) if fields is None else field.name in fields
 
 
 def _surface_fields(fields: FieldSet) -> list[NodalField]:
-    return [row for row in schema.nodal_fields(fields) if row.attribute in _SURFACE]
+    return [field for field in schema.nodal_fields(fields) if field.attribute in _SURFACE]
 
 
-def _column(array: Array, row: NodalField) -> Array:
-    return array if row.column is None else array[:, row.column]
+def _column(array: Array, field: NodalField) -> Array:
+    return array if field.column is None else array[:, field.column]
 
 
-def _put_fields(group: Any, rows: Sequence[NodalField], values: Mapping[str, Any]) -> None:
+def _put_fields(group: Any, fields: Sequence[NodalField], values: Mapping[str, Any]) -> None:
     """Write nodal fields; only the names of those that are zero at all nodes."""
-    zero = [row.name for row in rows if not values[row.name].any()]
+    zero = [field.name for field in fields if not values[field.name].any()]
     group.attrs["zero"] = " ".join(zero)
-    _put_all(group, {row.name: row.unit for row in rows if row.name not in zero}, values)
+    _put_all(group, {field.name: field.unit for field in fields if field.name not in zero}, values)
 
 
 def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) -> None:
@@ -277,9 +279,9 @@ def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) ->
 
 
 def _put(group: Any, name: str, values: Any) -> Any:
-    """Write an array, compressed unless it is small; one chunk for the whole array compresses best."""
+    """Write an array, compressed if that halves it; one chunk for the whole array compresses best."""
     array = np.asarray(values)
-    if array.nbytes < _SMALL:
+    if array.nbytes < _SMALL or (array.nbytes > _LARGE and not is_compressible(array)):
         return group.create_dataset(name, data=array)
     chunk = (min(len(array), max(1, _CHUNK * len(array) // array.nbytes)), *array.shape[1:])
     return group.create_dataset(name, data=array, chunks=chunk, shuffle=True, compression="gzip", compression_opts=1)
@@ -337,19 +339,19 @@ def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: A
     """Return an increment; total_slip (n, 2) and slip_path (n,) [m] are those of the last converged one before."""
     n = len(zone.points)
     boundary, second_body, field_set = None, None, _get_field_set(group)
-    rows = _surface_fields(field_set)
+    surface_fields = _surface_fields(field_set)
     if "second_body" in group:
-        second_body = SecondSurface(**_get_fields(group["second_body"], rows, n))
+        second_body = SecondSurface(**_get_fields(group["second_body"], surface_fields, n))
     if "boundary" in group:
         values_group, shared = group["boundary"], file["boundary"]
         p = len(shared["points"])
         fields = (numbers_of(values_group, name, (p, field_set.size)) for name in ("values", "fluxes"))
         boundary = NodalFields(numbers_of(shared, "points", (p, 3)), _get_cells(shared, p), *fields)
-    held = [row for row in schema.nodal_fields(field_set) if row.attribute]
+    held = [field for field in schema.nodal_fields(field_set) if field.attribute]
     zero = text_of(group, "zero").split()
-    missing = {row.name for row in held if row.stored is not Stored.ALWAYS and row.name not in (*group, *zero)}
+    missing = {field.name for field in held if field.stored is not Stored.ALWAYS and field.name not in (*group, *zero)}
     loading = _get_loading(group["loading"], field_set)
-    arrays = _get_fields(group, [row for row in held if row.name not in missing], n)
+    arrays = _get_fields(group, [field for field in held if field.name not in missing], n)
     if missing:
         surface = arrays["displacement"] if second_body is None else arrays["displacement"] - second_body.displacement
         touching = arrays["region"] != Region.OPEN
@@ -394,21 +396,21 @@ def _slips(
     return {"slip": slip, "total_slip": total, "slip_path": path}
 
 
-def _get_fields(group: Any, rows: Sequence[NodalField], n: int) -> dict[str, Any]:
+def _get_fields(group: Any, fields: Sequence[NodalField], n: int) -> dict[str, Any]:
     """Return the attributes of records that nodal fields are read from, by name."""
     zero = text_of(group, "zero").split()
     arrays: dict[str, Any] = {}
-    columns = 1 + max((row.column for row in rows if row.column is not None), default=-1)
-    for row in rows:
-        kinds = "iu" if row.integer else "biuf"
-        if row.name in zero:
-            values = np.zeros((n, *row.shape), np.int64 if row.integer else float)
+    columns = 1 + max((field.column for field in fields if field.column is not None), default=-1)
+    for nodal_field in fields:
+        kinds = "iu" if nodal_field.integer else "biuf"
+        if nodal_field.name in zero:
+            values = np.zeros((n, *nodal_field.shape), np.int64 if nodal_field.integer else float)
         else:
-            values = numbers_of(group, row.name, (n, *row.shape), kinds)
-        if row.column is None:
-            arrays[row.attribute] = values
+            values = numbers_of(group, nodal_field.name, (n, *nodal_field.shape), kinds)
+        if nodal_field.column is None:
+            arrays[nodal_field.attribute] = values
         else:
-            arrays.setdefault(row.attribute, np.empty((n, columns)))[:, row.column] = values
+            arrays.setdefault(nodal_field.attribute, np.empty((n, columns)))[:, nodal_field.column] = values
     return arrays
 
 

@@ -2,13 +2,19 @@
 
 import io
 import json
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
+
+_SAMPLES: Final = 32
+_SAMPLE_BYTES: Final = 4096
+"""Number and size of the samples that decide on compression."""
 
 
 class _Sink:
@@ -69,6 +75,17 @@ def changed_file(path: Path, mode: str) -> Iterator[Any]:
     """Open an HDF5 file to be written, mode "w", or changed, "r+". Raises OSError if it cannot be written."""
     with sink(path, mode) as stream, h5py.File(stream, mode) as file:
         yield file
+
+
+def is_compressible(values: NDArray[Any]) -> bool:
+    """Return whether compression halves an array, from samples of it; it rarely does with numbers of many digits."""
+    if not values.nbytes:
+        return False
+    rows = np.linspace(0, len(values), _SAMPLES, endpoint=False).astype(np.int64)
+    per_sample = max(1, _SAMPLE_BYTES * len(values) // values.nbytes)
+    sample = np.concatenate([np.ascontiguousarray(values[row : row + per_sample]).reshape(-1) for row in rows])
+    shuffled = sample.view(np.uint8).reshape(-1, sample.dtype.itemsize).T.tobytes()
+    return len(zlib.compress(shuffled, 1)) < 0.5 * len(shuffled)
 
 
 def numbers_of(group: Any, name: str, shape: tuple[int, ...], kinds: str = "biuf") -> Any:

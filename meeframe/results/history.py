@@ -24,6 +24,8 @@ _SAME: Final = 1e-6
 """Range that counts as constant, as a fraction of the largest value; pictures show it with a margin `_ROOM`."""
 _ROOM: Final = 0.05
 _WIDTH: Final = 5.6
+_RING: Final = 7.5
+"""Diameter of the markers of unloading in points."""
 
 
 def name_of(result: Result, step: StepResult) -> str:
@@ -110,16 +112,15 @@ def history(result: Result) -> "Figure | None":
 
 
 def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
-    """Draw a curve of a history; falls: (increments,) mask of those with open markers."""
+    """Draw a curve of a history; falls: (increments,) mask of those with rings as markers."""
     (x_name, x_unit, x), (y_name, y_unit, y) = curve.across, curve.up
     (x_factor, x_unit), (y_factor, y_unit) = prefixed(x, x_unit) if x_unit else (1.0, ""), prefixed_area(y, y_unit)
     for column, (label, colour) in enumerate(zip(curve.components, LINE_COLOURS, strict=False)):
         points = np.column_stack([x[:, min(column, x.shape[1] - 1)] / x_factor, y[:, column] / y_factor])
-        axes.plot(*points.T, "o-", color=colour, label=label or "loading")
-        if falls.any():
-            axes.plot(
-                *points[falls].T, "o", color=colour, markerfacecolor="white", label="_" * bool(label) + "unloading"
-            )
+        axes.plot(*points.T, "o-", color=colour, label=label or "loading", markevery=np.flatnonzero(~falls).tolist())
+        if falls.any():  # rings, in which the dots of a path that coincides remain visible
+            ring = {"markerfacecolor": "none", "markersize": _RING, "label": "_" * bool(label) + "unloading"}
+            axes.plot(*points[falls].T, "o", color=colour, **ring)
     axes.set(xlabel=f"{x_name} [{x_unit}]" if x_unit else x_name, ylabel=f"{y_name} [{y_unit}]")
     axes.ticklabel_format(useOffset=False)
     if not x_unit:

@@ -3,18 +3,34 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from meeframe.common.errors import CaseError, ResultError
 from meeframe.common.literal import LiteralTable
 from meeframe.fields import ELECTRIC_FIELD, MAGNETIC_FIELD, MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Indices
+from meeframe.plugin.validation import choices
+from meeframe.results.canvas import on_axes
 from meeframe.results.output import replacing
+from meeframe.results.plane import PlaneField, draw_plane, planes_figure
 from meeframe.results.records import StepResult, Zone, split_load
-from meeframe.system.capabilities import InteriorFields
-from meeframe.system.reduced import ReducedSystem
+from meeframe.system.reduced import Progress, ReducedSystem, silent
+from meeframe.system.two_body import interior_of_second, required_interior
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Body = Literal["first", "second"]
+"""One of two bodies in contact."""
+BODIES: Final[tuple[Body, ...]] = get_args(Body)
+_LABELS: Final = {
+    "von_mises": "von Mises stress",
+    "max_shear": "largest shear stress",
+    "max_principal_stress": "largest principal stress",
+}
+_ALIGNED: Final = 1e-9
+"""Largest difference of the axes of a grid from the global ones that counts as none."""
 _BOX_POINTS: Final = (17, 17, 15)
 """Numbers of points of `PointGrid.below_contact` along e1, e2 and the normal."""
 _BOX_WIDTH, _BOX_DEPTH = 1.5, 2.5
@@ -55,8 +71,10 @@ class PointGrid:
         return cls(np.zeros(3), np.eye(3), (x, y, z))
 
     @classmethod
-    def below_contact(cls, zone: Zone, step: StepResult) -> "PointGrid":
+    def below_contact(cls, zone: Zone, step: StepResult, body: Body = "first") -> "PointGrid":
         """Return a box under the contact of an increment, from one nodal spacing below the surface downwards.
+
+        In the second of two bodies, which lies on the first, the box is above the contact.
 
         It is 1.5 times as wide as the contact and 1.25 times as deep as the contact is wide; points are denser near the
         surface.
@@ -80,7 +98,7 @@ class PointGrid:
         depths = spacing + fractions * (_BOX_DEPTH * half_width - spacing)
         # the surface above the centre, which may be curved
         surface = centre + frame[2] * ((zone.points[nearest] - centre) @ frame[2])
-        return cls(surface, frame, (across[0], across[1], -depths[::-1]))
+        return cls(surface, frame, (across[0], across[1], depths if body == "second" else -depths[::-1]))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -94,6 +112,14 @@ class PointGrid:
         local = np.stack(np.meshgrid(*self.coordinates, indexing="ij"), axis=-1).reshape(-1, 3)
         points: Array = self.origin + local @ self.axes
         return points
+
+    def labelled(self) -> tuple[tuple[str, str, str], list[Array]]:
+        """Return names of the axes and coordinates along them [m]: x, y and z if they are the global ones."""
+        if np.abs(self.axes - np.eye(3)).max() < _ALIGNED:
+            return ("x", "y", "z"), [
+                start + values for start, values in zip(self.origin, self.coordinates, strict=True)
+            ]
+        return ("along e1", "along e2", "along the normal"), list(self.coordinates)
 
     def cells(self) -> tuple[str, Indices]:
         """Return the cells between the points, as meshio's cell type and connectivity."""
@@ -209,6 +235,70 @@ class InteriorResult:
             named[f"{scalar.name}_field"] = (magnitude, scalar.strength_unit)
         return named
 
+    def scalars(self) -> dict[str, tuple[Array, str]]:
+        """Return the invariants, the potentials and all components (m,) with their SI units by name.
+
+        Components are named such as "displacement_z", "stress_xz", "electric_field_x" and "electric_flux_density_z".
+        """
+        named = {}
+        for number, scalar in enumerate(self.fields.scalars):
+            named[scalar.value_name] = (self.potentials[:, number], scalar.value_unit)
+        for i, x in enumerate("xyz"):
+            named[f"displacement_{x}"] = (self.displacement[:, i], "m")
+            for j, y in enumerate("xyz"[i:], i):
+                named[f"stress_{x}{y}"] = (self.stress[:, i, j], "Pa")
+            for number, scalar in enumerate(self.fields.scalars):
+                named[f"{scalar.name}_field_{x}"] = (self.field_strengths[:, number, i], scalar.strength_unit)
+                named[f"{scalar.name}_flux_density_{x}"] = (self.flux_densities[:, number, i], scalar.flux_unit)
+        return self.invariants() | named
+
+    def plot(self, name: str = "von_mises", ax: Any = None) -> Any:
+        """Draw a scalar field on a plane section and return the axes.
+
+        Parameters
+        ----------
+        name : str, optional
+            Name of one of `scalars`.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; new ones by default.
+
+        Raises
+        ------
+        ResultError
+            For an unknown name, or if the points are not those of a plane section or a box, whose middle plane along
+            its second axis is drawn.
+        """
+        return on_axes(ax, lambda axes: draw_plane(axes, self._plane(name)))
+
+    def figure(self, title: str = "") -> "Figure":
+        """Return the figure of a section, as `plot`: the equivalent stress, and each potential that is not zero."""
+        potentials = zip(self.fields.scalars, self.potentials.T, strict=True)
+        names = ["von_mises", *(scalar.value_name for scalar, values in potentials if values.any())]
+        return planes_figure([self._plane(name) for name in names], title)
+
+    def _plane(self, name: str) -> PlaneField:
+        """Return a scalar field on the plane section that `plot` draws."""
+        scalars, grid = self.scalars(), self.grid
+        if name not in scalars:
+            raise ResultError(f"unknown field {name!r}; {choices(name, scalars)}")
+        if grid is None:
+            raise ResultError("the points are not on a grid; allowed: fields at the points of a PointGrid")
+        single = [axis for axis, count in enumerate(grid.shape) if count == 1]
+        if len(single) > 1:
+            raise ResultError(f"the {len(self.points)} points are on a line; allowed: a plane section or a box")
+        across = single[0] if single else 1
+        first, second = (axis for axis in range(3) if axis != across)
+        middle, (labels, coordinates) = grid.shape[across] // 2, grid.labelled()
+        values, unit = scalars[name]
+        return PlaneField(
+            _LABELS.get(name, name.replace("_", " ")),
+            unit,
+            np.moveaxis(values.reshape(grid.shape), across, 0)[middle],
+            (labels[first], labels[second], labels[across]),
+            (coordinates[first], coordinates[second]),
+            float(coordinates[across][middle]),
+        )
+
     def maxima(self) -> list[Maximum]:
         """Return the largest value of each invariant and its position, in the order of `invariants`."""
         return [
@@ -222,36 +312,40 @@ def interior(
     state: StepResult | Array,
     points: Array | PointGrid,
     fields: FieldSet | None = None,
+    *,
+    body: Body = "first",
+    progress: Progress = silent,
 ) -> InteriorResult:
     """Return the fields at points inside the body of a reduced system.
 
     Parameters
     ----------
     system
-        The reduced system. Of two bodies in contact, the fields of the first one are returned.
+        The reduced system.
     state
         Result of an increment, or a load (n, fields) as in `ReducedSystem.apply`.
     points
         Positions (m, 3) in global axes [m], or a grid.
     fields
         Field set of the body; by default that of the result, or the magneto-electro-elastic one for a load.
+    body
+        "first" or "second" of two bodies in contact. Displacement and potentials of the second one count from its
+        supports and grounds, wherever a load step has moved them; positions are in the coordinates of the first.
+    progress
+        Function that receives the stage and the fraction of the points that is done.
 
     Raises
     ------
     CaseError
-        If the system has no fields inside the body, if the load has another number of fields, or if a point is outside
-        the body or too close to its surface.
+        If the system has no such body or no fields inside it, if the load has another number of fields, or if a point
+        is outside the body or too close to its surface.
     """
     if isinstance(state, StepResult):
         load, fields = np.asarray(state.state.load), fields or state.fields
     else:
         load, fields = np.asarray(state, float), fields or MEE
-    capability = system.capability(InteriorFields)
-    if capability is None:
-        raise CaseError(
-            f"the reduced system ({type(system).__name__}) has no fields inside the body: its formulation lacks the "
-            "capability InteriorFields, or it was read from a cache"
-        )
+    if body not in BODIES:
+        raise CaseError(f"body {body!r}: allowed: {', '.join(BODIES)}")
     if load.shape != system.offset.shape or fields.size != system.n_fields:
         raise CaseError(
             f"the load has shape {load.shape} and {fields.size} fields; allowed: {system.offset.shape}, with the "
@@ -261,7 +355,10 @@ def interior(
     positions = grid.points if grid is not None else np.asarray(points, float)
     if positions.ndim != 2 or positions.shape[1] != 3 or not len(positions) or not np.isfinite(positions).all():
         raise CaseError(f"points have shape {positions.shape}; allowed: (m, 3) finite numbers, m > 0")
-    interior_fields = capability.evaluate(load, positions)
+    if body == "second":
+        interior_fields = interior_of_second(system, load, positions, progress)
+    else:
+        interior_fields = required_interior(system).evaluate(load, positions, progress)
     displacement, potentials = split_load(interior_fields.values)
     slopes = interior_fields.gradients[:, MECHANICAL]
     return InteriorResult(
@@ -278,12 +375,19 @@ def interior(
 
 
 def maxima_table(result: InteriorResult) -> LiteralTable:
-    """Return a table for the terminal with the largest value and the position of each invariant."""
+    """Return a table for the terminal with the largest value and the position of each invariant that is not zero."""
     table = LiteralTable(f"largest values at {len(result.points)} points inside the body")
     for header in ("", "unit", "value", "x [m]", "y [m]", "z [m]"):
         table.add_column(header)
     for name, value, unit, position in result.maxima():
-        table.add_row(name.replace("_", " "), unit, f"{value:.6g}", *(f"{x + 0.0:.4g}" for x in position.tolist()))
+        if value == 0.0:
+            continue
+        table.add_row(
+            _LABELS.get(name, name.replace("_", " ")),
+            unit,
+            f"{value:.6g}",
+            *(f"{x + 0.0:.4g}" for x in position.tolist()),
+        )
     return table
 
 

@@ -23,6 +23,8 @@ SERIES: Final = "fields.series"
 """Folder of the files of fields.pvd, one for each load step."""
 INTERIOR_FILE: Final = "interior.vtu"
 """Fields inside the body, which `meeframe show DIR --interior` writes."""
+INTERIOR_PICTURE: Final = "interior.png"
+"""Section of them, which it writes as well."""
 INCREMENTS: Final = "result.increments"
 """Folder of the increments of an unfinished run, one file each."""
 LOCK_FILE: Final = ".lock"
@@ -148,7 +150,7 @@ def clear_output(folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in map(Path, (*output_files(), INTERIOR_FILE)):
+        for name in map(Path, (*output_files(), INTERIOR_FILE, INTERIOR_PICTURE)):
             (folder / name).unlink(missing_ok=True)
             for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
                 leftover.unlink()

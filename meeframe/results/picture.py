@@ -7,8 +7,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.fields import Array, Indices
 from meeframe.mesh import local_frames
+from meeframe.mesh.regular import grid_shape
 from meeframe.results.canvas import MAP_COLOURS, prefixed
 from meeframe.results.records import Zone
 
@@ -22,6 +24,10 @@ TRIANGLES: Final = {
 }
 
 
+MAX_SHADED_NODES: Final = 200_000
+"""Number of nodes up to which colours are interpolated between them; figures do not have many more pixels."""
+
+
 def lengths(zones: Iterable[Zone]) -> tuple[float, str]:
     """Return the factor and unit of lengths along the axes of pictures of zones, measured from their middles."""
     return prefixed(np.array([np.ptp(zone.points, axis=0) / 2 for zone in zones]), "m")
@@ -32,7 +38,8 @@ class Picture:
     """Plane picture of a contact zone.
 
     points: its nodes, (n, 2), in a unit of so many metres; axes: those of the picture in space, (2, 3); triangulation:
-    matplotlib's, of the nodes and then the centres of the quads.
+    matplotlib's, of the nodes and then the centres of the quads; pixels: coordinates (nx,) and (ny,) of a grid along
+    the axes with more nodes than a figure has room for, which is drawn node by node in place of triangles.
     """
 
     points: Array
@@ -41,6 +48,7 @@ class Picture:
     axes: Array
     triangulation: Any
     quads: Indices
+    pixels: tuple[Array, Array] | None = None
 
     @classmethod
     def of(cls, zone: Zone, scale: tuple[float, str] | None = None) -> "Picture":
@@ -49,18 +57,7 @@ class Picture:
         They run along the axes that the zone's frames have where no direction field rotates them. scale: factor and
         unit, if not those that suit the zone. A zone without known cells is cut by Delaunay triangulation.
         """
-        from matplotlib.tri import Triangulation
-
-        factor, unit = scale or lengths([zone])
-        blocks = [connectivity for name, connectivity in zone.cells if name == "quad"]
-        quads = np.concatenate(blocks) if blocks else np.empty((0, 4), np.int64)
-        middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
-        normal = zone.frames[:, 2].mean(axis=0)
-        axes = local_frames(normal[None] / np.linalg.norm(normal))[0, :2]
-        points = (zone.points - middle) @ axes.T / factor
-        flat = _with_centres(points, quads)
-        triangles = _triangles(zone.cells, len(points)) if zone.cells else None
-        return cls(points, factor, unit, axes, Triangulation(flat[:, 0], flat[:, 1], triangles), quads)
+        return _picture(zone, scale or lengths([zone]))
 
     def around(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the limits along x and y of a square around these nodes (n,), half as large again.
@@ -96,10 +93,24 @@ class Picture:
 
         limits: vmin, vmax.
         """
+        if self.pixels is not None:
+            return self._image(axes, nodal if inside is None else np.where(inside, nodal, np.nan), **limits)
         flat = self.triangulation if inside is None else self.triangles_at(inside)
         drawn = axes.tripcolor(flat, self.values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
         drawn.set_in_layout(False)  # it ends with its axes; matplotlib would find its extent triangle by triangle
         return drawn
+
+    def _image(self, axes: Any, nodal: Array, **limits: float) -> Any:
+        """Draw values (n,) at the nodes, nan where nothing is drawn, as pixels of an image."""
+        assert self.pixels is not None
+        x, y = self.pixels
+        (left, right), (below, above) = (
+            (values[0] - half, values[-1] + half)
+            for values, half in ((each, (each[1] - each[0]) / 2) for each in self.pixels)
+        )
+        image = np.ma.masked_invalid(nodal.reshape(len(x), len(y)).T)
+        extent = left, right, below, above
+        return axes.imshow(image, origin="lower", extent=extent, cmap=MAP_COLOURS, aspect="equal", **limits)
 
     def section(self, x: Array, *nodal: Array) -> list[Array]:
         """Return the values along y = 0 at x (k,) for each of the values (n,) at the nodes.
@@ -108,6 +119,13 @@ class Picture:
         """
         from matplotlib.tri import LinearTriInterpolator
 
+        if self.pixels is not None:
+            along, across = self.pixels
+            last = min(max(int(np.searchsorted(across, 0.0)), 1), len(across) - 1)
+            share = float(np.clip((0.0 - across[last - 1]) / (across[last] - across[last - 1]), 0.0, 1.0))
+            grids = (values.reshape(len(along), len(across)) for values in nodal)
+            rows = ((1.0 - share) * grid[:, last - 1] + share * grid[:, last] for grid in grids)
+            return [np.ma.masked_invalid(np.interp(x, along, row, left=np.nan, right=np.nan)) for row in rows]
         y = self.triangulation.y[self.triangulation.triangles]
         across = self._subset((y.min(axis=1) <= 0.0) & (y.max(axis=1) >= 0.0))
         return [LinearTriInterpolator(across, self.values(values))(x, np.zeros_like(x)) for values in nodal]
@@ -127,6 +145,35 @@ class Picture:
 
         flat = self.triangulation
         return Triangulation(flat.x, flat.y, flat.triangles[chosen]) if chosen.any() else flat
+
+
+@memoize_by_identity
+def _picture(zone: Zone, scale: tuple[float, str]) -> Picture:
+    from matplotlib.tri import Triangulation
+
+    blocks = [connectivity for name, connectivity in zone.cells if name == "quad"]
+    quads = np.concatenate(blocks) if blocks else np.empty((0, 4), np.int64)
+    middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
+    normal = zone.frames[:, 2].mean(axis=0)
+    axes = local_frames(normal[None] / np.linalg.norm(normal))[0, :2]
+    points = (zone.points - middle) @ axes.T / scale[0]
+    flat = _with_centres(points, quads)
+    triangles = _triangles(zone.cells, len(points)) if zone.cells else None
+    triangulation = Triangulation(flat[:, 0], flat[:, 1], triangles)
+    return Picture(points, *scale, axes, triangulation, quads, _pixels(zone, points))
+
+
+def _pixels(zone: Zone, points: Array) -> tuple[Array, Array] | None:
+    """Return the coordinates of a fine grid of points (n, 2) along both axes; None for other points."""
+    shape = grid_shape(zone.cells, len(points)) if len(points) > MAX_SHADED_NODES else None
+    if shape is None:
+        return None
+    grid = points.reshape(*shape, 2)
+    x, y = grid[:, 0, 0], grid[0, :, 1]
+    uniform = [np.arange(len(values)) * (values[-1] - values[0]) / (len(values) - 1) + values[0] for values in (x, y)]
+    expected = np.stack(np.broadcast_arrays(uniform[0][:, None], uniform[1][None, :]), axis=-1)
+    rising = x[-1] > x[0] and y[-1] > y[0]
+    return (x, y) if rising and np.abs(grid - expected).max() < 1e-6 * (x[1] - x[0]) else None
 
 
 def _with_centres(nodal: Array, quads: Indices) -> Array:

@@ -1,12 +1,11 @@
 """Figures of a result on axes of matplotlib."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from meeframe.common.errors import ResultError
 from meeframe.results import figures
-from meeframe.results.canvas import house_style
+from meeframe.results.canvas import on_axes
 from meeframe.results.history import curves, draw_curve, unloading
 from meeframe.results.records import Result
 from meeframe.results.selection import Which, select
@@ -33,20 +32,20 @@ class Plots:
 
     def map(self, name: str, ax: Any = None, *, step: Which = None) -> Any:
         """Draw the map of a scalar field such as 'electric_potential' or 'gap', with its bar."""
-        return self._on(ax, lambda axes: figures.draw_map(axes, self.result, name, step, self._title(step)))
+        return on_axes(ax, lambda axes: figures.draw_map(axes, self.result, name, step, self._title(step)))
 
     def section(self, name: str = "pressure", ax: Any = None, *, step: Which = None) -> Any:
         """Draw a scalar field, or 'tangential traction', along x through the middle of the contact zone."""
-        return self._on(ax, lambda axes: figures.draw_section(axes, self.result, name, step))
+        return on_axes(ax, lambda axes: figures.draw_section(axes, self.result, name, step))
 
     def stick_slip(self, ax: Any = None, *, step: Which = None) -> Any:
         """Draw the regions of stick and slip. Raises ResultError for a case without friction."""
         if not figures.has_friction(self.result):
             raise ResultError("the contact has no friction, and thus neither stick nor slip")
-        return self._on(ax, lambda axes: figures.draw_stick_slip(axes, self.result, step, self._title(step)))
+        return on_axes(ax, lambda axes: figures.draw_stick_slip(axes, self.result, step, self._title(step)))
 
     def history(self, name: str = "normal force", ax: Any = None) -> Any:
-        """Draw a curve of the converged increments, with open markers where the indenter unloads.
+        """Draw a curve of the converged increments, with rings as markers where the indenter unloads.
 
         The names are 'normal force' over approach, 'tangential force' over translation, 'contact area' over approach,
         'charge' and 'magnetic flux' over normal force, and 'dissipated energy', as far as the case has them.
@@ -56,20 +55,11 @@ class Plots:
             raise ResultError("a history needs at least two converged increments")
         if name not in drawn:
             raise ResultError(f"the history has no curve {name!r}; allowed: {', '.join(drawn)}")
-        return self._on(ax, lambda axes: draw_curve(axes, drawn[name], unloading(self.result)))
+        return on_axes(ax, lambda axes: draw_curve(axes, drawn[name], unloading(self.result)))
 
     def convergence(self, ax: Any = None, *, step: Which = None) -> Any:
         """Draw the residual of the solver over its iterations."""
-        return self._on(ax, lambda axes: figures.draw_convergence(axes, self.result, step))
+        return on_axes(ax, lambda axes: figures.draw_convergence(axes, self.result, step))
 
     def _title(self, step: Which) -> str:
         return figures.title_of(self.result, select(self.result, step))
-
-    def _on(self, axes: Any, draw: Callable[[Any], None]) -> Any:
-        with house_style():
-            if axes is None:
-                from matplotlib import pyplot
-
-                axes = pyplot.subplots(layout="constrained")[1]
-            draw(axes)
-        return axes

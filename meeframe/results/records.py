@@ -13,6 +13,7 @@ from meeframe.contact.problem import ContactState, Status
 from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Indices
 from meeframe.indenters.base import N_RIGID, RIGID_MOTIONS
 from meeframe.mesh.measures import corners, vector_areas
+from meeframe.mesh.regular import global_components
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 _ALIKE: Final = 1e-12
@@ -58,13 +59,13 @@ class Region(IntEnum):
 class Loading:
     """Position of the indenter in one increment, with the resultants that were prescribed.
 
-    approach: along its axis into the body [m]; translation: (2,) across its axis, along e1 and e2 of its place [m];
+    approach: along its axis into the body [m]; translation: (2,) across its axis, along e1 and e2 of its axes [m];
     tilt: (2,) about e1 and e2, twist: about the axis, right-handed [rad]; scalars: the potentials of its surface by
     name, where the laws conduct, such as "electric_potential" [V]; each is an attribute by this name, too. All are
     measured from where the indenter just touched, and are results of the computation where they were free.
     prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
     reference: its lowest point where it just touched, about which it rotates, (3,) in global axes [m]; axes: rows e1,
-    e2, axis of its place, (3, 3); duration: of the increment, None if its load step names none [s].
+    e2, axis of the indenter, (3, 3); duration: of the increment, None if its load step names none [s].
     """
 
     approach: float
@@ -300,14 +301,23 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     Resultants
         Forces, moments, total fluxes, areas and maxima.
     """
+    return _resultants(step, zone)
+
+
+@memoize_by_identity
+def _resultants(step: StepResult, zone: Zone) -> Resultants:
     normal = step.traction[:, 2]
     scalars, potentials = step.fields.scalars, np.abs(step.potentials).max(axis=0).tolist()
     # one memory layout, on which last digits depend, whether the step is solved or read
     traction, fluxes = split_load(step.state.load)
-    forces = zone.weights[:, None] * np.einsum("na,nai->ni", traction, zone.frames)
-    moments = np.cross(zone.points - step.loading.reference, forces)
+    forces = zone.weights[:, None] * global_components(zone.frames, traction)
+    arms = zone.points - step.loading.reference
+    products = arms.T @ forces  # of all components: the moment is their antisymmetric part
+    moment = np.array(
+        [products[1, 2] - products[2, 1], products[2, 0] - products[0, 2], products[0, 1] - products[1, 0]]
+    )
     # no -0.0
-    force, about = (step.loading.axes @ each.sum(axis=0) + 0.0 for each in (forces, moments))
+    force, about = (step.loading.axes @ each + 0.0 for each in (forces.sum(axis=0), moment))
     totals = (zone.weights @ fluxes + 0.0).tolist()
     return Resultants(
         force=forces.sum(axis=0),
@@ -340,7 +350,8 @@ def _areas(zone: Zone) -> Array:
     areas = np.zeros(len(zone.points))
     for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
         element_areas = np.linalg.norm(vector_areas(zone.points[outline]), axis=1)
-        np.add.at(areas, nodes, element_areas[:, None] / nodes.shape[1])
+        shares = np.repeat(element_areas / nodes.shape[1], nodes.shape[1])
+        areas += np.bincount(nodes.ravel(), shares, len(areas))
     # straight sides miss a little of curved elements: all of them together have the area of the zone
     areas *= zone.weights.sum() / areas.sum()
     return areas

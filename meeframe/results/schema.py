@@ -60,11 +60,11 @@ class NodalField:
     stored
         Condition under which result files hold it.
     views
-        Further places that show it.
+        Further outputs that show it.
     attribute, column
         Attribute of StepResult, and column of it, that a result file restores from it; "" if it follows from others.
     integer
-        True if its values are whole numbers.
+        True if its values are integers.
     """
 
     name: str
@@ -310,17 +310,20 @@ def total_rows(fields: FieldSet = MEE) -> tuple[Total, ...]:
     return (*TOTALS, *(total for scalar in further_scalars(fields) for total in _scalar_totals(scalar)))
 
 
-MOTION_TOTALS: Final = tuple(
-    Total(
-        name,
-        IndenterMotions().units[name],
-        name.replace("_", " "),
-        _IN_PLANE if columns.stop - columns.start == 2 else (),
-        _motion(name),
+def motion_totals(fields: FieldSet = MEE) -> tuple[Total, ...]:
+    """Return the motions and potentials of the indenter, as in Loading."""
+    motions = IndenterMotions(fields)
+    return tuple(
+        Total(
+            name,
+            motions.units[name],
+            name.replace("_", " "),
+            _IN_PLANE if columns.stop - columns.start == 2 else (),
+            _motion(name),
+        )
+        for name, columns in motions.motions.items()
     )
-    for name, columns in IndenterMotions().motions.items()
-)
-"""Motions and potentials of the indenter, as in Loading."""
+
 
 MEASURES: Final = (
     Total(
@@ -374,16 +377,16 @@ def numbers(rows: Iterable[Total], values: Mapping[str, Any]) -> dict[str, float
     return result
 
 
-def total_named(name: str) -> Total | None:
-    """Return the row of TOTALS, MOTION_TOTALS or MEASURES of this name or with a component of this name, if any."""
-    rows = (*TOTALS, *MOTION_TOTALS, *MEASURES)
+def total_named(name: str, fields: FieldSet = MEE) -> Total | None:
+    """Return the total, motion or measure of this name or with a component of this name, if any."""
+    rows = (*total_rows(fields), *motion_totals(fields), *MEASURES)
     return next((row for row in rows if name in (row.name, *row.names)), None)
 
 
-def label_of(name: str) -> str:
+def label_of(name: str, fields: FieldSet = MEE) -> str:
     """Return the label of a total, a component of one or a nodal field; for other names, the name with blanks."""
-    field = next((row for row in NODAL_FIELDS if row.name == name), None)
-    row = total_named(name)
+    field = next((row for row in nodal_fields(fields) if row.name == name), None)
+    row = total_named(name, fields)
     if row is not None:
         return row.label if name == row.name else row.labels[row.names.index(name)]
     return name.replace("_", " ") if field is None else field.label

@@ -11,6 +11,10 @@ from meeframe.results.records import Result, StepResult, resultants
 Which = int | tuple[int, int] | str | StepResult | None
 """Increment of a result, see `select`."""
 
+NAMED: Final = ("peak", "last")
+"""Increments that have a name."""
+ALLOWED: Final = "allowed: peak, last, a load step such as 2, or an increment such as 2.5, its fifth"
+"""Part of messages about texts that name no increment."""
 _PEAK: Final = 1e-3
 """Relative difference of normal forces that count as the same peak load."""
 
@@ -42,7 +46,7 @@ def select(result: Result, which: Which = None) -> StepResult:
         return result.steps[int(np.flatnonzero(forces >= forces.max() - _PEAK * abs(forces.max()))[-1])]
     if which == "last":
         return result.steps[-1]
-    numbers = _numbers(which)
+    numbers = step_numbers(which)
     matches = [step for step in result.steps if numbers == (step.step, step.increment)[: len(numbers)]]
     if not numbers or not matches:
         last: dict[int, int] = {step.step: step.increment for step in result.steps}
@@ -51,7 +55,13 @@ def select(result: Result, which: Which = None) -> StepResult:
     return matches[-1]
 
 
-def _numbers(which: int | tuple[int, int] | str) -> Sequence[int]:
+def has_increment(result: Result, which: str) -> bool:
+    """Return whether a result has the increment that a text names."""
+    numbers = step_numbers(which)
+    return which in NAMED or any(numbers == (step.step, step.increment)[: len(numbers)] for step in result.steps)
+
+
+def step_numbers(which: int | tuple[int, int] | str) -> Sequence[int]:
     """Return the numbers of a load step and, if there is one, an increment; () if the text has none."""
     if isinstance(which, str):
         parts = which.split(".")

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -11,18 +11,21 @@ from rich.text import Text
 
 from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
-from meeframe.fields import MEE, FieldSet
+from meeframe.fields import MEE, Array, FieldSet
 from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
 from meeframe.results import schema
 from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
 from meeframe.results.records import Result, RunStatus, StepResult, Zone, resultants
+from meeframe.results.selection import Which, select
 
 AT_BOUNDARY: Final = (
     "the contact reaches the boundary of its zone and is cut off there: forces and areas are inaccurate"
 )
 _Row = tuple[str, str, list[Any]]
 
+_ROUND_OFF: Final = 1e-11
+"""Fraction of the largest component below which a component of a force is shown as zero."""
 _ENERGY: Final = "dissipated_energy"
 _ABOUT: Final = {"tilt": "moment", "twist": "torque"}
 """Resultants that the table shows with their conjugate motion; the others always have rows."""
@@ -103,12 +106,15 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def summary_table(result: Result) -> RenderableType:
-    """Return the summary for the terminal: a line on the run and a table with a column for the end of each step."""
+def summary_table(result: Result, which: Sequence[Which] = ()) -> RenderableType:
+    """Return the summary for the terminal: a line on the run and a table with a column for each of some increments.
+
+    These are the chosen ones (see `select`); by default the last one of each load step, and that of the peak load.
+    """
     table = LiteralTable(result.provenance.title)
     table.add_column("")
     table.add_column("unit")
-    shown = [step for step, after in zip(result.steps, (*result.steps[1:], None), strict=True) if _ends(step, after)]
+    shown = [select(result, one) for one in which] or _ends_and_peak(result)
     for step in shown:
         table.add_column(name_of(result, step), justify="right")
     totals = [schema.totals(result.zone, step) for step in shown]
@@ -145,9 +151,15 @@ def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
 def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
     """Yield rows of the totals of present phenomena; the dissipated energy is that of the whole load step."""
     for row in schema.shown_totals(schema.View.SUMMARY, totals, fields):
+        columns = np.array([_without_round_off(np.atleast_1d(total[row.name])) for total in totals])
         for i, label in enumerate(row.labels):
             words = f"{label}, whole step" if row.name == _ENERGY else label
-            yield words, row.unit, [float(np.atleast_1d(total[row.name])[i]) for total in totals]
+            yield words, row.unit, columns[:, i].tolist()
+
+
+def _without_round_off(components: Array) -> Array:
+    """Return components with zeros in place of those that are negligible beside the largest one."""
+    return np.where(np.abs(components) < _ROUND_OFF * np.abs(components).max(), 0.0, components)
 
 
 def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[_Row]:
@@ -174,9 +186,11 @@ def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
         yield word, unit, [float(value[i]) for value in values]
 
 
-def _ends(step: StepResult, after: StepResult | None) -> bool:
-    """Return whether an increment is the last one of its step so far."""
-    return after is None or after.step != step.step
+def _ends_and_peak(result: Result) -> list[StepResult]:
+    """Return the last increment of each load step so far, and that of the peak load."""
+    ends = {step.step: step for step in result.steps}
+    peak = select(result) if result.steps else None
+    return [step for step in result.steps if step is peak or step is ends[step.step]]
 
 
 def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:

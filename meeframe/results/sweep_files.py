@@ -62,10 +62,10 @@ def dataset(sweep: SweepResult) -> Any:
     }
     for name, values in sweep.quantities.items():
         dimensions = names if values.ndim == len(names) else [*names, INCREMENT]
-        variables[name] = dimensions, values, _attributes(sweep.units[name], schema.label_of(name))
+        variables[name] = dimensions, values, _attributes(sweep.units[name], schema.label_of(name, sweep.field_set))
     grid = _grid(sweep.nodes)
     for name, values in sweep.fields.items():
-        label = schema.label_of(name.removeprefix("zone_"))
+        label = schema.label_of(name.removeprefix("zone_"), sweep.field_set)
         attributes = _attributes(sweep.units[name], label)
         if grid is None:
             variables[name] = [*names, NODE], values, attributes

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.fields import Array
+from meeframe.fields import MEE, Array, FieldSet
 
 INCREMENT: Final = "increment"
 POINT: Final = "point"
@@ -33,7 +33,8 @@ class SweepResult:
     quantities: by name, arrays of the shape of the axes, or with the increments as one axis more; units: of quantities,
     fields and x, y, z; status, message, key: of each point; fields: of the zone, the shape of the axes and then its
     nodes; nodes: x, y, z of these [m], (n,) or, where points differ in their zone, as the fields; notes: texts by name
-    about its origin; plotted: quantities that its study selects for plots, () without a selection.
+    about its origin; plotted: quantities that its study selects for plots, () without a selection; field_set: of the
+    bodies, with the scalar fields of all points.
     """
 
     title: str
@@ -47,6 +48,7 @@ class SweepResult:
     nodes: Mapping[str, Array] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
     plotted: tuple[str, ...] = ()
+    field_set: FieldSet = MEE
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -33,7 +33,7 @@ _UNITS: Final = {
 def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> None:
     """Write a reduced system.
 
-    matrix: its compliance (n, 5, n, 5); key: its identification, stored with it. The file is written completely or not
+    matrix: its compliance (n, f, n, f); key: its identification, stored with it. The file is written completely or not
     at all. Raises ResultError if it cannot be written.
     """
     arrays = {name: getattr(system, name) for name in _UNITS if name != "matrix"} | {"matrix": matrix}

@@ -45,40 +45,36 @@ def dataframe(result: Result) -> Any:
     table.attrs["title"] = result.provenance.title
     fields = result.steps[0].fields if result.steps else MEE
     table.attrs["units"] = {
-        name: row.unit for row in _quantities(fields) for name in row.names if name in table.columns
+        name: quantity.unit for quantity in _quantities(fields) for name in quantity.names if name in table.columns
     }
     return table
 
 
 def _quantities(fields: FieldSet) -> tuple[schema.Total, ...]:
-    motions = (
-        schema.Total(scalar.value_name, scalar.value_unit, scalar.value_name.replace("_", " "))
-        for scalar in schema.further_scalars(fields)
-    )
-    return (*schema.MOTION_TOTALS, *motions, *schema.total_rows(fields), *schema.MEASURES)
+    return (*schema.motion_totals(fields), *schema.total_rows(fields), *schema.MEASURES)
 
 
 def _row(zone: Zone, step: StepResult) -> tuple[StepResult, dict[str, Any]]:
     totals = schema.totals(zone, step)
     values = {
-        row.name: totals[row.name]
-        if row.name in totals
-        else row.value(zone, step)
-        if row.value is not None
-        else getattr(step.loading, row.name)
-        for row in _quantities(step.fields)
+        quantity.name: totals[quantity.name]
+        if quantity.name in totals
+        else quantity.value(zone, step)
+        if quantity.value is not None
+        else getattr(step.loading, quantity.name)
+        for quantity in _quantities(step.fields)
     }
     return step, values
 
 
 def _numbers(step: StepResult, values: dict[str, Any], hidden: set[str]) -> dict[str, Any]:
-    rows = [row for row in _quantities(step.fields) if row.name not in hidden]
+    quantities = [quantity for quantity in _quantities(step.fields) if quantity.name not in hidden]
     totals = {
         "iterations": step.iterations,
         "contact_at_zone_boundary": step.contact_at_zone_boundary,
         "status": str(step.status),
     }
-    return {"step": step.step, "increment": step.increment, **schema.numbers(rows, values), **totals}
+    return {"step": step.step, "increment": step.increment, **schema.numbers(quantities, values), **totals}
 
 
 def dataset(result: Result) -> Any:
@@ -106,22 +102,22 @@ def dataset(result: Result) -> Any:
         return values[:, order].reshape(len(steps), *shape, *values.shape[2:])
 
     variables: dict[str, Any] = {}
-    for row in _fields(fields):
-        values = np.array([row.values(zone, step) for step in steps]).reshape(len(steps), len(order), *row.shape)
-        across = {0: (), 2: ("tangent",), 3: ("component",)}[row.components]
-        notes = {"units": row.unit, "long_name": row.label}
-        if row.name == "region":
+    for field in _fields(fields):
+        values = np.array([field.values(zone, step) for step in steps]).reshape(len(steps), len(order), *field.shape)
+        across = {0: (), 2: ("tangent",), 3: ("component",)}[field.components]
+        notes = {"units": field.unit, "long_name": field.label}
+        if field.name == "region":
             notes["meaning"] = ", ".join(f"{region.value} {region.name.lower()}" for region in Region)
-        variables[row.name] = ("increment", *dimensions, *across), nodal(values), notes
+        variables[field.name] = ("increment", *dimensions, *across), nodal(values), notes
     variables["weights"] = dimensions, zone.weights[order].reshape(shape), {"units": "m^2", "long_name": "nodal area"}
     totals = [schema.numbers(_quantities(fields), _row(zone, step)[1]) for step in steps]
-    for total_row in _quantities(fields):
-        for name, label in zip(total_row.names, total_row.labels, strict=True):
+    for quantity in _quantities(fields):
+        for name, label in zip(quantity.names, quantity.labels, strict=True):
             key = name
             if name in variables:  # the potential of the body and that of the indenter, flux density and total flux
-                key = f"indenter_{name}" if total_row.name in IndenterMotions(fields).motions else f"total_{name}"
+                key = f"indenter_{name}" if quantity.name in IndenterMotions(fields).motions else f"total_{name}"
             values = np.array([total[name] for total in totals])
-            variables[key] = "increment", values, {"units": total_row.unit, "long_name": label}
+            variables[key] = "increment", values, {"units": quantity.unit, "long_name": label}
     variables["status"] = "increment", np.array([str(step.status) for step in steps])
     coordinates |= {
         "increment": np.arange(len(steps)),
@@ -137,7 +133,7 @@ def _fields(fields: FieldSet) -> list[schema.NodalField]:
     """Return the nodal fields of datasets: numbers, in SI units, that do not repeat each other."""
     chosen = {"pressure", "traction_x", "traction_y", *_FURTHER, *_SLIPS}
     scalars = {name for scalar in fields.scalars for name in (scalar.value_name, scalar.flux_name)}
-    return [row for row in schema.nodal_fields(fields) if row.name in chosen | scalars]
+    return [field for field in schema.nodal_fields(fields) if field.name in chosen | scalars]
 
 
 def _grid(zone: Zone) -> tuple[Array, Array, Any] | None:

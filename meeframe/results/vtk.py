@@ -1,5 +1,6 @@
 """Fields on the whole boundary for ParaView."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,13 +11,13 @@ from meeframe.common.errors import ResultError
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
 from meeframe.mesh.nearby import close_point_pairs
+from meeframe.mesh.regular import global_components
 from meeframe.results import schema
 from meeframe.results.output import FIELDS_FILE, SERIES, SERIES_FILE, replacing
 from meeframe.results.records import Result, StepResult, Zone
+from meeframe.results.vtu import VTK_CELLS, write_vtu
 from meeframe.system.reduced import NodalFields
 
-_VTK_CELLS: Final = ("triangle", "triangle6", "quad", "quad8", "quad9")
-"""Cell types that VTK supports, by meshio's names."""
 _COINCIDENCE_TOLERANCE: Final = 1e-9
 """Distance below which points coincide, as a fraction of the extent of the contact zone."""
 
@@ -36,7 +37,7 @@ def write_fields(folder: Path, result: Result) -> None:
             "the result holds no fields on the whole boundary; with [output] fields in the case file, name 'boundary'"
         )
     with replacing(folder / FIELDS_FILE) as path:
-        boundary_mesh(result, numbered[-1][1]).write(path, file_format="vtu")
+        _write(path, result, numbered[-1][1])
     if len(numbered) == 1:
         return
     series = folder / SERIES
@@ -45,7 +46,7 @@ def write_fields(folder: Path, result: Result) -> None:
     for number, step in numbered:
         name = f"{number:04d}.vtu"
         with replacing(series / name) as path:
-            boundary_mesh(result, step).write(path, file_format="vtu")
+            _write(path, result, step)
         entries.append(f'<DataSet timestep="{number}" part="0" file="{SERIES}/{name}"/>')
     with replacing(folder / SERIES_FILE) as path:
         path.write_text(
@@ -62,12 +63,23 @@ def boundary_mesh(result: Result, step: StepResult) -> Any:
 
     boundary = step.boundary
     assert boundary is not None
-    data: dict[str, Array | Indices] = {
-        field.label: np.squeeze(getattr(boundary, field.source)[:, field.columns], axis=1 if field.is_scalar else ())
-        for field in schema.boundary_fields(step.fields)
-    }
-    data |= _contact(result.zone, step, boundary)
-    return meshio.Mesh(boundary.points, _supported(boundary.cells), point_data=data)
+    return meshio.Mesh(boundary.points, _supported(boundary.cells), point_data=dict(_boundary_data(result, step)))
+
+
+def _write(path: Path, result: Result, step: StepResult) -> None:
+    boundary = step.boundary
+    assert boundary is not None
+    write_vtu(path, boundary.points, _supported(boundary.cells), _boundary_data(result, step))
+
+
+def _boundary_data(result: Result, step: StepResult) -> Iterator[tuple[str, Array | Indices]]:
+    """Yield the label and the values of each field at the points of the boundary."""
+    boundary = step.boundary
+    assert boundary is not None
+    for field in schema.boundary_fields(step.fields):
+        values = getattr(boundary, field.source)[:, field.columns]
+        yield field.label, np.squeeze(values, axis=1 if field.is_scalar else ())
+    yield from _contact(result.zone, step, boundary)
 
 
 def zone_mesh(result: Result, step: StepResult) -> Any:
@@ -79,35 +91,35 @@ def zone_mesh(result: Result, step: StepResult) -> Any:
     for row in schema.nodal_fields(step.fields):
         values = row.values(zone, step)
         if row.components in (2, 3):
-            values = np.einsum("nt,nti->ni", values, zone.frames[:, : row.components])
+            values = global_components(zone.frames[:, : row.components], values)
         data[row.label if row.unit == "1" else f"{row.label} [{row.unit}]"] = values
     return meshio.Mesh(zone.points, _supported(zone.cells), point_data=data)
 
 
-def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> dict[str, Array | Indices]:
-    """Return fields of the contact zone at the points of the boundary, vectors (p, 3) in global axes.
+def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> Iterator[tuple[str, Array | Indices]]:
+    """Yield labels and fields of the contact zone at the points of the boundary, vectors (p, 3) in global axes.
 
     Elsewhere whole numbers are zero, others NaN.
     """
     points, nodes = _matched(zone, boundary)
-    data: dict[str, Array | Indices] = {}
     for row in schema.nodal(schema.View.VTK, step.fields).values():
-        values = row.values(zone, step)[nodes]
+        values = row.values(zone, step)
         if row.components in (2, 3):
-            values = np.einsum("nt,nti->ni", values, zone.frames[nodes, : row.components])
+            values = global_components(zone.frames[:, : row.components], values)
         shape = (len(boundary.points), *values.shape[1:])
         field = np.zeros(shape, np.int64) if row.integer else np.full(shape, np.nan)
-        field[points] = values
-        data[row.label if row.unit == "1" else f"{row.label} [{row.unit}]"] = field
-    return data
+        field[points] = values[nodes]
+        yield row.label if row.unit == "1" else f"{row.label} [{row.unit}]", field
 
 
-def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
+def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices | slice, Indices | slice]:
     """Return the points of the boundary on elements of the contact zone, and the corresponding nodes of the zone.
 
     They are matched by elements: at the edge of the zone a repeated point may belong to the surface outside.
     """
     n = len(zone.points)
+    if _is_zone(boundary, zone):
+        return slice(n), slice(n)
     pairs = close_point_pairs(
         np.concatenate([zone.points, boundary.points]), _COINCIDENCE_TOLERANCE * np.ptp(zone.points, axis=0).max()
     )
@@ -122,6 +134,18 @@ def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
     return np.flatnonzero(inside), nearest[inside]
 
 
+def _is_zone(boundary: NodalFields, zone: Zone) -> bool:
+    """Return whether a boundary consists of the contact zone alone, as that of a half space."""
+    return (
+        np.array_equal(boundary.points, zone.points)
+        and len(boundary.cells) == len(zone.cells)
+        and all(
+            name == other and np.array_equal(nodes, numbers)
+            for (name, nodes), (other, numbers) in zip(boundary.cells, zone.cells, strict=True)
+        )
+    )
+
+
 def _rows_among(rows: Indices, others: Indices) -> NDArray[np.bool_]:
     """Return which rows (e, n) hold the same numbers as one of the others (f, n), in any order."""
     row = np.dtype([("", np.int64)] * rows.shape[1])
@@ -133,6 +157,6 @@ def _supported(cells: tuple[tuple[str, Indices], ...]) -> list[tuple[str, Indice
     """Return cells as in VTK; an element from a plugin that VTK lacks is represented by its corners."""
     outlines = zip(cells, corners(cells), strict=True)
     return [
-        (name, nodes) if name in _VTK_CELLS else ("triangle" if name.startswith("triangle") else "quad", outline)
+        (name, nodes) if name in VTK_CELLS else ("triangle" if name.startswith("triangle") else "quad", outline)
         for (name, nodes), outline in outlines
     ]

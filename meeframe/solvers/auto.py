@@ -78,7 +78,7 @@ class Auto(Solver):
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Take a step of the stage in force; begin the next stage if it has made no progress for too long."""
-        memory = _memory(iterate)
+        memory = iterate.memory_as(_Memory)
         stage, inner = memory.stages[0], memory.inner
         for _ in range(stage.steps):
             inner = stage.solver.step(problem, inner)
@@ -91,12 +91,6 @@ class Auto(Solver):
             best = evaluate(problem, memory.best)
             return _begin(problem, memory.stages[1:], best, memory.scales, memory.tolerance)
         return replace(inner, memory=memory)
-
-
-def _memory(iterate: Iterate) -> _Memory:
-    if not isinstance(iterate.memory, _Memory):
-        raise TypeError("the iterate was not made by Auto.init")
-    return iterate.memory
 
 
 def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:

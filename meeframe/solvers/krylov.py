@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-import scipy  # its submodules are imported where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.fields import Array
 

@@ -145,7 +145,7 @@ def paper_change(previous: ContactState, state: ContactState) -> float:
 MAX_RETURN_DISTANCE: Final = 1e-9
 """Distance at which loads count as returned, as a fraction of how far they moved in between."""
 MAX_RETURNS: Final = 2
-"""Returns to the same loads that make a cycle: a solver may come back once and then take another way."""
+"""Returns to the same loads that make a cycle: a solver may return once and then continue elsewhere."""
 MAX_RESIDUAL: Final = 1e-3
 """Residual above which a converged change is no solution: the step was too short."""
 INFEASIBLE_WINDOW: Final = 3

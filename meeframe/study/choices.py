@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from meeframe.common.errors import CaseError, listed
 from meeframe.common.toml import toml_tables
-from meeframe.fields import MEE
+from meeframe.fields import MEE, FieldSet
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
 from meeframe.model.values import DEFAULT_FORMULATION
@@ -33,7 +33,6 @@ NOTHING: Final = "-"
 """Choice of a fundamental solution where no formulation takes one."""
 
 _SOLUTION: Final = "fundamental_solution"
-_FIELDS: Final = MEE.names
 _BODIES: Final = ("body", "second_body")
 
 
@@ -83,7 +82,7 @@ def read_choices(options: Mapping[str, Sequence[str]]) -> dict[str, list[Choice]
     Raises
     ------
     CaseError
-        For an invalid choice, a choice that is is given twice, or if there are no choices at all.
+        If a choice is invalid or repeated, or if there are no choices at all.
     """
     chosen = {option: [Choice.read(option, text) for text in options.get(option, ())] for option in OPTIONS}
     for option, entries in chosen.items():
@@ -227,12 +226,14 @@ def _enter_solution(body: dict[str, Any], value: str | Mapping[str, Any], regist
 
 
 def _enter_conductivity(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
-    """Enter the conductivity law of both fields, or of each field in a table that replaces that of the case."""
+    """Enter the conductivity law of all scalar fields, or of each in a table that replaces that of the case."""
     if isinstance(value, Mapping) and "name" not in value:
         tables["conductivity"] = dict(value)
         return
     conductivity = tables.setdefault("conductivity", {})
-    for field in _FIELDS:
+    material = _table(tables.get("material"))
+    further = (scalar for scalar in registry.scalar_fields if scalar.coefficient in material)
+    for field in FieldSet((*MEE.scalars, *further)).names:
         conductivity[field] = _fit(value, conductivity.get(field), Kind.CONDUCTIVITY_LAW, registry)
 
 

@@ -38,8 +38,8 @@ def compare(
 ) -> Comparison:
     """Run all combinations of choices for a case; write compare.json and sections.png.
 
-    compare.json is rewritten after every increment. A conductivity law applies to both fields unless it is a table with
-    the keys electric and magnetic. A formulation or fundamental solution applies to both bodies unless it is a
+    compare.json is rewritten after every increment. A conductivity law applies to all scalar fields unless it is a
+    table with their names as keys. A formulation or fundamental solution applies to both bodies unless it is a
     formulation table with the keys body and second_body. Combinations that do not fit together, or that a formulation,
     solver or law refuses, are marked in the comparison.
 

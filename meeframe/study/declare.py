@@ -7,14 +7,25 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 
 from meeframe.common.errors import CaseError, listed
 from meeframe.common.toml import read_toml
+from meeframe.fields import MEE, FieldSet
 from meeframe.fields.units import read_quantity
+from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
 from meeframe.results import schema
-from meeframe.study.quantities import TOTALS
+from meeframe.study.quantities import totals
 
 Changes = dict[str, Any]
 """Keys of a case file, written as in its error messages (steps[1].translation), with their new values."""
@@ -195,8 +206,9 @@ class StudyTable(Table):
     panels: tuple[PanelTable, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
-    def _quantities_are_known(self) -> "StudyTable":
-        names = TOTALS if self.kind == "curves" else schema.nodal(schema.View.STUDY)
+    def _quantities_are_known(self, info: ValidationInfo) -> "StudyTable":
+        fields = fields_of(info)
+        names = totals(fields) if self.kind == "curves" else schema.nodal(schema.View.STUDY, fields)
         for panel in self.panels:
             quantities = self.quantities_of(panel)
             if not quantities:
@@ -216,27 +228,36 @@ class StudyTable(Table):
         return self.quantities if panel.quantities is None else panel.quantities
 
 
-def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
+def load_study(file: Path, registry: Registry | None = None) -> tuple[StudyTable, dict[str, Any]]:
     """Return the study of a file, and the tables of its case file.
 
     Raises CaseError with a line for each problem.
     """
-    study = checked(StudyTable, file)
+    study = checked(StudyTable, file, registry)
     return study, read_toml(file.parent / study.case)[1]
 
 
-def checked(model: type[Model], file: Path) -> Model:
-    """Return the tables of a file as a model. Raises CaseError with a line for each problem."""
+def checked(model: type[Model], file: Path, registry: Registry | None = None) -> Model:
+    """Return the tables of a file as a model. Raises CaseError with a line for each problem.
+
+    registry: of the scalar fields that materials may have; by default only those of the default field set.
+    """
     _, tables = read_toml(file)
     if {"material", "mesh"} <= tables.keys():
         raise CaseError(
             f"{file}: is a case file; allowed: a study file, whose key `case` names a case file (docs/howto/sweep.md)"
         )
     try:
-        return model.model_validate(tables)
+        return model.model_validate(tables, context={"fields": MEE if registry is None else registry.fields})
     except ValidationError as error:
         problems = (_brief(problem) for problem in problems_of(error, model))
         raise CaseError(listed(f"{file}: {problem}" for problem in problems)) from None
+
+
+def fields_of(info: ValidationInfo) -> FieldSet:
+    """Return the field set of a validation."""
+    fields: FieldSet = (info.context or {}).get("fields", MEE)
+    return fields
 
 
 def _brief(problem: Problem) -> Problem:

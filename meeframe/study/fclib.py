@@ -1,4 +1,4 @@
-"""Exchange of contact problems in FCLIB files: increments of a case for other solvers, and other problems for ours."""
+"""Exchange of contact problems in FCLIB files: export of increments, and solution of other problems."""
 
 from dataclasses import dataclass
 from itertools import islice

@@ -10,9 +10,10 @@ from meeframe.model.load import case_from_tables, load_case
 from meeframe.model.solve import reduce
 from meeframe.plugin.registry import Registry
 from meeframe.results.files import read_result
-from meeframe.results.interior import InteriorResult, PointGrid
+from meeframe.results.interior import Body, InteriorResult, PointGrid
 from meeframe.results.interior import interior as interior_of
-from meeframe.results.records import Result, StepResult
+from meeframe.results.records import Result
+from meeframe.results.selection import Which, select
 from meeframe.system.reduced import Progress, silent
 
 
@@ -21,7 +22,8 @@ def interior(
     points: Array | PointGrid | None = None,
     *,
     case: Case | Path | str | None = None,
-    increment: int = -1,
+    step: Which = None,
+    body: Body = "first",
     registry: Registry | None = None,
     progress: Progress = silent,
 ) -> InteriorResult:
@@ -36,12 +38,14 @@ def interior(
         A result, or the folder of one.
     points
         Positions (m, 3) in global axes [m], or a grid; by default a box under the contact
-        (`PointGrid.below_contact`).
+        (`PointGrid.below_contact`). Large numbers of points take time, which `progress` shows.
     case
         The case, or its file; by default the case stored in the result, whose relative paths start in the current
         folder.
-    increment
-        Index of the increment among those of the run, by default the last one.
+    step
+        Increment, as for `Result.select`: by default that of the peak load.
+    body
+        "first" or "second" of two bodies in contact; see `meeframe.results.interior.interior`.
     registry
         Registry of plugins for the case, by default that of the installed ones.
     progress
@@ -55,17 +59,10 @@ def interior(
         If the formulation cannot evaluate fields inside the body, or a point is outside.
     """
     result = run if isinstance(run, Result) else read_result(Path(run))
-    step = _increment(result, increment)
-    grid = PointGrid.below_contact(result.zone, step) if points is None else points
+    chosen = select(result, step)
+    grid = PointGrid.below_contact(result.zone, chosen, body) if points is None else points
     system = reduce(_case(result, case, registry), progress)
-    return interior_of(system, step, grid)
-
-
-def _increment(result: Result, increment: int) -> StepResult:
-    count = len(result.steps)
-    if not -count <= increment < count:
-        raise ResultError(f"increment {increment} of a run with {count} increments; allowed: {-count} to {count - 1}")
-    return result.steps[increment]
+    return interior_of(system, chosen, grid, body=body, progress=progress)
 
 
 def _case(result: Result, case: Case | Path | str | None, registry: Registry | None) -> Case:

@@ -13,6 +13,7 @@ from meeframe.results.output import RESULT_FILE, SUMMARY_FILE, clear_output, ope
 from meeframe.results.records import zone_of
 from meeframe.results.result import Interrupted, Result
 from meeframe.results.schema import loaded_fields
+from meeframe.results.selection import has_increment
 from meeframe.results.summary import summary_json
 from meeframe.results.vtk import write_fields
 from meeframe.system.reduced import Progress, silent
@@ -119,7 +120,8 @@ class _Run:
     def _write_reports(self, result: Result) -> None:
         if self._case.output.figures:
             self._clock("figures", 0.0)
-            write_figures(result, self._folder)
+            step = self._case.output.step
+            write_figures(result, self._folder, step if has_increment(result, step) else None)
         if self._case.output.vtu:
             self._clock("fields", 0.0)
             write_fields(self._folder, result)

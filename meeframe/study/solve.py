@@ -13,7 +13,7 @@ from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
 from meeframe.results.records import StepResult, Zone, resultants
 from meeframe.study.declare import Changes, PanelTable, StudyTable, changed, load_study
-from meeframe.study.quantities import TOTALS, largest, nodal
+from meeframe.study.quantities import largest, nodal, totals
 from meeframe.study.reports.study import Panel, Study
 from meeframe.study.sweep.engine import solve_points
 from meeframe.study.sweep.points import Outcome, Point, PointStatus
@@ -116,7 +116,7 @@ def solve_study(
     MeeframeError
         As `meeframe.model.cache.cached_reduce`.
     """
-    table, tables = load_study(file)
+    table, tables = load_study(file, registry)
     planned = Runs(file, tables, (file.parent / table.case).parent, registry)
     panels = [planned.of(table, panel) for panel in table.panels]
     points = {point.key: point for references, runs in panels for point in (*references.values(), *runs)}
@@ -176,11 +176,11 @@ def _panel(
 
 def _values(study: StudyTable, quantity: str, run: Run) -> Array:
     if study.kind == "curves":
-        return np.array(TOTALS[quantity](resultants(run.zone, run.step)))
+        return np.array(totals(run.step.fields)[quantity](resultants(run.zone, run.step)))
     return nodal(quantity, run.zone, run.step)
 
 
 def _scale(study: StudyTable, quantity: str, reference: Run) -> float:
     if study.kind == "curves":
-        return TOTALS[quantity](resultants(reference.zone, reference.step))
+        return totals(reference.step.fields)[quantity](resultants(reference.zone, reference.step))
     return largest(quantity, reference.zone, reference.step)

@@ -13,8 +13,8 @@ import numpy as np
 from meeframe.common.errors import CaseError, MeeframeError
 from meeframe.common.toml import read_toml
 from meeframe.contact.problem import Status
-from meeframe.fields import ELECTRIC, MEE, N_FIELDS, N_MECHANICAL, FieldScaling
-from meeframe.indenters.base import COLUMNS, MOTIONS
+from meeframe.fields import N_MECHANICAL, POTENTIALS, FieldScaling
+from meeframe.indenters.base import IndenterMotions
 from meeframe.model.cache import cached_reduce
 from meeframe.model.case import Case, Warn, ignore, warnings_of
 from meeframe.model.load import case_from_tables, load_case
@@ -25,7 +25,7 @@ from meeframe.results.figures import save_figure
 from meeframe.results.output import open_output, replacing, rewriting
 from meeframe.results.records import StepResult, Zone, resultants, zone_of
 from meeframe.study.choices import Choice, enter
-from meeframe.study.quantities import TOTALS
+from meeframe.study.quantities import totals
 from meeframe.study.refinement import coarsen, element_size
 from meeframe.study.reports.extrapolation import MESHES, SECOND
 from meeframe.study.reports.verified import Measured, Verification, VerifiedRun
@@ -42,10 +42,11 @@ _TOTALS_OF: Final = {
     "tangential_force": ("force_x", "force_y"),
     "moment": ("moment_x", "moment_y"),
     "torque": ("torque",),
-    "charge": ("charge",),
-    "magnetic_flux": ("magnetic_flux",),
 }
-"""Totals that a prescribed resultant fixes; the work-conjugate motion is compared instead."""
+"""Totals that a prescribed mechanical resultant fixes, to which the total flux of a scalar field is added.
+
+The work-conjugate motion is compared instead.
+"""
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,9 @@ def verify(
         for text in (*warnings_of(body for run in planned for body in bodies_of(run.case)), *case.preflight):
             warn(text)
         versions = {name: version for run in planned for name, version in provenance(run.case).versions.items()}
-        verification = Verification(case.title, case.text, versions, refusals, meshes.order, len(planned))
+        verification = Verification(
+            case.title, case.text, versions, refusals, meshes.order, len(planned), fields=case.fields
+        )
         reducer = (
             partial(reduce, progress=progress)
             if cache is None
@@ -263,18 +266,18 @@ def _solve(run: Planned, every_step: bool, reducer: Callable[[Case], ReducedSyst
 def measured(system: ReducedSystem, step: StepResult, scaling: FieldScaling) -> dict[str, Measured]:
     """Return the quantities of a load step that a verification compares, by name.
 
-    These are the totals of meeframe.study.quantities and the moments without those that are prescribed, and the motions
+    These are `meeframe.study.quantities.totals` and the moments without those that are prescribed, and the motions
     that were found for prescribed resultants. scaling: of the material.
     """
     zone = zone_of(system)
-    totals = resultants(zone, step)
-    values = {name: total(totals) for name, total in TOTALS.items()}
-    values |= {"moment_x": totals.moment[0], "moment_y": totals.moment[1], "torque": totals.torque}
+    summed = resultants(zone, step)
+    values = {name: total(summed) for name, total in totals(step.fields).items()}
+    values |= {"moment_x": summed.moment[0], "moment_y": summed.moment[1], "torque": summed.torque}
     for key in step.loading.prescribed:
-        for name in _TOTALS_OF.get(key, ()):
+        for name in _TOTALS_OF.get(key, (key,)):
             values.pop(name, None)
     values |= _free_motions(step)
-    scales, noise = _scales(system, step), {"contact_area": _area_uncertainty(zone, totals.contact_area)}
+    scales, noise = _scales(system, step), {"contact_area": _area_uncertainty(zone, summed.contact_area)}
     smallest = _physical_scales(step, scales["force"], scaling)
     return {
         name: Measured(float(value), scales.get(name, abs(float(value))), noise.get(name, 0.0), smallest.get(name, 0.0))
@@ -286,12 +289,12 @@ def _physical_scales(step: StepResult, force: float, scaling: FieldScaling) -> d
     """Return the fluxes and potentials whose work equals that of the mechanical loads, if the fields were coupled.
 
     These are the force and the largest displacement in the units that make the constants of the material of order one:
-    Q = F sqrt(eps/c) and phi = u sqrt(c/eps), likewise with mu.
+    Q = F sqrt(eps/c) and phi = u sqrt(c/eps), likewise in the other scalar fields.
     """
     displacement = float(np.abs(step.displacement).max())
     ratios = scaling.factors[0] / scaling.factors[N_MECHANICAL:]  # sqrt(eps/c), sqrt(mu/c)
     scales: dict[str, float] = {}
-    for scalar, ratio in zip(MEE.scalars, ratios.tolist(), strict=False):
+    for scalar, ratio in zip(step.fields.scalars, ratios.tolist(), strict=True):
         scales |= {scalar.resultant: force * ratio, f"max_{scalar.value_name}": displacement / ratio}
     return scales
 
@@ -300,28 +303,28 @@ def _scales(system: ReducedSystem, step: StepResult) -> dict[str, float]:
     """Return the totals without cancellation: forces from moduli of tractions, potentials due to tractions alone."""
     load = step.state.load
     moduli = np.column_stack([np.linalg.norm(step.traction, axis=1), np.abs(step.fluxes)])
-    force, charge, flux = (float(total) for total in system.weights @ moduli)
+    force, *fluxes = (system.weights @ moduli).tolist()
     arm = float(np.ptp(system.points, axis=0).max())
-    pressed = system.apply(np.where(np.arange(N_FIELDS) < ELECTRIC, load, 0.0))
-    potentials = np.abs(pressed[:, ELECTRIC:]).max(axis=0)
+    pressed = system.apply(np.where(np.arange(system.n_fields) < N_MECHANICAL, load, 0.0))
+    potentials = np.abs(pressed[:, POTENTIALS]).max(axis=0).tolist()
+    scalars = step.fields.scalars
     return {
         **dict.fromkeys(("force", "force_x", "force_y"), force),
         **dict.fromkeys(("moment_x", "moment_y", "torque"), arm * force),
-        "charge": charge,
-        "magnetic_flux": flux,
-        "max_electric_potential": float(potentials[0]),
-        "max_magnetic_potential": float(potentials[1]),
+        **{scalar.resultant: flux for scalar, flux in zip(scalars, fluxes, strict=True)},
+        **{f"max_{scalar.value_name}": value for scalar, value in zip(scalars, potentials, strict=True)},
     }
 
 
 def _free_motions(step: StepResult) -> dict[str, float]:
     """Return the components of the motions whose resultants were prescribed, by name."""
     motions: dict[str, float] = {}
+    indenter, potentials = IndenterMotions(step.fields), [scalar.value_name for scalar in step.fields.scalars]
     for key in step.loading.prescribed:
-        columns_of_motion = COLUMNS[key]
-        name = next(motion for motion, columns in MOTIONS.items() if columns == columns_of_motion)
+        columns_of_motion = indenter.columns[key]
+        name = next(motion for motion, columns in indenter.motions.items() if columns == columns_of_motion)
         values = step.loading.motion[columns_of_motion]
-        potential = "indenter_" * (name.endswith("potential"))
+        potential = "indenter_" * (name in potentials)
         suffixes = ("",) if len(values) == 1 else ("_1", "_2")
         motions |= {f"{potential}{name}{suffix}": value for suffix, value in zip(suffixes, values, strict=True)}
     return motions

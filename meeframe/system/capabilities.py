@@ -13,12 +13,13 @@ evaluates a solution inside the body.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.fields import Array, Indices
+from meeframe.system.reduced import Progress, silent
 
 if TYPE_CHECKING:
     from meeframe.system.reduced import ReducedSystem
@@ -162,19 +163,25 @@ class EdgeResolution(ABC):
         """
 
 
+INTERIOR_STAGE: Final = "interior fields"
+"""Name of the stage in which fields inside a body are evaluated."""
+
+
 class InteriorFields(ABC):
     """Fields at points inside the body, for a load on the contact zone."""
 
     @abstractmethod
-    def evaluate(self, load: Array, points: Array) -> "PointFields":
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> "PointFields":
         """Return the fields at points inside the body.
 
         Parameters
         ----------
-        load : (n, 5) array
+        load : (n, f) array
             Load as in `ReducedSystem.apply`.
         points : (m, 3) array
             Positions in global axes [m].
+        progress : callable, optional
+            Function that receives the stage `INTERIOR_STAGE` and the fraction of the points that is done.
 
         Raises
         ------
@@ -192,11 +199,11 @@ class PointFields:
     points
         (m, 3) [m].
     values
-        (m, 5) displacements and potentials; unlike in a displacement of `ReducedSystem`, potentials are not negated.
+        (m, f) displacements and potentials; unlike in a displacement of `ReducedSystem`, potentials are not negated.
     gradients
-        (m, 5, 3) derivatives of the values with respect to the position.
+        (m, f, 3) derivatives of the values with respect to the position.
     fluxes
-        (m, 3, 5) stress and flux densities: entry (i, J) is the component i of the flux of field J. Columns 0 to 2 are
+        (m, 3, f) stress and flux densities: entry (i, J) is the component i of the flux of field J. Columns 0 to 2 are
         the stress, the others the electric displacement D, the magnetic flux density B and fluxes of further fields.
     """
 
@@ -207,7 +214,7 @@ class PointFields:
 
     @classmethod
     def of(cls, points: Array, values: Array, gradients: Array, stiffness: Array) -> "PointFields":
-        """Return the fields of a homogeneous body with the extended stiffness C_iJKm, (3, 5, 5, 3) in SI units."""
+        """Return the fields of a homogeneous body with the extended stiffness C_iJKm, (3, f, f, 3) in SI units."""
         fluxes = np.einsum("ijkm,pkm->pij", stiffness, gradients, optimize=True)
         return cls(points, values, gradients, fluxes)
 
@@ -254,7 +261,7 @@ class EdgeCorrection:
     Attributes
     ----------
     extra_compliance
-        (n, 5, 5) addition to the diagonal blocks, with positive semidefinite symmetric parts.
+        (n, f, f) addition to the diagonal blocks, with positive semidefinite symmetric parts.
     area_fraction
         (n,) fraction of the area of each node that is in contact, in [0, 1]; also positive at nodes just outside.
     """
@@ -310,7 +317,7 @@ def apply_fields(system: "ReducedSystem", load: Array, loaded: Sequence[int], fi
 
 
 def apply_load(system: "ReducedSystem", load: Array, fields: Sequence[int]) -> Array:
-    """Return the displacement (n, k) in k fields due to a load (n, 5), skipping fields that are unloaded."""
+    """Return the displacement (n, k) in k fields due to a load (n, f), skipping fields that are unloaded."""
     loaded = np.flatnonzero(load.any(axis=0)).tolist()
     some = load if len(loaded) == system.n_fields else load.T[loaded].T
     return apply_fields(system, some, loaded, fields)

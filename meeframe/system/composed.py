@@ -35,7 +35,7 @@ from meeframe.system.capabilities import (
     diagonal,
     rescale_inverse,
 )
-from meeframe.system.reduced import NodalFields, ReducedSystem
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
 C = TypeVar("C")
 TANGENTIAL: Final = (0, 1)
@@ -61,7 +61,7 @@ class Rotation:
 
     @classmethod
     def of(cls, blocks: Array) -> "Rotation":
-        """Return the rotation of blocks (n, 5, 5); entries that are zero or uniform to round-off are stored so."""
+        """Return the rotation of blocks (n, f, f); entries that are zero or uniform to round-off are stored so."""
         entries: dict[tuple[int, int], float | Array] = {}
         for i, j in np.ndindex(*blocks.shape[1:]):
             entry = blocks[:, i, j]
@@ -80,8 +80,8 @@ class Rotation:
         return not any(isinstance(entry, np.ndarray) for entry in self.entries.values())
 
     @cached_property
-    def mixed(self) -> tuple[frozenset[int], ...]:
-        """For each field all fields that depend on each other with it."""
+    def coupled_fields(self) -> tuple[frozenset[int], ...]:
+        """For each field, all fields coupled to it, itself included."""
         groups = [{field} for field in range(self.n_fields)]
         for i, j in self.entries:
             if groups[i] is not groups[j]:
@@ -91,8 +91,8 @@ class Rotation:
         return tuple(frozenset(group) for group in groups)
 
     def closure(self, fields: Sequence[int]) -> list[int]:
-        """Return the fields that the given ones depend on; the given ones, in their order, if these are all."""
-        closed = frozenset[int]().union(*(self.mixed[field] for field in fields))
+        """Return all fields coupled to some fields; the latter, in their order, if they are coupled to no others."""
+        closed = frozenset[int]().union(*(self.coupled_fields[field] for field in fields))
         return list(fields) if len(closed) == len(fields) else sorted(closed)
 
     def at(self, nodes: Indices) -> "Rotation":
@@ -112,7 +112,7 @@ class Rotation:
         return changed.T
 
     def change_blocks(self, blocks: Array) -> Array:
-        """Return R B R^T for blocks B (n, 5, 5)."""
+        """Return R B R^T for blocks B (n, f, f)."""
         changed = np.zeros((self.n_fields, self.n_fields, len(blocks)))
         for (i, j), first in self.entries.items():
             for (k, m), second in self.entries.items():
@@ -157,7 +157,7 @@ class Term:
         return gathered if self.rotation is None else self.rotation.change(gathered, source, target)
 
     def blocks_from_body(self, blocks: Array) -> Array:
-        """Return blocks (n, 5, 5) of the body at the nodes and in the frames of the composition."""
+        """Return blocks (n, f, f) of the body at the nodes and in the frames of the composition."""
         gathered = blocks if self.nodes is None else blocks[self.nodes]
         return gathered if self.rotation is None else self.rotation.change_blocks(gathered)
 
@@ -195,9 +195,9 @@ class ComposedSystem(
     terms
         The bodies. The first one has the nodes of the composition, in the same order.
     extra_compliance
-        (n, 5, 5) addition to the diagonal blocks, or None.
+        (n, f, f) addition to the diagonal blocks, or None.
     matrix
-        (n, 5, n, 5), the compliance if all bodies have theirs as a matrix; see `sum_matrices`.
+        (n, f, n, f), the compliance if all bodies have theirs as a matrix; see `sum_matrices`.
     """
 
     terms: tuple[Term, ...]
@@ -207,11 +207,10 @@ class ComposedSystem(
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself if its bodies allow it to forward a capability, else None.
 
-        Products in some fields need one body that has them. The approximate inverse is that
-        of the first body. Coarsening and restriction need all bodies, coarsening on the same nodes and without extra
-        compliance. Edge resolution needs all
-        bodies, and no correction already in place. Interior fields are those of the first body. Persistence is not
-        forwarded: bodies are stored one by one.
+        Products in some fields need one body that has them. The approximate inverse is that of the first body.
+        Coarsening and restriction need all bodies, coarsening on the same nodes and without extra compliance. Edge
+        resolution needs all bodies, and no correction already in place. Interior fields are those of the first body.
+        Persistence is not forwarded: bodies are stored one by one.
         """
         systems, corrected = [term.system for term in self.terms], self.extra_compliance is not None
         has = [system.capability(kind) is not None for system in systems]
@@ -230,7 +229,7 @@ class ComposedSystem(
         return super().capability(kind)
 
     def apply(self, load: Array) -> Array:
-        """Return compliance(load), (n, 5), for a load (n, 5)."""
+        """Return compliance(load), (n, f), for a load (n, f)."""
         if self.matrix is not None:
             response: Array = self.matrix.reshape(load.size, load.size) @ np.ravel(load)
             return response.reshape(load.shape)
@@ -238,11 +237,11 @@ class ComposedSystem(
         return self._sum([_in_all_fields(term.system) for term in self.terms], load, fields, fields)
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5)."""
+        """Return the response of each node to its own load, (n, f, f)."""
         return self._sum_blocks([term.system.diagonal_blocks() for term in self.terms], self.extra_compliance)
 
     def dense(self) -> Array | None:
-        """Return the compliance, (n, 5, n, 5), if all bodies have theirs as a matrix."""
+        """Return the compliance, (n, f, n, f), if all bodies have theirs as a matrix."""
         return self.matrix
 
     def recover(self, load: Array) -> NodalFields:
@@ -250,14 +249,14 @@ class ComposedSystem(
         fields = range(self.n_fields)
         return self.terms[0].system.recover(self.terms[0].to_body(load, fields, fields))
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields inside the first body."""
         fields = range(self.n_fields)
         interior = _required(self.terms[0].system, InteriorFields)
-        return interior.evaluate(self.terms[0].to_body(load, fields, fields), points)
+        return interior.evaluate(self.terms[0].to_body(load, fields, fields), points, progress)
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return the sum of the products of the bodies in the fields that depend on the given ones."""
+        """Return the displacement in some fields as the sum of the products of the bodies."""
         return self._sum([partial(apply_fields, term.system) for term in self.terms], load, loaded, fields)
 
     def diagonal(self, fields: Sequence[int]) -> Array:
@@ -272,7 +271,7 @@ class ComposedSystem(
         return self.diagonal_blocks()[:, list(fields), list(fields)]
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
-        """Return that of the first body, rescaled for the compliance that the others and corrections add at nodes.
+        """Return the inverse of the first body, rescaled for the nodal compliance of the other bodies and corrections.
 
         None if the rotation of the first body mixes these fields with others.
         """
@@ -339,7 +338,7 @@ class ComposedSystem(
         return summed
 
     def _sum_blocks(self, blocks: Sequence[Array], extra: Array | None = None) -> Array:
-        """Return the sum of blocks (n, 5, 5) of the bodies and of extra ones of the composition."""
+        """Return the sum of blocks (n, f, f) of the bodies and of extra ones of the composition."""
         total: Array | int = 0 if extra is None else extra
         for term, block in zip(self.terms, blocks, strict=True):
             total = total + term.blocks_from_body(block)
@@ -369,7 +368,7 @@ def compose(
 
 
 def sum_matrices(terms: Sequence[Term], extra: Array | None = None) -> Array | None:
-    """Return the compliance of a composition as (n, 5, n, 5) if all its bodies have theirs, else None."""
+    """Return the compliance of a composition as (n, f, n, f) if all its bodies have theirs, else None."""
     total: Array | None = None
     for term in terms:
         matrix = term.system.dense()
@@ -384,7 +383,7 @@ def sum_matrices(terms: Sequence[Term], extra: Array | None = None) -> Array | N
 
 
 def _matrix_in_frames(term: Term, matrix: Array) -> Array:
-    """Return the matrix (n, 5, n, 5) of a body at the nodes and in the frames of the composition."""
+    """Return the matrix (n, f, n, f) of a body at the nodes and in the frames of the composition."""
     if term.nodes is not None:
         matrix = matrix[term.nodes][:, :, term.nodes]
     if term.rotation is None:

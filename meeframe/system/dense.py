@@ -56,12 +56,12 @@ class DenseSystem(ReducedSystem):
         return response.reshape(load.shape)
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5)."""
+        """Return the response of each node to its own load, (n, f, f)."""
         nodes = np.arange(len(self.offset))
         return self.matrix[nodes, :, nodes, :]
 
     def dense(self) -> Array | None:
-        """Return the compliance, (n, 5, n, 5)."""
+        """Return the compliance, (n, f, n, f)."""
         return self.matrix
 
     def recover(self, load: Array) -> NodalFields:
@@ -91,16 +91,16 @@ def in_local_frames(
 ) -> DenseSystem:
     """Return the reduced system of a linear relation in global axes.
 
-    The relation is values (n, 5) = offset + compliance : extended tractions (n, 5).
+    The relation is values (n, f) = offset + compliance : extended tractions (n, f).
 
     Parameters
     ----------
     points, frames, weights, cells
         As in `ReducedSystem`.
-    offset, compliance : (n, 5) and (n, 5, n, 5) arrays
+    offset, compliance : (n, f) and (n, f, n, f) arrays
         Of the extended displacement, potentials not negated.
     fields
-        Function that returns the fields on the whole boundary for extended tractions (n, 5) in global axes.
+        Function that returns the fields on the whole boundary for extended tractions (n, f) in global axes.
 
     Returns
     -------

@@ -6,7 +6,7 @@ from meeframe.system.reduced import ReducedSystem
 
 
 def correct_edge(system: ReducedSystem, extra_compliance: Array) -> ComposedSystem:
-    """Return a system with an addition (n, 5, 5) to its diagonal blocks; see `EdgeCorrection`.
+    """Return a system with an addition (n, f, f) to its diagonal blocks; see `EdgeCorrection`.
 
     It has no coarser division, since its correction belongs to the nodes of this one.
     """

@@ -28,9 +28,9 @@ class NodalFields:
     cells
         Pairs of a meshio cell type and its connectivity, numbers into `points`.
     values
-        (p, 5) extended displacement.
+        (p, f) extended displacement.
     fluxes
-        (p, 5) extended traction on the outward normal.
+        (p, f) extended traction on the outward normal.
     """
 
     points: Array
@@ -43,10 +43,11 @@ class NodalFields:
 class ReducedSystem(ABC):
     """A body condensed to the n nodes of its contact zone: displacement = offset + compliance(load).
 
-    A load (n, 5) = (t.e1, t.e2, t.nu, q, s) holds extended tractions as densities: t.nu <= 0 in compression,
-    q = D.nu and s = B.nu outward. A displacement (n, 5) = (u.e1, u.e2, u.nu, -phi, -psi). Potentials are negated here,
-    once, so that the compliance has a positive-definite symmetric part (docs/explanation/theory.md, Flipped rows). SI
-    units, in the local frames of the nodes.
+    With f fields, a load (n, f) = (t.e1, t.e2, t.nu, q, s, ...) holds extended tractions as densities: t.nu <= 0 in
+    compression, q = D.nu and s = B.nu outward, then the fluxes of further scalar fields. A displacement (n, f) is
+    (u.e1, u.e2, u.nu, -phi, -psi, ...). Potentials are negated here, once, so that the compliance has a
+    positive-definite symmetric part (docs/explanation/theory.md, Flipped rows). SI units, in the local frames of the
+    nodes.
 
     Subclasses implement the four abstract methods. What they can do faster they say by inheriting capabilities
     (`meeframe.system.capabilities`).
@@ -58,11 +59,11 @@ class ReducedSystem(ABC):
     frames
         (n, 3, 3) local frames, rows e1, e2, nu, right-handed, nu outward.
     weights
-        (n,) integration weights [m^2]: the resultant of nodal densities f is sum(weights * f).
+        (n,) integration weights [m^2]: the resultant of nodal densities is sum(weights * densities).
     cells
         Pairs of a meshio cell type and its connectivity, numbers into `points`.
     offset
-        (n, 5) displacement at zero load, due to the prescribed boundary data.
+        (n, f) displacement at zero load, due to the prescribed boundary data.
     """
 
     points: Array
@@ -93,7 +94,7 @@ class ReducedSystem(ABC):
 
     @abstractmethod
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5).
+        """Return the response of each node to its own load, (n, f, f).
 
         Returns
         -------

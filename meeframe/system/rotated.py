@@ -12,7 +12,7 @@ from meeframe.fields import MECHANICAL, Array
 from meeframe.system.capabilities import InteriorFields, PointFields
 from meeframe.system.composed import Rotation, Term, compose
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import NodalFields, ReducedSystem
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
 MIN_TANGENTIAL_COMPONENT: Final = 1e-9
 """Smallest tangential fraction of a direction; below it the direction is taken as normal to the surface."""
@@ -93,10 +93,10 @@ class _RotatedInterior(InteriorFields):
     interior: InteriorFields
     rotation: Rotation
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
-        """Return the fields at points (m, 3) inside the body for a load (n, 5) in the rotated frames."""
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
+        """Return the fields at points (m, 3) inside the body for a load (n, f) in the rotated frames."""
         fields = range(self.rotation.n_fields)
-        return self.interior.evaluate(self.rotation.inverse.change(load, fields, fields), points)
+        return self.interior.evaluate(self.rotation.inverse.change(load, fields, fields), points, progress)
 
 
 def _recover(recover: Callable[[Array], NodalFields], rotation: Rotation, load: Array) -> NodalFields:

@@ -8,7 +8,8 @@ jumps of the potentials, u - R u_second, so that
     offset = offset_first - R offset_second,    compliance = C_first + R C_second R^T,
 
 where R changes components in the local frames of the second body to those of the first: diag(1, -1, -1, 1, 1) for
-frames that coincide.
+frames that coincide. Where the contact zones have different divisions, loads and displacements are transferred
+(`meeframe.system.transfer`).
 """
 
 from typing import Final, Protocol
@@ -16,10 +17,12 @@ from typing import Final, Protocol
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.common.errors import MeshError
+from meeframe.common.errors import CaseError, MeshError
 from meeframe.fields import MECHANICAL, Array, Indices
+from meeframe.system.capabilities import InteriorFields, PointFields
 from meeframe.system.composed import ComposedSystem, Rotation, Term, compose
-from meeframe.system.reduced import ReducedSystem
+from meeframe.system.reduced import Progress, ReducedSystem, silent
+from meeframe.system.transfer import TransferredSystem, transfer_body
 
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
 COINCIDENT: Final = 1e-6
@@ -45,7 +48,7 @@ class ZoneGeometry(Protocol):
 
 
 def combine_bodies(first: ReducedSystem, second_body: ReducedSystem) -> ComposedSystem:
-    """Return two bodies in contact as one reduced system.
+    """Return two bodies in contact as one reduced system, on the nodes of the first.
 
     Displacements, potentials (as jumps) and loads are those of the first body relative to the second, in the frames of
     the first, and `recover` gives the fields of the first.
@@ -58,9 +61,13 @@ def combine_bodies(first: ReducedSystem, second_body: ReducedSystem) -> Composed
     Raises
     ------
     MeshError
-        As `match_nodes`.
+        As `match_nodes`, and as `transfer_body` where the contact zones have different divisions.
     """
     partners, fields = match_nodes(first, second_body), range(first.n_fields)
+    if partners is None:
+        transferred = transfer_body(first, second_body, TURN_OVER)
+        offset = first.offset - transferred.offset
+        return compose(first, (Term(first), Term(transferred)), first.frames, offset)
     blocks = np.tile(np.eye(first.n_fields), (len(partners), 1, 1))
     rotated_frames = second_body.frames[partners] * TURN_OVER
     blocks[:, MECHANICAL, MECHANICAL] = first.frames @ rotated_frames.transpose(0, 2, 1)
@@ -70,55 +77,102 @@ def combine_bodies(first: ReducedSystem, second_body: ReducedSystem) -> Composed
 
 
 def second_load(system: ComposedSystem, load: Array) -> Array:
-    """Return the reaction (n, 5) on the second body, at its nodes and in its frames, to a load (n, 5) on the first."""
-    return -system.terms[1].to_body(load, range(system.n_fields), range(system.n_fields))
+    """Return the reaction (n, f) on the second body, at its nodes and in its frames, to a load (n, f) on the first."""
+    fields, body = range(system.n_fields), system.terms[1].system
+    if isinstance(body, TransferredSystem):
+        return -body.transfer.to_body(load, fields, fields)
+    return -system.terms[1].to_body(load, fields, fields)
 
 
 def second_displacement(system: ReducedSystem, load: Array) -> Array | None:
-    """Return the displacement (n, 5) of the second body's surface, at the nodes and in the frames of the first body.
+    """Return the displacement (n, f) of the second body's surface, at the nodes and in the frames of the first body.
 
     It counts from the supports and potentials of the second body, wherever a load step has moved them. The displacement
     of the first body is this one plus that of the system. None if the system has a single body.
     """
     if not isinstance(system, ComposedSystem) or len(system.terms) != 2:
         return None
-    body = system.terms[1].system
-    displacement = body.offset + body.apply(second_load(system, load))
-    return system.terms[1].from_body(displacement, range(system.n_fields), range(system.n_fields))
+    term, fields = system.terms[1], range(system.n_fields)
+    displacement = term.system.offset - term.system.apply(term.to_body(load, fields, fields))
+    return term.from_body(displacement, fields, fields)
 
 
-def match_nodes(first: ZoneGeometry, second_body: ZoneGeometry) -> Indices:
-    """Return the node of the second body, turned over, at each node of the first, (n,).
+def interior_of_second(system: ReducedSystem, load: Array, points: Array, progress: Progress = silent) -> PointFields:
+    """Return the fields inside the second body for a load (n, 5) on the first.
+
+    Parameters
+    ----------
+    system
+        Two bodies in contact, from `combine_bodies`.
+    load
+        Load on the first body, as in `ReducedSystem.apply`.
+    points
+        Positions (m, 3) in the global axes of the first body [m].
+    progress
+        As for `InteriorFields.evaluate`.
+
+    Returns
+    -------
+    PointFields
+        Fields in the global axes of the first body. Values count from the supports and potentials of the second body,
+        wherever a load step has moved them.
+
+    Raises
+    ------
+    CaseError
+        If there is no second body, or as `InteriorFields.evaluate`, with points in the coordinates of that body.
+    """
+    if not isinstance(system, ComposedSystem) or len(system.terms) != 2:
+        raise CaseError("there is no second body; allowed: the fields of the first")
+    second = system.terms[1].system
+    interior = required_interior(second.body if isinstance(second, TransferredSystem) else second)
+    fields = interior.evaluate(second_load(system, load), points * TURN_OVER, progress)
+    components = np.ones(system.n_fields)
+    components[MECHANICAL] = TURN_OVER
+    return PointFields(
+        fields.points * TURN_OVER,
+        fields.values * components,
+        fields.gradients * components[:, None] * TURN_OVER,
+        fields.fluxes * TURN_OVER[:, None] * components,
+    )
+
+
+def required_interior(system: ReducedSystem) -> InteriorFields:
+    """Return the interior fields of a reduced system. Raises CaseError if it has none."""
+    interior = system.capability(InteriorFields)
+    if interior is None:
+        raise CaseError(
+            f"the reduced system ({type(system).__name__}) has no fields inside the body: its formulation lacks the "
+            "capability InteriorFields, or it was read from a cache"
+        )
+    return interior
+
+
+def match_nodes(first: ZoneGeometry, second_body: ZoneGeometry) -> Indices | None:
+    """Return the node of the second body, turned over, at each node of the first.
+
+    Parameters
+    ----------
+    first, second_body
+        The zones, each in the coordinates of its body.
+
+    Returns
+    -------
+    Indices or None
+        (n,) numbers of nodes; None unless all nodes coincide (COINCIDENT) and have equal weights (SAME_DIVISION).
 
     Raises
     ------
     MeshError
-        Unless the nodes coincide (COINCIDENT), the two surfaces face each other, and they have the same division into
-        elements (SAME_DIVISION). The message says how many nodes have no partner and by how much the first one misses.
+        If the nodes coincide but the two surfaces do not face each other.
     """
+    if len(first.points) != len(second_body.points):
+        return None
     extent = float(np.linalg.norm(np.ptp(first.points, axis=0)))
     distances, nearest = scipy.spatial.cKDTree(second_body.points * TURN_OVER).query(first.points)
-    missing = np.flatnonzero(~(distances <= COINCIDENT * extent))
-    n, others = len(first.points), len(second_body.points)
-    if missing.size:
-        raise MeshError(
-            f"the contact zones of the two bodies do not match: {missing.size} of the {n} nodes of the first meet none "
-            f"of the {others} of the second body turned over about the x1 axis; the first, at "
-            f"{first.points[missing[0]]} [m], misses by {distances[missing[0]]:.3g} m; "
-            f"allowed: {COINCIDENT * extent:.3g} m"
-        )
     partners: Indices = np.asarray(nearest, np.int64)
-    if len(np.unique(partners)) != others or others != n:
-        raise MeshError(
-            f"the contact zones of the two bodies do not match: the first has {n} nodes, the second body {others}; "
-            "allowed: the same division of both"
-        )
-    _check_alike(first, second_body, partners)
-    return partners
-
-
-def _check_alike(first: ZoneGeometry, second_body: ZoneGeometry, partners: Indices) -> None:
-    """Raise MeshError unless normals are opposite and weights equal at coinciding nodes."""
+    if not (distances <= COINCIDENT * extent).all() or len(np.unique(partners)) != len(partners):
+        return None
     normals = first.frames[:, 2] + second_body.frames[partners, 2] * TURN_OVER
     askew = np.flatnonzero(np.linalg.norm(normals, axis=1) > SAME_DIVISION)
     if askew.size:
@@ -128,9 +182,4 @@ def _check_alike(first: ZoneGeometry, second_body: ZoneGeometry, partners: Indic
             "axis, lies on that of the first"
         )
     differences = np.abs(first.weights - second_body.weights[partners])
-    unlike = np.flatnonzero(differences > SAME_DIVISION * np.abs(first.weights).max())
-    if unlike.size:
-        raise MeshError(
-            f"the contact zones of the two bodies have the same nodes but other elements at {unlike.size} of "
-            f"{len(partners)} nodes, first at {first.points[unlike[0]]} [m]; allowed: the same division of both"
-        )
+    return partners if differences.max() <= SAME_DIVISION * np.abs(first.weights).max() else None

@@ -5,8 +5,10 @@ from itertools import product
 from typing import Final
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
-from meeframe.fields import Array, Indices
+from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, Indices
+from meeframe.material.half_space import surface_compliance
 from meeframe.system.capabilities import (
     ApproximateInverse,
     Coarsening,
@@ -17,15 +19,13 @@ from meeframe.system.capabilities import (
     Multigrid,
     Restriction,
     Subsystem,
+    apply_fields,
 )
+from meeframe.system.composed import ComposedSystem
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.requirements import require
 from meeframe.testing.zone_loads import ROUND_OFF, smooth_loads, typical_load, worst
 
-CHOICES: Final = ((2,), (0, 1), (4, 1), (3, 4), (0, 1, 2), (0, 1, 2, 3, 4))
-"""Fields that solvers may ask for, in any order."""
-LOADED: Final = ((2,), (0, 1, 2), (4, 3), (2, 0), (4,))
-"""Fields that may be loaded alone, in any order."""
 MIN_COSINE: Final = 0.5
 """Smallest cosine between a load inside the zone and the approximate inverse of its displacement."""
 INTERIOR: Final = 0.4
@@ -40,12 +40,20 @@ CANCELLED: Final = 0.1
 """Displacements below this fraction of a typical one may be sums that cancel, as couplings of two similar bodies."""
 CONTACT: Final = 0.6
 """Half axes of the elliptic contact with which edge corrections are tested, in half widths of the zone."""
+AREA_ERROR: Final = 0.1
+"""Largest relative error of the area in contact from area fractions; half a spacing at the edge is more."""
+RESULTANT_ERROR: Final = 0.01
+"""Largest relative error of the resultant of a circular punch with an edge correction."""
 COARSE_ERROR: Final = 0.2
 """Largest difference of responses to a smooth load on a coarser division, relative to the largest displacement."""
 INTERIOR_STEP: Final = 1e-3
 """Step of the differences of interior values, in widths of the zone."""
+DEPTHS: Final = (0.15, 0.3)
+"""Depths [widths of the zone] from which interior values are extrapolated to the surface."""
+SURFACE_ERROR: Final = 0.1
+"""Largest relative error of the extrapolated values."""
 INTERIOR_ERROR: Final = 0.2
-"""Largest relative error of these differences; gradients of finite elements jump between elements."""
+"""Largest relative error of differences of interior values; gradients of finite elements jump between elements."""
 
 
 def check_capabilities(system: ReducedSystem) -> None:
@@ -66,13 +74,25 @@ def check_capabilities(system: ReducedSystem) -> None:
         check_coarsening(system, multigrid.coarsen())
 
 
+def field_choices(n_fields: int) -> tuple[tuple[int, ...], ...]:
+    """Return choices of fields that solvers may ask for, in any order."""
+    last, *_ = potentials = tuple(reversed(range(N_MECHANICAL, n_fields)))
+    return (2,), (0, 1), (last, 1), potentials, (0, 1, 2), tuple(range(n_fields))
+
+
+def loaded_choices(n_fields: int) -> tuple[tuple[int, ...], ...]:
+    """Return choices of fields that may be loaded alone, in any order."""
+    last, *_ = potentials = tuple(reversed(range(N_MECHANICAL, n_fields)))
+    return (2,), (0, 1, 2), potentials, (2, 0), (last,), tuple(range(n_fields))
+
+
 def check_fieldwise_apply(system: ReducedSystem) -> None:
     """Check that `apply_fields` is `apply` of a load in some fields, and `diagonal` that of `diagonal_blocks`."""
     fieldwise = system.capability(FieldwiseApply)
     if fieldwise is None:
         return
     load = np.random.default_rng(3).normal(size=system.offset.shape) * typical_load(system)
-    for loaded, fields in product((*LOADED, tuple(range(load.shape[1]))), CHOICES):
+    for loaded, fields in product(loaded_choices(system.n_fields), field_choices(system.n_fields)):
         alone, block = np.zeros_like(load), load[:, list(loaded)]
         alone[:, list(loaded)] = block
         expected = system.apply(alone)[:, list(fields)]
@@ -86,7 +106,7 @@ def check_fieldwise_apply(system: ReducedSystem) -> None:
             error = _error(system, result, expected, fields)
             require(error < bound, f"{what} is not apply in fields {fields}: solvers would fail", error)
     blocks = system.diagonal_blocks()
-    for fields in CHOICES:
+    for fields in field_choices(system.n_fields):
         expected = blocks[:, list(fields), list(fields)]
         result = fieldwise.diagonal(fields)
         fits = result.shape == expected.shape and worst(result, expected) < ROUND_OFF
@@ -94,13 +114,13 @@ def check_fieldwise_apply(system: ReducedSystem) -> None:
 
 
 def check_approximate_inverse(system: ReducedSystem) -> None:
-    """Check that `approximate_inverse` is linear and roughly recovers loads inside the zone from displacements."""
+    """Check that `approximate_inverse` is linear and approximately recovers loads inside the zone."""
     approximate = system.capability(ApproximateInverse)
     if approximate is None:
         return
     inside = np.asarray((np.abs(_normalized_positions(system)) < INTERIOR).all(axis=1))
     loads = np.random.default_rng(4).normal(size=(2, *system.offset.shape)) * typical_load(system) * inside[:, None]
-    for fields in CHOICES:
+    for fields in field_choices(system.n_fields):
         inverse = approximate.approximate_inverse(fields)
         if inverse is None:
             continue
@@ -135,7 +155,7 @@ def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:
         require(error < ROUND_OFF, f"{name} of a coarser system are not those of its nodes", error)
     load = smooth_loads(there)[0] * _fading(there)[:, None]
     fine = coarse.prolong(load)
-    require(fine.shape == system.offset.shape, "prolong gives no loads (n, 5)", fine.shape)
+    require(fine.shape == system.offset.shape, "prolong gives no loads (n, fields)", fine.shape)
     error = worst(fine[nodes], load)
     require(error < ROUND_OFF, "prolong changes values at the common nodes", error)
     size = system.weights @ np.abs(fine)
@@ -146,7 +166,7 @@ def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:
 
 
 def check_restriction(system: ReducedSystem) -> None:
-    """Check that parts of the zone contain the requested nodes and respond to loads there as the whole does."""
+    """Check that parts of the zone contain the requested nodes and respond to loads there as the whole zone does."""
     restriction = system.capability(Restriction)
     if restriction is None:
         return
@@ -163,7 +183,7 @@ def check_restriction(system: ReducedSystem) -> None:
 
 
 def check_subsystem(system: ReducedSystem, subsystem: Subsystem, requested: Indices) -> None:
-    """Check that a part contains the requested nodes (k,), with their data, and responds as the whole does."""
+    """Check that a part contains the requested nodes (k,), with their data, and responds as the whole zone does."""
     nodes, there = subsystem.nodes, subsystem.system
     distinct = len(np.unique(nodes)) == len(nodes) == len(there.points) < len(system.points)
     require(distinct, "nodes of a subsystem are not distinct nodes of the system", len(nodes))
@@ -188,29 +208,95 @@ def check_edge_correction(system: ReducedSystem) -> None:
     resolution = system.capability(EdgeResolution)
     if resolution is None:
         return
-    r = np.linalg.norm(_normalized_positions(system), axis=1) / CONTACT
+    positions = _normalized_positions(system)
+    r = np.linalg.norm(positions, axis=1) / CONTACT
     pressure = np.sqrt(np.maximum(1.0 - r**2, 0.0)) * typical_load(system)[2]
-    n = len(pressure)
+    n, n_fields = system.offset.shape
     far = IndenterEdge(np.full(n, np.inf), np.zeros((n, 2)), np.full(n, np.inf))
-    for edge in (None, far):
-        result = resolution.edge_correction(pressure, edge)
+    radius, punch_edge, punch_pressure = _circular_punch(system)
+    ellipse = np.pi * np.prod(CONTACT * _half_widths(system))
+    alone, unchanged, punch = (
+        resolution.edge_correction(load, edge)
+        for load, edge in ((pressure, None), (pressure, far), (punch_pressure, punch_edge))
+    )
+    same = np.array_equal(alone.extra_compliance, unchanged.extra_compliance)
+    require(same, "an indenter's edge far away changes the correction", n)
+    for result, load, area in ((alone, pressure, ellipse), (punch, punch_pressure, np.pi * radius**2)):
         extra, fraction = result.extra_compliance, result.area_fraction
-        fits = extra.shape == (n, 5, 5) and fraction.shape == (n,) and bool(np.isfinite(extra).all())
-        require(fits, "edge_correction gives no finite arrays (n, 5, 5) and (n,)", extra.shape)
+        fits = extra.shape == (n, n_fields, n_fields) and fraction.shape == (n,) and bool(np.isfinite(extra).all())
+        require(fits, "edge_correction gives no finite arrays (n, fields, fields) and (n,)", extra.shape)
         require(bool(((fraction >= 0.0) & (fraction <= 1.0)).all()), "an area fraction is not in [0, 1]", fraction)
-        inside = pressure > 0.5 * pressure.max()
+        inside = load > 0.5 * load.max()
         require(bool((fraction[inside] > 0.0).all()), "a node under pressure has no area in contact", fraction)
-        require(bool(extra.any()), "no node responds more to its load at the edge of an ellipse", n)
+        error = float(abs(system.weights @ fraction / area - 1.0))
+        require(error < AREA_ERROR, "area fractions do not add up to the area inside the contact edge", error)
+        require(bool(extra.any()), "no node responds more to its load at the contact edge", n)
         unit = typical_load(system)
         scaled = unit[:, None] * extra * unit
         lowest = float(np.linalg.eigvalsh(scaled + scaled.transpose(0, 2, 1)).min())
         require(lowest >= -ROUND_OFF * np.abs(scaled).max(), "extra compliance gains energy from a load", lowest)
 
 
+def check_edge_resultants(system: ReducedSystem, stiffness: Array) -> None:
+    """Check an edge correction against the resultants of circular punches on a half space, in one field at a time.
+
+    The compliance of `apply`, corrected at the edge of a circle, gives the load of a unit displacement of that circle.
+    Its resultant is 4 R / Y in closed form, with R the radius and Y the mean surface compliance of the field over all
+    directions (the density 1 / sqrt(R^2 - r^2) displaces the circle uniformly).
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        System of a homogeneous half space with a plane zone.
+    stiffness : Array
+        Extended stiffness of the half space, (3, fields, fields, 3), SI units.
+
+    Raises
+    ------
+    AssertionError
+        If a resultant differs by more than RESULTANT_ERROR.
+    """
+    resolution = system.capability(EdgeResolution)
+    if resolution is None:
+        return
+    radius, edge, pressure = _circular_punch(system)
+    correction = resolution.edge_correction(pressure, edge)
+    nodes = np.flatnonzero(correction.area_fraction > 0.0)
+    frame, n_fields = system.frames[0], system.n_fields
+    angles = np.linspace(0.0, np.pi, 64, endpoint=False)
+    directions = np.outer(np.cos(angles), frame[0]) + np.outer(np.sin(angles), frame[1])
+    to_local = np.eye(n_fields)
+    to_local[MECHANICAL, MECHANICAL] = frame
+    compliance = (to_local @ surface_compliance(stiffness, frame[2], directions) @ to_local.T).real.mean(axis=0)
+    for field in range(n_fields):
+        matrix = np.diag(correction.extra_compliance[nodes, field, field])
+        for column, node in enumerate(nodes):
+            load = np.zeros((len(system.points), 1))
+            load[node] = 1.0
+            matrix[:, column] += apply_fields(system, load, (field,), (field,))[nodes, 0]
+        resultant = float(system.weights[nodes] @ np.linalg.solve(matrix, np.ones(len(nodes))))
+        error = abs(resultant * abs(compliance[field, field]) / (4.0 * radius) - 1.0)
+        require(error < RESULTANT_ERROR, f"edge correction: the resultant of a circular punch in field {field}", error)
+
+
+def _circular_punch(system: ReducedSystem) -> tuple[float, IndenterEdge, Array]:
+    """Return the radius [m] of a circular punch at the centre of the zone, its edge and its pressure (n,) [Pa]."""
+    positions = _normalized_positions(system) * _half_widths(system)
+    radius, r = float(CONTACT * _half_widths(system).min()), np.linalg.norm(positions, axis=1)
+    outward = np.divide(positions, r[:, None], out=np.zeros_like(positions), where=r[:, None] > 0.0)
+    density = 1.0 / np.sqrt(np.maximum(1.0 - (r / radius) ** 2, 1e-3))
+    pressure = np.where(r < radius, density, 0.0) * typical_load(system)[2]
+    local = np.einsum("nai,ni->na", system.frames[:, :2, :2], outward)
+    return radius, IndenterEdge(radius - r, local, np.where(r < radius, np.inf, 0.0)), pressure
+
+
 def check_interior_fields(system: ReducedSystem) -> None:
-    """Check that fields inside the body are affine in the load, and that gradients are those of the values."""
+    """Check that fields inside the body are affine in the load, and that gradients are those of the values.
+
+    Those of two bodies are not checked: they are fields of the first, whereas `apply` adds the displacements of both.
+    """
     interior = system.capability(InteriorFields)
-    if interior is None:
+    if interior is None or (isinstance(system, ComposedSystem) and len(system.terms) > 1):
         return
     middle = int(np.linalg.norm(_normalized_positions(system), axis=1).argmin())
     width = float(np.ptp(system.points, axis=0).max())
@@ -234,6 +320,21 @@ def check_interior_fields(system: ReducedSystem) -> None:
     scaled, expected = slopes * unit[:, None], once.gradients[0] * unit[:, None]
     error = float(np.abs(scaled - expected).max() / np.abs(expected).max())
     require(error < INTERIOR_ERROR, "gradients inside the body are not the derivatives of the values", error)
+    error = _surface_error(system, interior, load, middle)
+    require(error < SURFACE_ERROR, "values inside the body do not tend to those of recover at its surface", error)
+
+
+def _surface_error(system: ReducedSystem, interior: InteriorFields, load: Array, node: int) -> float:
+    """Return the relative error of the values at a node by cubic extrapolation from DEPTHS below it."""
+    normal = system.frames[node, 2]
+    depths = float(np.ptp(system.points, axis=0).max()) * np.array(DEPTHS)
+    inside = interior.evaluate(load, system.points[node] - depths[:, None] * normal)
+    slopes = -np.einsum("mfi,i->mf", inside.gradients, normal)
+    extrapolated = CubicHermiteSpline(depths, inside.values, slopes)(0.0)
+    surface = system.recover(load)  # of the first of two bodies, as the interior fields
+    expected = surface.values[np.linalg.norm(surface.points - system.points[node], axis=1).argmin()]
+    unit = typical_load(system)
+    return float(np.abs((extrapolated - expected) * unit).max() / np.abs(expected * unit).max())
 
 
 def _error(system: ReducedSystem, result: Array, expected: Array, fields: Sequence[int]) -> float:
@@ -253,3 +354,9 @@ def _normalized_positions(system: ReducedSystem) -> Array:
     low, high = system.points.min(axis=0), system.points.max(axis=0)
     positions: Array = (2.0 * system.points - low - high)[:, :2] / (high - low)[:2]
     return positions
+
+
+def _half_widths(system: ReducedSystem) -> Array:
+    """Return the half widths of the zone along the first two axes, (2,) [m]."""
+    widths: Array = np.ptp(system.points, axis=0)[:2] / 2.0
+    return widths

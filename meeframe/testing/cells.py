@@ -21,11 +21,11 @@ def cell_system(matrix: Array, side: float, offset: Array | None = None) -> Dens
     Parameters
     ----------
     matrix
-        Compliance (n, 5, n, 5).
+        Compliance (n, f, n, f).
     side
         Side of the square [m].
     offset
-        Offset (n, 5) as in ReducedSystem; zero by default.
+        Offset (n, f) as in ReducedSystem; zero by default.
     """
     n = len(matrix)
     cells = round(n**0.5)
@@ -35,7 +35,7 @@ def cell_system(matrix: Array, side: float, offset: Array | None = None) -> Dens
         frames=np.tile(np.eye(3), (n, 1, 1)),
         weights=np.full(n, (side / cells) ** 2),
         cells=(),
-        offset=np.zeros((n, 5)) if offset is None else offset,
+        offset=np.zeros((n, matrix.shape[1])) if offset is None else offset,
         matrix=matrix,
         recovery=_refuse,
     )

@@ -154,14 +154,14 @@ class PartialSlip:
         a, c = self.hertz.contact_radius, self.stick_radius(force)
         return self.friction * self.hertz.peak_pressure * (_dome(r, a) - c / a * _dome(r, c))
 
-    def force_after_reversal(self, displacement: float, turning: float) -> float:
-        """Return the tangential force [N] after a reversal at the displacement `turning` [m] > 0, down to -turning."""
-        return self.force(turning) - 2.0 * self.force((turning - displacement) / 2.0)
+    def force_after_reversal(self, displacement: float, amplitude: float) -> float:
+        """Return the tangential force [N] after a reversal at the displacement `amplitude` [m] > 0."""
+        return self.force(amplitude) - 2.0 * self.force((amplitude - displacement) / 2.0)
 
-    def traction_after_reversal(self, r: Array, displacement: float, turning: float) -> Array:
-        """Return the tangential traction [Pa] after a reversal at the displacement `turning` [m] > 0, to -turning."""
-        reversal = self.force((turning - displacement) / 2.0)
-        return self.traction(r, self.force(turning)) - 2.0 * self.traction(r, reversal)
+    def traction_after_reversal(self, r: Array, displacement: float, amplitude: float) -> Array:
+        """Return the tangential traction [Pa] after a reversal at the displacement `amplitude` [m] > 0."""
+        reversal = self.force((amplitude - displacement) / 2.0)
+        return self.traction(r, self.force(amplitude)) - 2.0 * self.traction(r, reversal)
 
     def loop_dissipation(self, force: float) -> float:
         """Return the work of friction [J] in a full loop between the tangential forces -force and +force [N].

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.laws.base import ContactLaw
+from meeframe.laws.base import ContactLaw, attraction, for_increment, resolve
 from meeframe.testing.law_extras import check_adhesion, check_increments, check_initial_gap
 from meeframe.testing.law_maps import SAMPLES, Units, check_maps
 from meeframe.testing.requirements import check_frozen, close, require
@@ -84,7 +84,7 @@ def _check_equal(law: ContactLaw, reference: ContactLaw, units: Units, random: n
         (slip_path, 1e-3 * units.duration),
     ):
         step_duration = duration if law.needs_duration else None
-        first, second = (each_law.for_increment(path, step_duration) for each_law in (law, reference))
+        first, second = (for_increment(each_law, path, step_duration) for each_law in (law, reference))
         try:
             _check_same_maps(first, second, units, random)
         except AssertionError as error:
@@ -100,6 +100,6 @@ def _check_same_maps(law: ContactLaw, reference: ContactLaw, units: Units, rando
         scale = factor * units.pressure
         close(law.project(trials), reference.project(trials), scale, f"project {_DIFFERS}")
         for r in units.lengths():
-            value, expected = (first.resolve(trials, gaps, r) for first in (law, reference))
+            value, expected = (resolve(each_law, trials, gaps, r) for each_law in (law, reference))
             close(value, expected, scale, f"resolve {_DIFFERS}")
-        close(law.adhesion(gaps[:, 2]), reference.adhesion(gaps[:, 2]), units.pressure, f"adhesion {_DIFFERS}")
+        close(attraction(law, gaps[:, 2]), attraction(reference, gaps[:, 2]), units.pressure, f"adhesion {_DIFFERS}")

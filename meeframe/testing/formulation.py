@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from meeframe.common.errors import MeeframeError
 from meeframe.elements import Quad4
-from meeframe.fields import ELECTRIC, Array
+from meeframe.fields import MECHANICAL, N_FIELDS, POTENTIALS, Array
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.material import library_material, rotation_about
 from meeframe.material.half_space import axisymmetric_compliance
@@ -16,7 +16,7 @@ from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.system.capabilities import EdgeResolution
 from meeframe.system.reduced import ReducedSystem
-from meeframe.testing.capabilities import check_capabilities
+from meeframe.testing.capabilities import check_capabilities, check_edge_resultants
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.manufactured import ExactField, LinearField, prescribe
@@ -24,11 +24,6 @@ from meeframe.testing.requirements import check_frozen, explained, require
 from meeframe.testing.search import search_for
 from meeframe.testing.zone_loads import ROUND_OFF, shapes, smooth_loads, typical_load, worst
 
-_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
-_FIELDS = st.sampled_from([tuple(row) for row in np.eye(5).tolist()]) | st.tuples(
-    *[st.sampled_from([0.0, 1.0, -1.0]) | st.floats(-1.0, 1.0, allow_subnormal=False)] * 5
-)
-_LOADS_DRAWN = st.tuples(_FIELDS, st.integers(0, 4))
 _GROUPS = ("top", "side_x-", "side_x+", "side_y-", "side_y+")
 
 
@@ -74,18 +69,27 @@ def check_formulation(
         check_capabilities(system)
         check_persistence(formulation, body, system)
         check_edges(formulation, system)
+        if body.mesh.semi_infinite:
+            check_edge_resultants(system, body.stiffness)
         check_exact(system, field, tolerance)
         check_reciprocity(system, asymmetry)
-        search_for(_LOADS_DRAWN, lambda example: check_energy(system, *example), examples=60)
+        search_for(_loads(system.n_fields), lambda example: check_energy(system, *example), examples=60)
         check_recovery(system, body, tolerance)
         check_refusals(formulation, body)
+
+
+def _loads(n_fields: int) -> st.SearchStrategy[tuple[tuple[float, ...], int]]:
+    """Return a strategy that draws the fields of a load and the number of its shape."""
+    amount = st.sampled_from([0.0, 1.0, -1.0]) | st.floats(-1.0, 1.0, allow_subnormal=False)
+    fields = st.sampled_from([tuple(row) for row in np.eye(n_fields).tolist()]) | st.tuples(*[amount] * n_fields)
+    return st.tuples(fields, st.integers(0, 4))
 
 
 def check_form(system: ReducedSystem, body: Body) -> None:
     """Shapes, finite numbers; points, frames and weights of the body's contact zone."""
     zone = find_contact_zone(body.mesh, body.contact_group or "")
     n, size = len(system.points), np.ptp(zone.points, axis=0).max()
-    shapes = {"points": (n, 3), "frames": (n, 3, 3), "weights": (n,), "offset": (n, 5)}
+    shapes = {"points": (n, 3), "frames": (n, 3, 3), "weights": (n,), "offset": (n, body.fields.size)}
     for name, shape in shapes.items():
         array = getattr(system, name)
         require(array.shape == shape and np.isfinite(array).all(), f"{name} is not finite {shape}", array.shape)
@@ -109,7 +113,7 @@ def check_linear(formulation: Formulation, body: Body, system: ReducedSystem) ->
     """Check that apply is linear, pure and agrees with diagonal_blocks and dense; data affect the offset only."""
     random = np.random.default_rng(0)
     n = len(system.points)
-    loads = random.normal(size=(3, n, 5)) * typical_load(system)
+    loads = random.normal(size=(3, n, system.n_fields)) * typical_load(system)
     original = loads.copy()
     responses = np.array([system.apply(load) for load in loads])
     require(np.array_equal(loads, original), "apply changes its argument, so that solvers lose their state", n)
@@ -121,7 +125,9 @@ def check_linear(formulation: Formulation, body: Body, system: ReducedSystem) ->
     _check_blocks(system)
     matrix = system.dense()
     if matrix is not None:
-        require(matrix.shape == (n, 5, n, 5), "dense is not (n, 5, n, 5)", matrix.shape)
+        n_fields = system.n_fields
+        fits = matrix.shape == (n, n_fields, n, n_fields)
+        require(fits, "dense is not (n, fields, n, fields)", matrix.shape)
         error = worst(np.einsum("namb,mb->na", matrix, loads[0]), responses[0])
         require(error < ROUND_OFF, "dense is not the matrix of apply: solvers that use either differ", error)
     still = formulation.reduce(replace(body, conditions=tuple(replace(c, data=0.0 * c.data) for c in body.conditions)))
@@ -161,10 +167,11 @@ def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> N
     """Check that offset + compliance(load of an exact field) is that field: signs, frames, units and data are right."""
     load = _to_local(system, field.fluxes(system.points, system.frames[:, 2]))
     exact = _to_local(system, field.values(system.points))
-    exact[:, ELECTRIC:] *= -1.0
+    exact[:, POTENTIALS] *= -1.0
     computed = system.offset + system.apply(load)
     error = np.abs(computed - exact).max(axis=0) / np.abs(exact).max(axis=0)
-    names = ("u.e1", "u.e2", "u.nu", "-phi", "-psi")
+    potentials = "-phi", "-psi", *(f"potential of field {field}" for field in range(N_FIELDS, system.n_fields))
+    names = "u.e1", "u.e2", "u.nu", *potentials
     worst = int(error.argmax())
     require(bool(error[worst] <= tolerance), f"an exact field is not reproduced in {names[worst]}", error)
 
@@ -176,13 +183,15 @@ def check_reciprocity(system: ReducedSystem, asymmetry: float) -> None:
     works = np.einsum("n,knf,knf->k", system.weights, loads, responses)
     require(bool((works > 0.0).all()), "a load gains energy: contact on such a body has no solution", works)
     # the potentials' sign in the reduced system makes the coupling of mechanical and other fields antisymmetric
-    work = np.einsum("n,f,knf,lnf->kl", system.weights, _SIGNS, loads, responses)
+    signs = np.ones(system.n_fields)
+    signs[POTENTIALS] = -1.0
+    work = np.einsum("n,f,knf,lnf->kl", system.weights, signs, loads, responses)
     error = float((np.abs(work - work.T) / np.sqrt(np.outer(works, works))).max())
     require(error <= asymmetry, "the reciprocal theorem does not hold", error)
 
 
 def check_energy(system: ReducedSystem, fields: tuple[float, ...], shape: int) -> None:
-    """Check that a load of five fields, in one of the shapes of `shapes`, does positive work on its displacement."""
+    """Check that a load of all fields, in one of the shapes of `shapes`, does positive work on its displacement."""
     load = np.outer(shapes(system)[shape], fields) * typical_load(system)
     work = float(np.einsum("n,nf,nf->", system.weights, load, system.apply(load)))
     message = f"a load gains energy, so that contact on such a body has no solution: fields {fields}, shape {shape}"
@@ -193,10 +202,10 @@ def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
     """Check that recover returns the load and its displacement on the zone, and prescribed values on supports."""
     load = smooth_loads(system)[0]
     fields = system.recover(load)
-    shape = (len(fields.points), 5)
-    require(fields.values.shape == fields.fluxes.shape == shape, "recover gives no (p, 5) fields", fields.values.shape)
+    shape = (len(fields.points), system.n_fields)
+    require(fields.values.shape == fields.fluxes.shape == shape, "recover gives no (p, f) fields", fields.values.shape)
     expected = system.offset + system.apply(load)
-    expected[:, ELECTRIC:] *= -1.0
+    expected[:, POTENTIALS] *= -1.0
     distance = np.linalg.norm(system.points[:, None] - fields.points, axis=2)
     nearest_point, tolerance_of_position = distance.argmin(axis=1), 1e-9 * np.ptp(system.points, axis=0).max()
     require(
@@ -270,7 +279,7 @@ def check_indentation(formulation: Formulation, body: Body | None = None, tolera
 
 def _block() -> Body:
     mesh = block_mesh(0.05, 0.12, 0.005, 8, 4, 3, Quad4())
-    conditions = tuple(BoundaryCondition("base", field, "value") for field in range(5))
+    conditions = tuple(BoundaryCondition("base", field, "value") for field in range(N_FIELDS))
     return Body(library_material("batio3-cofe2o4").stiffness, mesh, conditions, "contact")
 
 
@@ -288,13 +297,13 @@ def _patch() -> tuple[Body, ExactField]:
 
 def _check_blocks(system: ReducedSystem) -> None:
     blocks = system.diagonal_blocks()
-    n = len(system.points)
-    require(blocks.shape == (n, 5, 5), "diagonal_blocks is not (n, 5, 5)", blocks.shape)
+    n, n_fields = system.offset.shape
+    require(blocks.shape == (n, n_fields, n_fields), "diagonal_blocks is not (n, fields, fields)", blocks.shape)
     # fields have their own units: displacements of unit energy under loads of unit energy
     size = np.sqrt(np.abs(np.einsum("naa->na", blocks)))
     for node in {0, n // 2, n - 1}:
-        for number in range(5):
-            load = np.zeros((n, 5))
+        for number in range(n_fields):
+            load = np.zeros((n, n_fields))
             load[node, number] = 1.0
             response = system.apply(load)[node]
             error = float((np.abs(response - blocks[node, :, number]) / (size[node] * size[node, number])).max())
@@ -302,7 +311,7 @@ def _check_blocks(system: ReducedSystem) -> None:
 
 
 def _to_local(system: ReducedSystem, extended: Array) -> Array:
-    """Return extended vectors (n, 5), given in global axes, in the local frames."""
+    """Return extended vectors (n, fields), given in global axes, in the local frames."""
     local = extended.copy()
-    local[:, :3] = np.einsum("nai,ni->na", system.frames, extended[:, :3])
+    local[:, MECHANICAL] = np.einsum("nai,ni->na", system.frames, extended[:, MECHANICAL])
     return local

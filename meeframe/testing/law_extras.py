@@ -1,12 +1,13 @@
 """Conformance of optional methods of contact laws: attraction, initial gap and memory; see meeframe.testing.contact."""
 
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.fields import Array
-from meeframe.laws.base import ContactLaw
+from meeframe.laws.base import AdhesiveLaw, ContactLaw, for_increment, has_memory, is_adhesive, resolve
 from meeframe.testing.jumps import steepest
 from meeframe.testing.law_maps import SAMPLES, Units, check_maps
 from meeframe.testing.requirements import each, pure, require
@@ -14,6 +15,12 @@ from meeframe.testing.requirements import each, pure, require
 
 def check_adhesion(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
     """Check that adhesion is pure, local, finite, >= 0, zero at infinity, constant in overlap, and continuous."""
+    if is_adhesive(law):
+        _check_attraction(cast(AdhesiveLaw, law), units, random)
+
+
+def _check_attraction(law: AdhesiveLaw, units: Units, random: np.random.Generator) -> None:
+    """Check the attraction of a law that has one."""
     gap = np.concatenate([[0.0], np.sort(units.gap * 10.0 ** random.uniform(-6.0, 4.0, SAMPLES)), [np.inf]])
     pull = pure(law.adhesion, gap, "adhesion")
     _check_numbers("adhesion", gap, pull, lambda sample: law.adhesion(gap[sample]), random)
@@ -38,9 +45,8 @@ def check_increments(law: ContactLaw, units: Units, random: np.random.Generator)
 
     It must not depend on a duration that the law does not need.
     """
-    has_memory = type(law).for_increment is not ContactLaw.for_increment
-    require(has_memory or not law.needs_duration, "needs_duration, but for_increment does not use it", law)
-    if not has_memory:
+    require(has_memory(law) or not law.needs_duration, "needs_duration, but for_increment does not use it", law)
+    if not has_memory(law):
         return
     slip_path = units.gap * 10.0 ** random.uniform(-3.0, 3.0, SAMPLES)
     slip_path[::3] = 0.0
@@ -54,7 +60,7 @@ def check_increments(law: ContactLaw, units: Units, random: np.random.Generator)
     if not law.needs_duration:
         trial, gap, r = _states(units, random)
         no_duration, with_duration = (
-            law.for_increment(slip_path, duration).resolve(trial, gap, r) for duration in durations
+            resolve(for_increment(law, slip_path, duration), trial, gap, r) for duration in durations
         )
         equal = (no_duration == with_duration).all(axis=1)
         each(equal, "for_increment uses a duration, but the law says that it needs none", slip_path, with_duration)
@@ -70,19 +76,19 @@ def _check_increment(
 ) -> None:
     """Check one increment in full, and that the original law is unchanged."""
     trial, gap, r = _states(units, random)
-    before, copy_of_path = law.resolve(trial, gap, r).copy(), path.copy()
-    law_of_increment = law.for_increment(path, duration)
+    before, copy_of_path = resolve(law, trial, gap, r).copy(), path.copy()
+    law_of_increment = for_increment(law, path, duration)
     require(isinstance(law_of_increment, ContactLaw), "for_increment does not return a contact law", law_of_increment)
-    first = law_of_increment.resolve(trial, gap, r).copy()
-    other = law.for_increment(0.5 * path[::-1] + units.gap, duration)
-    other.resolve(trial, gap, r)
+    first = resolve(law_of_increment, trial, gap, r).copy()
+    other = for_increment(law, 0.5 * path[::-1] + units.gap, duration)
+    resolve(other, trial, gap, r)
     require(np.array_equal(path, copy_of_path), "for_increment changes its argument", path)
-    unchanged = (law.resolve(trial, gap, r) == before).all(axis=1)
+    unchanged = (resolve(law, trial, gap, r) == before).all(axis=1)
     each(unchanged, "for_increment changes the law itself", trial, before)
-    again = law_of_increment.resolve(trial, gap, r), law.for_increment(path, duration).resolve(trial, gap, r)
+    again = resolve(law_of_increment, trial, gap, r), resolve(for_increment(law, path, duration), trial, gap, r)
     each(((again[0] == first) & (again[1] == first)).all(axis=1), "for_increment depends on earlier calls", path, first)
     try:
-        check_maps(law_of_increment, lambda sample: law.for_increment(path[sample], duration), units, random)
+        check_maps(law_of_increment, lambda sample: for_increment(law, path[sample], duration), units, random)
         check_adhesion(law_of_increment, units, random)
     except AssertionError as error:
         text = f"for_increment with slip paths up to {path.max():g} m, duration {duration}: {error}"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.fields import Array
-from meeframe.laws.base import ContactLaw, StepLengths
+from meeframe.laws.base import ContactLaw, StepLengths, resolve
 from meeframe.testing.requirements import ROUND_OFF, close, each, pure, require
 
 SAMPLES: Final = 400
@@ -124,10 +124,10 @@ def _check_resolve(
 ) -> None:
     """Check that resolve is pure, local, finite, admissible, zero where open, with a monotone normal part."""
     states = np.hstack([trial, gap])
-    traction = pure(lambda values: law.resolve(values[:, :3], values[:, 3:], r), states, "resolve")
+    traction = pure(lambda values: resolve(law, values[:, :3], values[:, 3:], r), states, "resolve")
     _check_tractions("resolve", trial, traction)
     trial_without = without_indenter(trial)
-    traction_without = law.resolve(trial_without, without_indenter(gap), r)
+    traction_without = resolve(law, trial_without, without_indenter(gap), r)
     each(
         ~traction_without.any(axis=1),
         "resolve gives traction where there is no indenter above",
@@ -138,10 +138,10 @@ def _check_resolve(
     valid = np.abs(admissible - traction).max(axis=1) <= _SOLVED * units.pressure
     each(valid, "resolve gives tractions that project does not admit", states, traction)
     sample = random.permutation(SAMPLES)[: SAMPLES // 3]
-    restricted = restriction(sample).resolve(trial[sample], gap[sample], r)
+    restricted = resolve(restriction(sample), trial[sample], gap[sample], r)
     close(restricted, traction[sample], units.pressure, "resolve depends on other nodes")
     lift = units.pressure * 10.0 ** random.uniform(-3.0, 0.0, SAMPLES)
-    rise = law.resolve(trial + np.outer(lift, [0.0, 0.0, 1.0]), gap, r)[:, 2] - traction[:, 2]
+    rise = resolve(law, trial + np.outer(lift, [0.0, 0.0, 1.0]), gap, r)[:, 2] - traction[:, 2]
     monotone = (rise >= -_SOLVED * units.pressure) & (rise <= lift + _SOLVED * units.pressure)
     each(monotone, "normal traction is not monotone in its trial", states, traction)
 
@@ -227,7 +227,7 @@ def rest(law: ContactLaw, units: Units, random: np.random.Generator, step: float
     history = [np.column_stack([np.zeros((SAMPLES, 2)), normal])]
     for _ in range(_REST_STEPS):
         trial = np.column_stack([history[-1][:, :2] + increment, normal])
-        history.append(law.resolve(trial, gap, (stiffness, step * stiffness)))
+        history.append(resolve(law, trial, gap, (stiffness, step * stiffness)))
     traction = history[-1]
     last, halfway = (np.linalg.norm(history[k] - history[k - 1], axis=1) for k in (-1, _REST_STEPS // 2))
     size, size_halfway = (np.linalg.norm(history[k][:, :2], axis=1) for k in (-1, _REST_STEPS // 2))
@@ -254,11 +254,11 @@ def _check_steps(law: ContactLaw, trial: Array, gap: Array, units: Units) -> Non
     """Check that t + r G = trial gives the same gap G of the law for t, for every step r."""
     lengths = units.lengths()
     for r in lengths:
-        traction = law.resolve(trial, gap, r)
+        traction = resolve(law, trial, gap, r)
         for other in lengths:
             scale = np.array([other[1] / r[1], other[1] / r[1], other[0] / r[0]])
             argument = traction + scale * (trial - traction)
-            again = law.resolve(argument, gap, other)
+            again = resolve(law, argument, gap, other)
             valid = np.abs(again - traction).max(axis=1) <= _SOLVED * np.maximum(
                 np.abs(argument).max(axis=1), units.pressure
             )
@@ -283,8 +283,8 @@ def _check_tangents(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -
         require(derivative.shape == (len(trial), 3, 3), "tangents are not (n, 3, 3) each", derivative.shape)
         each(~zero.any(axis=(1, 2)), "tangents where there is no indenter above", trial, zero)
     message = "tangents are not the derivatives of resolve by the"
-    _check_derivative(lambda argument: law.resolve(argument, gap, r), trial, derivatives[0], 1.0, f"{message} trial")
-    _check_derivative(lambda argument: law.resolve(trial, argument, r), gap, derivatives[1], max(r), f"{message} gap")
+    _check_derivative(lambda argument: resolve(law, argument, gap, r), trial, derivatives[0], 1.0, f"{message} trial")
+    _check_derivative(lambda argument: resolve(law, trial, argument, r), gap, derivatives[1], max(r), f"{message} gap")
 
 
 def _check_derivative(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from meeframe.fields import Array
-from meeframe.laws.base import ContactLaw
+from meeframe.laws.base import ContactLaw, attraction, resolve
 from meeframe.testing.law_maps import SAMPLES, STEPS, Units, metric, other_slips, rest
 from meeframe.testing.requirements import ROUND_OFF, close, each, require
 
@@ -29,8 +29,8 @@ def check_homogeneous(law: ContactLaw, seed: int = 0, gap: float = 1e-6) -> None
     for factor in (1e-9, 1e-3, 7.0, 1e9):
         close(law.project(factor * trial), factor * law.project(trial), factor, "project is not homogeneous")
         for r in units.lengths():
-            traction = law.resolve(factor * trial, states, (factor * r[0], factor * r[1]))
-            close(traction, factor * law.resolve(trial, states, r), factor, "resolve is not homogeneous")
+            traction = resolve(law, factor * trial, states, (factor * r[0], factor * r[1]))
+            close(traction, factor * resolve(law, trial, states, r), factor, "resolve is not homogeneous")
 
 
 def check_associated(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
@@ -84,7 +84,7 @@ def check_monotone(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: f
     root = metric(law)
     for r in units.lengths():
         states = gap * random.normal(size=(SAMPLES, 3))
-        change = (law.resolve(other, states, r) - law.resolve(trial, states, r))[:, :2] @ root
+        change = (resolve(law, other, states, r) - resolve(law, trial, states, r))[:, :2] @ root
         work = np.einsum("na,na->n", change, (other - trial)[:, :2] @ root)
         monotone = work >= -1e-9 * (pressure * np.abs(root).max()) ** 2
         each(monotone, "resolve is not monotone", np.hstack([trial, other]), change)
@@ -101,7 +101,7 @@ def check_fading(law: ContactLaw, gap: float = 1e-6) -> None:
         Typical gap [m].
     """
     gaps = np.concatenate([[0.0], gap * np.geomspace(1e-6, 1e6, SAMPLES), [np.inf]])
-    rise = np.diff(law.adhesion(gaps))
+    rise = np.diff(attraction(law, gaps))
     each(rise <= 0.0, "attraction grows with the gap", gaps[1:], rise)
 
 
@@ -173,8 +173,8 @@ def _check_commutes(law: ContactLaw, rotation: Array, units: Units, random: np.r
     trial, gap = units.pressure * random.normal(size=(SAMPLES, 3)), units.gap * random.normal(size=(SAMPLES, 3))
     close(law.project(trial @ rotation), law.project(trial) @ rotation, units.pressure, message)
     for r in units.lengths():
-        traction = law.resolve(trial @ rotation, gap @ rotation, r)
-        close(traction, law.resolve(trial, gap, r) @ rotation, units.pressure, f"resolve: {message}")
+        traction = resolve(law, trial @ rotation, gap @ rotation, r)
+        close(traction, resolve(law, trial, gap, r) @ rotation, units.pressure, f"resolve: {message}")
 
 
 def _axes(angle: float) -> Array:

@@ -8,7 +8,7 @@ from typing import Literal, final
 import numpy as np
 
 from meeframe.elements.base import shape_derivatives
-from meeframe.fields import N_FIELDS, Array, FieldScaling
+from meeframe.fields import Array, FieldScaling
 from meeframe.greens import LineIntegral
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
@@ -20,11 +20,11 @@ class ExactField(ABC):
 
     @abstractmethod
     def values(self, points: Array) -> Array:
-        """Return the extended displacement (n, 5) at points (n, 3)."""
+        """Return the extended displacement (n, f) at points (n, 3)."""
 
     @abstractmethod
     def fluxes(self, points: Array, normals: Array) -> Array:
-        """Return the extended traction (n, 5) at points (n, 3) with unit normals (n, 3)."""
+        """Return the extended traction (n, f) at points (n, 3) with unit normals (n, 3)."""
 
 
 @final
@@ -35,11 +35,11 @@ class LinearField(ExactField):
     Attributes
     ----------
     stiffness
-        Extended stiffness (3, 5, 5, 3).
+        Extended stiffness (3, f, f, 3).
     gradient
-        Gradient (5, 3).
+        Gradient (f, 3).
     constant
-        Constant (5,).
+        Constant (f,).
     """
 
     stiffness: Array
@@ -51,16 +51,17 @@ class LinearField(ExactField):
         """Return a random field whose scaled gradient and constant have entries of the given size."""
         scaling = FieldScaling.of(stiffness)
         rng = np.random.default_rng(seed)
-        gradient = scaling.unscale_values(size * rng.normal(size=(3, N_FIELDS))).T
-        return cls(stiffness, gradient, scaling.unscale_values(size * rng.normal(size=N_FIELDS)))
+        n_fields = stiffness.shape[1]
+        gradient = scaling.unscale_values(size * rng.normal(size=(3, n_fields))).T
+        return cls(stiffness, gradient, scaling.unscale_values(size * rng.normal(size=(n_fields,))))
 
     def values(self, points: Array) -> Array:
-        """Return the extended displacement (n, 5)."""
+        """Return the extended displacement (n, f)."""
         values: Array = points @ self.gradient.T + self.constant
         return values
 
     def fluxes(self, points: Array, normals: Array) -> Array:
-        """Return the extended traction (n, 5), which is uniform."""
+        """Return the extended traction (n, f), which is uniform."""
         fluxes: Array = normals @ np.einsum("ijkm,km->ij", self.stiffness, self.gradient)
         return fluxes
 

@@ -30,7 +30,7 @@ class MatrixFree(ReducedSystem):
         return self.hidden.apply(load)
 
     def diagonal_blocks(self) -> Array:
-        """Return those of the hidden system."""
+        """Return the diagonal blocks of the hidden system."""
         return self.hidden.diagonal_blocks()
 
     def dense(self) -> None:
@@ -38,5 +38,5 @@ class MatrixFree(ReducedSystem):
         return
 
     def recover(self, load: Array) -> NodalFields:
-        """Return that of the hidden system."""
+        """Return the boundary fields of the hidden system."""
         return self.hidden.recover(load)

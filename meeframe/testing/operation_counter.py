@@ -63,15 +63,15 @@ class OperationCounter(
         return self.inner.apply(load)
 
     def diagonal_blocks(self) -> Array:
-        """Return those of the inner system."""
+        """Return the diagonal blocks of the inner system."""
         return self.inner.diagonal_blocks()
 
     def dense(self) -> Array | None:
-        """Return that of the inner system."""
+        """Return the matrix of the inner system."""
         return self.inner.dense()
 
     def recover(self, load: Array) -> NodalFields:
-        """Return that of the inner system."""
+        """Return the boundary fields of the inner system."""
         return self.inner.recover(load)
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
@@ -80,26 +80,26 @@ class OperationCounter(
         return self._inner(FieldwiseApply).apply_fields(load, loaded, fields)
 
     def diagonal(self, fields: Sequence[int]) -> Array:
-        """Return that of the inner system."""
+        """Return the diagonals of the inner system."""
         return self._inner(FieldwiseApply).diagonal(fields)
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
-        """Return that of the inner system."""
+        """Return the approximate inverse of the inner system."""
         return self._inner(ApproximateInverse).approximate_inverse(fields)
 
     def coarsen(self) -> Coarsening:
-        """Return that of the inner system, whose products are not counted."""
+        """Return the coarsening of the inner system, whose products are not counted."""
         return self._inner(Multigrid).coarsen()
 
     def restrict(self, nodes: Indices) -> Subsystem | None:
-        """Return that of the inner system, whose products are counted, too."""
+        """Return the subsystem of the inner system, whose products are counted, too."""
         subsystem = self._inner(Restriction).restrict(nodes)
         if subsystem is None:
             return None
         return replace(subsystem, system=replace(OperationCounter.of(subsystem.system), products=self.products))
 
     def edge_correction(self, pressure: Array, indenter_edge: IndenterEdge | None = None) -> EdgeCorrection:
-        """Return that of the inner system."""
+        """Return the edge correction of the inner system."""
         return self._inner(EdgeResolution).edge_correction(pressure, indenter_edge)
 
     def _inner(self, kind: type[C]) -> C:

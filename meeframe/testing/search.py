@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 
 from meeframe.fields import Array
-from meeframe.laws.base import ConductivityLaw, ContactLaw, contact_conductivity
+from meeframe.laws.base import (
+    ConductivityLaw,
+    ContactLaw,
+    attraction,
+    contact_conductivity,
+    for_increment,
+    has_memory,
+    is_pure_projection,
+    resolve,
+)
 from meeframe.testing.law_maps import Units
 from meeframe.testing.requirements import require
 
@@ -51,7 +60,7 @@ def search_states(law: ContactLaw, units: Units) -> None:
     Components are zero, tiny and huge numbers in typical units. Laws that are pure projections are skipped. Behaves
     like `search_trials` otherwise.
     """
-    if all(getattr(type(law), name) is getattr(ContactLaw, name) for name in ("resolve", "adhesion", "for_increment")):
+    if is_pure_projection(law) and not has_memory(law):
         return
     duration = units.duration if law.needs_duration else None
     r = units.lengths()[0]
@@ -63,8 +72,8 @@ def search_states(law: ContactLaw, units: Units) -> None:
     def fault(numbers: Any) -> str:
         trial, gap, path = state(numbers)
         with np.errstate(all="ignore"):
-            law_of_increment = law.for_increment(path, duration)
-            traction, pull = law_of_increment.resolve(trial, gap, r), law_of_increment.adhesion(np.abs(gap[:, 2]))
+            law_of_increment = for_increment(law, path, duration)
+            traction, pull = resolve(law_of_increment, trial, gap, r), attraction(law_of_increment, np.abs(gap[:, 2]))
             again = law_of_increment.project(traction)
         if not np.isfinite(traction).all():
             return "resolve gives tractions that are not finite"

@@ -14,7 +14,7 @@ import numpy as np
 from meeframe.contact.problem import ContactProblem, ContactState, indenter_position, unbalance
 from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
-from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.base import ConductivityLaw, ContactLaw, attraction, resolve
 
 _DIRECTIONS: Final = 36
 _ROUNDS: Final = 5
@@ -61,7 +61,7 @@ def violations(problem: ContactProblem, state: ContactState, associated: bool = 
     """
     scales = problem_scales(problem)
     relative = indenter_position(problem, state.motion) - state.displacement
-    pull = problem.contact_law.adhesion(np.maximum(relative[:, 2], 0.0))
+    pull = attraction(problem.contact_law, relative[:, 2])
     contact = state.load[:, MECHANICAL] - np.column_stack([np.zeros((len(pull), 2)), pull])
     violation_by_name = {
         "displacement of the load": _displacement_violations(problem, state, scales),
@@ -109,7 +109,7 @@ class _AdmissibleTractions:
         n, k = tangential.shape[:2]
         normal = np.broadcast_to(self.normal[:, None, None], (n, k, 1))
         trial = np.concatenate([tangential, normal], axis=2).reshape(-1, 3)
-        traction = self.law.resolve(trial, np.repeat(self.gap, k, axis=0), (self.r, self.r))
+        traction = resolve(self.law, trial, np.repeat(self.gap, k, axis=0), (self.r, self.r))
         return traction.reshape(n, k, 3)
 
     def project(self, tangential: Array) -> Array:
@@ -155,7 +155,7 @@ def _normal_trial(law: ContactLaw, traction: Array, gap: Array, r: float) -> Arr
     """
 
     def normal_traction(trial: Array) -> Array:
-        return law.resolve(np.column_stack([np.zeros((len(trial), 2)), trial]), gap, (r, r))[:, 2]
+        return resolve(law, np.column_stack([np.zeros((len(trial), 2)), trial]), gap, (r, r))[:, 2]
 
     lower, upper = np.minimum(traction, 0.0), np.zeros_like(traction)
     for _ in range(_BISECTIONS):

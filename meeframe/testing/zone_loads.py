@@ -21,7 +21,7 @@ def typical_load(system: ReducedSystem) -> Array:
 def smooth_loads(system: ReducedSystem) -> Array:
     """Return loads (k, n, 5) that vary slowly over the zone, with similar work of all fields."""
     functions, random = shapes(system), np.random.default_rng(1)
-    loads: Array = np.einsum("kfs,sn->knf", random.normal(size=(LOADS, 5, len(functions))), functions)
+    loads: Array = np.einsum("kfs,sn->knf", random.normal(size=(LOADS, system.n_fields, len(functions))), functions)
     return loads * typical_load(system)
 
 

@@ -1,4 +1,4 @@
-"""Small cases of all formulations, laws and solvers give what is recorded in validation/frozen/record.json."""
+"""Small cases of all formulations, laws and solvers reproduce the results recorded in validation/frozen/record.json."""
 
 import sys
 from pathlib import Path
@@ -13,12 +13,12 @@ from frozen_cases import CASES
 RECORDED = record.read_record()
 
 
-def test_the_record_has_all_cases():
+def test_record_contains_all_cases():
     assert list(RECORDED) == list(CASES)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_values_are_those_recorded(name):
-    found = record.check_one(name, RECORDED)
-    assert not found.problems
-    assert found.difference <= record.ALLOWED, found.where
+def test_values_match_the_record(name):
+    comparison = record.check_one(name, RECORDED)
+    assert not comparison.problems
+    assert comparison.difference <= record.ALLOWED, comparison.where

@@ -1,4 +1,4 @@
-"""Wheels and sdists of all distributions, in an environment of their own: without uv, without the repository."""
+"""Test wheels and sdists of all distributions in a separate environment, without uv and without the repository."""
 
 import json
 import os
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(shutil.which("uv") is None, reason="uv builds th
 
 
 def run(*command, cwd=None, **variables):
-    """Standard output of a command that succeeds."""
+    """Return the standard output of a command that succeeds."""
     done = subprocess.run(
         list(map(str, command)), cwd=cwd, capture_output=True, text=True, timeout=1200, env=os.environ | variables
     )
@@ -30,15 +30,15 @@ def run(*command, cwd=None, **variables):
 
 @pytest.fixture(scope="module")
 def distributions(tmp_path_factory):
-    """Folder with an sdist and a wheel, made from that sdist, of each distribution."""
+    """Return a folder with an sdist, and a wheel made from that sdist, of each distribution."""
     folder = tmp_path_factory.mktemp("dist")
     run("uv", "build", "--quiet", "--all-packages", "--out-dir", folder, cwd=ROOT)
     return folder
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory, distributions):
-    """Runs commands of an environment that has the wheels alone, in an empty folder."""
+def run_installed(tmp_path_factory, distributions):
+    """Return a function that runs commands of an environment with the wheels only, in an empty folder."""
     folder = tmp_path_factory.mktemp("empty")
     environment = folder / "environment"
     run(sys.executable, "-m", "venv", environment)
@@ -56,7 +56,7 @@ def place(tmp_path_factory, distributions):
     return command
 
 
-def test_distributions_hold_the_code_its_types_and_the_licence(distributions):
+def test_distributions_contain_code_types_and_licence(distributions):
     for name in NAMES:
         check_distribution(distributions, name)
 
@@ -77,43 +77,43 @@ def check_distribution(distributions, name):
         assert examples | templates < set(wheel)
 
 
-def test_wheels_alone_run_the_main_case_and_new_plugins(place, tmp_path):
-    """One test, since its environment takes a minute to install."""
-    check_main_case(place, tmp_path)
-    check_doctor(place)
-    place("meeframe", "example", "rough")
-    assert "ok" in place("meeframe", "check", "rough.toml")
+def test_wheels_run_the_main_case_and_new_plugins(run_installed, tmp_path):
+    """This is a single test, because installing its environment takes a minute."""
+    check_main_case(run_installed, tmp_path)
+    check_doctor(run_installed)
+    run_installed("meeframe", "example", "rough")
+    assert "ok" in run_installed("meeframe", "check", "rough.toml")
     for kind in ("contact-law", "solver"):
-        check_new_plugin(place, kind)
+        check_new_plugin(run_installed, kind)
 
 
-def check_main_case(place, tmp_path):
-    assert place("meeframe", "--version").strip() == f"meeframe {meeframe.__version__}"
-    place("meeframe", "example", "emii")
-    place("meeframe", "run", "emii.toml", "--out", "out")
-    step = json.loads((place.folder / "out" / "summary.json").read_text(encoding="utf-8"))["steps"][-1]
+def check_main_case(run_installed, tmp_path):
+    assert run_installed("meeframe", "--version").strip() == f"meeframe {meeframe.__version__}"
+    run_installed("meeframe", "example", "emii")
+    run_installed("meeframe", "run", "emii.toml", "--out", "out")
+    step = json.loads((run_installed.folder / "out" / "summary.json").read_text(encoding="utf-8"))["steps"][-1]
     assert step["status"] == "converged"
-    location = place("python", "-c", "import meeframe; print(meeframe.__file__)").strip()
+    location = run_installed("python", "-c", "import meeframe; print(meeframe.__file__)").strip()
     assert ROOT not in Path(location).parents
     here = meeframe.run(ROOT / "validation" / "transversely_isotropic_indentation" / "emii.toml", tmp_path)
     force = meeframe.resultants(here.zone, here.steps[-1]).force
     assert step["force"] == pytest.approx(force.tolist(), rel=1e-6, abs=1e-6 * abs(force[2]))
 
 
-def check_doctor(place):
-    """It finds no problem, and names what is missing."""
-    report = place("meeframe", "doctor")
+def check_doctor(run_installed):
+    """Check that `doctor` reports no problem and names what is missing."""
+    report = run_installed("meeframe", "doctor")
     assert "0 problems" in report
     assert "pip install 'meeframe[sweep]'" in report
     for name in NAMES[1:]:
         assert name.replace("_", "-") in report
-    assert str(place.folder / "kernels") in report
+    assert str(run_installed.folder / "kernels") in report
 
 
-def check_new_plugin(place, kind):
-    """It installs beside meeframe from a wheel, is listed, and passes its own tests."""
-    place("meeframe", "new-plugin", kind, f"new-{kind}")
-    package = place.folder / f"meeframe-new-{kind}"
-    place("python", "-m", "pip", "--quiet", "--disable-pip-version-check", "install", f"{package}[test]")
-    assert f"new-{kind}" in place("meeframe", "plugins")
-    assert " passed" in place("python", "-m", "pytest", "-q", package)
+def check_new_plugin(run_installed, kind):
+    """Check that a new plugin installs beside meeframe from a wheel, is listed, and passes its tests."""
+    run_installed("meeframe", "new-plugin", kind, f"new-{kind}")
+    package = run_installed.folder / f"meeframe-new-{kind}"
+    run_installed("python", "-m", "pip", "--quiet", "--disable-pip-version-check", "install", f"{package}[test]")
+    assert f"new-{kind}" in run_installed("meeframe", "plugins")
+    assert " passed" in run_installed("python", "-m", "pytest", "-q", package)

@@ -1,4 +1,4 @@
-"""Conductance of contacts: Holm's constriction resistance, and Barber's relation to the stiffness of the contact."""
+"""The conductance of contacts agrees with Holm's constriction resistance and Barber's relation to the stiffness."""
 
 import math
 from dataclasses import replace
@@ -14,19 +14,20 @@ from meeframe.study.sweep.numbers import numbers_of
 SIGMA, MODULUS = 6e6, 210e9 / (1 - 0.3**2)
 
 
-def solved(tmp_path, *changes):
-    text = example_texts()["contact-resistance"].replace("divisions = 48", "divisions = 28")
+def solve(tmp_path, *changes, divisions=28):
+    """Solve the example with changes of its text, in a single increment and on a coarser grid by default."""
+    text = example_texts()["contact-resistance"].replace("divisions = 48", f"divisions = {divisions}")
     for old, new in (("increments = 4", "increments = 1"), *changes):
         assert old in text
-        text = text.replace(old, new)
+        text = text.replace(old, new, 1)
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     result = meeframe.solve_case(load_case(tmp_path / "case.toml"))
     assert result.status == "converged"
     return result
 
 
-def test_a_circular_contact_has_the_conductance_of_holm(tmp_path):
-    result = solved(tmp_path)
+def test_conductance_of_circular_contact_matches_holm(tmp_path):
+    result = solve(tmp_path)
     (step,) = result.steps
     numbers = numbers_of(result.zone, step)
     assert numbers["conductance"] == pytest.approx(-numbers["charge"])  # at one volt
@@ -36,12 +37,21 @@ def test_a_circular_contact_has_the_conductance_of_holm(tmp_path):
     assert math.isnan(numbers_of(result.zone, grounded)["conductance"])
 
 
-def test_the_conductance_of_any_contact_is_its_stiffness(tmp_path):
-    """An elliptic contact: G = 2 sigma / E* dP/dg, with the stiffness from two more approaches."""
+def test_conductance_with_resolved_contact_edge(tmp_path):
+    """With the contact edge between the nodes, conductances at three approaches agree with Holm's to 0.3 %."""
+    formulation = ('name = "half-space"\n', 'name = "half-space"\nedges = "resolved"\n')
+    for approach in (0.8, 0.9, 1.0):
+        result = solve(tmp_path, formulation, ('approach = "1 um"', f'approach = "{approach} um"'), divisions=48)
+        conductance = numbers_of(result.zone, result.steps[-1])["conductance"]
+        assert conductance == pytest.approx(4 * SIGMA * math.sqrt(approach * 1e-6 * 10e-3), rel=3e-3)
+
+
+def test_conductance_is_proportional_to_stiffness(tmp_path):
+    """Barber's relation G = 2 sigma / E* dP/dg for an elliptic contact; a central difference gives the stiffness."""
     shape = ('name = "sphere"\nradius = "10 mm"', 'name = "paraboloid"\nradius_x = "10 mm"\nradius_y = "5 mm"')
     forces, conductances = [], []
     for approach in (0.8, 0.9, 1.0):
-        result = solved(tmp_path, shape, ('approach = "1 um"', f'approach = "{approach} um"'))
+        result = solve(tmp_path, shape, ('approach = "1 um"', f'approach = "{approach} um"'))
         numbers = numbers_of(result.zone, result.steps[-1])
         forces.append(numbers["normal_force"])
         conductances.append(numbers["conductance"])

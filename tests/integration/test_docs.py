@@ -1,6 +1,6 @@
-"""README.md and docs/: commands, examples, links and names are right. Materials and case files have their own tests."""
+"""Commands, examples, links and names on the README and the pages of docs/ are correct."""
 
-import importlib
+import importlib.util
 import re
 import shlex
 from collections.abc import Iterator
@@ -27,64 +27,67 @@ each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.rel
 
 
 def blocks(text: str, *languages: str) -> list[tuple[str, str]]:
-    """Fenced blocks in these languages, as (language, content), in order."""
-    found = re.findall(r"^```(\w+)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
-    return [(language, content) for language, content in found if language in languages]
+    """Return fenced blocks in these languages, as (language, content), in order."""
+    matches = re.findall(r"^```(\w+)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    return [(language, content) for language, content in matches if language in languages]
 
 
 def anchors(page: Path) -> set[str]:
-    """Anchors of the headings of a page, made as code hosting sites make them."""
+    """Return the anchors of the headings of a page, as code hosting sites create them."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
     headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
 
 
 @each_page
-def test_links_lead_somewhere(page):
+def test_links_have_targets(page):
     for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
         if target.startswith(("http://", "https://")):
             continue
         path, _, anchor = target.partition("#")
         file = (page.parent / path).resolve() if path else page
-        if file.parent == ROOT / "docs" / "reference" / "api":  # generated with the site, which checks links to it
+        if (
+            file.parent == ROOT / "docs" / "reference" / "api"
+        ):  # generated with the site, whose build checks links to it
             continue
         assert file.exists(), target
         assert not anchor or anchor in anchors(file), target
 
 
 def names(page: Path, pattern: str) -> Iterator[str]:
-    """What a pattern finds in the code of a page, block or inline."""
+    """Yield the matches of a pattern in code of a page, in blocks or inline."""
     for code in re.findall(r"```.*?```|`[^`\n]+`|^    .*$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
         yield from re.findall(pattern, code)
 
 
 @each_page
-def test_files_that_are_named_exist(page):
+def test_named_files_exist(page):
     for name in names(page, r"\b(?:[\w-]+/)+[\w.-]+\.(?:py|toml|sh)\b"):
         assert any((folder / name).exists() for folder in (ROOT, ROOT / "meeframe", ROOT / "docs")), name
 
 
 @each_page
-def test_modules_and_objects_that_are_named_exist(page):
+def test_named_modules_and_objects_exist(page):
     for name in names(page, r"(?<![\w/.])meeframe(?:\.\w+)+(?![\w/])"):
-        found = meeframe
+        computed = meeframe
         for number, part in enumerate(name.split(".")[1:], 2):
             try:
-                found = importlib.import_module(".".join(name.split(".")[:number]))
+                computed = importlib.import_module(".".join(name.split(".")[:number]))
             except ModuleNotFoundError:
-                assert hasattr(found, part), name
-                found = getattr(found, part)
+                assert hasattr(computed, part), name
+                computed = getattr(computed, part)
 
 
-def test_why_to_trust_it_has_every_case():
-    """Written by validation/trust.py from the numbers of all cases and its head: a summary, and all checks."""
+def test_trust_page_lists_every_case():
+    """validation/trust.py writes the page from the results of all cases and from trust_head.md: a summary, and all
+    checks."""
     page, checks = ((ROOT / "docs" / "validation" / name).read_text("utf-8") for name in ("trust.md", "checks.md"))
     before, after = (ROOT / "validation" / "trust_head.md").read_text("utf-8").split("<!-- summary -->")
     assert page.startswith(before)
     assert page.endswith(after)
     assert len(re.findall(r"\]\(checks\.md#", page)) == len(known_cases(ROOT / "validation"))
-    told = re.findall(r"^`meeframe validate --only (\w+)`$", checks, re.MULTILINE)
-    assert told == sorted(known_cases(ROOT / "validation"))
+    matches = re.findall(r"^`meeframe validate --only (\w+)`$", checks, re.MULTILINE)
+    assert matches == sorted(known_cases(ROOT / "validation"))
 
 
 def test_every_page_is_in_the_index_of_its_section():
@@ -93,14 +96,14 @@ def test_every_page_is_in_the_index_of_its_section():
             assert f"({page.name})" in (page.parent / "index.md").read_text(encoding="utf-8"), page.name
 
 
-def test_pictures_are_there_and_small():
+def test_pictures_exist_and_are_small():
     assert README.index("![") < README.index("## ")
     for name in re.findall(r"\]\((\S+\.png)\)", README):
         assert (ROOT / name).stat().st_size < 300_000
 
 
 def test_two_commands_do_all_setup():
-    """One runs the main job, one the tests; continuous integration runs the latter with the full tier."""
+    """One command runs the main example, the other the tests; continuous integration adds the full tier."""
     (_, job), (_, tests) = blocks(README, "sh")
     setup = "pip install uv && "
     assert job.strip().startswith(setup)
@@ -110,7 +113,7 @@ def test_two_commands_do_all_setup():
     assert f"{tests.strip().removeprefix(setup)} --full" in (ROOT / ".ci" / "run").read_text("utf-8").splitlines()
 
 
-def test_what_is_inside_names_everything_registered():
+def test_readme_lists_everything_registered():
     inside = README.split("## What is inside")[1].split("\n## ")[0]
     listed = set(re.findall(r"`([\w-]+)`", inside))
     own = {"meeframe", *(package.replace("_", "-") for package in BUNDLED_PACKAGES)}
@@ -136,7 +139,7 @@ def test_defaults_of_the_formulation():
 
 @pytest.fixture
 def workplace(tmp_path, monkeypatch):
-    """A folder in which the paths of the examples lead to the repository's cases."""
+    """Return a folder in which the paths of the examples lead to the cases of the repository."""
     (tmp_path / "validation").symlink_to(EMII.parents[1])
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -145,15 +148,15 @@ def workplace(tmp_path, monkeypatch):
 @pytest.mark.full
 def test_python_example_of_the_readme(workplace):
     ((_, text),) = blocks(README, "python")
-    found: dict = {}
-    exec(text, found)
-    assert found["result"].status == "converged"
-    assert found["pressure"].max() > 0 > found["electric_potential"].min()
+    namespace: dict = {}
+    exec(text, namespace)
+    assert namespace["result"].status == "converged"
+    assert namespace["pressure"].max() > 0 > namespace["electric_potential"].min()
     assert meeframe.read_result(workplace / "out" / "python").status == "converged"
 
 
 def tables(text: str) -> dict[str, str]:
-    """Text of a case file by table header; tables of one array together, what stands before the first under ''."""
+    """Return the texts of a case file by table header; tables of one array are joined, top-level keys are under ''."""
     parts: dict[str, str] = {}
     for part in re.split(r"^(?=\[)", text, flags=re.MULTILINE):
         header = part.partition("\n")[0] if part.startswith("[") else ""
@@ -162,7 +165,7 @@ def tables(text: str) -> dict[str, str]:
 
 
 def save(text: str) -> None:
-    """Save a case file of the page: '# new.toml' whole, '# new.toml = old.toml with' tables added or replaced."""
+    """Save a case file of the page: '# new.toml' completely, '# new.toml = old.toml with' tables added or replaced."""
     name, old = re.match(r"# ([\w.]+)(?: = ([\w.]+) with)?\n", text).groups()
     if old:
         text = "".join((tables(Path(old).read_text(encoding="utf-8")) | {**tables(text), "": ""}).values())
@@ -170,7 +173,7 @@ def save(text: str) -> None:
 
 
 def invoke(command: str) -> None:
-    """Run a command of the page here, but for installation and the main case, which the README's example runs."""
+    """Run a command of the page, except for installation and the main case, which is tested with the README."""
     arguments = shlex.split(command)
     if arguments[:3] != ["uv", "run", "meeframe"] or (arguments[3] != "check" and Path(arguments[-1]).stem == "emii"):
         return
@@ -180,7 +183,7 @@ def invoke(command: str) -> None:
 
 @pytest.mark.full
 def test_getting_started(workplace):
-    """The page from top to bottom: case files, commands, Python."""
+    """All case files, commands and programs of the page run in order."""
     page = (ROOT / "docs" / "tutorials" / "getting-started.md").read_text(encoding="utf-8")
     for language, content in blocks(page, "toml", "sh", "python"):
         if language == "toml":
@@ -192,10 +195,27 @@ def test_getting_started(workplace):
             exec(content, {})
     results = {path.name: meeframe.read_result(path) for path in (workplace / "out").iterdir()}
     assert set(results) == {"first", "conducting", "friction", "tabulated", "residue"}
-    told = re.findall(r"uncertain\s+by\s+about\s+(\d+) ?%", page + results["first"].steps[-1].message)
-    assert len(told) == 2
-    assert told[0] == told[1]
+    matches = re.findall(r"uncertain\s+by\s+about\s+(\d+) ?%", page + results["first"].steps[-1].message)
+    assert len(matches) == 2
+    assert matches[0] == matches[1]
     totals = {name: meeframe.resultants(result.zone, result.steps[-1]) for name, result in results.items()}
     assert 0 < totals["friction"].force[0] <= -0.1 * totals["friction"].force[2]
     assert -totals["conducting"].force[2] < -totals["first"].force[2]
     assert totals["conducting"].charge != 0 == totals["first"].charge
+
+
+def test_each_picture_of_the_pages_has_one_source():
+    """docs/make_images.py draws every picture again, by scripts that exist."""
+    spec = importlib.util.spec_from_file_location("make_images", ROOT / "docs" / "make_images.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    drawn = [picture for source in module.SOURCES.values() for picture in module.pictures(source)]
+    assert sorted(drawn) == sorted((ROOT / "docs").rglob("*.png"))
+    for source in module.SOURCES.values():
+        assert module.pictures(source)
+        for script in source.scripts:
+            assert (ROOT / script.split()[0]).is_file()
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert [
+        picture.name for picture in drawn if f"/{picture.name})" not in text and f"({picture.name})" not in text
+    ] == []

@@ -1,4 +1,4 @@
-"""Which tests a plain `pytest` runs, and that it says what it leaves out."""
+"""`pytest` runs the default tier and reports how many tests it deselects."""
 
 import shutil
 import subprocess
@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def run(tmp_path):
-    """Runs pytest on eight tests, of which five are of the full tier; gives its output."""
+    """Run pytest on eight tests, of which five belong to the full tier, and return its output."""
     shutil.copy(ROOT / "conftest.py", tmp_path)
     (tmp_path / "pyproject.toml").write_text("[tool.pytest.ini_options]\n")
     (tmp_path / "full").mkdir()
@@ -34,7 +34,7 @@ def run(tmp_path):
     return command
 
 
-def test_the_full_tier_runs_only_where_it_is_asked_for(run):
+def test_full_tier_runs_on_request_only(run):
     short, everything = run("-n", "1"), run("--full")
     assert "3 passed" in short
     assert "5 tests of the full tier deselected" in short

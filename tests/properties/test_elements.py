@@ -1,4 +1,4 @@
-"""Quadrature over random elements from random points, and closed surfaces of random anisotropic materials."""
+"""Test quadrature over random elements and sources, and closed surfaces of random anisotropic materials."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_elements_conform(element, seed):
 
 @st.composite
 def flat_elements(draw):
-    """A flat quadrilateral or triangle, up to 50:1, anyhow turned: element, nodes, corners."""
+    """Generate a flat quadrilateral or triangle in any orientation, up to 50:1: element, nodes, corners."""
     element = draw(st.sampled_from([Quad4(), Quad9(), Tri3(), Tri6()]))
     linear = Quad4() if element.reference == "quadrilateral" else Tri3()
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -43,15 +43,15 @@ def flat_elements(draw):
     direction=unit_vectors(1),
     tolerance=st.sampled_from([1e-6, 1e-9]),
 )
-def test_layers_of_flat_elements(flat, seed, exponent, direction, tolerance):
+def test_potentials_of_flat_elements(flat, seed, exponent, direction, tolerance):
     element, nodes, corners = flat
     size = np.linalg.norm(corners[1] - corners[0])
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     normal /= np.linalg.norm(normal)
-    # upwards at least a little, so that sources in the plane of the element do not fall on it
+    # at least slightly upwards, so that sources do not lie in the plane of the element
     direction = direction[0] + np.copysign(0.5, direction[0] @ normal) * normal
-    place = shape_functions(element, reference_points(element, 1, seed)) @ nodes
-    source = place[0] + 10**exponent * size * direction / np.linalg.norm(direction)
+    position = shape_functions(element, reference_points(element, 1, seed)) @ nodes
+    source = position[0] + 10**exponent * size * direction / np.linalg.norm(direction)
     rule = element_rule(element, nodes, source, tolerance)
     offset = rule.positions - source
     distance = np.linalg.norm(offset, axis=1)
@@ -86,15 +86,16 @@ def elements_of(mesh):
     curved=st.booleans(),
 )
 def test_unit_flux_through_a_closed_surface_from_nearby(stiffness, number, seed, exponent, outside, curved):
-    """int T dS is minus the identity from inside and zero from outside, however near the source is to the surface."""
+    """int T dS is minus the identity from inside and zero from outside, at any distance of the source from the
+    surface."""
     kernel, medium = LineIntegral().bind(stiffness), anisotropy(stiffness)
     element, nodes = elements_of(sphere_mesh(1.0, 2, Quad9()) if curved else box_mesh((2, 2, 14), (2, 2, 2), Quad4()))
     xi = reference_points(element, 1, seed)
-    place = shape_functions(element, xi)[0] @ nodes[number]
+    position = shape_functions(element, xi)[0] @ nodes[number]
     centre = shape_functions(element, np.zeros((1, 2)))[0] @ nodes[number]
     normal = centre if curved else np.where(np.isclose(np.ptp(nodes[number], axis=0), 0), centre, 0)
     normal = normal / np.linalg.norm(normal)
-    source = place + (1 if outside else -1) * 10**exponent * normal
+    source = position + (1 if outside else -1) * 10**exponent * normal
     flux = np.zeros((5, 5))
     size = 0.0
     for each in nodes:
@@ -108,7 +109,7 @@ def test_unit_flux_through_a_closed_surface_from_nearby(stiffness, number, seed,
 @settings(max_examples=10, deadline=None)
 @given(stiffness=extended_stiffness(), seed=st.integers(0, 1000), curved=st.booleans())
 def test_free_term_and_principal_value_of_constant_fields(stiffness, seed, curved):
-    """c + principal value over a closed surface vanishes at any node of an elongated, sheared box or of a sphere."""
+    """c + principal value over a closed surface vanishes at any node of an elongated, sheared box and of a sphere."""
     kernel, medium = LineIntegral().bind(stiffness), anisotropy(stiffness)
     rng = np.random.default_rng(seed)
     element, nodes = elements_of(sphere_mesh(1.0, 2, Quad9()) if curved else box_mesh((2, 2, 10), (2, 2, 2), Quad4()))

@@ -1,4 +1,4 @@
-"""Energy over load paths, and action and reaction on a block."""
+"""Test the energy balance over load paths, and the balance of actions and reactions on a block."""
 
 from itertools import pairwise
 
@@ -28,11 +28,11 @@ APPROACH = 3e-5
 
 
 def cycle(seed: int, mu: tuple[float, float], increments: int) -> tuple[Array, Array, Array]:
-    """Along a path of approach and translation from just touching to clear of the body: dissipation of each step and
-    node (steps, n), the indenter's work in each step (steps,), the last tractions (n, 3)."""
+    """Return dissipation of each step and node (steps, n), the indenter's work in each step (steps,), and the last
+    tractions (n, 3), along a path of approach and translation from first contact to separation."""
     random = np.random.default_rng(seed)
-    turned = MATERIAL.rotated(rotation_about(tuple(random.normal(size=3)), random.uniform(0.0, 6.0)))
-    system = periodic_half_space(turned, 5e-3, 7)
+    rotated = MATERIAL.rotated(rotation_about(tuple(random.normal(size=3)), random.uniform(0.0, 6.0)))
+    system = periodic_half_space(rotated, 5e-3, 7)
     x, y, _ = system.points.T
     height = 5.0 * x**2 + 8.0 * y**2 + 1e-6 * random.uniform(size=len(x))
     corners = np.concatenate([np.zeros((1, 3)), random.uniform(-1.0, 1.0, (4, 3)), np.zeros((1, 3))]) * APPROACH
@@ -56,27 +56,27 @@ MU = st.floats(0.05, 2.0)
 @settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(st.integers(0, 2**32 - 1), st.tuples(MU, MU))
 def test_slip_dissipates_at_every_node_in_every_step(seed: int, mu: tuple[float, float]) -> None:
-    """And no energy comes from nowhere: over the cycle the indenter does at least the work that slip dissipates."""
+    """Over the cycle, the work of the indenter is at least the energy that slip dissipates."""
     dissipation, work, left = cycle(seed, mu, 2)
     scale = np.abs(work).sum()
     assert dissipation.min() >= -1e-9 * scale
     assert dissipation.sum() > 1e-4 * scale
     assert work.sum() >= dissipation.sum() - 1e-9 * scale
-    assert np.abs(left).max() < 1.0  # Pa, of some 1e7
+    assert np.abs(left).max() < 1.0  # Pa; pressures are near 1e7
 
 
 @pytest.mark.full
-def test_all_work_over_a_cycle_is_dissipated_by_slip_as_steps_become_small() -> None:
+def test_work_over_a_cycle_converges_to_dissipation() -> None:
     excess = []
     for increments in (4, 8, 16):
         dissipation, work, _ = cycle(7, (0.2, 0.6), increments)
         excess.append((work.sum() - dissipation.sum()) / np.abs(work).sum())
     assert excess[0] > excess[1] > excess[2] > 0.0
-    assert abs(2.0 * excess[2] - excess[1]) < 0.05 * excess[0]  # of first order in the increment, to zero
+    assert abs(2.0 * excess[2] - excess[1]) < 0.05 * excess[0]  # of first order in the increment
 
 
 def integral(fields: NodalFields) -> Array:
-    """Of the extended tractions over the whole boundary, (5,)."""
+    """Return the integral of the extended tractions over the whole boundary, (5,)."""
     by_type = {element.meshio_type: element for element in ELEMENTS.values()}
     total = np.zeros(5)
     for kind, connectivity in fields.cells:
@@ -88,7 +88,8 @@ def integral(fields: NodalFields) -> Array:
 
 
 def imbalance(element: SurfaceElement, divisions: int, rings: int, layers: int) -> Array:
-    """Force, charge and magnetic flux left over of a block held at its base, in parts of those of the contact, (3,)."""
+    """Return the resultants of force, charge and flux on a block clamped at its base, relative to those of the
+    contact, (3,)."""
     mesh = block_mesh(0.02, 0.03, 0.01, divisions, rings, layers, element)
     base = tuple(BoundaryCondition("base", field, "value") for field in range(5))
     system = DenseBEM(quadrature_tolerance=1e-4).reduce(Body(MATERIAL.stiffness, mesh, base, "contact"))
@@ -109,7 +110,7 @@ def _solved(problem: ContactProblem) -> Array:
 
 
 def test_action_and_reaction_balance_up_to_discretisation() -> None:
-    """Contact and supports: no force, no charge and no magnetic flux is left over, the less the finer the mesh."""
+    """Force, charge and magnetic flux of contact and supports balance, increasingly so on finer meshes."""
     coarse, fine = imbalance(Quad4(), 4, 2, 1), imbalance(Quad4(), 6, 4, 3)
     assert (fine < 0.6 * coarse).all()
     assert (fine < [0.005, 0.04, 0.04]).all()

@@ -1,4 +1,4 @@
-"""Properties of meshes, frames and gaps for random sizes, gradings and placements."""
+"""Properties of meshes, frames and gaps hold for random sizes, gradings and placements."""
 
 import numpy as np
 import pytest
@@ -72,7 +72,7 @@ def test_every_block_is_a_closed_outward_box(  # type: ignore[no-untyped-def]
     layers=counts,
     scale=lengths,
 )
-def test_moderate_blocks_pass_every_check(element, share, divisions, rings, layers, scale) -> None:  # type: ignore[no-untyped-def]
+def test_moderate_blocks_pass_all_checks(element, share, divisions, rings, layers, scale) -> None:  # type: ignore[no-untyped-def]
     mesh = block_mesh(scale, 2 * scale, 2 * share * scale, divisions, rings, layers, element)
     check_mesh(mesh)
     check_contact_zone(mesh, "contact")
@@ -83,7 +83,7 @@ def test_moderate_blocks_pass_every_check(element, share, divisions, rings, laye
 
 @few
 @given(element=elements, sizes=st.tuples(lengths, lengths, lengths), divisions=st.tuples(counts, counts, counts))
-def test_every_box(element, sizes, divisions) -> None:  # type: ignore[no-untyped-def]
+def test_random_boxes(element, sizes, divisions) -> None:  # type: ignore[no-untyped-def]
     mesh = box_mesh(sizes, divisions, element)
     assert volume(mesh) == pytest.approx(np.prod(sizes), rel=1e-11)
     total = sum(area(mesh, name) for name in mesh.group_names)
@@ -92,7 +92,7 @@ def test_every_box(element, sizes, divisions) -> None:  # type: ignore[no-untype
 
 @few
 @given(element=elements, radius=lengths, divisions=st.integers(2, 6), seed=st.integers(0, 2**32 - 1))
-def test_renumbering_and_splitting_change_nothing(element, radius, divisions, seed) -> None:  # type: ignore[no-untyped-def]
+def test_renumbering_and_splitting_have_no_effect(element, radius, divisions, seed) -> None:  # type: ignore[no-untyped-def]
     mesh = sphere_mesh(radius, divisions, element)
     block = mesh.blocks[0]
     rng = np.random.default_rng(seed)
@@ -146,5 +146,5 @@ def test_points_at_the_gap_lie_on_the_indenter(shape, x, y, rotation, tilts, app
     local = (meeting - [x, y, -approach]) @ placement.rotation_matrix
     np.testing.assert_allclose(shape.height(local[:, 0], local[:, 1]), local[:, 2], atol=1e-12)
     np.testing.assert_allclose(placement.rotation_matrix @ placement.rotation_matrix.T, np.eye(3), atol=1e-15)
-    # moving the indenter along its axis moves the gap of a flat zone by as much
+    # moving the indenter along its axis changes the gap of a flat zone by the same distance
     np.testing.assert_allclose(initial_gap(shape, ZONE, placement), gap + approach, atol=1e-12)

@@ -1,4 +1,5 @@
-"""Conformance of the built-in laws for any coefficient; wrong conductivities are caught (wrong laws: seeded_laws)."""
+"""Built-in laws conform for all coefficients, and wrong conductivity laws are detected (wrong contact laws:
+test_seeded_laws.py)."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar, final
@@ -51,7 +52,7 @@ def test_isotropic_friction(mu: float, seed: int) -> None:
 
 @dataclass(frozen=True)
 class WrongConductivity(ConductivityLaw):
-    """A step law with one thing wrong."""
+    """A step law with a single error."""
 
     fault: str
     seen: list[None] = field(default_factory=list, compare=False)
@@ -88,7 +89,7 @@ class WrongConductivity(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class WrongAcrossGap(ConductivityLaw):
-    """A plate capacitor of unit constant with one thing wrong; lengths in micrometres, potentials in kilovolts."""
+    """A plate capacitor of unit constant with a single error; lengths in micrometres, potentials in kilovolts."""
 
     across_gap: ClassVar[bool] = True
 
@@ -132,7 +133,7 @@ class WrongAcrossGap(ConductivityLaw):
         ("follows drop", "conductivity changes with the drop, but the law is not across_gap"),
     ],
 )
-def test_wrong_conductivities_are_caught(fault: str, message: str) -> None:
+def test_wrong_conductivities_are_detected(fault: str, message: str) -> None:
     check_conductivity_law(WrongConductivity("none"))
     with pytest.raises(AssertionError, match=message):
         check_conductivity_law(WrongConductivity(fault))
@@ -152,7 +153,7 @@ def test_wrong_conductivities_are_caught(fault: str, message: str) -> None:
     ],
 )
 @pytest.mark.filterwarnings("ignore:invalid value")
-def test_wrong_conductivities_across_the_gap_are_caught(fault: str, message: str) -> None:
+def test_wrong_conductivities_across_the_gap_are_detected(fault: str, message: str) -> None:
     check_conductivity_law(WrongAcrossGap("none"))
     with pytest.raises(AssertionError, match=message):
         check_conductivity_law(WrongAcrossGap(fault))

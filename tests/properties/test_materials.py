@@ -1,4 +1,4 @@
-"""Properties of materials under rotation, mixture and serialisation, for random admissible anisotropic materials."""
+"""Properties of random admissible anisotropic materials under rotation, mixture and serialisation."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -19,18 +19,18 @@ from meeframe.material.voigt import mandel_matrix
 
 ANGLES = st.floats(-3.2, 3.2)
 ROTATIONS = st.tuples(ANGLES, ANGLES, ANGLES).map(lambda angles: rotation_from_euler(np.array(angles)))
-# no tiny entries: the norms of the invariants would underflow
+# no tiny entries, for which the norms of the invariants would underflow
 ENTRIES = st.integers(-(10**6), 10**6).map(lambda k: k / 10**6)
 COMMON = settings(deadline=None, max_examples=40)
 
 
 @st.composite
 def materials(draw: st.DrawFn) -> Material:
-    """A random triclinic, fully coupled, admissible material with constants of realistic size."""
+    """Generate a random triclinic, fully coupled, admissible material with constants of realistic magnitude."""
     root = draw(arrays(float, (6, 6), elements=ENTRIES))
     elastic = 1e11 * (root @ root.T + 0.3 * np.eye(6))
     scale = np.repeat([np.sqrt(1e-9), np.sqrt(1e-5)], 3)
-    # a sum of products of positive matrices: positive, with a symmetric off-diagonal block
+    # a sum of products of positive matrices is positive and has a symmetric off-diagonal block
     pairs, triples = draw(arrays(float, (3, 2), elements=ENTRIES)), draw(arrays(float, (3, 3), elements=ENTRIES))
     products = sum(np.kron(np.outer(v, v), np.outer(w, w)) for v, w in zip(pairs, triples, strict=True))
     block = scale[:, None] * scale * (products + 0.3 * np.eye(6))
@@ -57,8 +57,8 @@ def test_rotations_compose(material: Material, first: np.ndarray, second: np.nda
 
 @COMMON
 @given(materials(), ROTATIONS)
-def test_rotation_keeps_invariants(material: Material, rotation: np.ndarray) -> None:
-    turned = material.rotated(rotation)
+def test_rotation_preserves_invariants(material: Material, rotation: np.ndarray) -> None:
+    rotated = material.rotated(rotation)
     for read in (
         lambda m: np.linalg.eigvalsh(mandel_matrix(m.elastic)),
         lambda m: np.linalg.eigvalsh(m.permittivity),
@@ -66,7 +66,7 @@ def test_rotation_keeps_invariants(material: Material, rotation: np.ndarray) -> 
         lambda m: np.array([np.linalg.norm(m.piezoelectric), np.linalg.norm(m.piezomagnetic)]),
         lambda m: np.array([np.linalg.norm(np.einsum("kii->k", m.piezoelectric))]),
     ):
-        before, after = read(material), read(turned)
+        before, after = read(material), read(rotated)
         np.testing.assert_allclose(after, before, atol=1e-12 * np.abs(before).max())
 
 
@@ -109,13 +109,13 @@ def test_mixtures_of_admissible_materials_are_admissible(first: Material, second
 
 @settings(deadline=None, max_examples=15)
 @given(materials(), ROTATIONS, ANGLES)
-def test_surface_compliance_turns_with_the_material(material: Material, rotation: np.ndarray, angle: float) -> None:
+def test_surface_compliance_rotates_with_the_material(material: Material, rotation: np.ndarray, angle: float) -> None:
     normal, direction = np.array([0.0, 0.0, 1.0]), np.array([np.cos(angle), np.sin(angle), 0.0])
     extended = np.eye(5)
     extended[:3, :3] = rotation
     factors = np.outer(material.scaling.factors, material.scaling.factors)
     y = surface_compliance(material.stiffness, normal, direction)[0] / factors
-    turned = surface_compliance(material.rotated(rotation).stiffness, rotation @ normal, rotation @ direction)[0]
-    np.testing.assert_allclose(turned / factors, extended @ y @ extended.T, atol=1e-10 * np.abs(y).max())
+    rotated = surface_compliance(material.rotated(rotation).stiffness, rotation @ normal, rotation @ direction)[0]
+    np.testing.assert_allclose(rotated / factors, extended @ y @ extended.T, atol=1e-10 * np.abs(y).max())
     flipped = np.diag([1.0, 1.0, 1.0, -1.0, -1.0]) @ y
     assert np.linalg.eigvalsh(flipped + np.conj(flipped.T)).min() > 0

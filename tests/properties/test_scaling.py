@@ -1,4 +1,4 @@
-"""Answers and iterations do not depend on units, stiffness, size or potentials: factors of 1e-9 to 1e9 of each."""
+"""Solutions and iteration counts do not depend on units, stiffness, size or potentials, scaled by 1e-9 to 1e9."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +38,7 @@ def name(value: object) -> str:
 
 
 def factors(kind: str, factor: float) -> tuple[float, float, float, float]:
-    """Of lengths, moduli, electric and magnetic potentials."""
+    """Generate factors of lengths, moduli, electric and magnetic potentials."""
     kinds = ("lengths", "moduli", "electric potentials", "magnetic potentials")
     if kind == "all":
         return factor, 1.0 / factor, factor, factor
@@ -49,22 +49,23 @@ KINDS = ["lengths", "moduli", "electric potentials", "magnetic potentials", "all
 
 
 def random_problem(seed: int, mu: tuple[float, float], kappa: tuple[float, float]) -> ContactProblem:
-    """A rough paraboloid on the half space of a turned material, dragged, with holes; kappa: in units of 1 / own."""
+    """Return a problem of a rough paraboloid dragged over a half space of a rotated material; `kappa` is relative to
+    the inverse nodal compliance."""
     random = np.random.default_rng(seed)
-    turned = MATERIAL.rotated(rotation_about(tuple(random.normal(size=3)), random.uniform(0.0, 6.0)))
-    system = periodic_half_space(turned, 5e-3, CELLS)
+    rotated = MATERIAL.rotated(rotation_about(tuple(random.normal(size=3)), random.uniform(0.0, 6.0)))
+    system = periodic_half_space(rotated, 5e-3, CELLS)
     x, y, _ = system.points.T
     curvature = random.uniform(5.0, 15.0, 2)
     height = 0.5 * (curvature[0] * x**2 + curvature[1] * y**2) + 1e-6 * random.uniform(size=len(x))
     height = np.where(random.uniform(size=len(x)) < 0.03, np.inf, height - height.min())
     law = OrthotropicCoulomb(*mu, random.uniform(0.0, 3.0))
-    own = np.abs(np.diag(system.diagonal_blocks()[0]))[3:]
+    compliance = np.abs(np.diag(system.diagonal_blocks()[0]))[3:]
     potentials, drag = random.normal(size=2) * [1e3, 1.0], random.normal(size=2) * 1e-5
-    return indentation_problem(system, height, 3e-5, law, tuple(kappa / own), tuple(potentials), tuple(drag))
+    return indentation_problem(system, height, 3e-5, law, tuple(kappa / compliance), tuple(potentials), tuple(drag))
 
 
 def assert_scales(problem: ContactProblem, solver: Solver, factor: float) -> None:
-    """Answers as they are with every kind of magnitude multiplied by a factor, in as many iterations."""
+    """Assert that solutions scale with every quantity, in the same number of iterations."""
     expected = solve(problem, solver)
     assert expected.status is Status.CONVERGED, expected.message
     assert max(violations(problem, expected.state).values()) < 1e-8
@@ -73,12 +74,12 @@ def assert_scales(problem: ContactProblem, solver: Solver, factor: float) -> Non
         length, modulus, electric, magnetic = factors(kind, factor)
         displacement = np.array([length, length, length, electric, magnetic])
         load = modulus * np.array([1.0, 1.0, 1.0, length / electric, length / magnetic])
-        found = solve(rescaled(problem, displacement, load), solver)
-        assert found.status is Status.CONVERGED, f"{kind} times {factor}: {found.message}"
-        assert found.iterations == expected.iterations, f"{kind} times {factor}"
-        difference = np.abs(found.state.load / load - expected.state.load).max(axis=0)
+        solution = solve(rescaled(problem, displacement, load), solver)
+        assert solution.status is Status.CONVERGED, f"{kind} times {factor}: {solution.message}"
+        assert solution.iterations == expected.iterations, f"{kind} times {factor}"
+        difference = np.abs(solution.state.load / load - expected.state.load).max(axis=0)
         assert (difference <= 1e-8 * largest).all(), f"{kind} times {factor}"
-        assert np.abs(found.state.contact_fraction - expected.state.contact_fraction).max() < 1e-6, (
+        assert np.abs(solution.state.contact_fraction - expected.state.contact_fraction).max() < 1e-6, (
             f"{kind} times {factor}"
         )
 
@@ -92,10 +93,10 @@ KAPPA = st.sampled_from([0.0, 1e-2, 1.0, 1e2, np.inf])
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(SEEDS, st.tuples(MU, MU), st.tuples(KAPPA, KAPPA), st.integers(-15, 15))
-def test_on_half_spaces_without_round_off(
+def test_half_spaces_scaled_without_round_off(
     solver: Solver, seed: int, mu: tuple[float, float], kappa: tuple[float, float], power: int
 ) -> None:
-    """By powers of four, which round nothing, nor do their roots: the same numbers throughout."""
+    """Powers of four, and their roots, cause no round-off, so all numbers are identical."""
     assert_scales(random_problem(seed, mu, kappa), solver, 4.0**power)
 
 
@@ -103,14 +104,14 @@ def test_on_half_spaces_without_round_off(
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @pytest.mark.parametrize("factor", [1e-9, 1e-3, 1e9])
 @pytest.mark.parametrize("kappa", [(0.0, 0.0), (np.inf, 0.0), (1.0, 1e-2), (1e2, np.inf)])
-def test_on_half_spaces(solver: Solver, factor: float, kappa: tuple[float, float]) -> None:
-    """By powers of ten. Where Newton's method needs gradient steps, round-off may decide on their number."""
+def test_half_spaces_scaled_by_powers_of_ten(solver: Solver, factor: float, kappa: tuple[float, float]) -> None:
+    """Round-off may change the number of gradient steps that Newton's method needs."""
     for seed in range(2):
         assert_scales(random_problem(seed, (0.1, 0.5), kappa), solver, factor)
 
 
 def case_text(length: float, modulus: float, electric: float, magnetic: float) -> str:
-    """A case file of a block whose sizes, stiffness and potentials are multiplied by factors."""
+    """Return a case file of a block whose sizes, stiffness and potentials are scaled."""
     units = {
         "c": modulus,
         "e": modulus * length / electric,
@@ -138,8 +139,8 @@ def case_text(length: float, modulus: float, electric: float, magnetic: float) -
     )
 
 
-def solved_block(folder: Path, scales: tuple[float, float, float, float]) -> list[tuple[Array, StepResult]]:
-    """For each solver the loads (n, 5) in the units of the block that is not scaled, and the step."""
+def solve_block(folder: Path, scales: tuple[float, float, float, float]) -> list[tuple[Array, StepResult]]:
+    """Return the loads (n, 5) by solver, in the units of the unscaled block, and the step."""
     file = folder / "case.toml"
     file.write_text(case_text(*scales), encoding="utf-8")
     case = load_case(file)
@@ -154,13 +155,13 @@ def solved_block(folder: Path, scales: tuple[float, float, float, float]) -> lis
     return solved
 
 
-def test_on_a_block_from_case_file_to_answer(tmp_path: Path) -> None:
-    """Mesh, material and conditions scaled: assembly, factorisation and reduction included."""
-    expected = solved_block(tmp_path, (1.0, 1.0, 1.0, 1.0))
+def test_block_from_case_file_to_result(tmp_path: Path) -> None:
+    """Mesh, material and conditions are scaled, so assembly, factorisation and reduction are tested, too."""
+    expected = solve_block(tmp_path, (1.0, 1.0, 1.0, 1.0))
     both = [(kind, factor) for kind in ("lengths", "moduli") for factor in (1e-9, 1e9)]
     for kind, factor in [*both, ("lengths", 1e3), *zip(KINDS[2:], (1e9, 1e-9, 1e9), strict=True)]:
-        for (load, step), (found, other) in zip(expected, solved_block(tmp_path, factors(kind, factor)), strict=True):
+        for (load, step), (solution, other) in zip(expected, solve_block(tmp_path, factors(kind, factor)), strict=True):
             assert other.iterations == step.iterations, (kind, factor)
-            difference = np.abs(found - load).max(axis=0)
+            difference = np.abs(solution - load).max(axis=0)
             assert (difference <= 1e-8 * np.abs(load).max(axis=0)).all(), (kind, factor)
             assert 4 < np.count_nonzero(load[:, 2]) < len(load)

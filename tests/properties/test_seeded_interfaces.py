@@ -1,4 +1,4 @@
-"""Laws that are more than projections, each wrong in one way: the conformance check names what is wrong."""
+"""The conformance check names the fault of laws with more than a projection that are each wrong in one way."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -29,8 +29,8 @@ def coefficient(path: Array) -> Array:
     return LEAST + (MU - LEAST) * np.exp(-path / DISTANCE)
 
 
-def returned(trial: Array, mu: Array | float) -> Array:
-    """Radial return to discs of radius mu |p|."""
+def radial_return(trial: Array, mu: Array | float) -> Array:
+    """Return the radial return to discs of radius mu |p|."""
     traction = np.column_stack([trial[:, :2], np.minimum(trial[:, 2], 0.0)])
     size = np.linalg.norm(trial[:, :2], axis=1)
     limit = -mu * traction[:, 2]
@@ -38,14 +38,14 @@ def returned(trial: Array, mu: Array | float) -> Array:
     return traction
 
 
-def soft(trial: Array, gap: Array, r: StepLengths) -> Array:
-    """Surfaces that overlap in proportion to the pressure, with friction: the gap is not looked at."""
+def compliant(trial: Array, gap: Array, r: StepLengths) -> Array:
+    """Return tractions of surfaces with compliance and friction; the gap is not used."""
     return HARD.project(np.column_stack([trial[:, :2], np.minimum(trial[:, 2], 0.0) / (1.0 + r[0] * SOFTNESS)]))
 
 
 def weakening(trial: Array, gap: Array, r: StepLengths) -> Array:
-    """A friction coefficient that falls with the slip."""
-    return returned(trial, coefficient(np.linalg.norm(gap[:, :2], axis=1)))
+    """Return tractions with a friction coefficient that decreases with the slip."""
+    return radial_return(trial, coefficient(np.linalg.norm(gap[:, :2], axis=1)))
 
 
 def attraction(gap: Array) -> Array:
@@ -58,9 +58,9 @@ def waves(points: Array) -> Array:
 
 @dataclass(frozen=True)
 class Law(ContactLaw):
-    """Right as it stands; the functions are what goes wrong."""
+    """A correct law whose functions are replaced by wrong ones."""
 
-    answer: Callable[[Array, Array, StepLengths], Array] = soft
+    answer: Callable[[Array, Array, StepLengths], Array] = compliant
     pull: Callable[[Array], Array] = attraction
     rough: Callable[[Array], Array] = waves
 
@@ -81,21 +81,21 @@ class Law(ContactLaw):
 
 
 @dataclass(frozen=True)
-class Aged(Law):
-    """Weakens with the path slipped before."""
+class WeakensWithPath(Law):
+    """A law that weakens with the earlier slip path."""
 
     path: Array | None = field(default=None, compare=False)
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         before = 0.0 if self.path is None else self.path
-        return returned(trial, coefficient(before + np.linalg.norm(gap[:, :2], axis=1)))
+        return radial_return(trial, coefficient(before + np.linalg.norm(gap[:, :2], axis=1)))
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
         return replace(self, path=slip_path)
 
 
-def test_the_laws_without_fault_pass() -> None:
-    for law in (Law(), Law(weakening), Aged()):
+def test_correct_laws_pass() -> None:
+    for law in (Law(), Law(weakening), WeakensWithPath()):
         check_contact_law(law, reference=law)
         check_fading(law)
         check_monotone(law)
@@ -106,7 +106,7 @@ def open_too(trial: Array, gap: Array, r: StepLengths) -> Array:
 
 
 def pulling(trial: Array, gap: Array, r: StepLengths) -> Array:
-    traction = soft(trial, gap, r)
+    traction = compliant(trial, gap, r)
     traction[:, 2] = np.where(trial[:, 2] < 0.0, traction[:, 2] + 5e5, 0.0)
     return traction
 
@@ -116,16 +116,16 @@ def unlimited(trial: Array, gap: Array, r: StepLengths) -> Array:
 
 
 def without_step(trial: Array, gap: Array, r: StepLengths) -> Array:
-    return soft(trial, gap, (1e12, r[1]))
+    return compliant(trial, gap, (1e12, r[1]))
 
 
 def spring_by_the_gap(trial: Array, gap: Array, r: StepLengths) -> Array:
-    """Takes the slip for a length of the trial, whatever the step."""
-    return returned(trial, coefficient(np.linalg.norm(trial[:, :2], axis=1) * 1e-15))
+    """Return tractions that use the slip with the length of the trial, for any step length."""
+    return radial_return(trial, coefficient(np.linalg.norm(trial[:, :2], axis=1) * 1e-15))
 
 
 def halving(trial: Array, gap: Array, r: StepLengths) -> Array:
-    """Weakens with the slip, and bears half of the normal trial whatever the step."""
+    """Return tractions that weaken with slip and carry half of the normal trial, for any step length."""
     return weakening(trial * [1.0, 1.0, 0.5], gap, r)
 
 
@@ -140,34 +140,34 @@ def zero_by_zero(trial: Array, gap: Array, r: StepLengths) -> Array:
 
 
 def at_the_edge(trial: Array, gap: Array, r: StepLengths) -> Array:
-    traction = soft(trial, gap, r)
+    traction = compliant(trial, gap, r)
     traction[np.isinf(gap[:, 2]), 0] = 1.0
     return traction
 
 
 def yielding(trial: Array, gap: Array, r: StepLengths) -> Array:
-    """Bears the less the harder it is pressed."""
+    """Return tractions that decrease under larger pressure."""
     normal = np.minimum(trial[:, 2], 0.0)
     return HARD.project(np.column_stack([trial[:, :2], normal * np.exp(normal / 5e5)]))
 
 
 def hardening(trial: Array, gap: Array, r: StepLengths) -> Array:
-    """Bears more than it is pressed with."""
+    """Return tractions larger than the pressure."""
     return HARD.project(trial * [1.0, 1.0, 1.5])
 
 
 def driven(trial: Array, gap: Array, r: StepLengths) -> Array:
-    """As on a running belt."""
+    """Return tractions as on a running belt."""
     return HARD.project(np.column_stack([trial[:, 0] + 1e9, trial[:, 1:]]))
 
 
 def changing(trial: Array, gap: Array, r: StepLengths) -> Array:
     np.maximum(gap[:, 2], 0.0, out=gap[:, 2])
-    return soft(trial, gap, r)
+    return compliant(trial, gap, r)
 
 
-class Remembering:
-    """Fills the same array again and again."""
+class ReusesItsArray:
+    """Fills and returns the same array in every call."""
 
     def __init__(self) -> None:
         self.kept = np.zeros((0, 3))
@@ -175,7 +175,7 @@ class Remembering:
     def __call__(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         if self.kept.shape != trial.shape:
             self.kept = np.zeros_like(trial)
-        self.kept[:] = soft(trial, gap, r)
+        self.kept[:] = compliant(trial, gap, r)
         return self.kept
 
 
@@ -195,17 +195,17 @@ class Remembering:
         (hardening, "normal traction is not monotone in its trial"),
         (driven, "slip gains energy: for .* it gives"),
         (changing, "resolve changes its argument"),
-        (Remembering(), "resolve changes what it gave before"),
+        (ReusesItsArray(), "resolve changes what it gave before"),
     ],
 )
-def test_wrong_answers_are_caught(fault: Any, message: str) -> None:
+def test_wrong_tractions_are_detected(fault: Any, message: str) -> None:
     with pytest.raises(AssertionError, match=rf"(?s){message}.*why it matters"):
         check_contact_law(Law(fault))
 
 
 @dataclass(frozen=True)
 class Tangents(Law):
-    """Says its derivatives, scaled by factors."""
+    """Returns its derivatives, scaled by factors."""
 
     answer: Callable[[Array, Array, StepLengths], Array] = weakening
     by_trial: float = 1.0
@@ -232,13 +232,13 @@ class Tangents(Law):
         (Tangents(by_gap=np.nan), "tangents are not the derivatives of resolve by the gap: not finite"),
     ],
 )
-def test_wrong_tangents_are_caught(law: ContactLaw, message: str) -> None:
+def test_wrong_tangents_are_detected(law: ContactLaw, message: str) -> None:
     check_contact_law(Tangents())
     with pytest.raises(AssertionError, match=f"(?s){message}"):
         check_contact_law(law)
 
 
-class Seen:
+class GrowsWithCalls:
     """An attraction that grows with each call."""
 
     def __init__(self) -> None:
@@ -262,15 +262,15 @@ class Seen:
             "adhesion of overlapping surfaces is not that of contact",
         ),
         (lambda gap: attraction(gap)[:, None], r"adhesion has another shape than \(n,\)"),
-        (Seen(), "adhesion depends on earlier calls"),
+        (GrowsWithCalls(), "adhesion depends on earlier calls"),
     ],
 )
-def test_wrong_attractions_are_caught(fault: Any, message: str) -> None:
+def test_wrong_attractions_are_detected(fault: Any, message: str) -> None:
     with pytest.raises(AssertionError, match=rf"(?s){message}.*why it matters"):
         check_contact_law(Law(pull=fault))
 
 
-def test_attractions_that_grow_are_caught_apart() -> None:
+def test_growing_attraction_is_a_separate_check() -> None:
     law = Law(pull=lambda gap: np.where(np.isfinite(gap), attraction(gap) * np.maximum(gap, 0.0) / 1e-6, 0.0))
     with np.errstate(invalid="ignore"):
         check_contact_law(law)
@@ -278,23 +278,23 @@ def test_attractions_that_grow_are_caught_apart() -> None:
             check_fading(law)
 
 
-def test_answers_against_the_trial_are_caught_apart() -> None:
+def test_traction_against_the_trial_is_a_separate_check() -> None:
     with pytest.raises(AssertionError, match=r"(?s)resolve is not monotone: for .* it gives"):
-        check_monotone(Law(lambda trial, gap, r: soft(trial, gap, r) * [-1.0, 1.0, 1.0]))
+        check_monotone(Law(lambda trial, gap, r: compliant(trial, gap, r) * [-1.0, 1.0, 1.0]))
 
 
 def weaker_along_one_axis(trial: Array, gap: Array, r: StepLengths) -> Array:
-    """Counts the slip along e1 only."""
-    return returned(trial, coefficient(np.abs(gap[:, 0])))
+    """Return a coefficient that depends on the slip along e1 only."""
+    return radial_return(trial, coefficient(np.abs(gap[:, 0])))
 
 
 def weaker_one_way(trial: Array, gap: Array, r: StepLengths) -> Array:
-    """Counts the slip along e1 in one sense only."""
-    return returned(trial, coefficient(np.maximum(gap[:, 0], 0.0)))
+    """Return a coefficient that depends on slip in the positive direction of e1 only."""
+    return radial_return(trial, coefficient(np.maximum(gap[:, 0], 0.0)))
 
 
 @pytest.mark.full
-def test_properties_of_what_a_law_makes_of_the_gap_are_checked_apart() -> None:
+def test_dependence_on_the_gap_is_a_separate_check() -> None:
     for law in (Law(weakening), Law(weaker_along_one_axis), Law(weaker_one_way)):
         check_contact_law(law)
         check_homogeneous(law)
@@ -305,7 +305,7 @@ def test_properties_of_what_a_law_makes_of_the_gap_are_checked_apart() -> None:
     with pytest.raises(AssertionError, match="resolve: not symmetric about its principal axes"):
         check_orthotropic(Law(weaker_one_way), (MU, MU))
     with pytest.raises(AssertionError, match="resolve is not homogeneous"):
-        check_homogeneous(Law(soft))
+        check_homogeneous(Law(compliant))
 
 
 @pytest.mark.parametrize(
@@ -317,18 +317,18 @@ def test_properties_of_what_a_law_makes_of_the_gap_are_checked_apart() -> None:
         (lambda points: np.multiply(points, 2.0, out=points)[:, 0], "initial_gap changes its argument"),
     ],
 )
-def test_wrong_gaps_are_caught(fault: Any, message: str) -> None:
+def test_wrong_gaps_are_detected(fault: Any, message: str) -> None:
     with np.errstate(invalid="ignore"), pytest.raises(AssertionError, match=rf"(?s){message}.*why it matters"):
         check_contact_law(Law(rough=fault))
 
 
 class Melted:
-    """No contact law."""
+    """An object that is no contact law."""
 
 
 @dataclass(frozen=True)
-class Ageing(Aged):
-    """Weakens after a path that is got wrong."""
+class Ageing(WeakensWithPath):
+    """A law that weakens with a wrong slip path."""
 
     wrong: Callable[[Array, float | None], Any] = field(default=lambda path, duration: path)
 
@@ -339,19 +339,19 @@ class Ageing(Aged):
 
 @dataclass(frozen=True)
 class Timeless(Law):
-    """Asks for a duration for nothing."""
+    """A law that requires a duration without using it."""
 
     needs_duration: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
-class Wearing(Aged):
-    """Wears down with every increment that it is asked for."""
+class Wearing(WeakensWithPath):
+    """A law whose friction decreases with every increment requested."""
 
     worn: list[float] = field(default_factory=list, compare=False)
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        return returned(trial, MU / (1.0 + len(self.worn)))
+        return radial_return(trial, MU / (1.0 + len(self.worn)))
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
         self.worn.append(0.0)
@@ -359,12 +359,12 @@ class Wearing(Aged):
 
 
 @dataclass(frozen=True)
-class WornOut(Aged):
-    """Friction that changes sign after a long way."""
+class WornOut(WeakensWithPath):
+    """A law whose friction changes sign after a long slip path."""
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         path = np.zeros(len(trial)) if self.path is None else self.path
-        return returned(trial, MU * (1.0 - 2.0 * path / (path + 1.0)))
+        return radial_return(trial, MU * (1.0 - 2.0 * path / (path + 1.0)))
 
 
 def cleared(path: Array, duration: float | None) -> Array:
@@ -385,13 +385,13 @@ def cleared(path: Array, duration: float | None) -> Array:
     ],
     ids=lambda value: value if isinstance(value, str) else type(value).__name__,
 )
-def test_wrong_increments_are_caught(law: ContactLaw, message: str) -> None:
+def test_wrong_increments_are_detected(law: ContactLaw, message: str) -> None:
     with pytest.raises(AssertionError, match=rf"(?s){message}.*why it matters"):
         check_contact_law(law)
 
 
 @dataclass(frozen=True)
-class Rested(Aged):
+class Rested(WeakensWithPath):
     """Friction that depends on the duration of the increment."""
 
     needs_duration: ClassVar[bool] = True
@@ -411,14 +411,14 @@ class Rested(Aged):
         (Law(), Law(rough=lambda points: 1.01 * waves(points)), "^initial_gap differs from the reference law"),
         (
             Ageing(wrong=lambda path, duration: 1.01 * path),
-            Aged(),
+            WeakensWithPath(),
             "^for_increment with slip paths up to .*: resolve differs from the reference law",
         ),
         (Rested(), Rested(healing=0.2), "^for_increment .* duration 1.0: resolve differs from the reference law"),
-        (Rested(), Aged(), "^needs_duration differs from the reference law"),
+        (Rested(), WeakensWithPath(), "^needs_duration differs from the reference law"),
     ],
 )
-def test_other_laws_than_the_reference_are_caught(law: ContactLaw, reference: ContactLaw, message: str) -> None:
+def test_deviation_from_the_reference_is_detected(law: ContactLaw, reference: ContactLaw, message: str) -> None:
     check_contact_law(law, reference=law)
     with pytest.raises(AssertionError, match=message):
         check_contact_law(law, reference=reference)

@@ -1,4 +1,4 @@
-"""Elements and fundamental solutions, each wrong in one way: the conformance checks name what is wrong, and where."""
+"""The conformance checks name the fault of elements and fundamental solutions that are each wrong in one way."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ POINT = r"for \[ *-?\d.*\] it gives"
 
 @dataclass(frozen=True)
 class Element(SurfaceElement):
-    """An element with parts of another one exchanged."""
+    """An element with some properties of another one."""
 
-    right: SurfaceElement
+    correct: SurfaceElement
     changed: tuple[tuple[str, Any], ...] = ()
 
     def part(self, name: str) -> Any:
-        return dict(self.changed).get(name, getattr(self.right, name))
+        return dict(self.changed).get(name, getattr(self.correct, name))
 
     name = property(lambda self: self.part("name"))
     meshio_type = property(lambda self: self.part("meshio_type"))
@@ -43,18 +43,18 @@ class Element(SurfaceElement):
         return type(self) is type(other)
 
 
-def element(right: SurfaceElement, **changed: Any) -> SurfaceElement:
-    """Of a class of its own, so that objects made without arguments are equal to it."""
+def element(correct: SurfaceElement, **changed: Any) -> SurfaceElement:
+    """Return an element of a separate class, so that objects created without arguments are equal to it."""
 
     class Changed(Element):
         def __init__(self) -> None:
-            super().__init__(right, tuple(changed.items()))
+            super().__init__(correct, tuple(changed.items()))
 
     return Changed()
 
 
 def wilson() -> SurfaceElement:
-    """Incompatible across sides, only of first order."""
+    """Return an incompatible element of first order."""
     nodes, exponents = np.vstack([Quad4().nodes, [[0.0, 0.0]]]), np.vstack([Quad4().exponents, [[2.0, 0.0]]])
     return element(Quad4(), nodes=nodes, exponents=exponents)
 
@@ -78,23 +78,23 @@ def wilson() -> SurfaceElement:
         ),
     ],
 )
-def test_wrong_elements_are_caught(wrong: SurfaceElement, message: str) -> None:
+def test_wrong_elements_are_detected(wrong: SurfaceElement, message: str) -> None:
     with pytest.raises(AssertionError, match=rf"(?s){message}.*why it matters"):
         check_element(wrong)
 
 
 @pytest.mark.full(except_for=4)
-@pytest.mark.parametrize("right", ELEMENTS.values(), ids=str)
-def test_the_element_without_fault_passes(right: SurfaceElement) -> None:
-    check_element(element(right))
+@pytest.mark.parametrize("correct", ELEMENTS.values(), ids=str)
+def test_correct_element_passes(correct: SurfaceElement) -> None:
+    check_element(element(correct))
 
 
 Fault = Callable[[Array, Array, Array], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
-class Wrong(FundamentalSolution):
-    """The line integral, spoilt: a function of offset (n, 3), U and T, and a factor on the gradient."""
+class WrongSolution(FundamentalSolution):
+    """The line integral, modified by a function of offset (n, 3), U and T, and by a factor on the gradient."""
 
     fault: Fault
     steep: float = 1.0
@@ -105,16 +105,16 @@ class Wrong(FundamentalSolution):
 
 @dataclass(frozen=True)
 class WrongKernel(Kernel):
-    right: Kernel
+    correct: Kernel
     fault: Fault
     steep: float
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        u, t = self.right.evaluate(offset, normal)
+        u, t = self.correct.evaluate(offset, normal)
         return self.fault(offset, u, t)
 
     def gradient(self, offset: Array) -> Array:
-        return self.steep * self.right.gradient(offset)
+        return self.steep * self.correct.gradient(offset)
 
 
 def asymmetric(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
@@ -124,13 +124,13 @@ def asymmetric(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
 
 
 def on_the_axis(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
-    """Fails where eigenvalues meet: along the third axis and nowhere else."""
+    """Fail where eigenvalues coincide: along the third axis only."""
     along = (offset[:, :2] == 0.0).all(axis=1)
     return np.where(along[:, None, None], np.nan, u), t
 
 
 def in_a_plane(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
-    """Wrong by a little in the plane of isotropy alone."""
+    """Add a small error in the plane of isotropy only."""
     return u, np.where((offset[:, 2] == 0.0)[:, None, None], 1.001 * t, t)
 
 
@@ -150,11 +150,11 @@ def strided(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
     return np.asfortranarray(u), t
 
 
-def turned(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
+def with_rotated_traction(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
     return u, -t
 
 
-def right(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
+def unchanged(offset: Array, u: Array, t: Array) -> tuple[Array, Array]:
     return u, t
 
 
@@ -169,24 +169,27 @@ AXIS = r"for \[ *0\. +0\. +-?1\.\] it gives"
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (Wrong(asymmetric), f"U is not symmetric: {OFFSET}"),
-        (Wrong(on_the_axis), f"U is not finite: {AXIS}"),
-        (Wrong(in_a_plane), r"T is not C : grad U . nu: by \d.* at offset \[.* -?0\. *\]"),
-        (Wrong(mixed), f"U depends on the order of the points: {OFFSET}"),
-        (Wrong(growing), f"U is not homogeneous of degree -1: {OFFSET}"),
-        (Wrong(lopsided), f"U is not even: {OFFSET}"),
-        (Wrong(strided), "U is not C-contiguous"),
-        (Wrong(turned), f"T is not C : grad U . nu: {OFFSET}"),
-        (Wrong(larger, 1.01), r"flux through a sphere differs from unity, component \d, \d: by 1.0e-02"),
-        (Wrong(right, 1.01), f"T is not C : grad U . nu: {OFFSET}"),
-        (Wrong(lambda offset, u, t: (u, 1.01 * t), 1.01), r"differences of U do not approach U,q: .* at offset \["),
+        (WrongSolution(asymmetric), f"U is not symmetric: {OFFSET}"),
+        (WrongSolution(on_the_axis), f"U is not finite: {AXIS}"),
+        (WrongSolution(in_a_plane), r"T is not C : grad U . nu: by \d.* at offset \[.* -?0\. *\]"),
+        (WrongSolution(mixed), f"U depends on the order of the points: {OFFSET}"),
+        (WrongSolution(growing), f"U is not homogeneous of degree -1: {OFFSET}"),
+        (WrongSolution(lopsided), f"U is not even: {OFFSET}"),
+        (WrongSolution(strided), "U is not C-contiguous"),
+        (WrongSolution(with_rotated_traction), f"T is not C : grad U . nu: {OFFSET}"),
+        (WrongSolution(larger, 1.01), r"flux through a sphere differs from unity, component \d, \d: by 1.0e-02"),
+        (WrongSolution(unchanged, 1.01), f"T is not C : grad U . nu: {OFFSET}"),
+        (
+            WrongSolution(lambda offset, u, t: (u, 1.01 * t), 1.01),
+            r"differences of U do not approach U,q: .* at offset \[",
+        ),
     ],
 )
-def test_wrong_kernels_are_caught(wrong: FundamentalSolution, message: str) -> None:
+def test_wrong_kernels_are_detected(wrong: FundamentalSolution, message: str) -> None:
     material = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8))
     with pytest.raises(AssertionError, match=rf"(?s){message}.*why it matters"):
         check_fundamental_solution(wrong, scaled_stiffness(material))
 
 
-def test_the_kernel_without_fault_passes() -> None:
-    check_fundamental_solution(Wrong(right), scaled_stiffness(library_material("batio3-cofe2o4")))
+def test_correct_kernel_passes() -> None:
+    check_fundamental_solution(WrongSolution(unchanged), scaled_stiffness(library_material("batio3-cofe2o4")))

@@ -1,4 +1,4 @@
-"""Contact laws, each deliberately wrong in one way: the conformance checks name what is wrong."""
+"""The conformance checks name the fault of contact laws that are each wrong in one way."""
 
 from dataclasses import dataclass, field
 
@@ -21,7 +21,7 @@ RIGHT = OrthotropicCoulomb(0.1, 0.6, 0.3)
 
 @dataclass(frozen=True)
 class WrongLaw(ContactLaw):
-    """Orthotropic friction by the right law; the subclasses spoil it."""
+    """Correct orthotropic friction; subclasses introduce errors."""
 
     def project(self, trial: Array) -> Array:
         return RIGHT.project(trial)
@@ -31,7 +31,7 @@ class WrongLaw(ContactLaw):
 
 
 class SlipSign(WrongLaw):
-    """Traction against the drag: the minus sign of eq. (28) once more."""
+    """Traction against the motion of the indenter, the sign of eq. (28)."""
 
     def project(self, trial: Array) -> Array:
         return RIGHT.project(trial) * [-1.0, -1.0, 1.0]
@@ -39,7 +39,7 @@ class SlipSign(WrongLaw):
 
 @dataclass(frozen=True)
 class Mixed(WrongLaw):
-    """The projection of one law and the metric of another."""
+    """The projection of one law with the metric of another."""
 
     projection: ContactLaw
     metric: ContactLaw
@@ -61,7 +61,7 @@ RADIAL_WITH_UNIT_STEP = Mixed(RIGHT, IsotropicCoulomb(1.0))
 
 @dataclass(frozen=True)
 class Scaled(WrongLaw):
-    """Another scaling: factor * M^2 / max(mu)^2 + skew."""
+    """The scaling factor * M^2 / max(mu)^2 + skew."""
 
     factor: float = 1.0
     skew: float = 0.0
@@ -71,7 +71,8 @@ class Scaled(WrongLaw):
 
 
 def closest_on_ellipse(point: Array, half_axes: Array) -> Array:
-    """Closest points (n, 2) of ellipses with half axes (n, 2) to points (n, 2), those inside unchanged."""
+    """Return the closest points (n, 2) of ellipses with semi-axes (n, 2) to points (n, 2); points inside are
+    unchanged."""
     inside = ((point / half_axes) ** 2).sum(axis=1) <= 1.0
     low = np.zeros(len(point))
     high = np.linalg.norm(half_axes * point, axis=1)
@@ -84,7 +85,8 @@ def closest_on_ellipse(point: Array, half_axes: Array) -> Array:
 
 
 class EuclideanProjection(WrongLaw):
-    """The closest point of the ellipse with the step M^2: wrong (docs/explanation/theory.md, Set and metric)."""
+    """The closest point of the ellipse with the step M^2, which is inconsistent (docs/explanation/theory.md,
+    Contact)."""
 
     def project(self, trial: Array) -> Array:
         pressure = np.maximum(-trial[:, 2:], 0.0)
@@ -98,7 +100,7 @@ class EuclideanProjection(WrongLaw):
 
 @dataclass(frozen=True)
 class StalePressure(WrongLaw):
-    """The friction limit of the pressures of the previous call."""
+    """A friction limit with the pressures of the previous call."""
 
     seen: list[Array] = field(default_factory=list, compare=False)
 
@@ -113,7 +115,7 @@ class StalePressure(WrongLaw):
 
 
 class LimitOfTheTrial(WrongLaw):
-    """Pressure capped at a hardness, friction limit by the pressure before it was."""
+    """Pressure limited by a hardness, with the friction limit of the unlimited pressure."""
 
     def project(self, trial: Array) -> Array:
         traction = RIGHT.project(trial)
@@ -122,7 +124,7 @@ class LimitOfTheTrial(WrongLaw):
 
 
 class FrictionOfTension(WrongLaw):
-    """The friction limit of |trial|, also where contact is open."""
+    """A friction limit of |trial|, also where contact is open."""
 
     def project(self, trial: Array) -> Array:
         traction = RIGHT.project(np.column_stack([trial[:, :2], -np.abs(trial[:, 2])]))
@@ -131,7 +133,7 @@ class FrictionOfTension(WrongLaw):
 
 
 class Adhesive(WrongLaw):
-    """Pulls up to a stress before it opens."""
+    """A law that transmits tension up to a stress."""
 
     def project(self, trial: Array) -> Array:
         traction = RIGHT.project(trial)
@@ -140,14 +142,14 @@ class Adhesive(WrongLaw):
 
 
 class Shrinking(WrongLaw):
-    """A tenth less than what is admissible."""
+    """Tractions reduced by a tenth."""
 
     def project(self, trial: Array) -> Array:
         return RIGHT.project(trial) * [0.9, 0.9, 1.0]
 
 
 class Coupled(WrongLaw):
-    """A limit by the mean pressure of all nodes."""
+    """A friction limit by the mean pressure of all nodes."""
 
     def project(self, trial: Array) -> Array:
         pressure = np.minimum(trial[:, 2], 0.0)
@@ -158,7 +160,7 @@ class Coupled(WrongLaw):
 
 
 class Driven(WrongLaw):
-    """Admissible tractions in a disc beside the origin, as on a running belt: slip may gain energy."""
+    """Admissible tractions in a disc off the origin, as on a running belt: slip may gain energy."""
 
     def project(self, trial: Array) -> Array:
         pressure = np.minimum(trial[:, 2], 0.0)
@@ -172,7 +174,7 @@ class Driven(WrongLaw):
 
 
 class Swirling(WrongLaw):
-    """Turned the further, the longer the step: admissible, idempotent, non-expansive, and yet no projection."""
+    """Tractions rotated in proportion to the step: admissible, idempotent, non-expansive, but no projection."""
 
     def project(self, trial: Array) -> Array:
         traction = IsotropicCoulomb(0.3).project(trial)
@@ -189,7 +191,7 @@ class Swirling(WrongLaw):
 
 
 class NotANumber(WrongLaw):
-    """Where the trial is long."""
+    """NaN for large trials."""
 
     def project(self, trial: Array) -> Array:
         traction = RIGHT.project(trial)
@@ -211,8 +213,8 @@ class ChangesItsArgument(WrongLaw):
 
 
 @dataclass(frozen=True)
-class ReusesItsAnswer(WrongLaw):
-    """Hands out the same array again and again."""
+class ReusesItsArray(WrongLaw):
+    """A law that returns the same array in every call."""
 
     kept: list[Array] = field(default_factory=list, compare=False)
 
@@ -225,7 +227,7 @@ class ReusesItsAnswer(WrongLaw):
 
 
 class TangentWithoutPressure(WrongLaw):
-    """Forgets that the friction limit moves with the pressure."""
+    """A tangent that neglects the dependence of the friction limit on the pressure."""
 
     def tangent(self, trial: Array) -> Array:
         tangent = RIGHT.tangent(trial)
@@ -234,7 +236,7 @@ class TangentWithoutPressure(WrongLaw):
 
 
 class TangentOfStick(WrongLaw):
-    """Takes slipping nodes for sticking ones."""
+    """A tangent that treats slipping nodes as sticking."""
 
     def tangent(self, trial: Array) -> Array:
         finite = np.isfinite(trial[:, 2])
@@ -247,7 +249,7 @@ class TangentTransposed(WrongLaw):
 
 
 class WithAThreshold(WrongLaw):
-    """Cohesion: a friction limit that does not vanish with the pressure; sound, but not homogeneous."""
+    """Cohesion, a friction limit that does not vanish with the pressure; valid, but not homogeneous."""
 
     def project(self, trial: Array) -> Array:
         pressure = np.minimum(trial[:, 2], 0.0)
@@ -258,7 +260,7 @@ class WithAThreshold(WrongLaw):
 
 
 class EqualToNone(WrongLaw):
-    """Two of them with the same parameters are not the same law."""
+    """A law that is not equal to another one with the same parameters."""
 
     def __eq__(self, other: object) -> bool:
         return self is other
@@ -295,7 +297,7 @@ def name(value: object) -> str:
         (NotANumber(), "project gives tractions that are not finite"),
         (FrictionWithoutIndenter(), "traction where there is no indenter above"),
         (ChangesItsArgument(), "project changes its argument"),
-        (ReusesItsAnswer(), "project changes what it gave before"),
+        (ReusesItsArray(), "project changes what it gave before"),
         (TangentWithoutPressure(), "tangent is not the derivative"),
         (TangentOfStick(), "tangent is not the derivative"),
         (TangentTransposed(), "tangent is not the derivative"),
@@ -303,12 +305,12 @@ def name(value: object) -> str:
     ],
     ids=name,
 )
-def test_wrong_laws_are_caught(law: ContactLaw, message: str) -> None:
+def test_wrong_laws_are_detected(law: ContactLaw, message: str) -> None:
     with pytest.raises(AssertionError, match=message):
         check_contact_law(law)
 
 
-def test_what_laws_need_not_be_is_checked_apart() -> None:
+def test_optional_properties_are_separate_checks() -> None:
     for law in (SWAPPED, TURNED_BACK, UNTURNED, WithAThreshold()):
         check_contact_law(law)
         check_associated(law)
@@ -325,12 +327,12 @@ def test_what_laws_need_not_be_is_checked_apart() -> None:
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("law", [RADIAL_WITH_UNIT_STEP, EuclideanProjection(), Swirling(), SlipSign()], ids=name)
-def test_rules_that_are_not_associated_are_caught(law: ContactLaw) -> None:
+def test_non_associated_rules_are_detected(law: ContactLaw) -> None:
     with pytest.raises(AssertionError, match=r"slip does not dissipate the most|does not become stationary"):
         check_associated(law)
 
 
-def test_the_law_without_fault_passes() -> None:
+def test_correct_law_passes() -> None:
     law = WrongLaw()
     check_contact_law(law)
     check_homogeneous(law)

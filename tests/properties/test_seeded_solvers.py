@@ -1,4 +1,4 @@
-"""Solvers, each deliberately wrong in one way: the conformance check names what is wrong."""
+"""The conformance check names the fault of solvers that are each wrong in one way."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -12,7 +12,7 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status, contact_gap
 from meeframe.fields import Array
 from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
-from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths, augmented_traction
+from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths, attraction, augmented_traction, resolve
 from meeframe.solvers import BarzilaiBorwein, ProjectedCG, SemismoothNewton, StoppingCriteria, Uzawa, solve
 from meeframe.system.dense import DenseSystem
 from meeframe.testing.contact import check_solver
@@ -24,7 +24,7 @@ INNER = BarzilaiBorwein()
 
 @dataclass(frozen=True)
 class WrongSolver(Solver):
-    """Barzilai-Borwein steps on a problem that is tampered with, or with a step that is."""
+    """Barzilai-Borwein steps on a modified problem, or with a modified step."""
 
     check_interval: ClassVar[int] = BarzilaiBorwein.check_interval
 
@@ -40,7 +40,7 @@ class WrongSolver(Solver):
 
 @dataclass(frozen=True)
 class SolvesAnother(WrongSolver):
-    """Solves the problem with something forgotten, confused or added."""
+    """A solver of a problem in which something is missing, exchanged or added."""
 
     change: Callable[[ContactProblem], ContactProblem]
 
@@ -49,7 +49,7 @@ class SolvesAnother(WrongSolver):
 
 
 def without_initial_gap(problem: ContactProblem) -> ContactProblem:
-    """Eq. (31) with the gap of a flat indenter."""
+    """Use the gap of a flat indenter in eq. (31)."""
     return replace(problem, gap=np.where(np.isfinite(problem.gap), problem.gap.min(), np.inf))
 
 
@@ -78,7 +78,7 @@ def with_reversed_slip(problem: ContactProblem) -> ContactProblem:
 
 
 def without_coupling(problem: ContactProblem) -> ContactProblem:
-    """Potentials do not deform the body."""
+    """Neglect the deformation due to potentials."""
     assert isinstance(problem.system, DenseSystem)
     matrix = problem.system.matrix.copy()
     matrix[:, :3, :, 3:] = 0.0
@@ -105,7 +105,7 @@ def without_angle(problem: ContactProblem) -> ContactProblem:
 
 @dataclass(frozen=True)
 class UnitMetric(ContactLaw):
-    """A law's projection with a unit step."""
+    """The projection of a law with a unit step."""
 
     law: ContactLaw
 
@@ -124,7 +124,7 @@ def without_metric(problem: ContactProblem) -> ContactProblem:
 
 @dataclass(frozen=True, eq=False)
 class LimitOf(ContactLaw):
-    """A friction limit by pressures (n,) that are not those of the iteration."""
+    """A friction limit with pressures (n,) other than those of the iteration."""
 
     law: ContactLaw
     pressure: Array
@@ -140,7 +140,7 @@ class LimitOf(ContactLaw):
 
 @lru_cache(maxsize=1)
 def with_stale_pressure(problem: ContactProblem) -> ContactProblem:
-    """The friction limit of the frictionless pressure, as a first pass of it would find."""
+    """Use the friction limit of the frictionless pressure."""
     if problem.contact_law == Signorini():
         return problem
     pressure = -solve(without_friction(problem), SemismoothNewton()).state.load[:, 2]
@@ -149,7 +149,7 @@ def with_stale_pressure(problem: ContactProblem) -> ContactProblem:
 
 @dataclass(frozen=True)
 class Pulling(ContactLaw):
-    """A law that lets contact pull."""
+    """A law that transmits tension."""
 
     law: ContactLaw
 
@@ -168,7 +168,7 @@ def with_tension(problem: ContactProblem) -> ContactProblem:
 
 @dataclass(frozen=True)
 class ProjectionOf(ContactLaw):
-    """Nothing but a law's projection."""
+    """The projection of a law without its other methods."""
 
     law: ContactLaw
 
@@ -186,7 +186,7 @@ def with_projection_only(problem: ContactProblem) -> ContactProblem:
 @dataclass(frozen=True)
 class WithoutAttraction(ProjectionOf):
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        return self.law.resolve(trial, gap, r)
+        return resolve(self.law, trial, gap, r)
 
 
 def without_attraction(problem: ContactProblem) -> ContactProblem:
@@ -195,13 +195,13 @@ def without_attraction(problem: ContactProblem) -> ContactProblem:
 
 @dataclass(frozen=True)
 class WithoutSlip(WithoutAttraction):
-    """A friction limit as if nothing had slipped."""
+    """A friction limit without the influence of slip."""
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        return self.law.resolve(trial, gap * [0.0, 0.0, 1.0], r)
+        return resolve(self.law, trial, gap * [0.0, 0.0, 1.0], r)
 
     def adhesion(self, gap: Array) -> Array:
-        return self.law.adhesion(gap)
+        return attraction(self.law, gap)
 
 
 def without_slip(problem: ContactProblem) -> ContactProblem:
@@ -210,7 +210,7 @@ def without_slip(problem: ContactProblem) -> ContactProblem:
 
 @dataclass(frozen=True)
 class PartOfConductivity(ConductivityLaw):
-    """A law that sees a part of gap and drop."""
+    """A conductivity law that receives only part of gap and drop."""
 
     across_gap: ClassVar[bool] = True
 
@@ -240,7 +240,7 @@ def with_smaller_resultants(problem: ContactProblem) -> ContactProblem:
 
 @dataclass(frozen=True)
 class Reports(WrongSolver):
-    """Iterates soundly and reports something else; the sound iterate is kept in the memory."""
+    """A solver with correct iterates, which are stored in the memory, that reports something else."""
 
     change: Callable[[Iterate], Iterate]
 
@@ -287,7 +287,7 @@ class ChangesTheStart(WrongSolver):
 
 
 class ChangesTheProblem(WrongSolver):
-    """Moves the indenter to where the body is, so that everything fits."""
+    """A solver that moves the indenter onto the body."""
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         displacement = problem.system.offset + problem.system.apply(iterate.load)
@@ -298,7 +298,7 @@ class ChangesTheProblem(WrongSolver):
 
 @dataclass(frozen=True)
 class CountsItsCalls(WrongSolver):
-    """A step that depends on how often it was called."""
+    """A solver whose step depends on the number of calls."""
 
     calls: list[None] = field(default_factory=list, compare=False)
 
@@ -310,7 +310,7 @@ class CountsItsCalls(WrongSolver):
 
 @dataclass(frozen=True)
 class ReusesItsArrays(WrongSolver):
-    """Writes every load into the same array."""
+    """A solver that writes every load into the same array."""
 
     kept: list[Array] = field(default_factory=list, compare=False)
 
@@ -323,7 +323,7 @@ class ReusesItsArrays(WrongSolver):
 
 
 class SlowInLargeUnits(WrongSolver):
-    """Shortens its steps where tractions are small numbers."""
+    """A solver with short steps where tractions are small numbers."""
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         moved = INNER.step(problem, iterate)
@@ -334,7 +334,7 @@ class SlowInLargeUnits(WrongSolver):
 
 @dataclass(frozen=True)
 class MechanicalNewton(Solver):
-    """Newton's method on p = project(p + r S g) that knows of no fluxes; nodes: whether it knows that they interact."""
+    """Newton's method on p = project(p + r S g) without fluxes; `nodes` includes the interaction of nodes."""
 
     nodes: bool
 
@@ -425,24 +425,24 @@ FRICTION = r"the worst condition is '(friction limit|slip)'"
         pytest.param(MechanicalNewton(nodes=True), f"^conducting: .*{FLUX}", id="Newton without fluxes"),
     ],
 )
-def test_wrong_solvers_are_caught(solver: Solver, message: str) -> None:
+def test_wrong_solvers_are_detected(solver: Solver, message: str) -> None:
     with pytest.raises(AssertionError, match=message):
         check_solver(solver, LIMITS)
 
 
-def test_nearly_right_is_not_right_by_the_papers_criterion_either() -> None:
-    """It does not change any more, and the driver lets a residual below 1e-3 pass."""
+def test_small_error_is_detected_under_the_criterion_of_the_paper() -> None:
+    """The state does not change any more, and the driver accepts a residual below 1e-3."""
     with pytest.raises(AssertionError, match=r"^insulated: residual of the state handed over"):
         check_solver(Reports(nearly_right), replace(LIMITS, criterion="paper"))
 
 
-def test_an_exact_state_has_converged(problem: ContactProblem) -> None:
-    """A residual of zero, here by a solver that bends the problem, is no division by zero."""
+def test_exact_state_has_converged(problem: ContactProblem) -> None:
+    """A residual of exactly zero, here of a solver that modifies the problem, causes no division by zero."""
     solution = solve(problem, ChangesTheProblem())
     assert (solution.status, solution.residual) == (Status.CONVERGED, 0.0)
 
 
 @pytest.mark.full
-def test_solvers_without_fault_pass() -> None:
+def test_correct_solvers_pass() -> None:
     check_solver(Reports(lambda iterate: iterate))
     check_solver(ProjectedCG(), friction=False, conduction=False)

@@ -1,4 +1,5 @@
-"""The second judge: states made by hand, right and wrong, on a body whose tangential tractions move nothing else."""
+"""The direct check of contact conditions is correct for manufactured states, on a body with uncoupled tangential
+tractions."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +21,7 @@ FAR = 1e-3
 
 
 def dragged(law: ContactLaw, translation: tuple[float, float]) -> tuple[ContactProblem, Array]:
-    """Sphere on a half space without coupling of its displacements, and the normal tractions there (n,)."""
+    """Return a problem of a sphere on a half space with uncoupled displacements, and the normal tractions (n,)."""
     xi = 2e-12 * np.eye(5)
     system = half_space_system(xi, 5e-3, 8)
     height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
@@ -30,22 +31,22 @@ def dragged(law: ContactLaw, translation: tuple[float, float]) -> tuple[ContactP
 
 
 def state_of(problem: ContactProblem, normal: Array, share: Array) -> ContactState:
-    """State whose tangential tractions are so many times the pressure, (2,) or (n, 2)."""
+    """Return a state whose tangential tractions are multiples of the pressure, (2,) or (n, 2)."""
     load = np.zeros((len(normal), 5))
     load[:, 2], load[:, :2] = normal, -normal[:, None] * share
     return ContactState(load, problem.system.apply(load), (normal < 0.0).astype(float))
 
 
 def slip_violation(problem: ContactProblem, normal: Array, share: Array, associated: bool = True) -> float:
-    """Violation of the slip condition, where all others hold."""
-    found = violations(problem, state_of(problem, normal, share), associated)
-    assert max(value for name, value in found.items() if name != "slip") < 1e-8
-    return found["slip"]
+    """Return the violation of the slip condition, where all others hold."""
+    computed = violations(problem, state_of(problem, normal, share), associated)
+    assert max(value for name, value in computed.items() if name != "slip") < 1e-8
+    return computed["slip"]
 
 
 @pytest.mark.parametrize("ratio", [1.0, 30.0, 999.0])
 def test_full_sliding_across_unequal_coefficients(ratio: float) -> None:
-    """A traction of nearly nothing where mu2 is the answer: M^2 scales that slip by the ratio squared."""
+    """A small traction is correct where mu2 is small: M^2 scales the slip by the squared ratio."""
     mu2 = 0.3
     problem, normal = dragged(OrthotropicCoulomb(ratio * mu2, mu2), (0.0, FAR))
     assert slip_violation(problem, normal, np.array([0.0, mu2])) < 1e-12
@@ -55,11 +56,11 @@ def test_full_sliding_across_unequal_coefficients(ratio: float) -> None:
 
 @pytest.mark.parametrize("mu", [(0.1, 0.6), (3.0, 0.05), (0.3, 0.3)])
 def test_slip_along_the_normal_of_the_limit(mu: tuple[float, float]) -> None:
-    """Eq. (12): traction M^2 g / |M g|; neither along the slip nor by radial return."""
+    """Eq. (12) requires M^2 g / |M g|, which is neither parallel to the slip nor the radial return."""
     drag = np.array([1.0, 1.0]) * FAR
     problem, normal = dragged(OrthotropicCoulomb(*mu), (drag[0], drag[1]))
     share = np.zeros((len(normal), 2))
-    for _ in range(200):  # the slip depends on the traction, weakly
+    for _ in range(200):  # the slip depends weakly on the traction
         slip = drag - state_of(problem, normal, share).displacement[:, :2]
         share = slip * np.square(mu) / np.linalg.norm(slip * mu, axis=1, keepdims=True)
     assert slip_violation(problem, normal, share) < 1e-8
@@ -71,7 +72,7 @@ def test_slip_along_the_normal_of_the_limit(mu: tuple[float, float]) -> None:
 
 @pytest.mark.parametrize("law", [IsotropicCoulomb(np.inf), IsotropicCoulomb(50.0), OrthotropicCoulomb(50.0, 3.0, 0.4)])
 def test_stick(law: ContactLaw) -> None:
-    """The tractions that drag the nodes in contact along are right, and no others."""
+    """Only the tractions that move the nodes in contact with the indenter satisfy the conditions."""
     problem, normal = dragged(law, (3e-8, -2e-8))
     contact_fraction = normal < 0.0
     matrix = problem.system.matrix[:, 0, :, 0][np.ix_(contact_fraction, contact_fraction)]
@@ -91,7 +92,8 @@ def test_without_friction_everything_slips() -> None:
 
 @dataclass(frozen=True)
 class AlongSlip(ContactLaw):
-    """Radial return to an ellipse without its metric: tractions point along the slip, not where they work the most."""
+    """Radial return to an ellipse without its metric: tractions are parallel to the slip and do not maximise
+    dissipation."""
 
     ellipse: OrthotropicCoulomb
 
@@ -102,7 +104,7 @@ class AlongSlip(ContactLaw):
         return np.eye(2)
 
 
-def test_laws_that_are_not_associated() -> None:
+def test_non_associated_laws() -> None:
     mu, drag = np.array([0.1, 0.6]), np.array([1.0, 1.0]) * FAR
     problem, normal = dragged(AlongSlip(OrthotropicCoulomb(*mu)), (drag[0], drag[1]))
     share = np.array([1.0, 1.0]) / np.linalg.norm(1.0 / mu)
@@ -118,7 +120,7 @@ ACROSS = (GapConductivity(2e-11, 2e-6, 5e3), GapConductivity(8e-7, 2e-6, 10.0))
 
 
 def manufactured() -> tuple[ContactProblem, ContactState]:
-    """A state chosen first, from overlaps, gaps, slips and drops, and the problem that it solves, written out anew."""
+    """Return a manufactured state of overlaps, gaps, slips and drops, and the problem that it solves."""
     random = np.random.default_rng(7)
     system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3]), 5e-3, 6)
     n = len(system.points)
@@ -141,11 +143,11 @@ def manufactured() -> tuple[ContactProblem, ContactState]:
     return problem, ContactState(load, displacement, (gap < 0.0).astype(float))
 
 
-def test_soft_attracted_and_conducting_surfaces() -> None:
-    """Right as manufactured; wrong as soon as a law is another one by a hundredth."""
+def test_compliant_attractive_and_conducting_surfaces() -> None:
+    """The manufactured state satisfies the conditions, and violates them if a law changes by one per cent."""
     problem, state = manufactured()
-    found = violations(problem, state)
-    assert max(found.values()) < 1e-9, found
+    computed = violations(problem, state)
+    assert max(computed.values()) < 1e-9, computed
     assert residual(problem, state) < 1e-9
     for change, worse in (
         ({"pressure": 1.01e9}, {"pressure or gap", "penetration", "friction limit", "slip"}),
@@ -165,8 +167,8 @@ def test_soft_attracted_and_conducting_surfaces() -> None:
 
 
 @dataclass(frozen=True)
-class Rubbery(ContactLaw):
-    """Sticks by springs."""
+class SpringStick(ContactLaw):
+    """A law that sticks by springs."""
 
     def project(self, trial: Array) -> Array:
         return IsotropicCoulomb(0.3).project(trial)
@@ -179,6 +181,8 @@ class Rubbery(ContactLaw):
 
 
 def test_states_without_a_residual_are_rejected() -> None:
-    problem, normal = dragged(Rubbery(), (FAR, 0.0))
-    with pytest.raises(ValueError, match="violations cannot be computed for Rubbery, which has tangential compliance"):
+    problem, normal = dragged(SpringStick(), (FAR, 0.0))
+    with pytest.raises(
+        ValueError, match="violations cannot be computed for SpringStick, which has tangential compliance"
+    ):
         violations(problem, state_of(problem, normal, np.array([0.3, 0.0])))

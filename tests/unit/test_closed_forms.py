@@ -1,4 +1,4 @@
-"""Closed forms against the numbers of docs/explanation/theory.md and integration of their boundary values."""
+"""Closed forms agree with docs/explanation/theory.md and with integrals of their boundary values."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from meeframe.testing.closed_forms import CONDITIONS, Cone, FlatPunch, Indentati
 
 APPROACH = 5e-5
 SHAPES = {"sphere": Sphere(0.1), "punch": FlatPunch(2e-3), "cone": Cone(0.02)}
-# potentials of the size that the insulated contact develops: 4e4 V and 50 A
+# potentials of the magnitude that occurs in insulated contact: 4e4 V and 50 A
 POTENTIALS = [(None, None), (0.0, None), (None, 0.0), (0.0, 0.0), (2e4, None), (None, -20.0), (-1.5e4, 30.0)]
 
 
@@ -31,11 +31,12 @@ def height(shape: Shape, r: np.ndarray) -> np.ndarray:
 
 
 def newton_potential(solution: Indentation, field: int, r: float) -> float:
-    """Integral of a flux density over the contact, divided by distance: rings, by the complete elliptic integral."""
+    """Return the integral of a flux density over the contact, divided by distance, by rings and the complete
+    elliptic integral."""
     a = solution.contact_radius
     density = (lambda s: -solution.pressure(s), solution.electric_flux, solution.magnetic_flux_density)[field]
 
-    def ring(theta: float) -> float:  # s = a sin(theta) takes away the square-root edge
+    def ring(theta: float) -> float:  # s = a sin(theta) removes the square-root singularity
         s = a * np.sin(theta)
         log = ellipkm1(((r - s) / (r + s)) ** 2)
         return 4.0 * s / (r + s) * log * density(np.array([s]))[0] * a * np.cos(theta)
@@ -107,9 +108,13 @@ def test_surface_fields_are_potentials_of_the_fluxes(
         r = fraction * solution.contact_radius
         sources = np.array([newton_potential(solution, field, r) for field in range(3)])
         at = np.array([r])
-        found = [solution.displacement(at)[0], solution.electric_potential(at)[0], solution.magnetic_potential(at)[0]]
+        computed = [
+            solution.displacement(at)[0],
+            solution.electric_potential(at)[0],
+            solution.magnetic_potential(at)[0],
+        ]
         sizes = np.abs(xi) @ np.abs(sources)
-        np.testing.assert_allclose(found / sizes, xi @ sources / sizes, atol=1e-6)
+        np.testing.assert_allclose(computed / sizes, xi @ sources / sizes, atol=1e-6)
 
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
@@ -130,10 +135,10 @@ def test_boundary_conditions_hold(xi: np.ndarray, shape: Shape, potentials: tupl
     assert not solution.pressure(outside).any()
     if not isinstance(shape, FlatPunch):
         gap = height(shape, outside) - APPROACH - solution.displacement(outside)
-        # a negative shift lets the surface rise through the indenter just outside the contact, as documented
+        # for a negative shift, the surface rises through the indenter just outside the contact, as documented
         assert (gap.min() > 0) == (solution.shift >= 0)
         assert solution.pressure(inside).min() > 0
-        # no edge singularity: the pressure vanishes towards the edge
+        # no edge singularity: the pressure vanishes at the edge
         assert solution.pressure(np.array([a * (1 - 1e-10)]))[0] < 1e-4 * solution.pressure(np.array([a / 2]))[0]
 
 
@@ -146,13 +151,13 @@ def test_insulated_potentials_follow_the_surface(xi: np.ndarray) -> None:
         np.testing.assert_allclose(solution.magnetic_potential(r), xi[0, 2] / xi[0, 0] * u3, rtol=1e-12)
 
 
-def test_far_field_is_that_of_point_sources(xi: np.ndarray) -> None:
+def test_far_field_matches_point_sources(xi: np.ndarray) -> None:
     solution = indent(xi, Sphere(0.1), APPROACH, -1.5e4, 30.0)
     r = 1e4 * solution.contact_radius
     expected = xi @ np.array([-solution.force, solution.charge, solution.magnetic_flux]) / r
     at = np.array([r])
-    found = [solution.displacement(at)[0], solution.electric_potential(at)[0], solution.magnetic_potential(at)[0]]
-    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    computed = [solution.displacement(at)[0], solution.electric_potential(at)[0], solution.magnetic_potential(at)[0]]
+    np.testing.assert_allclose(computed, expected, rtol=1e-6)
 
 
 def test_isotropic_hertz_sneddon_and_punch() -> None:
@@ -167,7 +172,7 @@ def test_isotropic_hertz_sneddon_and_punch() -> None:
 
 
 def test_prescribed_potentials_move_the_contact_radius(xi: np.ndarray) -> None:
-    # eq. (34) and the corrected eq. (36), with the opposite sign of the potentials in the source's frame
+    # eq. (34) and the corrected eq. (36), with opposite signs of the potentials in the frame of the source
     phi, psi = -1.5e4, 30.0
     electric = indent(xi, Sphere(0.1), APPROACH, phi)
     assert electric.contact_radius**2 == pytest.approx(0.1 * (APPROACH + xi[0, 1] * phi / xi[1, 1]), rel=1e-12)
@@ -179,7 +184,7 @@ def test_prescribed_potentials_move_the_contact_radius(xi: np.ndarray) -> None:
     assert both.force == pytest.approx(force, rel=1e-9)
 
 
-def test_potentials_that_lift_the_surface_off_are_refused(xi: np.ndarray) -> None:
+def test_potentials_that_open_the_contact_are_rejected(xi: np.ndarray) -> None:
     lift = 2 * APPROACH * xi[1, 1] / xi[0, 1]
     with pytest.raises(MeeframeError, match="no contact"):
         indent(xi, Sphere(0.1), APPROACH, -lift)

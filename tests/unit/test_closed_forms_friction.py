@@ -1,4 +1,4 @@
-"""Closed forms with friction against their own laws: surface displacements, resultants, energy, limits."""
+"""Closed forms with friction satisfy their laws: surface displacements, resultants, energy, limits."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ CELLS, WITHIN = 32, 9
 
 
 def cell_means(function, x: np.ndarray, y: np.ndarray, step: float) -> np.ndarray:
-    """Mean of function(x, y) over the cells about x, y (n,): what a constant density stands for."""
+    """Return the mean of function(x, y) over the cells centred at x, y (n,), which a constant density represents."""
     inner = ((np.arange(WITHIN) + 0.5) / WITHIN - 0.5) * step
     across, along = (grid.ravel() for grid in np.meshgrid(inner, inner))
     points = np.add.outer(x, across).ravel(), np.add.outer(y, along).ravel()
@@ -38,14 +38,14 @@ def hertz(poisson: float) -> HertzContact:
 
 
 def resultant(traction, a: float, *kinks: float, power: int = 1) -> float:
-    """2 pi int r^power traction dr."""
-    found, _ = quad(
+    """Return 2 pi int r^power traction dr."""
+    computed, _ = quad(
         lambda r: r**power * traction(np.array([r]))[0], 0.0, a, points=kinks, epsabs=0, epsrel=1e-9, limit=200
     )
-    return 2 * np.pi * found
+    return 2 * np.pi * computed
 
 
-def test_hertz_is_the_frictionless_half_space() -> None:
+def test_hertz_matches_frictionless_half_space() -> None:
     exact, other = hertz(0.3), indent(np.eye(3) / (np.pi * contact_modulus(YOUNG, 0.3)), Sphere(RADIUS), APPROACH)
     r = np.linspace(0, 1.2, 8) * exact.contact_radius
     assert exact.contact_radius == pytest.approx(other.contact_radius)
@@ -56,7 +56,7 @@ def test_hertz_is_the_frictionless_half_space() -> None:
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.5])
 @pytest.mark.parametrize("share", [0.3, 0.8])
-def test_partial_slip_moves_the_stick_zone_as_one_body(poisson: float, share: float) -> None:
+def test_stick_zone_moves_rigidly_in_partial_slip(poisson: float, share: float) -> None:
     exact = PartialSlip(hertz(poisson), FRICTION)
     force, a = share * exact.limit_force, exact.hertz.contact_radius
     c, moved = exact.stick_radius(force), exact.displacement(force)
@@ -80,7 +80,7 @@ def test_partial_slip_limits() -> None:
     assert exact.stick_radius(0.0) == a
     assert exact.stick_radius(exact.limit_force) == 0.0
     np.testing.assert_allclose(exact.traction(np.array([0.0]), exact.limit_force), FRICTION * exact.hertz.peak_pressure)
-    stiffness = 8 * shear_modulus(YOUNG, 0.3) * a / (2 - 0.3)  # of a disc that sticks (Mindlin)
+    stiffness = 8 * shear_modulus(YOUNG, 0.3) * a / (2 - 0.3)  # stiffness of a sticking disc (Mindlin)
     assert small / exact.displacement(small) == pytest.approx(stiffness, rel=1e-5)
     assert exact.force(exact.displacement(0.7 * exact.limit_force)) == pytest.approx(0.7 * exact.limit_force)
     for beyond in (-1e-3, 1.1):
@@ -89,7 +89,7 @@ def test_partial_slip_limits() -> None:
 
 
 @pytest.mark.parametrize("share", [0.2, 0.7, 1.0])
-def test_the_loop_closes_and_its_area_is_its_dissipation(share: float) -> None:
+def test_loop_closes_and_its_area_is_its_dissipation(share: float) -> None:
     exact = PartialSlip(hertz(0.2), FRICTION)
     force = share * exact.limit_force
     turning = exact.displacement(force)
@@ -102,14 +102,14 @@ def test_the_loop_closes_and_its_area_is_its_dissipation(share: float) -> None:
 def test_reversed_tractions_satisfy_the_law() -> None:
     exact = PartialSlip(hertz(0.0), FRICTION)
     turning = exact.displacement(0.8 * exact.limit_force)
-    place, r = 0.2 * turning, np.linspace(0.0, 0.999, 200) * exact.hertz.contact_radius
-    traction, bound = exact.traction_after_reversal(r, place, turning), FRICTION * exact.hertz.pressure(r)
+    position, r = 0.2 * turning, np.linspace(0.0, 0.999, 200) * exact.hertz.contact_radius
+    traction, bound = exact.traction_after_reversal(r, position, turning), FRICTION * exact.hertz.pressure(r)
     assert (np.abs(traction) <= bound * (1 + 1e-12)).all()
-    back = exact.stick_radius(exact.force((turning - place) / 2))
+    back = exact.stick_radius(exact.force((turning - position) / 2))
     np.testing.assert_allclose(traction[r > back], -bound[r > back])
-    a, turned = exact.hertz.contact_radius, exact.stick_radius(exact.force(turning))
-    total = resultant(lambda s: exact.traction_after_reversal(s, place, turning), a, back, turned)
-    assert total == pytest.approx(exact.force_after_reversal(place, turning), rel=1e-5)
+    a, rotated = exact.hertz.contact_radius, exact.stick_radius(exact.force(turning))
+    total = resultant(lambda s: exact.traction_after_reversal(s, position, turning), a, back, rotated)
+    assert total == pytest.approx(exact.force_after_reversal(position, turning), rel=1e-5)
 
 
 def test_bonding_factor() -> None:
@@ -121,8 +121,8 @@ def test_bonding_factor() -> None:
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.5])
-def test_the_surface_beside_a_bonded_punch(poisson: float) -> None:
-    """It meets the punch at its edge, and far away it is that of its load."""
+def test_surface_beside_a_bonded_punch(poisson: float) -> None:
+    """The displacement is continuous at the edge, and far away it is that of the load."""
     assert outside_bonded_punch(1.0, poisson) == pytest.approx(1.0)
     far = 2 * bonding_factor(poisson) / (np.pi * 1e3)
     assert outside_bonded_punch(1e3, poisson) == pytest.approx(far, rel=1e-5)
@@ -133,7 +133,7 @@ def test_the_surface_beside_a_bonded_punch(poisson: float) -> None:
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("power", [1, 2, 4])
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.5])
-def test_under_full_stick_the_surface_reaches_the_indenter_at_the_edge(power: int, poisson: float) -> None:
+def test_surface_meets_the_indenter_at_the_edge_in_full_stick(power: int, poisson: float) -> None:
     exact = FullStick(YOUNG, poisson, power, 0.02)
     approach = 0.7 * exact.approach_factor
     a = exact.contact_radius(approach)
@@ -147,7 +147,7 @@ def test_under_full_stick_the_surface_reaches_the_indenter_at_the_edge(power: in
     assert slope == pytest.approx(exact.stiffness(approach))
 
 
-def test_without_coupling_full_stick_is_frictionless() -> None:
+def test_full_stick_without_coupling_is_frictionless() -> None:
     sphere, cone = FullStick(YOUNG, 0.5, 2, 1 / (2 * RADIUS)), FullStick(YOUNG, 0.5, 1, np.tan(0.1))
     assert sphere.contact_radius(APPROACH) == pytest.approx(hertz(0.5).contact_radius)
     assert sphere.force(APPROACH) == pytest.approx(hertz(0.5).force)
@@ -155,7 +155,7 @@ def test_without_coupling_full_stick_is_frictionless() -> None:
 
 
 @pytest.mark.parametrize("share", [0.4, 0.8])
-def test_torsion_turns_the_stick_zone_as_one_body(share: float) -> None:
+def test_stick_zone_rotates_rigidly_in_torsion(share: float) -> None:
     exact = SphereTorsion(hertz(0.3), FRICTION)
     a, twist = exact.hertz.contact_radius, exact.twist(share)
     system = elastic_half_space(YOUNG, 0.3, 2.1 * a, CELLS)
@@ -164,11 +164,11 @@ def test_torsion_turns_the_stick_zone_as_one_body(share: float) -> None:
     load = np.zeros((len(r), 5))
     load[:, :2] = (exact.traction(r, twist) / r)[:, None] * np.column_stack([-y, x])
     u = system.apply(load)
-    turned = (x * u[:, 1] - y * u[:, 0]) / r**2
+    rotated = (x * u[:, 1] - y * u[:, 0]) / r**2
     step = 2.1 * a / CELLS
     inside = (r < share * a - step) & (r > 2 * step)
-    np.testing.assert_allclose(turned[inside], twist, rtol=0.01)
-    assert (turned[(r > share * a + step) & (r < a)] < twist).all()
+    np.testing.assert_allclose(rotated[inside], twist, rtol=0.01)
+    assert (rotated[(r > share * a + step) & (r < a)] < twist).all()
     np.testing.assert_allclose(u[:, 2], 0.0, atol=0.01 * twist * a)
     total = resultant(lambda s: exact.traction(s, twist), a, share * a, power=2)
     assert total == pytest.approx(exact.torque(twist), rel=1e-6)

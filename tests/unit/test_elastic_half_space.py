@@ -1,4 +1,4 @@
-"""The elastic half space on cells against integration of point solutions and against the half space in wave numbers."""
+"""The elastic half space on cells agrees with integrals of point solutions and with the compliance in wave numbers."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 
 
 def point_response(poisson: float, x: float, y: float) -> np.ndarray:
-    """Johnson (1985), eqs. (3.18) and (3.75), for P and Q on a half space at x3 > 0, then mirrored to x3 < 0."""
+    """Return Johnson (1985), eqs. (3.18) and (3.75), for P and Q on a half space x3 > 0, mirrored to x3 < 0."""
     r, shear = np.hypot(x, y), YOUNG / (2 * (1 + poisson))
     inward = np.empty((3, 3))
     away = np.array([x, y])
@@ -27,49 +27,55 @@ def point_response(poisson: float, x: float, y: float) -> np.ndarray:
     return mirror @ inward @ mirror / (2 * np.pi * shear)
 
 
-@pytest.mark.parametrize("place", [(1.3, 0.2), (-0.9, 2.4), (0.7, -0.7)])
-def test_a_cell_is_the_integral_of_point_loads(place: tuple[float, float]) -> None:
-    found = cell_response(YOUNG, 0.2, np.array(place[0]), np.array(place[1]), 0.5)[:3, :3]
+@pytest.mark.parametrize("position", [(1.3, 0.2), (-0.9, 2.4), (0.7, -0.7)])
+def test_cell_matches_integral_of_point_loads(position: tuple[float, float]) -> None:
+    computed = cell_response(YOUNG, 0.2, np.array(position[0]), np.array(position[1]), 0.5)[:3, :3]
     for field, load in np.ndindex(3, 3):
 
         def integrand(b: float, a: float, field: int = field, load: int = load) -> float:
-            return float(point_response(0.2, place[0] - a, place[1] - b)[field, load])
+            return float(point_response(0.2, position[0] - a, position[1] - b)[field, load])
 
         expected, _ = dblquad(integrand, -0.5, 0.5, -0.5, 0.5, epsabs=1e-9, epsrel=1e-9)
-        assert found[field, load] == pytest.approx(expected, rel=1e-7, abs=1e-9)
+        assert computed[field, load] == pytest.approx(expected, rel=1e-7, abs=1e-9)
 
 
-def test_a_cell_below_itself_in_polar_coordinates() -> None:
-    """int f(angle)/r over a square is the integral of f times the distance to its side over the angles."""
+def test_response_of_a_cell_to_its_load() -> None:
+    """int f(angle)/r over a square is the integral over angles of f times the distance to the side."""
     angle = (np.arange(4000) + 0.5) * (2 * np.pi / 4000)
     reach = 0.5 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle)))
     point = np.array([point_response(0.3, np.cos(t), np.sin(t)) for t in angle])
     expected = np.mean(point * reach[:, None, None], axis=0) * 2 * np.pi
-    expected[2, :2] = expected[:2, 2] = 0.0  # odd: its principal value
-    found = cell_response(YOUNG, 0.3, np.zeros(()), np.zeros(()), 0.5)[:3, :3]
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12)
+    expected[2, :2] = expected[:2, 2] = 0.0  # odd: principal value
+    computed = cell_response(YOUNG, 0.3, np.zeros(()), np.zeros(()), 0.5)[:3, :3]
+    np.testing.assert_allclose(computed, expected, rtol=1e-6, atol=1e-12)
 
 
-def test_smooth_loads_move_the_surface_as_in_wave_numbers() -> None:
-    """A Gaussian load of any direction: Barnett and Lothe's compliance, integrated over the wave numbers."""
+def test_smooth_loads_match_the_compliance_in_wave_numbers() -> None:
+    """The compliance of Barnett and Lothe is integrated over wave numbers for a Gaussian load of any direction."""
     poisson, width, h = 0.3, 1.0, 0.125
     angle, k = np.arange(96) * (2 * np.pi / 96), (np.arange(400) + 0.5) * (9.0 / 400)
-    ways = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
-    compliance = surface_compliance(Material.isotropic(YOUNG, poisson).stiffness, (0.0, 0.0, 1.0), ways)
+    directions = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
+    compliance = surface_compliance(Material.isotropic(YOUNG, poisson).stiffness, (0.0, 0.0, 1.0), directions)
     centres = (np.arange(-48, 48) + 0.5) * h
     x, y = (grid.ravel() for grid in np.meshgrid(centres, centres))
     load = np.exp(-(x**2 + y**2) / (2 * width**2))
-    for place in ((0.0625, 0.0625), (0.8125, -1.4375)):
-        response = cell_response(YOUNG, poisson, place[0] - x, place[1] - y, h / 2)
-        found = np.einsum("n,nJK->JK", load, response)
-        phase = np.exp(1j * np.outer(ways[:, :2] @ place, k)) * np.exp(-((k * width) ** 2) / 2) * width**2 * 9.0 / 400
+    for position in ((0.0625, 0.0625), (0.8125, -1.4375)):
+        response = cell_response(YOUNG, poisson, position[0] - x, position[1] - y, h / 2)
+        computed = np.einsum("n,nJK->JK", load, response)
+        phase = (
+            np.exp(1j * np.outer(directions[:, :2] @ position, k))
+            * np.exp(-((k * width) ** 2) / 2)
+            * width**2
+            * 9.0
+            / 400
+        )
         spectrum = np.einsum("aJK,a->JK", compliance, phase.sum(axis=1)) / len(angle)
         expected = spectrum.real * SIGNS[:, None]
         scale = np.sqrt(np.abs(np.outer(np.diag(expected), np.diag(expected))))
-        np.testing.assert_allclose(found / scale, expected / scale, atol=1e-3)
+        np.testing.assert_allclose(computed / scale, expected / scale, atol=1e-3)
 
 
-def test_pressure_draws_the_surface_in_and_a_drag_presses_down_ahead() -> None:
+def test_signs_of_the_coupling() -> None:
     ahead = cell_response(YOUNG, 0.3, np.array(2.0), np.array(0.0), 0.5)
     assert (ahead @ [0.0, 0.0, -1.0, 0.0, 0.0])[0] < 0
     assert (ahead @ [1.0, 0.0, 0.0, 0.0, 0.0])[2] < 0
@@ -85,7 +91,7 @@ def test_reciprocity_and_energy(poisson: float) -> None:
     assert np.linalg.eigvalsh(matrix[:, 4, :, 4]).min() > 0
 
 
-def test_nodes_lie_where_the_matrix_says() -> None:
+def test_nodes_match_the_order_of_the_matrix() -> None:
     system = elastic_half_space(YOUNG, 0.3, 2.0, 4)
     for node, source in ((0, 0), (3, 12), (14, 5)):
         x, y, _ = system.points[node] - system.points[source]
@@ -95,7 +101,7 @@ def test_nodes_lie_where_the_matrix_says() -> None:
     assert system.weights.sum() == pytest.approx(4.0)
 
 
-def test_normal_loads_and_potentials_are_those_of_the_other_half_space() -> None:
+def test_normal_loads_and_potentials_match_other_half_space() -> None:
     xi = axisymmetric_compliance(Material.isotropic(YOUNG, 0.3).stiffness)
     other = half_space_system(xi, 2.0, 6)
     system = elastic_half_space(YOUNG, 0.3, 2.0, 6, goodman=True)
@@ -108,7 +114,7 @@ def test_normal_loads_and_potentials_are_those_of_the_other_half_space() -> None
 
 
 @pytest.mark.parametrize(("poisson", "goodman"), [(0.5, False), (0.3, True)])
-def test_where_normal_and_tangential_loads_do_not_know_of_each_other(poisson: float, goodman: bool) -> None:
+def test_uncoupled_normal_and_tangential_loads(poisson: float, goodman: bool) -> None:
     matrix = elastic_half_space(YOUNG, poisson, 2.0, 4, goodman).matrix
     assert not matrix[:, 2, :, :2].any()
     assert not matrix[:, :2, :, 2].any()
@@ -116,6 +122,6 @@ def test_where_normal_and_tangential_loads_do_not_know_of_each_other(poisson: fl
 
 
 @pytest.mark.parametrize(("young", "poisson"), [(0.0, 0.3), (np.inf, 0.3), (1.0, -1.0), (1.0, 0.51), (1.0, np.nan)])
-def test_constants_out_of_bounds(young: float, poisson: float) -> None:
+def test_constants_out_of_bounds_are_rejected(young: float, poisson: float) -> None:
     with pytest.raises(MeeframeError, match="allowed: young > 0, -1 < poisson"):
         elastic_half_space(young, poisson, 1.0, 2)

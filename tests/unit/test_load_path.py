@@ -1,4 +1,4 @@
-"""Load paths: what friction does is known when everything slides, or nothing does."""
+"""The work of friction over load paths is known in full slip and in full stick."""
 
 from dataclasses import dataclass
 from typing import final
@@ -20,7 +20,7 @@ def path(*along_x: float) -> list[Position]:
     return [Position(GAP, np.tile([x, 0.0], (len(GAP), 1))) for x in along_x]
 
 
-def test_sliding_to_and_fro_costs_friction_times_distance() -> None:
+def test_work_of_full_slip_is_friction_times_distance() -> None:
     steps = list(follow(SYSTEM, IsotropicCoulomb(0.2), path(0.0, 1.0, 1.3, -1.0, -1.5)))
     pressed, _, onward, _, back = steps
     assert pressed.dissipation == 0.0
@@ -34,7 +34,7 @@ def test_sliding_to_and_fro_costs_friction_times_distance() -> None:
     assert back.force[0] == pytest.approx(-onward.force[0], rel=1e-8)
 
 
-def test_what_sticks_comes_back_without_loss() -> None:
+def test_stick_is_reversible() -> None:
     *_, moved, back = follow(SYSTEM, IsotropicCoulomb(np.inf), path(0.0, 0.4, 0.0))
     assert moved.force[0] > 0
     assert abs(back.force[0]) < 1e-9 * moved.force[0]
@@ -44,7 +44,7 @@ def test_what_sticks_comes_back_without_loss() -> None:
 @final
 @dataclass(frozen=True)
 class Idle(Solver):
-    """Does nothing."""
+    """A solver that changes nothing."""
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         return Iterate(np.zeros((len(problem.gap), 5)), np.zeros(len(problem.gap)))
@@ -53,6 +53,6 @@ class Idle(Solver):
         return iterate
 
 
-def test_a_step_that_does_not_converge_ends_the_path() -> None:
+def test_unconverged_step_ends_the_path() -> None:
     with pytest.raises(MeeframeError, match="step 0 of the path: "):
         list(follow(SYSTEM, IsotropicCoulomb(0.2), path(0.0), Idle()))

@@ -1,8 +1,9 @@
-"""A further scalar field, defined here, crosses the whole framework: a decoupled potential obeying Laplace's equation.
+"""An additional scalar field, a decoupled potential that satisfies Laplace's equation, works in the whole framework.
 
-Added to a magneto-electro-elastic body, it changes none of the other fields, and itself is what it is alone.
+Added to a magneto-electro-elastic body, it changes no other field and agrees with the same problem solved alone.
 """
 
+import json
 import re
 from dataclasses import replace
 from io import StringIO
@@ -27,7 +28,7 @@ from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Scalar
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.material import Material, library_material
+from meeframe.material import Material, library_material, rotation_about
 from meeframe.mesh import block_mesh, half_space_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin import registry as plugins
@@ -35,9 +36,22 @@ from meeframe.results.figures import figures
 from meeframe.results.files import read_result, write_result
 from meeframe.results.records import resultants
 from meeframe.results.summary import summary, summary_table
+from meeframe.results.sweep_files import dataset
 from meeframe.results.vtk import write_fields
 from meeframe.solvers import Auto, StoppingCriteria, solve
+from meeframe.study.compare import compare
+from meeframe.study.declare import load_study
+from meeframe.study.reports.compare import comparison_figure, comparison_table
+from meeframe.study.reports.sweep import sweep_figure, sweep_table
+from meeframe.study.reports.verified import Verdict
+from meeframe.study.reports.verify import verification_table
+from meeframe.study.solve import solve_study
+from meeframe.study.sweep.run import sweep
+from meeframe.study.verify import verify
 from meeframe.system.reduced import ReducedSystem
+from meeframe.testing import check_formulation
+from meeframe.testing.capabilities import check_capabilities, check_edge_resultants
+from meeframe.testing.manufactured import LinearField, prescribe
 
 HEAT = ScalarField(
     name="thermal",
@@ -89,6 +103,30 @@ approach = "15 um"
 [[steps]]
 heat = "2 mW"
 """
+SWEEP = """
+[[points]]
+label = "warm"
+set = {"indenter.temperature" = 5.0}
+[[points]]
+label = "warmer"
+set = {"indenter.temperature" = 10.0}
+[[points]]
+label = "without the field"
+set = {"material" = {name = "batio3-cofe2o4"}, "conductivity" = {}, "indenter" = {name = "sphere", radius = "100 mm"}}
+"""
+CURVES = """
+title = "temperatures"
+case = "warm.toml"
+kind = "curves"
+quantities = {max_temperature = "reference", heat = 1.0}
+[references]
+reference = {}
+[[panels]]
+title = "contact"
+axis = "conductance"
+vary = "conductivity.thermal.kappa"
+values = [350.0, 700.0]
+"""
 
 
 def reduced(formulation: Formulation, stiffness: Array, fields: FieldSet) -> ReducedSystem:
@@ -109,7 +147,7 @@ def indentation(
     )
 
 
-def solved(problem: ContactProblem) -> ContactState:
+def solve_problem(problem: ContactProblem) -> ContactState:
     solution = solve(problem, Auto(), CRITERIA)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state
@@ -122,20 +160,20 @@ def equal(one: Array, other: Array, tolerance: float = 1e-7) -> None:
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("drag", [0.0, 3e-6], ids=["frictionless", "friction"])
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_three_channels_are_two_and_a_scalar_alone(name: str, drag: float) -> None:
-    """The scalar alone is the electric potential of a body without coupling and with its coefficient as permittivity.
+def test_scalar_field_agrees_with_separate_problem(name: str, drag: float) -> None:
+    """The scalar alone is the electric potential of an uncoupled body with the coefficient as permittivity.
 
-    It crosses the contact that the coupled body makes: what is compared with has the gap and the law of that contact.
+    It is conducted across the contact of the coupled body, so the reference has the gap and the law of that contact.
     """
     material = library_material("batio3-cofe2o4")
     warm, formulation = material.with_field(HEAT, CONDUCTIVITY), FORMULATIONS[name]
     fields = warm.fields
     assert fields == FieldSet((*MEE.scalars, HEAT))
     given = 2e3, -3.0
-    two = solved(indentation(reduced(formulation, material.stiffness, MEE), MEE, LAWS, given, drag))
+    two = solve_problem(indentation(reduced(formulation, material.stiffness, MEE), MEE, LAWS, given, drag))
     system = reduced(formulation, warm.stiffness, fields)
     laws = (*LAWS, StepConductivity(KAPPA))
-    three = solved(indentation(system, fields, laws, (*given, POTENTIAL), drag))
+    three = solve_problem(indentation(system, fields, laws, (*given, POTENTIAL), drag))
     for column in range(MEE.size):
         equal(three.load[:, column], two.load[:, column])
         equal(three.displacement[:, column], two.displacement[:, column])
@@ -154,24 +192,27 @@ def test_three_channels_are_two_and_a_scalar_alone(name: str, drag: float) -> No
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_a_field_set_may_have_one_scalar_alone(name: str) -> None:
-    """Elastic contact that conducts heat: the same with the scalar after the two of the default set, which rest."""
+def test_field_set_with_a_single_scalar(name: str) -> None:
+    """Heat conduction in elastic contact is the same if the scalar follows the two potentials of the default set,
+    which vanish."""
     elastic = Material.isotropic(2e11, 0.3).with_field(HEAT, CONDUCTIVITY)
     columns = [0, 1, 2, 5]
     stiffness = np.ascontiguousarray(elastic.stiffness[:, columns][:, :, columns])
     fields, formulation = FieldSet((HEAT,)), FORMULATIONS[name]
-    one = solved(indentation(reduced(formulation, stiffness, fields), fields, [StepConductivity(KAPPA)], (POTENTIAL,)))
+    one = solve_problem(
+        indentation(reduced(formulation, stiffness, fields), fields, [StepConductivity(KAPPA)], (POTENTIAL,))
+    )
     system = reduced(formulation, elastic.stiffness, elastic.fields)
     laws = [StepConductivity(kappa) for kappa in (0.0, 0.0, KAPPA)]
-    three = solved(indentation(system, elastic.fields, laws, (0.0, 0.0, POTENTIAL)))
+    three = solve_problem(indentation(system, elastic.fields, laws, (0.0, 0.0, POTENTIAL)))
     equal(one.load, three.load[:, columns])
     equal(one.displacement[:, MECHANICAL], three.displacement[:, MECHANICAL])
     equal(one.displacement[:, POTENTIALS], three.displacement[:, 5:])
     assert one.load[:, 3].any()
 
 
-def test_case_files_results_and_reports_show_it(tmp_path: Path) -> None:
-    """Its coefficient, law, potential and resultant are keys of a case file; everything that is written names it."""
+def test_scalar_field_in_case_files_results_and_reports(tmp_path: Path) -> None:
+    """Coefficient, law, potential and resultant are keys of a case file, and all output names the field."""
     registry = replace(plugins.load(), scalar_fields=(HEAT,))
     (tmp_path / "warm.toml").write_text(CASE, encoding="utf-8")
     case = load_case(tmp_path / "warm.toml", registry)
@@ -216,19 +257,39 @@ def test_case_files_results_and_reports_show_it(tmp_path: Path) -> None:
     assert "temperature" in figures(read)
 
 
-def test_hierarchical_matrices_refuse_it() -> None:
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_hierarchical_matrices_match_dense_matrices(tolerance: float) -> None:
+    """Frictional contact with three channels; small leaves give low-rank blocks."""
     warm = library_material("batio3-cofe2o4").with_field(HEAT, CONDUCTIVITY)
-    mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (6, 6), 3, Quad4())
-    with pytest.raises(CaseError, match="compiled for 5 fields, the body has 6"):
-        HierarchicalBEM().check(Body(warm.stiffness, mesh, (), "contact", warm.fields))
+    mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (10, 10), 3, Quad4())
+    body, laws = Body(warm.stiffness, mesh, (), "contact", warm.fields), (*LAWS, StepConductivity(KAPPA))
+    formulations = DenseBEM(quadrature_tolerance=1e-8), HierarchicalBEM(tolerance=tolerance, leaf_size=10)
+    dense, hierarchical = (formulation.reduce(body) for formulation in formulations)
+    assert hierarchical.dense() is None
+    expected, state = (
+        solve_problem(indentation(system, warm.fields, laws, (2e3, -3.0, POTENTIAL), 3e-6))
+        for system in (dense, hierarchical)
+    )
+    assert (np.abs(expected.load).max(axis=0) > 0.0).all()
+    for column in range(warm.fields.size):
+        equal(state.load[:, column], expected.load[:, column], tolerance)
+        equal(state.displacement[:, column], expected.displacement[:, column], tolerance)
+    values, fluxes = (
+        [getattr(system.recover(expected.load), name) for system in (hierarchical, dense)]
+        for name in ("values", "fluxes")
+    )
+    equal(values[0][:, -1], values[1][:, -1], tolerance)
+    equal(fluxes[0][:, -1], fluxes[1][:, -1], tolerance)
+    alone = np.where(np.arange(warm.fields.size) == 5, expected.load, 0.0)
+    assert not hierarchical.apply(alone)[:, :5].any()
 
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     "formulation", [FiniteElements(), DenseBEM(quadrature_tolerance=1e-8)], ids=["fem", "dense-bem"]
 )
-def test_a_finite_body_responds_field_by_field(formulation: Formulation) -> None:
-    """Its compliance is that of the coupled fields beside that of the scalar."""
+def test_finite_body_with_uncoupled_fields(formulation: Formulation) -> None:
+    """The compliance consists of that of the coupled fields and that of the scalar."""
     material, other = library_material("pzt-4"), replace(Material.isotropic(2e11, 0.3), permittivity=CONDUCTIVITY)
     mesh = block_mesh((0.01, 0.01), 0.01, (0.005, 0.005), (3, 3), 1, 2, Quad4())
 
@@ -247,3 +308,120 @@ def test_a_finite_body_responds_field_by_field(formulation: Formulation) -> None
     equal(both[:, 5, :, 5], scalar, 1e-6)
     assert not both[:, 5, :, :5].any()
     assert not both[:, :5, :, 5].any()
+
+
+@pytest.mark.full(except_for=1)
+@pytest.mark.parametrize(
+    "formulation",
+    [DenseBEM(), FiniteElements(), HierarchicalBEM(tolerance=1e-5, leaf_size=10)],
+    ids=["dense-bem", "skfem", "hmatrix-bem"],
+)
+def test_formulations_conform_with_scalar_field(formulation: Formulation) -> None:
+    """The conformance kit derives the number of fields from the body."""
+    rotation = rotation_about((1.0, 2.0, 0.5), 0.8)
+    material = library_material("orthotropic-mee").rotated(rotation).with_field(HEAT, CONDUCTIVITY)
+    field = LinearField.random(material.stiffness, seed=5)
+    sides = dict.fromkeys(("top", "side_x-", "side_x+", "side_y-", "side_y+"), 6 * "f")
+    mesh = block_mesh(0.5, 0.8, 0.5, 3, 1, 2, Quad4())
+    body = prescribe(mesh, field, material.stiffness, {"base": 6 * "v", **sides})
+    check_formulation(formulation, replace(body, contact_group="contact", fields=material.fields), field)
+
+
+@pytest.mark.full(except_for=1)
+@pytest.mark.parametrize("formulation", [HalfSpace(edges="resolved"), HalfSpace(matrix_up_to=0)])
+def test_capabilities_of_half_spaces_include_scalar_field(formulation: HalfSpace) -> None:
+    material = library_material("orthotropic-mee").with_field(HEAT, CONDUCTIVITY)
+    mesh = half_space_mesh(2.0, (1.0, 0.8), (24, 21), 1, Quad4())
+    system = formulation.reduce(Body(material.stiffness, mesh, (), "contact", material.fields))
+    check_capabilities(system)
+    check_edge_resultants(system, material.stiffness)
+
+
+@pytest.fixture
+def warm(tmp_path: Path) -> tuple[Path, plugins.Registry]:
+    """Return a case file with one increment of the additional field, and the registry that contains the field."""
+    path = tmp_path / "warm.toml"
+    path.write_text(CASE.removesuffix('[[steps]]\nheat = "2 mW"\n'), encoding="utf-8")
+    return path, replace(plugins.load(), scalar_fields=(HEAT,))
+
+
+def test_verification_compares_scalar_field(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
+    path, registry = warm
+    path.write_text(CASE, encoding="utf-8")
+    densities = "half-space", '{name = "half-space", density = "constant"}'
+    made = verify(path, tmp_path / "verified", densities, every_step=True, registry=registry)
+    assert made.verdict is not Verdict.DISAGREE
+    finest = {run.formulation: run for run in made.runs}["half-space"]
+    result = solve_case(load_case(path, registry))
+    for number, name in ((1, "heat"), (1, "max_temperature"), (2, "max_temperature")):
+        step = result.steps[number - 1]
+        expected = resultants(result.zone, step)
+        value = expected.heat if name == "heat" else expected.max_abs_temperature
+        assert finest.steps[number][name].value == pytest.approx(value, rel=1e-6)
+    assert "heat" not in finest.steps[2]  # prescribed, so that the temperature of the indenter is compared
+    found = finest.steps[2]["indenter_temperature"].value
+    assert found == pytest.approx(result.steps[1].loading.temperature, rel=1e-6)
+    compared = {(agreement.first.step, agreement.first.quantity) for agreement in made.agreements}
+    assert {(1, "heat"), (1, "max_temperature"), (2, "indenter_temperature")} <= compared
+    console = Console(width=160, record=True, file=StringIO())
+    console.print(verification_table(made))
+    assert re.search(r"indenter temperature +│ K +│", console.export_text())
+
+
+def test_comparison_shows_scalar_field(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
+    """A conductivity law for all fields applies to it, too."""
+    path, registry = warm
+    laws = ['{name = "step", kappa = 700}', '{name = "step", kappa = 350}']
+    made = compare(path, {"conductivity-law": laws}, tmp_path / "compared", registry=registry)
+    runs = json.loads((tmp_path / "compared" / "compare.json").read_text())["runs"]
+    heat = [run["increments"][-1]["heat"] for run in runs]
+    assert 1.0 < heat[0] / heat[1] < 2.0
+    assert runs[1]["differences"]["heat"] == pytest.approx(1.0 - heat[1] / heat[0])
+    assert 0.0 < runs[1]["differences"]["temperature"] < 1.0
+    assert len(runs[0]["fields"]["temperature"]) == len(runs[0]["points"])
+    console = Console(width=160, record=True, file=StringIO())
+    console.print(comparison_table(made))
+    assert "difference in temperature" in console.export_text()
+    figure = comparison_figure(made)
+    assert figure is not None
+    assert any("temperature" in axes.get_ylabel() for axes in figure.axes)
+
+
+def test_sweeps_collect_scalar_field(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
+    """The heat is proportional to the temperature of the indenter; a point without the field has none."""
+    path, registry = warm
+    study = tmp_path / "study.toml"
+    study.write_text(f'case = "{path.name}"\nfields = ["temperature"]\n' + SWEEP, encoding="utf-8")
+    result = sweep(study, tmp_path / "swept", registry=registry)
+    assert set(result.status) == {"converged"}, result.message
+    heat, potential = result.last("heat"), result.last("max_abs_temperature")
+    np.testing.assert_allclose(heat[:2] / heat[0], [1.0, 2.0], rtol=1e-6)
+    np.testing.assert_allclose(potential[:2] / potential[0], [1.0, 2.0], rtol=1e-6)
+    assert np.isnan(heat[2])
+    assert not np.isnan(result.last("charge")).any()
+    np.testing.assert_allclose(result.fields["zone_temperature"][1], 2.0 * result.fields["zone_temperature"][0])
+    assert np.isnan(result.fields["zone_temperature"][2]).all()
+    data = dataset(result)
+    assert (data["heat"].attrs["units"], data["temperature"].attrs["units"]) == ("W", "K")
+    assert data["zone_temperature"].attrs["units"] == "K"
+    console = Console(width=200, record=True, file=StringIO())
+    console.print(sweep_table(result))
+    assert "temperature" in console.export_text()
+    assert any("temperature" in axes.get_ylabel() for axes in sweep_figure(result).axes)
+    study.write_text(study.read_text() + '[[plots]]\nquantities = ["heet"]\n', encoding="utf-8")
+    with pytest.raises(CaseError, match="unknown quantity 'heet'; did you mean 'heat'"):
+        sweep(study, tmp_path / "again", registry=registry)
+
+
+def test_studies_show_scalar_field(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    (tmp_path / "warm.toml").write_text(CASE, encoding="utf-8")
+    registry = replace(plugins.load(), scalar_fields=(HEAT,))
+    study.write_text(CURVES, encoding="utf-8")
+    panel = solve_study(study, tmp_path / "cache", registry=registry).panels[0]
+    np.testing.assert_allclose(panel.quantities["heat"], 2e-3, rtol=1e-8)  # prescribed
+    poor, reference = panel.quantities["max_temperature"]
+    assert 1.0 < poor < 1.1
+    assert reference == 1.0
+    with pytest.raises(CaseError, match="unknown quantity 'max_temperature'"):
+        load_study(study)

@@ -1,8 +1,8 @@
 """Gain of every acceleration of the solvers: whole runs with it and without it.
 
-A run is a case from its tables to its result, in a process of its own. Its time is the processor time of one thread,
-start-up included. The gain is the time without the acceleration, divided by the time with it; both are measured in
-turn, and medians are taken. An acceleration that gains less than a tenth on all runs is removed.
+A run is a case from its tables to its result, in a separate process. Its time is the processor time of one thread,
+including start-up. The gain is the time without the acceleration divided by the time with it; both are measured
+alternately, and medians are taken. An acceleration that gains less than a tenth on all runs is removed.
 """
 
 import argparse
@@ -241,7 +241,7 @@ def _solved(tables: Mapping[str, Any]) -> Record:
 
 
 def measure(quick: bool) -> Record:
-    """Return the gains on all runs, on the smallest ones if `quick`; removed accelerations are kept from the record."""
+    """Return the gains on all runs, or on the smallest ones if `quick`; the record keeps removed accelerations."""
     turns, runs = (1, QUICK) if quick else (TURNS, tuple(RUNS))
     rows = {}
     for name in runs:

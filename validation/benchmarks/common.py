@@ -29,7 +29,7 @@ Record = dict[str, Any]
 WIDTH = 119
 ROOT = Path(__file__).parents[2]
 PACKAGES = {"numpy": "numpy", "scipy": "scipy", "numba": "numba"}
-PACKAGES |= {"tamaas": "tamaas", "ContactMechanics": "ContactMechanics", "bempp-cl": "bempp_cl"}
+PACKAGES |= {"aspher": "aspher", "tamaas": "tamaas", "ContactMechanics": "ContactMechanics", "bempp-cl": "bempp_cl"}
 """Packages whose versions are stored in a record, and the modules that show that a measurement has used them."""
 threads = limited
 """Context manager: `with threads(2)` limits all thread pools to two threads."""

@@ -80,7 +80,7 @@ def refined(divisions: int) -> Any:
 
 def one(divisions: int) -> Record:
     """Measure one size: times, storage, error of the elimination."""
-    from meeframe_hmatrix.blocks import stored
+    from meeframe_hmatrix.blocks import count_entries
 
     from meeframe.model.clock import Clock, peak_memory_mb
     from meeframe.model.solve import solve_steps
@@ -109,8 +109,8 @@ def one(divisions: int) -> Record:
         **{stage: timings[stage] for stage in STAGES},
         "seconds": timings["total"],
         "memory_gb": memory,
-        "stored_gb": 8e-9 * (stored(matrix) + stored(load_matrix)),
-        "percent": 100.0 * stored(matrix) / n**2,
+        "stored_gb": 8e-9 * (count_entries(matrix) + count_entries(load_matrix)),
+        "percent": 100.0 * count_entries(matrix) / n**2,
         "product": statistics.median(products),
         "iterations": iterations,
         "iterated": iterated,

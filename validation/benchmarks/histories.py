@@ -1,7 +1,7 @@
 """Measure load histories with friction: many increments, each of which changes little.
 
-Contact alone is timed on a reduced system that exists already; the command is a whole `meeframe run` of the smallest
-history in a process of its own, with start-up and files.
+Contact alone is timed on an existing reduced system; the command is a whole `meeframe run` of the smallest history in
+a separate process, including start-up and files.
 """
 
 import statistics
@@ -57,7 +57,7 @@ def loop(quick: bool) -> dict[str, Any]:
 
 
 def timed(tables: Mapping[str, Any], turns: int) -> Record:
-    """Return medians of the seconds that contact takes, after one turn that loads compiled code."""
+    """Return medians of the seconds that contact takes, after one run that loads compiled code."""
     case = case_from_tables(tables)
     with threads(THREADS):
         system = reduce(case)

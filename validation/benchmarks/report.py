@@ -1,6 +1,6 @@
 """Run the benchmarks and write docs/validation/performance.md.
 
-    uv run --group benchmarks python validation/benchmarks/report.py
+    uv run --group benchmarks --group aspher python validation/benchmarks/report.py
 
 If benchmarks are named, only these are measured; the page uses the stored records of validation/benchmarks/records for
 the others. With --page nothing is measured. If a record is older than its benchmark and lacks a value, the page says
@@ -43,11 +43,13 @@ This page shows measured times, memory and errors of meeframe and, on the same p
 figures are:"""
 METHOD = """## How it is measured
 
-To regenerate this page, run `uv run --group benchmarks python validation/benchmarks/report.py [BENCHMARK ...]` on an
-idle machine. Each section is a module of [validation/benchmarks](../../validation/benchmarks), which can also be run
-alone; its figures are stored in the folder `records` beside it. Other codes are measured in the same run as meeframe,
-alternately. Times are medians with warm numba caches unless stated otherwise. The load average is that of the last
-minute before a benchmark, in which another one may have run. All benchmarks run on CPUs; none uses a GPU."""
+To regenerate this page, run
+`uv run --group benchmarks --group aspher python validation/benchmarks/report.py [BENCHMARK ...]` on an idle machine.
+ASPHER is built from source for this, with a C++17 compiler, CMake and Eigen (`libeigen3-dev` on Debian). Each section
+is a module of [validation/benchmarks](../../validation/benchmarks), which can also be run alone; its figures are
+stored in the folder `records` beside it. Other codes are measured in the same run as meeframe, alternately. Times are
+medians with warm numba caches unless stated otherwise. The load average is that of the last minute before a benchmark,
+in which another one may have run. All benchmarks run on CPUs; none uses a GPU."""
 
 
 def main() -> None:

@@ -42,14 +42,14 @@ class DragRow:
     """Cattaneo-Mindlin on boundary elements, under prescribed forces.
 
     per_radius: elements in a contact radius; approach: relative difference; row: at the first reversal, with the
-    displacement as its load; turned: relative difference of the displacement at the second reversal; dissipation:
-    relative difference in the loop.
+    displacement as its load; second_reversal: relative difference of the displacement at the second reversal;
+    dissipation: relative difference in the loop.
     """
 
     per_radius: float
     approach: float
     row: SlipRow
-    turned: float
+    second_reversal: float
     dissipation: float
 
 
@@ -72,18 +72,18 @@ def drag_on_elements(divisions: int) -> tuple[DragRow, SlipState]:
 
 def torsion_on_elements(divisions: int) -> tuple[SlipRow, SlipState]:
     """Solve torsion.toml: a twist; the load of the row is the torque."""
-    zone, (pressed, turned) = _solved("torsion", divisions)
+    zone, (pressed, twisted) = _solved("torsion", divisions)
     exact = SphereTorsion(_hertz_of(zone, pressed), FRICTION)
-    twist = turned.loading.twist
+    twist = twisted.loading.twist
     x, y, _ = zone.points.T
-    r, traction = np.hypot(x, y), _global_traction(zone, turned)
+    r, traction = np.hypot(x, y), _global_traction(zone, twisted)
     # on the axis the circumferential direction is undefined and the traction zero
     around = np.divide(x * traction[:, 1] - y * traction[:, 0], r, out=np.zeros_like(r), where=r > 0.0)
     share = exact.stick_share(twist)
     state = _state_on_elements(
-        zone, turned, around, exact.traction(r, twist), exact.hertz, share * exact.hertz.contact_radius, divisions
+        zone, twisted, around, exact.traction(r, twist), exact.hertz, share * exact.hertz.contact_radius, divisions
     )
-    torque = resultants(zone, turned).torque / exact.torque(twist)
+    torque = resultants(zone, twisted).torque / exact.torque(twist)
     return slip_row(state, share, torque - 1.0, SPHERE_POISSON, False, divisions), state
 
 

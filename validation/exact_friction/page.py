@@ -243,7 +243,7 @@ dissipation in the loop.
     header = ("elements in a", "approach", "displacement", "at -Q", "dissipation", *_STATE)
     table = []
     for d in drags:
-        loads = (d.approach, d.row.load, d.turned, d.dissipation)
+        loads = (d.approach, d.row.load, d.second_reversal, d.dissipation)
         table.append((f"{d.per_radius:.1f}", *map(_percent, loads), *_state(d.row)))
     yield from _table(header, table)
     tractions = [100 * d.row.traction for d in drags]

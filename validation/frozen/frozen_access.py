@@ -1,4 +1,4 @@
-"""The only place that uses the Python interface of meeframe: when a name of it changes, this file changes and no other.
+"""Access the Python interface of meeframe in one place: if a name of it changes, only this file changes.
 
 The names of quantities in the record belong to the record and do not follow those of the interface.
 """
@@ -38,7 +38,7 @@ class State:
     """Values of one increment, or of one point of a study.
 
     status: of the iteration; iterations, residual: for information; values, scales: by the name of a quantity, the
-    numbers to compare and the size that differences are measured by.
+    numbers to compare and the magnitude to which differences are relative.
     """
 
     label: str
@@ -63,7 +63,7 @@ def run_case(file: Path) -> list[State]:
 
 
 def run_to_folder(file: Path, folder: Path) -> list[State]:
-    """Solve a case, write its results into a folder and return the increments as they are read from there."""
+    """Solve a case, write its results into a folder and return the increments read from there."""
     meeframe.run(file, out=folder)
     result = meeframe.read_result(folder)
     return _states(result.zone, result.steps)
@@ -76,7 +76,7 @@ def run_comparison(file: Path, folder: Path, options: Mapping[str, list[str]]) -
 
 
 def run_sweep(file: Path, folder: Path) -> list[State]:
-    """Run a sweep in this process; return one state for the whole of it."""
+    """Run a sweep in this process; return one state for all points."""
     result = sweep(file, folder)
     known = {
         name: np.asarray(values, float).ravel()
@@ -117,7 +117,7 @@ def _state(zone: Any, step: Any, label: str) -> State:
 
 
 def _totals(zone: Any, step: Any) -> Iterator[tuple[str, Any, float]]:
-    """Totals, and what they would be if their parts did not cancel."""
+    """Return the totals, and the sums of moduli of their contributions."""
     result = meeframe.resultants(zone, step)
     force = zone.weights @ np.linalg.norm(step.traction, axis=1)
     width = np.ptp(zone.points, axis=0).max()
@@ -153,7 +153,7 @@ def _motions(zone: Any, step: Any) -> Iterator[tuple[str, Any, float]]:
 
 
 def _fields(zone: Any, step: Any) -> Iterator[tuple[str, Any, float]]:
-    """Fields at the nodes of the section, and their root mean squares over all nodes."""
+    """Return fields at the nodes of the section, and their root mean squares over all nodes."""
     nodes = section(zone.points)
     above = np.isfinite(step.initial_gap)
     fields = {
@@ -197,7 +197,7 @@ def _fields(zone: Any, step: Any) -> Iterator[tuple[str, Any, float]]:
 
 
 def section(points: Array) -> NDArray[np.intp]:
-    """Return the nodes that are nearest to points at equal distances along LINE."""
+    """Return the nodes nearest to equidistant points along LINE."""
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     ends = (low + high) / 2.0 + LINE * (high - low)
     along = np.linspace(0.0, 1.0, SECTION_NODES)[:, None]
@@ -207,12 +207,12 @@ def section(points: Array) -> NDArray[np.intp]:
 
 
 def _largest(values: Any) -> float:
-    """Largest modulus, of vectors their length."""
+    """Return the largest modulus, for vectors the largest length."""
     array = np.atleast_1d(np.asarray(values, float))
     sizes = np.abs(array) if array.ndim == 1 else np.linalg.norm(array, axis=-1)
     return float(np.nanmax(sizes, initial=0.0))
 
 
 def with_threads(threads: int) -> Any:
-    """Return a context in which everything computes with so many threads."""
+    """Return a context in which all computations use the given number of threads."""
     return limited(threads)

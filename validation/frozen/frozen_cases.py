@@ -1,7 +1,7 @@
 """Small cases that together use all formulations, laws, solvers, indenters and kinds of load, plugins included.
 
 The tables of a case are those of a case file; only the second body has a neutral key (see frozen_access). Indenters
-stand beside the axes of symmetry and loads are askew, so that few values are zero by symmetry.
+are off the axes of symmetry and loads are oblique, so that few values are zero by symmetry.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,16 +14,16 @@ import numpy as np
 Tables = dict[str, Any]
 
 TOLERANCE = 1e-12
-"""Of the residual, in all cases but those that state another one."""
+"""Tolerance of the residual, in all cases except those that state another one."""
 
 
 @dataclass(frozen=True)
 class FrozenCase:
-    """One case of the record.
+    """A case of the record.
 
-    about: what it covers; tables: of the case file; kind: what is done with it; options: for the kind; study: tables of
-    the study file of a sweep; files: functions that write what the case reads, by file name; before: tables of a case
-    that is run into the folder "before" first.
+    about: what it covers; tables: of the case file; kind: how it is run; options: for the kind; study: tables of the
+    study file of a sweep; files: functions that write the files that the case reads, by file name; before: tables of
+    a case that is run into the folder "before" first.
     """
 
     about: str
@@ -35,7 +35,7 @@ class FrozenCase:
     before: Tables | None = None
 
 
-# --- parts of cases ------------------------------------------------------------------------------------------------
+# --- tables of cases -----------------------------------------------------------------------------------------------
 
 ISOTROPIC = {"name": "isotropic", "young_modulus": "210 GPa", "poisson_ratio": 0.3}
 MEE = {"name": "batio3-cofe2o4"}
@@ -53,7 +53,7 @@ SPHERE = {"name": "sphere", "radius": "100 mm", "x": "0.13 mm", "y": "-0.21 mm"}
 PERFECT = {"name": "step", "kappa": float("inf")}
 BY_PRESSURE = {"name": "power-law", "reference_conductivity": "20 uF/m^2", "reference_pressure": "1 GPa"}
 MAGNETIC_BY_PRESSURE = {"name": "saturating", "largest_conductivity": "0.5 H/m^2", "saturation_pressure": "2 GPa"}
-"""Both grow steadily from zero: the solution is then the only one, whichever way a solver takes."""
+"""Both grow continuously from zero, so the solution is unique."""
 
 PRESS = [{"approach": "20 um"}, {"approach": "40 um"}]
 DRAG = {"approach": "40 um", "translation": ["9 um", "4 um"], "increments": 2}
@@ -67,7 +67,7 @@ def solver(name: str = "auto", tolerance: float = TOLERANCE, **keys: Any) -> Tab
 
 
 def half_space(divisions: int = 13, width: str = "5 mm", **formulation: Any) -> Tables:
-    """A body of Table 1 by fast Fourier transforms, under a sphere."""
+    """Return a body of Table 1 by fast Fourier transforms, under a sphere."""
     return {
         "material": MEE,
         "mesh": {"type": "half-space", "contact_width": width, "divisions": divisions},
@@ -79,7 +79,7 @@ def half_space(divisions: int = 13, width: str = "5 mm", **formulation: Any) -> 
 
 
 def plane(element: str = "quad4", divisions: int = 6, rings: int = 3, **formulation: Any) -> Tables:
-    """A half space of Table 1 by boundary elements, under a sphere."""
+    """Return a half space of Table 1 by boundary elements, under a sphere."""
     return {
         **half_space(),
         "mesh": {
@@ -95,7 +95,7 @@ def plane(element: str = "quad4", divisions: int = 6, rings: int = 3, **formulat
 
 
 def block(element: str = "quad4", divisions: int = 6, rings: int = 2, layers: int = 1, **formulation: Any) -> Tables:
-    """A block of Table 1 by boundary elements, under a sphere."""
+    """Return a block of Table 1 by boundary elements, under a sphere."""
     mesh = {
         "half_width": "50 mm",
         "height": "120 mm",
@@ -109,13 +109,13 @@ def block(element: str = "quad4", divisions: int = 6, rings: int = 2, layers: in
     return {**plane(), "mesh": mesh, "boundary": SIDES, "formulation": {**named, **formulation}}
 
 
-def rubbing(law: Tables, *, steps: Sequence[Tables] = PRESS_AND_DRAG, **changes: Any) -> Tables:
-    """A half space under a law of contact, pressed and dragged."""
+def frictional(law: Tables, *, steps: Sequence[Tables] = PRESS_AND_DRAG, **changes: Any) -> Tables:
+    """Return a half space under a contact law, pressed and dragged."""
     return {**half_space(), "contact": {"law": law}, "steps": list(steps), **changes}
 
 
 def conducting(electric: Tables, magnetic: Tables | None = None, potential: str = "2 kV", **changes: Any) -> Tables:
-    """A half space under laws of conduction."""
+    """Return a half space under conductivity laws."""
     laws = {"electric": electric} if magnetic is None else {"electric": electric, "magnetic": magnetic}
     indenter = {**SPHERE, "electric_potential": potential}
     if magnetic is not None:
@@ -129,13 +129,13 @@ PUNCH = {"name": "flat-punch", "radius": "1.37 mm", "x": "0.11 mm", "y": "-0.07 
 
 
 def write_map(file: Path) -> None:
-    """Heights of a hilly surface in micrometres, one in each 0.25 mm, rows along y."""
+    """Write heights of an undulating surface in micrometres at a spacing of 0.25 mm, rows along y."""
     x, y = np.meshgrid(np.arange(29) * 0.25 - 3.4, np.arange(29) * 0.25 - 3.6)
     np.save(file, 8.0 * np.cos(1.1 * x + 0.3) * np.cos(0.9 * y - 0.2) - 2.0 * (x**2 + 1.3 * y**2))
 
 
 def write_heights(file: Path) -> None:
-    """Rows x, y, height of an indenter's underside in millimetres."""
+    """Write rows x, y, height of an indenter's underside in millimetres."""
     x, y = np.meshgrid(np.linspace(-3, 3, 25), np.linspace(-3, 3, 25), indexing="ij")
     z = (x - 0.1) ** 2 / 190 + (y + 0.2) ** 2 / 230 + 1e-3 * np.sin(2 * x) * np.cos(1.5 * y)
     np.savetxt(file, np.column_stack([x.ravel(), y.ravel(), z.ravel()]), fmt="%.17g")
@@ -299,34 +299,36 @@ FORMULATIONS = {
 }
 
 CONTACT_LAWS = {
-    "coulomb-loop": FrozenCase("isotropic Coulomb friction, pressed, dragged and lifted", rubbing(COULOMB, steps=LOOP)),
+    "coulomb-loop": FrozenCase(
+        "isotropic Coulomb friction, pressed, dragged and lifted", frictional(COULOMB, steps=LOOP)
+    ),
     "orthotropic-coulomb": FrozenCase(
         "orthotropic Coulomb friction along a direction, medium of Table 3",
-        rubbing(ELLIPTIC, contact={"law": ELLIPTIC, "axes": {"direction": [2, 1, 0]}}, material=ORTHOTROPIC),
+        frictional(ELLIPTIC, contact={"law": ELLIPTIC, "axes": {"direction": [2, 1, 0]}}, material=ORTHOTROPIC),
     ),
     "full-stick": FrozenCase(
-        "infinite friction", rubbing({"name": "isotropic-coulomb", "mu": float("inf")}, steps=PRESS)
+        "infinite friction", frictional({"name": "isotropic-coulomb", "mu": float("inf")}, steps=PRESS)
     ),
     "tresca": FrozenCase(
         "constant friction limit",
         {**half_space(9), "contact": {"law": {"name": "tresca", "limit": "150 MPa"}}, "steps": PRESS_AND_DRAG},
     ),
     "capped-coulomb": FrozenCase(
-        "capped friction limit", rubbing({"name": "capped-coulomb", "mu": 0.3, "limit": "300 MPa"})
+        "capped friction limit", frictional({"name": "capped-coulomb", "mu": 0.3, "limit": "300 MPa"})
     ),
     "regularised-coulomb": FrozenCase(
-        "smooth friction", rubbing({"name": "regularised-coulomb", "mu": 0.3, "slip_length": "0.5 um"})
+        "smooth friction", frictional({"name": "regularised-coulomb", "mu": 0.3, "slip_length": "0.5 um"})
     ),
     "slip-weakening": FrozenCase(
         "friction that weakens along the slip path",
-        rubbing(
+        frictional(
             {"name": "slip-weakening", "mu_static": 0.4, "mu_kinetic": 0.2, "slip_distance": "20 um"},
             steps=[*PRESS, {"approach": "40 um", "translation": ["12 um", "5 um"], "increments": 4}],
         ),
     ),
     "rate-and-pressure": FrozenCase(
         "friction by speed and pressure",
-        rubbing(
+        frictional(
             {
                 "name": "rate-and-pressure",
                 "mu_static": 0.4,
@@ -344,15 +346,15 @@ CONTACT_LAWS = {
     ),
     "non-associated-coulomb": FrozenCase(
         "slip normal to another ellipse",
-        rubbing({"name": "non-associated-coulomb", "mu1": 0.4, "mu2": 0.2, "slip_ratio": 1}),
+        frictional({"name": "non-associated-coulomb", "mu1": 0.4, "mu2": 0.2, "slip_ratio": 1}),
     ),
     "superelliptic-coulomb": FrozenCase(
         "friction limit near a rhombus",
-        rubbing({"name": "superelliptic-coulomb", "mu1": 0.4, "mu2": 0.2, "exponent": 1.3}),
+        frictional({"name": "superelliptic-coulomb", "mu1": 0.4, "mu2": 0.2, "exponent": 1.3}),
     ),
     "compliant": FrozenCase(
         "compliant interface with friction",
-        rubbing(
+        frictional(
             {
                 "name": "compliant",
                 "reference_pressure": "1 GPa",
@@ -364,25 +366,25 @@ CONTACT_LAWS = {
     ),
     "dmt": FrozenCase(
         "van der Waals attraction, pressed and drawn off",
-        rubbing(
+        frictional(
             {"name": "dmt", "work_of_adhesion": "600 J/m^2", "equilibrium_distance": "20 um", "mu": 0.3},
             steps=[{"approach": "20 um"}, {"translation": ["4 um", "1 um"]}, {"approach": "-20 um", "increments": 2}],
         ),
     ),
     "dmt-coulomb": FrozenCase(
         "adhesive offset of the friction limit",
-        rubbing({"name": "dmt-coulomb", "mu": 0.2, "adhesive_pressure": "300 MPa"}),
+        frictional({"name": "dmt-coulomb", "mu": 0.2, "adhesive_pressure": "300 MPa"}),
     ),
     "dugdale": FrozenCase(
         "attraction of limited range, drawn off by a force",
-        rubbing(
+        frictional(
             {"name": "dugdale", "work_of_adhesion": "2 kJ/m^2", "adhesive_stress": "100 MPa", "transition": 0.5},
             steps=[{"approach": "20 um"}, {"normal_force": 0}, {"normal_force": "-400 N"}],
         ),
     ),
     "signorini-gap": FrozenCase(
         "waves of the interface under a rectangular punch askew",
-        rubbing(
+        frictional(
             {"name": "signorini-gap", "amplitude": "2 um", "wavelength_1": "5 mm", "phase_1": 0.2, "mu": 0.2},
             indenter={
                 "name": "rectangular-punch",
@@ -587,7 +589,7 @@ INDENTERS = {
 CONTROL = {
     "force-control": FrozenCase(
         "normal and tangential force, forth and back",
-        rubbing(
+        frictional(
             COULOMB,
             steps=[
                 {"normal_force": "5 kN", "increments": 2},
@@ -678,12 +680,12 @@ TWO_BODIES = {
     ),
 }
 
-RESTARTED = rubbing({"name": "slip-weakening", "mu_static": 0.4, "mu_kinetic": 0.2, "slip_distance": "20 um"})
+RESTARTED = frictional({"name": "slip-weakening", "mu_static": 0.4, "mu_kinetic": 0.2, "slip_distance": "20 um"})
 
 STUDIES = {
     "results-folder": FrozenCase(
         "a run whose results are written and read again",
-        {**rubbing(COULOMB), "output": {"figures": False, "vtu": False}},
+        {**frictional(COULOMB), "output": {"figures": False, "vtu": False}},
         kind="run",
     ),
     "restart": FrozenCase(
@@ -697,7 +699,7 @@ STUDIES = {
     ),
     "sweep": FrozenCase(
         "a sweep over friction and conditions, with nodal fields",
-        rubbing(COULOMB, steps=[{"approach": "40 um", "increments": 2}]),
+        frictional(COULOMB, steps=[{"approach": "40 um", "increments": 2}]),
         kind="sweep",
         study={
             "title": "frozen",

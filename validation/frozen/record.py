@@ -3,32 +3,33 @@
     uv run python validation/frozen/record.py --check [--only NAME] [--solver NAME]
     uv run python validation/frozen/record.py --write [--only NAME]
 
-The record, record.json, has the totals of every increment, the values of all fields at ten nodes along a section askew
-to the axes, their root mean squares over all nodes and over the whole boundary, and the status. `--check` solves the
-cases again, prints a table and exits with status 1 if a value differs by more than 1e-9 or a status is another one.
-Iterations and seconds are printed beside the recorded ones and not compared; so is the residual stored.
+The record, record.json, contains for each case the status, the totals of every increment, the values of all fields at
+ten nodes along an oblique section, and their root mean squares over all nodes and over the whole boundary. `--check`
+solves the cases again, prints a table and exits with status 1 if a value differs by more than 1e-9 or a status differs.
+Iterations and seconds are printed beside those recorded and not compared; nor is the stored residual.
 
 Differences are relative to the scale of the quantity, which is stored with it: for fields the largest value in the
-section, for root mean squares the value itself, for forces, moments, charges and fluxes the total of the moduli, all of
-them the largest of the increments of a case. Slip, dissipation and gap are differences of displacements and have a part
-of these as least scale (frozen_access.SMALL). So nothing is compared with round-off, and no small quantity hides behind
-a large one.
+section, for root mean squares the value itself, for forces, moments, charges and fluxes the sum of the moduli of the
+nodal contributions; in each case the largest over the increments. The scales of slip, dissipation and gap, which are
+differences of displacements, are bounded below by a fraction of the displacements (frozen_access.SMALL). Hence nothing
+is compared with round-off, and no small quantity is hidden by a large one.
 
-Solvers end when the residual is below a tolerance, wherever their path has led to. For 1e-9 to say something about the
-code and not about this path, every case is solved to a residual of 1e-12, near the round-off of the residual (1e-15).
-What is left of the path is measured: `--check --solver uzawa-nesterov` and `--check --solver newton` solve the cases by
-these in place of their own solvers. Values agree with the record within 2e-10 but for `dugdale`, which gradient
-iterations do not solve: the surfaces attract each other, and there are several solutions. Other problems with several
-solutions are left out on purpose. Where conduction jumps at zero pressure (`step`), nodes at the contact edge may be
-pressed in one solution and open in another; the cases with such a law are chosen such that all solvers find the same
-one. `step-biactive` has biactive nodes all the same, and they are compared as all others.
+Solvers stop when the residual is below a tolerance, on whatever path. So that a comparison to 1e-9 tests the code and
+not the path, every case is solved to a residual of 1e-12, near the round-off of the residual (1e-15). The remaining
+influence of the path is measured by `--check --solver uzawa-nesterov` and `--check --solver newton`, which replace the
+solvers of the cases. Values then agree with the record to 2e-10, except for `dugdale`, which gradient iterations cannot
+solve, because attraction leads to several solutions. Other such problems are excluded: where conduction
+jumps at zero pressure (`step`), nodes at the contact edge may be in contact in one solution and open in another, so the
+cases with such a law are chosen such that all solvers find the same one. `step-biactive` has biactive nodes, which are
+compared like all others.
 
-Two cases with hierarchical matrices, `hmatrix-bem` and `hmatrix-bem-conducting`, were recorded again when the rule by
-which the line integral refines changed: values of the kernel moved by its round-off, truncation chose other terms, and
-the results moved by 4e-7, far within the tolerance of 1e-4 of their matrices.
+Two cases with hierarchical matrices, `hmatrix-bem` and `hmatrix-bem-conducting`, were recorded again after a change of
+the refinement rule of the line integral: kernel values changed by round-off, truncation selected other terms, and the
+results changed by 4e-7, far below the tolerance of 1e-4 of the matrices.
 
-The number of threads does not matter: with 1 and 2 the stored digits, to 1e-11, are the same. Other processors and
-versions of libraries may round otherwise; then record the state before a change where the state after it is checked.
+The results do not depend on the number of threads: with 1 and 2 threads the stored digits (1e-11) are the same. Other
+processors and versions of libraries may round differently; in that case, record the state before a change on the
+machine on which the state after it is checked.
 """
 
 import argparse
@@ -48,18 +49,18 @@ from frozen_cases import CASES, FrozenCase
 
 RECORD = Path(__file__).with_name("record.json")
 ALLOWED = 1e-9
-"""Largest difference, in parts of the scale of a quantity."""
+"""Largest difference, relative to the scale of a quantity."""
 
 UNIT = 1e-11
-"""Of the stored numbers, in parts of the scale of a quantity."""
+"""Unit of the stored numbers, relative to the scale of a quantity."""
 
 
 @dataclass(frozen=True)
 class Comparison:
     """A case compared with its record.
 
-    difference: the largest, in parts of the scale of its quantity; where: of which quantity and increment; problems:
-    what cannot be compared; iterations, recorded_iterations, seconds: for information.
+    difference: the largest, relative to the scale of its quantity; where: its quantity and increment; problems: what
+    cannot be compared; iterations, recorded_iterations, seconds: for information.
     """
 
     difference: float
@@ -75,7 +76,7 @@ class Comparison:
 
 
 def compute(case: FrozenCase) -> list[State]:
-    """Run a case in a folder of its own."""
+    """Run a case in a separate folder."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, write in (case.files or {}).items():
@@ -125,7 +126,7 @@ def compare(states: Sequence[State], recorded: Mapping[str, Any], seconds: float
 
 
 def in_units(values: Array, scale: float) -> Array:
-    """Return values in parts of UNIT times their scale. Where the scale is zero all values were zero."""
+    """Return values in multiples of UNIT times their scale; if the scale is zero, all values are zero."""
     return values / (UNIT * scale) if scale > 0.0 else np.where(values == 0.0, 0.0, np.inf)
 
 
@@ -133,7 +134,7 @@ def to_record(states: Sequence[State], about: str, seconds: float) -> dict[str, 
     """Return the states of a case as they are stored.
 
     values: for each quantity its scale, the largest of all states, and then a list of numbers for each state, None
-    where the state does not have it, as whole multiples of UNIT times the scale.
+    where the state does not have it, as multiples of UNIT times the scale.
     """
     scales: dict[str, float] = {}
     for state in states:
@@ -160,7 +161,7 @@ def _whole(value: float) -> float | int:
 
 
 def chosen(only: Sequence[str]) -> dict[str, FrozenCase]:
-    """The cases whose names contain one of these texts; all if there are none."""
+    """Return the cases whose names contain one of these texts, or all cases if there are none."""
     return {name: case for name, case in CASES.items() if not only or any(text in name for text in only)}
 
 
@@ -171,7 +172,7 @@ def read_record() -> dict[str, Any]:
 
 
 def write(cases: Mapping[str, FrozenCase]) -> int:
-    """Record cases anew; others stay. Cases that do not converge are not recorded. Return the exit status."""
+    """Record cases again and keep the others; return the exit status. Cases that do not converge are not recorded."""
     record, failed = read_record(), 0
     for name, case in cases.items():
         begin = time.process_time()
@@ -198,7 +199,7 @@ def write(cases: Mapping[str, FrozenCase]) -> int:
 
 
 def check_one(name: str, record: Mapping[str, Any], solver: str | None = None) -> Comparison:
-    """Run a case, by another solver if one is given, and compare it with its record."""
+    """Run a case, optionally by another solver, and compare it with its record."""
     case = CASES[name]
     if solver is not None:
         changed = {**case.tables["solver"], "name": solver}

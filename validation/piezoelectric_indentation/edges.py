@@ -12,7 +12,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from half_space import Edges, observed_order
+from half_space import EdgeOption, observed_order
 from indentation import OFFSETS, Run
 
 from meeframe.fields import Array
@@ -28,7 +28,7 @@ ON_GRIDS = np.linspace(64.0, 65.2, 7)
 """Numbers of cells under an insulated punch."""
 
 
-def run_of(name: str, edges: Edges, potential: float | None = POTENTIAL) -> Run:
+def run_of(name: str, edges: EdgeOption, potential: float | None = POTENTIAL) -> Run:
     """Return a shape on PZT-4 at the potential, insulating if it is None."""
     return Run(STIFFNESS, axisymmetric_compliance(STIFFNESS), SHAPES[name], APPROACH, (potential, None), edges)
 
@@ -47,7 +47,7 @@ def row(head: str, result: Sequence[Array]) -> str:
 
 def tables() -> Iterator[str]:
     """Yield rows as they are computed."""
-    kinds: tuple[Edges, ...] = ("resolved", "nodes")
+    kinds: tuple[EdgeOption, ...] = ("resolved", "nodes")
     yield f"| cells, edges | sphere: P | sphere: Q | cone: P | cone: Q | punch: P = Q |\n{'| --- ' * 6}|"
     for edges in kinds:
         sizes = []

@@ -118,18 +118,20 @@ def _same_densities(tamaas: Any, samples: int) -> Iterator[Item]:
     system, heights = reduced(samples, "trigonometric"), heights_of(surface(samples, 8 * PERIOD / samples))
     for share in PRESSURES:
         mean = share * MODULUS * SLOPE
-        result, judge = ours(system, heights, mean), theirs(tamaas, heights, mean, "pressure")
+        result, reference = ours(system, heights, mean), theirs(tamaas, heights, mean, "pressure")
         name = f"{samples} x {samples} nodes, mean pressure {share:g} E* h'"
-        yield _pressures(name, result, judge, np.ones_like(result.pressure, bool))
-        yield Check(f"{name}: largest pressure", float(result.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
-        yield Check(f"{name}: fraction of the area in contact", result.area, judge.area, 0.01)
+        yield _pressures(name, result, reference, np.ones_like(result.pressure, bool))
+        yield Check(
+            f"{name}: largest pressure", float(result.pressure.max()), float(reference.pressure.max()), 0.01, "Pa"
+        )
+        yield Check(f"{name}: fraction of the area in contact", result.area, reference.area, 0.01)
         yield _at_same_gap(name, tamaas, heights, result, mean)
     places = (np.arange(samples) + 0.5) / samples * PERIOD * 1e3
-    fields = {"meeframe": result.pressure.T / 1e9, "Tamaas": judge.pressure.T / 1e9}
+    fields = {"meeframe": result.pressure.T / 1e9, "Tamaas": reference.pressure.T / 1e9}
     yield Map("Pressure", "x [mm]", "y [mm]", "GPa", places, places, fields)
     line = int(np.argmax(result.pressure.max(axis=1)))
     curves = (
-        Curve("Tamaas", places, judge.pressure[line] / 1e9),
+        Curve("Tamaas", places, reference.pressure[line] / 1e9),
         Curve("meeframe", places, result.pressure[line] / 1e9, points=True),
     )
     yield Plot("Pressure on the line through its maximum", "y [mm]", "pressure [GPa]", curves)
@@ -137,8 +139,8 @@ def _same_densities(tamaas: Any, samples: int) -> Iterator[Item]:
 
 def _case_file(tamaas: Any) -> Iterator[Check]:
     """Check the case file: the second load on 64 x 64 nodes, prescribed as a force."""
-    judge = theirs(tamaas, heights_of(surface(64, PERIOD / 8)), PRESSURES[1] * MODULUS * SLOPE, "pressure")
-    exact = {"force": PRESSURES[1] * MODULUS * SLOPE * PERIOD**2, "max_pressure": float(judge.pressure.max())}
+    reference = theirs(tamaas, heights_of(surface(64, PERIOD / 8)), PRESSURES[1] * MODULUS * SLOPE, "pressure")
+    exact = {"force": PRESSURES[1] * MODULUS * SLOPE * PERIOD**2, "max_pressure": float(reference.pressure.max())}
     yield from totals_of(Path(__file__).with_name("periodic.toml"), exact)
 
 
@@ -156,19 +158,21 @@ def _bilinear(tamaas: Any, samples: int, shares: tuple[float, ...]) -> Iterator[
             (ours(system, above, mean), theirs(tamaas, above, mean, "pressure"))
             for system, above in zip(systems, heights, strict=True)
         ]
-        result, judge = pairs[-1]
+        result, reference = pairs[-1]
         name = f"bilinear, {samples} x {samples} nodes, mean pressure {share:g} E* h'"
-        difference = np.abs(result.pressure - judge.pressure) / judge.pressure.max()
+        difference = np.abs(result.pressure - reference.pressure) / reference.pressure.max()
         yield Check(f"{name}: pressures, r.m.s. difference relative to the peak", _rms(difference), 0.0, 0.01, "", True)
-        yield _pressures(f"{name}, without contact edges", result, judge, _inner(result, judge))
-        yield Check(f"{name}: largest pressure", float(result.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
+        yield _pressures(f"{name}, without contact edges", result, reference, _inner(result, reference))
+        yield Check(
+            f"{name}: largest pressure", float(result.pressure.max()), float(reference.pressure.max()), 0.01, "Pa"
+        )
         ours_area, their_area = (2.0 * fine.area - coarse.area for coarse, fine in zip(*pairs, strict=True))
         yield Check(f"{name}: fraction of the area in contact, extrapolated", ours_area, their_area, 0.01)
         yield _at_same_gap(name, tamaas, heights[-1], result, mean)
 
 
-def _pressures(name: str, result: Contact, judge: Contact, where: NDArray[np.bool_]) -> Check:
-    difference = np.abs(result.pressure - judge.pressure)[where].max() / judge.pressure.max()
+def _pressures(name: str, result: Contact, reference: Contact, where: NDArray[np.bool_]) -> Check:
+    difference = np.abs(result.pressure - reference.pressure)[where].max() / reference.pressure.max()
     return Check(f"{name}: pressures, largest difference relative to the peak", float(difference), 0.0, 0.01, "", True)
 
 
@@ -177,9 +181,9 @@ def _at_same_gap(name: str, tamaas: Any, heights: Array, result: Contact, mean: 
     return Check(f"{name}: mean pressure at the same mean gap", mean, float(at_gap.pressure.mean()), 1e-3, "Pa")
 
 
-def _inner(result: Contact, judge: Contact) -> NDArray[np.bool_]:
+def _inner(result: Contact, reference: Contact) -> NDArray[np.bool_]:
     """Return nodes whose neighbours up to the second are under pressure in both; the surface is periodic."""
-    pressed = (result.pressure > 0.0) & (judge.pressure > 0.0)
+    pressed = (result.pressure > 0.0) & (reference.pressure > 0.0)
     return minimum_filter(pressed, size=5, mode="wrap")
 
 

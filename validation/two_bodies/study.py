@@ -187,6 +187,7 @@ def roles(case: Case) -> Roles:
     """Solve a case and the same case with exchanged roles."""
     one, two = (solve(variant, reduce(variant)) for variant in (case, exchanged(case)))
     partners = match_nodes(one.zone, two.zone)
+    assert partners is not None
     seen = two.load[partners] * EXCHANGED
     region = one.step.region
     return Roles(

@@ -20,8 +20,8 @@ from meeframe.model.load import load_case
 from meeframe.model.solve import solve_case
 from meeframe.plugin import registry as plugins
 from meeframe.results.records import resultants
+from meeframe.study import quantities
 from meeframe.study.choices import Choice
-from meeframe.study.quantities import TOTALS
 from meeframe.study.reports.extrapolation import of_order, richardson
 from meeframe.study.reports.verified import Agreement, Estimate, Measured, Verification, VerifiedRun
 from meeframe.study.reports.verify import unit_of
@@ -304,4 +304,4 @@ def _totals(case: Case) -> dict[str, float]:
     if result.status != "converged":
         raise RuntimeError(f"{case.title}: {result.status}")
     totals = resultants(result.zone, result.steps[-1])
-    return {name: TOTALS[name](totals) for name in ("force", "charge", "magnetic_flux")}
+    return {name: quantities.totals()[name](totals) for name in ("force", "charge", "magnetic_flux")}

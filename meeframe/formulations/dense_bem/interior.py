@@ -31,8 +31,8 @@ from meeframe.formulations.dense_bem._kernels.interior import surface_points
 from meeframe.formulations.dense_bem.layout import Units
 from meeframe.greens.base import Kernel
 from meeframe.mesh.surface import SurfaceMesh
-from meeframe.system.capabilities import InteriorFields, PointFields
-from meeframe.system.reduced import NodalFields
+from meeframe.system.capabilities import INTERIOR_STAGE, InteriorFields, PointFields
+from meeframe.system.reduced import NodalFields, Progress, silent
 
 TOLERANCE: Final = 1e-6
 """Relative error of each element integral."""
@@ -68,7 +68,7 @@ class InteriorRepresentation:
     bind: Callable[[], Kernel]
     anisotropy: float
 
-    def evaluate(self, boundary: NodalFields, points: Array) -> PointFields:
+    def evaluate(self, boundary: NodalFields, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) [m] inside the body from those on its boundary.
 
         Parameters
@@ -77,6 +77,8 @@ class InteriorRepresentation:
             Fields on the boundary, with the cells of the mesh in its order.
         points
             Positions in global axes [m].
+        progress
+            Function that receives the stage and the fraction of the points that is done.
 
         Raises
         ------
@@ -102,8 +104,11 @@ class InteriorRepresentation:
         def fields(position: Array) -> tuple[Array, Array, float]:
             return _at_point(blocks, kernel, accuracy, coupling, position)
 
+        results = []
         with ThreadPoolExecutor(get_num_threads()) as pool:
-            results = list(pool.map(fields, points / units.length))
+            for result in pool.map(fields, points / units.length):
+                results.append(result)
+                progress(INTERIOR_STAGE, len(results) / len(points))
         self._check_inside(points, np.array([angle for _, _, angle in results]))
         u = units.values_si(np.array([value for value, _, _ in results]))
         slopes = np.array([gradient for _, gradient, _ in results])
@@ -147,9 +152,9 @@ class BoundaryInterior(InteriorFields):
     recovery: Callable[[Array], NodalFields]
     representation: InteriorRepresentation
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) inside the body for a load (n, fields) on the contact zone."""
-        return self.representation.evaluate(self.recovery(load), points)
+        return self.representation.evaluate(self.recovery(load), points, progress)
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,14 +127,14 @@ class NormalModes:
             modes = self.restrict(np.flatnonzero(gap < 0.0))
         for _ in range(MAX_ROUNDS):
             amounts = modes.balance_amounts(gap[modes.nodes])
-            moved_gap = _add_modes(gap, amounts, self.mode)
-            touching = np.flatnonzero(pressed | (moved_gap < 0.0))
+            new_gap = _add_modes(gap, amounts, self.mode)
+            touching = np.flatnonzero(pressed | (new_gap < 0.0))
             if np.array_equal(touching, modes.nodes):
                 break
             modes = self.restrict(touching)
         motion = motion.copy()
         motion[self.numbers] += amounts
-        return moved_gap, motion, modes
+        return new_gap, motion, modes
 
     def balance(self, pressure: Array) -> Array:
         """Return the compression (f,) with the prescribed resultants that is nearest to pressures (f,)."""

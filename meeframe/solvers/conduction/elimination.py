@@ -246,7 +246,7 @@ class Elimination:
         return Response(flux, displacement[:, MECHANICAL], potential)
 
     def _apply(self, loads: dict[int, Array], fields: list[int]) -> Array:
-        """Return the displacement (n, all fields) due to loads (n,) by field; zero in fields not asked for."""
+        """Return the displacement (n, all fields) due to loads (n,) by field; zero in other fields."""
         displacement = np.zeros((self.problem.fields.size, len(self.self_compliance))).T
         if self.matrix is None:
             load = np.array(list(loads.values())).T

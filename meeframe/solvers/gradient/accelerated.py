@@ -124,7 +124,7 @@ class BarzilaiBorwein(Solver):
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Take one projected step; its length is the ratio of the last changes of tractions and gap."""
-        memory, traction = _memory(iterate), traction_of(iterate.load)
+        memory, traction = iterate.memory_as(_Memory), traction_of(iterate.load)
         memory, slope, plain_step, violation = _evaluate(memory, iterate, traction)
         guard = memory.guard.next(violation)
         r = plain_step * guard.shortening
@@ -152,7 +152,7 @@ class Nesterov(Solver):
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Take one projected step from the extrapolated tractions."""
-        memory, traction = _memory(iterate), traction_of(iterate.load)
+        memory, traction = iterate.memory_as(_Memory), traction_of(iterate.load)
         extrapolated = memory.base
         memory, slope, plain_step, violation = _evaluate(memory, iterate, extrapolated)
         rises = bool(memory.guard.violations) and violation > memory.guard.violations[-1]
@@ -165,7 +165,9 @@ class Nesterov(Solver):
             momentum = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * memory.momentum**2))
             weight = (memory.momentum - 1.0) / momentum
         extrapolated = next_traction + weight * (next_traction - traction)
-        return replace(next_iterate, memory=replace(_memory(next_iterate), momentum=momentum, base=extrapolated))
+        return replace(
+            next_iterate, memory=replace(next_iterate.memory_as(_Memory), momentum=momentum, base=extrapolated)
+        )
 
 
 def _init(problem: ContactProblem, start: ContactState | None, lengthens_on_rise: bool) -> Iterate:
@@ -175,12 +177,6 @@ def _init(problem: ContactProblem, start: ContactState | None, lengthens_on_rise
         GradientStepper.of(problem), conduction, traction_of(load), guard=_Guard(lengthens_on_rise=lengthens_on_rise)
     )
     return Iterate(load, conduction.contact_fraction, memory, start_motion(problem, start))
-
-
-def _memory(iterate: Iterate) -> _Memory:
-    if not isinstance(iterate.memory, _Memory):
-        raise TypeError("the iterate was not made by the init of this solver")
-    return iterate.memory
 
 
 def _evaluate(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memory, Slope, float, float]:

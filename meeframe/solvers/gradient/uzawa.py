@@ -85,7 +85,7 @@ class Uzawa(Solver):
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Apply eq. (30) for the displacement, then eqs. (31), (32) for the tractions."""
-        memory, traction = _memory(iterate), traction_of(iterate.load)
+        memory, traction = iterate.memory_as(_Memory), traction_of(iterate.load)
         stepper = memory.stepper
         conduction, conductors = stepper.conductors(iterate, memory.conduction, memory.conductors)
         slope = stepper.slope(traction, conductors, iterate.load[:, POTENTIALS], iterate.motion)
@@ -104,12 +104,6 @@ class Uzawa(Solver):
         normal = auto if self.step_normal == "auto" else float(self.step_normal)
         tangential = auto if self.step_tangential == "auto" else float(self.step_tangential)
         return normal, tangential
-
-
-def _memory(iterate: Iterate) -> _Memory:
-    if not isinstance(iterate.memory, _Memory):
-        raise TypeError("the iterate was not made by Uzawa.init")
-    return iterate.memory
 
 
 def _monitor_change(memory: _Memory, change: Array) -> _Memory:

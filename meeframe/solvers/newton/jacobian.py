@@ -166,7 +166,7 @@ class ReducedJacobian:
         ]
 
     def _nonzero_fields(self, motion: Array, fields: list[int]) -> dict[int, Array]:
-        """Return the nonzero fields of a motion (fields, n) at the nodes of the rows, (c,) by their place in `fields`.
+        """Return the nonzero fields of a motion (fields, n) at the nodes of the rows, (c,) by their index in `fields`.
 
         Most motions have one such field.
         """
@@ -180,7 +180,7 @@ class ReducedJacobian:
 def _entries(
     blocks: NodeBlocks, rows: list[int], columns: list[int], nodes: Indices, coupled: Mask
 ) -> dict[tuple[int, int], Array]:
-    """Return the given rows and columns of the blocks of all nodes at c of them, zero where not coupled (r, c)."""
+    """Return some rows and columns of the blocks of all nodes at c of them, zero where not coupled (r, c)."""
     entries = dict[tuple[int, int], Array]()
     for (row, column), entry in blocks.entries.items():
         if row in rows and column in columns:

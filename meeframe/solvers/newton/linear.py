@@ -3,7 +3,7 @@
 Rows that determine one unknown of a single node (open nodes, insulated potentials, contact fractions of nodes that are
 not biactive) are eliminated beforehand: the remaining system has the size of the contact.
 
-Where the compliance is not stored as a matrix, the free motions are unknowns beside the loads, and the resistance of
+Where the compliance is not stored as a matrix, the free motions are unknowns like the loads, and the resistance of
 the contact to them is part of the preconditioner. Components come before nodes: numpy is much faster along the longer
 axis. A step of which a few digits are required is computed in single precision; the residual that decides on its
 quality is not.
@@ -201,9 +201,9 @@ def _krylov_step(
     blocks : Linearization
         Its linearisation.
     coupled : Mask
-        (n, fields + 1), coupled rows.
+        (n, fields + 1), coupled jacobian.
     prescribed : Array
-        (n, fields + 1), step in the decoupled rows.
+        (n, fields + 1), step in the decoupled jacobian.
     tolerance : float
         Fraction of the residual that may be left.
 
@@ -219,21 +219,21 @@ def _krylov_step(
     LinAlgError
         If the equations are not finite.
     """
-    rows = ReducedJacobian.of(
+    jacobian = ReducedJacobian.of(
         equation, blocks, coupled, np.dtype(np.float32 if tolerance >= MIN_SINGLE_TOLERANCE else np.float64)
     )
-    residual = rows.select(-blocks.residual).astype(rows.precision)
-    right = residual - rows.image(blocks, prescribed) if prescribed.any() else residual
-    if not (np.isfinite(prescribed).all() and rows.a.finite and rows.b.finite and np.isfinite(right).all()):
+    residual = jacobian.select(-blocks.residual).astype(jacobian.precision)
+    right = residual - jacobian.image(blocks, prescribed) if prescribed.any() else residual
+    if not (np.isfinite(prescribed).all() and jacobian.a.finite and jacobian.b.finite and np.isfinite(right).all()):
         raise LinAlgError("the equations are not finite")
-    multiplication, columns = rows.multiplication(), rows.motion_columns(equation.modes)
-    precondition = preconditioner(rows)
+    multiplication, columns = jacobian.multiplication(), jacobian.motion_columns(equation.modes)
+    precondition = preconditioner(jacobian)
     responses = np.empty_like(columns)
     for response, column in zip(responses, columns, strict=True):
         response[:] = precondition(column)
-    border = BorderedSystem.of(rows, responses)
+    border = BorderedSystem.of(jacobian, responses)
     balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, prescribed[:, :FRACTION])
-    weight = np.sqrt(equation.count, dtype=rows.precision)  # as the merit weighs the balance
+    weight = np.sqrt(equation.count, dtype=jacobian.precision)  # as the merit weighs the balance
     size = len(right)
 
     def multiply(values: Array) -> Array:
@@ -248,7 +248,7 @@ def _krylov_step(
         np.add(loads, (border.motions @ solution[size:]) @ responses, out=solution[:size])
         return solution
 
-    bordered = np.concatenate([right, weight * border.combine(balance)]).astype(rows.precision)
+    bordered = np.concatenate([right, weight * border.combine(balance)]).astype(jacobian.precision)
     # the tolerance refers to the residual, to which a large prescribed part adds
     before, after = float(np.linalg.norm(residual)), float(np.linalg.norm(right))
     tolerance *= max(before / after, MIN_TOLERANCE_FACTOR) if after > before else 1.0
@@ -257,9 +257,9 @@ def _krylov_step(
     largest_motion = float(np.abs(amounts).max(initial=0.0))
     if largest_motion > blocks.max_motion:
         amounts *= blocks.max_motion / largest_motion
-        motion_right = (amounts @ columns).astype(rows.precision)
+        motion_right = (amounts @ columns).astype(jacobian.precision)
         solution = gmres(multiplication, precondition, right + motion_right, tolerance)[0]
-    return rows.step(solution[:size], prescribed), amounts
+    return jacobian.step(solution[:size], prescribed), amounts
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,12 +284,12 @@ class BorderedSystem:
     stiffness: Array
 
     @classmethod
-    def of(cls, rows: ReducedJacobian, responses: Array) -> "BorderedSystem":
-        """Return the border of rows; responses: (m, r c) approximate responses to each motion."""
-        totals = rows.to_unknowns(rows.equation.measures)
+    def of(cls, jacobian: ReducedJacobian, responses: Array) -> "BorderedSystem":
+        """Return the border of a reduced Jacobian; responses: (m, r c) approximate responses to each motion."""
+        totals = jacobian.to_unknowns(jacobian.equation.measures)
         matrix = np.array([_resultants(totals, response) for response in responses]).T
         combinations, stiffness, right = np.linalg.svd(matrix.reshape(len(totals), len(totals)))
-        min_ratio = max(MIN_STIFFNESS_RATIO, ROUND_OFF_FACTOR * np.finfo(rows.precision).eps)
+        min_ratio = max(MIN_STIFFNESS_RATIO, ROUND_OFF_FACTOR * np.finfo(jacobian.precision).eps)
         is_resisted = stiffness > min_ratio * stiffness.max(initial=0.0)
         return cls(right[is_resisted].T, combinations[:, is_resisted], totals, stiffness[is_resisted])
 

@@ -69,13 +69,13 @@ A flux counts as zero below this fraction of its previous value.
 class _Memory:
     """State of the iteration.
 
-    point: the equation at the iterate; merits: of the last states, that of a start being the largest merit allowed;
+    state: residual state at the iterate; merits: of the last states, that of a start being the largest merit allowed;
     flips: (n,) how often each node has opened or closed; fall: ratio of the merit to the one before; burst: number of
-    gradient steps of the next burst; neighbourhood: the one whose equation it is, None for that of the whole zone;
+    gradient steps of the next burst; neighbourhood: the one of the equation, None for the whole zone;
     restrictions: restrictions that are still allowed; sufficient_residual: violation that is sufficient there.
     """
 
-    point: ResidualState
+    state: ResidualState
     merits: tuple[float, ...]
     flips: Array
     fall: float = np.inf
@@ -106,34 +106,38 @@ class SemismoothNewton(Solver):
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, that of a coarser system, or one without load."""
         iterate = _begin(problem, start)
-        return replace(iterate, memory=replace(_memory(iterate), sufficient_residual=SUFFICIENT_FRACTION * tolerance))
+        return replace(
+            iterate, memory=replace(iterate.memory_as(_Memory), sufficient_residual=SUFFICIENT_FRACTION * tolerance)
+        )
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Make one Newton step, a fraction of it, or a burst of gradient steps; none if no law is violated."""
-        memory = _restrict(problem, _memory(iterate))
-        point = memory.point
-        if point.merit == 0.0:
+        memory = _restrict(problem, iterate.memory_as(_Memory))
+        state = memory.state
+        if state.merit == 0.0:
             return iterate
-        direction = newton_step(point.equation, point.linearise(), _tolerance(memory.fall))
+        direction = newton_step(state.equation, state.linearise(), _tolerance(memory.fall))
         allowed = MAX_MERIT_RATIO * max(memory.merits)
         flips = memory.flips
         for fraction in STEP_FRACTIONS if direction.finite else ():
-            flips, stepped = _take_step(point, flips, direction, fraction)
-            if stepped.merit < allowed:
-                merits = (*memory.merits, stepped.merit)[-MERIT_WINDOW:]
-                memory = replace(memory, point=stepped, merits=merits, flips=flips, fall=stepped.merit / point.merit)
+            flips, candidate = _take_step(state, flips, direction, fraction)
+            if candidate.merit < allowed:
+                merits = (*memory.merits, candidate.merit)[-MERIT_WINDOW:]
+                memory = replace(
+                    memory, state=candidate, merits=merits, flips=flips, fall=candidate.merit / state.merit
+                )
                 return _iterate(memory)
         memory = replace(memory, flips=flips)
         if memory.neighbourhood is not None:
             memory = _on_zone(problem, memory, memory.neighbourhood)
-        stepped = _gradient_steps(problem, memory.point, memory.flips > MAX_FLIPS, memory.burst)
+        candidate = _gradient_steps(problem, memory.state, memory.flips > MAX_FLIPS, memory.burst)
         burst = min(2 * memory.burst, MAX_BURST)
-        return _iterate(replace(_restart(memory, stepped, memory.flips), burst=burst))
+        return _iterate(replace(_restart(memory, candidate, memory.flips), burst=burst))
 
 
 def estimated_residual(iterate: Iterate) -> float | None:
     """Return the residual that Newton's equation has at an iterate; None if another solver made the iterate."""
-    return iterate.memory.point.law_residual if isinstance(iterate.memory, _Memory) else None
+    return iterate.memory.state.law_residual if isinstance(iterate.memory, _Memory) else None
 
 
 def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
@@ -148,45 +152,45 @@ def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
         equation, nodes = ContactResidual.of(problem), np.arange(n)
     else:
         equation, nodes, restrictions = neighbourhood.equation, neighbourhood.nodes, restrictions - 1
-    point = equation.at(load[nodes], contact_fraction[nodes], _is_partial(contact_fraction[nodes]), motion)
-    # an attractive contact may adhere as it is: it is not lifted off to find the contact anew
+    state = equation.at(load[nodes], contact_fraction[nodes], _is_partial(contact_fraction[nodes]), motion)
+    # an attractive contact may adhere in its present state, so that the indenter is not lifted off first
     keeps_motion = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
-    if not keeps_motion and (np.abs(point.balance) > BALANCE_TOLERANCE).any():
-        point = equation.at(point.load, contact_fraction, point.biactive, _balanced_motion(problem, point))
+    if not keeps_motion and (np.abs(state.balance) > BALANCE_TOLERANCE).any():
+        state = equation.at(state.load, contact_fraction, state.biactive, _balanced_motion(problem, state))
     rise = 1.0 if prolonged is None else MAX_START_GROWTH
     memory = _Memory(
-        point, (rise * point.merit,), np.zeros(len(point.load)), neighbourhood=neighbourhood, restrictions=restrictions
+        state, (rise * state.merit,), np.zeros(len(state.load)), neighbourhood=neighbourhood, restrictions=restrictions
     )
     return _iterate(memory)
 
 
-def _take_step(point: ResidualState, flips: Array, step: Step, fraction: float) -> tuple[Array, ResidualState]:
-    """Return the flips (n,) and the point after a fraction of a step.
+def _take_step(state: ResidualState, flips: Array, step: Step, fraction: float) -> tuple[Array, ResidualState]:
+    """Return the flips (n,) and the state after a fraction of a step.
 
     Nodes whose conduction keeps changing become biactive. They begin between open and closed, at the fraction where
     their own switching would make their trial zero: from one of the ends the first step goes too far, since the drive
     changes along with the fraction.
     """
-    equation = point.equation
-    motion = point.motion + fraction * step.motion
-    load = point.load + fraction * step.local[:, :FRACTION]
+    equation = state.equation
+    motion = state.motion + fraction * step.motion
+    load = state.load + fraction * step.local[:, :FRACTION]
     load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
     # round-off of tractions, fluxes and fractions that the step removed
     load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
-    load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(point.load[:, POTENTIALS])] = 0.0
-    contact_fraction = point.contact_fraction + fraction * step.local[:, FRACTION]
+    load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(state.load[:, POTENTIALS])] = 0.0
+    contact_fraction = state.contact_fraction + fraction * step.local[:, FRACTION]
     contact_fraction[np.abs(contact_fraction) < ROUND_OFF] = 0.0
-    stepped = equation.at(load, contact_fraction, point.biactive, motion)
-    flips = flips + stepped.find_switched(point)
-    becomes_biactive = (flips > MAX_FLIPS) & ~stepped.biactive
+    candidate = equation.at(load, contact_fraction, state.biactive, motion)
+    flips = flips + candidate.find_switched(state)
+    becomes_biactive = (flips > MAX_FLIPS) & ~candidate.biactive
     if becomes_biactive.any():
-        contact_fraction, increment = stepped.contact_fraction.copy(), stepped.closing_increment
-        near = np.flatnonzero(becomes_biactive & (np.abs(stepped.trial[:, 2]) < increment))
+        contact_fraction, increment = candidate.contact_fraction.copy(), candidate.closing_increment
+        near = np.flatnonzero(becomes_biactive & (np.abs(candidate.trial[:, 2]) < increment))
         contact_fraction[near] = np.clip(
-            point.contact_fraction[near] - stepped.trial[near, 2] / increment[near], 0.0, 1.0
+            state.contact_fraction[near] - candidate.trial[near, 2] / increment[near], 0.0, 1.0
         )
-        stepped = stepped.with_contact_fraction(contact_fraction, stepped.biactive | becomes_biactive)
-    return flips, stepped
+        candidate = candidate.with_contact_fraction(contact_fraction, candidate.biactive | becomes_biactive)
+    return flips, candidate
 
 
 def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
@@ -202,34 +206,36 @@ def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
     return traction
 
 
-def _restart(memory: _Memory, point: ResidualState, flips: Array) -> _Memory:
-    """Return the state that continues from a point without the history of those before."""
-    return replace(memory, point=point, merits=(point.merit,), flips=flips, fall=np.inf)
+def _restart(memory: _Memory, state: ResidualState, flips: Array) -> _Memory:
+    """Return the memory that continues from a state without the history of those before."""
+    return replace(memory, state=state, merits=(state.merit,), flips=flips, fall=np.inf)
 
 
 def _restrict(problem: ContactProblem, memory: _Memory) -> _Memory:
-    """Return the state on the neighbourhood of the contact, if any; on the whole zone once that has converged."""
-    point, neighbourhood = memory.point, memory.neighbourhood
+    """Return the memory on the neighbourhood of the contact, if any; on the whole zone once that has converged."""
+    state, neighbourhood = memory.state, memory.neighbourhood
     if neighbourhood is not None:
-        return _on_zone(problem, memory, neighbourhood) if point.law_residual <= memory.sufficient_residual else memory
-    if not memory.restrictions or not point.merit < RESTRICTION_MERIT:
+        return _on_zone(problem, memory, neighbourhood) if state.law_residual <= memory.sufficient_residual else memory
+    if not memory.restrictions or not state.merit < RESTRICTION_MERIT:
         return memory
-    neighbourhood = contact_neighbourhood(problem, point.load.any(axis=1) | (point.trial[:, 2] < 0.0))
+    neighbourhood = contact_neighbourhood(problem, state.load.any(axis=1) | (state.trial[:, 2] < 0.0))
     if neighbourhood is None:
         return memory
     nodes = neighbourhood.nodes
-    values = point.load[nodes], point.relative_displacement[nodes], point.contact_fraction[nodes], point.biactive[nodes]
-    state = neighbourhood.equation.at_relative_displacement(*values, point.motion)
+    values = state.load[nodes], state.relative_displacement[nodes], state.contact_fraction[nodes], state.biactive[nodes]
+    new_state = neighbourhood.equation.at_relative_displacement(*values, state.motion)
     flips = memory.flips[nodes]
-    return replace(memory, point=state, flips=flips, neighbourhood=neighbourhood, restrictions=memory.restrictions - 1)
+    return replace(
+        memory, state=new_state, flips=flips, neighbourhood=neighbourhood, restrictions=memory.restrictions - 1
+    )
 
 
 def _on_zone(problem: ContactProblem, memory: _Memory, neighbourhood: ContactNeighbourhood) -> _Memory:
-    """Return the state on the whole zone, from one on a neighbourhood."""
-    point, scatter = memory.point, neighbourhood.scatter
-    values = scatter(point.load), scatter(point.contact_fraction), scatter(point.biactive)
-    state = ContactResidual.of(problem).at(*values, point.motion)
-    return replace(_restart(memory, state, scatter(memory.flips)), neighbourhood=None)
+    """Return the memory on the whole zone, from one on a neighbourhood."""
+    state, scatter = memory.state, neighbourhood.scatter
+    values = scatter(state.load), scatter(state.contact_fraction), scatter(state.biactive)
+    new_state = ContactResidual.of(problem).at(*values, state.motion)
+    return replace(_restart(memory, new_state, scatter(memory.flips)), neighbourhood=None)
 
 
 def _tolerance(fall: float) -> float:
@@ -249,7 +255,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     """Return an approximate solution on a coarser system, or None if it is not found or without load. Gain: 1.33."""
     solver = SemismoothNewton()
     iterate, steps = _begin(problem, None), 0
-    while _memory(iterate).point.merit > COARSE_MERIT:
+    while iterate.memory_as(_Memory).state.merit > COARSE_MERIT:
         if steps == MAX_COARSE_STEPS or _is_infeasible(problem, iterate):
             return None
         iterate, steps = solver.step(problem, iterate), steps + 1
@@ -258,59 +264,53 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
 
 def _is_infeasible(problem: ContactProblem, iterate: Iterate) -> bool:
     """Return true if bursts have shown that friction cannot carry the prescribed resultants."""
-    if _memory(iterate).burst == FIRST_BURST:
+    if iterate.memory_as(_Memory).burst == FIRST_BURST:
         return False
     return beyond_friction(problem, evaluate(problem, iterate), problem_scales(problem)) is not None
 
 
-def _balanced_motion(problem: ContactProblem, point: ResidualState) -> Array:
+def _balanced_motion(problem: ContactProblem, state: ResidualState) -> Array:
     """Return a motion (m,) at which the tractions of one projected step have the prescribed resultants.
 
     At that motion there is contact.
     """
-    numbers, load = motions(problem), point.load.copy()
+    numbers, load = motions(problem), state.load.copy()
     displacement = problem.system.offset + problem.system.apply(load)
-    gap = contact_gap(problem, displacement, point.motion)
+    gap = contact_gap(problem, displacement, state.motion)
     for stiffening in STIFFENING_FACTORS:
-        r = stiffening * point.equation.r
-        balanced = balanced_projection(problem, point.load[:, MECHANICAL], gap, (r, r))
+        r = stiffening * state.equation.r
+        balanced = balanced_projection(problem, state.load[:, MECHANICAL], gap, (r, r))
         load[:, MECHANICAL] = balanced.traction
         if (
-            np.abs(unbalance(problem, load)[numbers]) <= BALANCE_TOLERANCE * point.equation.scales.totals[numbers]
+            np.abs(unbalance(problem, load)[numbers]) <= BALANCE_TOLERANCE * state.equation.scales.totals[numbers]
         ).all():
             break
-    motion = point.motion.copy()
+    motion = state.motion.copy()
     motion[numbers] += balanced.motion
     return motion
 
 
-def _memory(iterate: Iterate) -> _Memory:
-    if not isinstance(iterate.memory, _Memory):
-        raise TypeError("the iterate was not made by SemismoothNewton.init")
-    return iterate.memory
-
-
 def _iterate(memory: _Memory) -> Iterate:
     """Return the iterate, with the violation of the laws that the equation estimates where products are expensive."""
-    point, neighbourhood = memory.point, memory.neighbourhood
-    estimate = point.law_residual if _is_matrix_free(point.equation.problem) else None
-    load, contact_fraction = point.load, np.clip(point.contact_fraction, 0.0, 1.0)
+    state, neighbourhood = memory.state, memory.neighbourhood
+    estimate = state.law_residual if _is_matrix_free(state.equation.problem) else None
+    load, contact_fraction = state.load, np.clip(state.contact_fraction, 0.0, 1.0)
     if neighbourhood is not None:
         load, contact_fraction = neighbourhood.scatter(load), neighbourhood.scatter(contact_fraction)
-    return Iterate(load, contact_fraction, memory, point.motion, estimate)
+    return Iterate(load, contact_fraction, memory, state.motion, estimate)
 
 
 def _is_partial(contact_fraction: Array) -> Mask:
     return (contact_fraction > 0.0) & (contact_fraction < 1.0)
 
 
-def _gradient_steps(problem: ContactProblem, point: ResidualState, biactive: Mask, count: int) -> ResidualState:
-    """Return the point after projected Barzilai-Borwein steps; biactive nodes (n,) remain biactive."""
+def _gradient_steps(problem: ContactProblem, state: ResidualState, biactive: Mask, count: int) -> ResidualState:
+    """Return the state after projected Barzilai-Borwein steps; biactive nodes (n,) remain biactive."""
     solver = BarzilaiBorwein()
-    contact_fraction = np.clip(point.contact_fraction, 0.0, 1.0)
-    iterate = solver.init(problem, ContactState(point.load, np.zeros_like(point.load), contact_fraction, point.motion))
+    contact_fraction = np.clip(state.contact_fraction, 0.0, 1.0)
+    iterate = solver.init(problem, ContactState(state.load, np.zeros_like(state.load), contact_fraction, state.motion))
     for _ in range(count):
         iterate = solver.step(problem, iterate)
-    return point.equation.at(
+    return state.equation.at(
         iterate.load, iterate.contact_fraction, biactive | _is_partial(iterate.contact_fraction), iterate.motion
     )

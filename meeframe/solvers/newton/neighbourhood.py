@@ -17,7 +17,7 @@ MARGIN: Final = 2.0
 MIN_ASPECT_RATIO: Final = 0.5
 """Smallest ratio of the other sides of the neighbourhood to the longest one.
 
-Approximate inverses on slender parts may be poor.
+Approximate inverses on slender neighbourhoods may be poor.
 """
 
 

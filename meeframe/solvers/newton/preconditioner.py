@@ -34,46 +34,46 @@ SINGLE_ROUND_OFF: Final = 1e-6
 """Round-off of single precision, relative to other entries of a block."""
 
 
-def preconditioner(rows: ReducedJacobian) -> Linear:
+def preconditioner(jacobian: ReducedJacobian) -> Linear:
     """Return the approximate inverse of the coupled rows, (r c,) of (r c,).
 
-    At nodes between open and closed pressure and gap are zero. In the preconditioner their gap is paired with the
-    pressure, as everywhere in contact, and the condition of zero pressure with the contact fraction, which alone can
-    satisfy it, through the response that it causes nearby. Fluxes of these nodes count as fully conducted, since they
-    act on the nodes around whatever part of them is. Gain: up to 1.77 (validation/benchmarks/ablation.py).
+    At biactive nodes pressure and gap are zero. In the preconditioner their gap is paired with the pressure, as
+    everywhere in contact, and the condition of zero pressure with the contact fraction, which alone can satisfy it,
+    through the response that it causes nearby. Fluxes of these nodes count as fully conducted, since they act on the
+    surrounding nodes at any contact fraction. Gain: up to 1.77 (validation/benchmarks/ablation.py).
     """
-    n_fields = rows.equation.problem.fields.size
-    if n_fields not in rows.components:
-        solve = _solution_of_loads(rows)
-        return lambda values: solve(values.reshape(rows.coupled.shape)).ravel()
-    between = np.flatnonzero(rows.coupled[-1])
-    last, pressure = len(rows.components) - 1, rows.components.index(NORMAL)
-    a, b = (blocks.swap_rows(pressure, last, between) for blocks in (rows.a, rows.b))
-    coupled = rows.coupled.copy()
+    n_fields = jacobian.equation.problem.fields.size
+    if n_fields not in jacobian.components:
+        solve = _solution_of_loads(jacobian)
+        return lambda values: solve(values.reshape(jacobian.coupled.shape)).ravel()
+    between = np.flatnonzero(jacobian.coupled[-1])
+    last, pressure = len(jacobian.components) - 1, jacobian.components.index(NORMAL)
+    a, b = (blocks.swap_rows(pressure, last, between) for blocks in (jacobian.a, jacobian.b))
+    coupled = jacobian.coupled.copy()
     coupled[last] = False
     for field in range(N_MECHANICAL, n_fields):
-        if field in rows.components:
-            row = rows.components.index(field)
+        if field in jacobian.components:
+            row = jacobian.components.index(field)
             conducting = between[coupled[row, between]]
             a = a.with_entries(row, row, conducting, 0.0)
             b = b.with_entries(
                 row,
-                rows.displacement_fields.index(field),
+                jacobian.displacement_fields.index(field),
                 conducting,
-                1.0 / rows.equation.scales.drop[field - N_MECHANICAL],
+                1.0 / jacobian.equation.scales.drop[field - N_MECHANICAL],
             )
-    solve = _solution_of_loads(replace(rows, a=a, b=b, coupled=coupled))
-    fraction_row = np.array([a.entry(last, column)[between] for column in range(last + 1)], rows.precision)
-    jumps = np.zeros(coupled.shape, rows.precision)
+    solve = _solution_of_loads(replace(jacobian, a=a, b=b, coupled=coupled))
+    fraction_row = np.array([a.entry(last, column)[between] for column in range(last + 1)], jacobian.precision)
+    jumps = np.zeros(coupled.shape, jacobian.precision)
     jumps[:, between] = [-a.entry(row, last)[between] for row in range(last + 1)]
-    touched, responses = _responses_nearby(solve, jumps, rows, between)
+    touched, responses = _responses_nearby(solve, jumps, jacobian, between)
     positions = np.arange(jumps.size).reshape(jumps.shape)[:, between]
     coupling = responses[np.searchsorted(touched, positions.ravel())].toarray().reshape(*positions.shape, len(between))
     matrix = np.einsum("jg,jgk->gk", fraction_row, coupling)
     inverse = np.linalg.pinv(matrix, rcond=len(matrix) * float(np.finfo(matrix.dtype).eps))
 
     def precondition(values: Array) -> Array:
-        right = values.reshape(rows.coupled.shape).copy()
+        right = values.reshape(jacobian.coupled.shape).copy()
         right[pressure, between], right[last, between] = right[last, between], right[pressure, between]
         solution = solve(right)
         contact_fraction = inverse @ (right[last, between] - (fraction_row * solution[:, between]).sum(axis=0))
@@ -84,28 +84,28 @@ def preconditioner(rows: ReducedJacobian) -> Linear:
     return precondition
 
 
-def _responses_nearby(solve: Linear, jumps: Array, rows: ReducedJacobian, nodes: Indices) -> tuple[Indices, Any]:
+def _responses_nearby(solve: Linear, jumps: Array, jacobian: ReducedJacobian, nodes: Indices) -> tuple[Indices, Any]:
     """Return the unknowns that right-hand sides (r, c) of single nodes (g,) cause near these.
 
     The result is the numbers (t,), in order, of these unknowns among the (r c,), and their values, (t, g) sparse. Nodes
     far from each other share a solution: a few solutions suffice for any number of nodes.
     """
-    system = rows.equation.problem.system
-    points, radius = system.points[rows.nodes], NEARBY_RADIUS * np.sqrt(system.weights.max())
+    system = jacobian.equation.problem.system
+    points, radius = system.points[jacobian.nodes], NEARBY_RADIUS * np.sqrt(system.weights.max())
     colors = np.full(len(nodes), -1)
     for number, others in enumerate(scipy.spatial.cKDTree(points[nodes]).query_ball_point(points[nodes], 2.0 * radius)):
         colors[number] = min(set(range(len(others))) - set(colors[others].tolist()))
-    nearby = rows.equation.tree.query_ball_point(points[nodes], radius)
+    nearby = jacobian.equation.tree.query_ball_point(points[nodes], radius)
     position = np.full(len(system.points), -1)
-    position[rows.nodes] = np.arange(len(points))
+    position[jacobian.nodes] = np.arange(len(points))
     neighbours, cause = np.concatenate(nearby), np.repeat(np.arange(len(nodes)), [len(numbers) for numbers in nearby])
     neighbours, cause = position[neighbours[position[neighbours] >= 0]], cause[position[neighbours] >= 0]
     values = np.zeros((len(jumps), len(neighbours)), jumps.dtype)
     for color in range(colors.max() + 1):
         right = np.zeros_like(jumps)
         right[:, nodes[colors == color]] = jumps[:, nodes[colors == color]]
-        pairs = colors[cause] == color
-        values[:, pairs] = solve(right)[:, neighbours[pairs]]
+        of_color = colors[cause] == color
+        values[:, of_color] = solve(right)[:, neighbours[of_color]]
     positions = np.arange(len(jumps))[:, None] * len(points) + neighbours
     columns = np.broadcast_to(cause, positions.shape)
     touched, which = np.unique(positions, return_inverse=True)
@@ -113,22 +113,24 @@ def _responses_nearby(solve: Linear, jumps: Array, rows: ReducedJacobian, nodes:
     return touched, scipy.sparse.csr_array(entries, (len(touched), len(nodes)))
 
 
-def _solution_of_loads(rows: ReducedJacobian) -> Linear:
+def _solution_of_loads(jacobian: ReducedJacobian) -> Linear:
     """Return the function that approximately solves for the unknowns (r, c) of right-hand sides (r, c).
 
     Rows that prescribe displacements come first, then the others, node by node; tangential rows are solved along and
     across the direction in which a node slips.
     """
-    inverse, loaded = rows.equation.inverse, rows.equation.loaded
-    rotation, node_compliance = _Rotation.of(rows), _node_compliance(rows)
-    rows = replace(rows, a=rotation.to_rotated(rows.a), b=rotation.to_rotated(rows.b))
-    loads = slice(len(rows.fields))
-    prescribing = _displacement_rows(rows, node_compliance) if inverse else np.zeros_like(rows.coupled[loads])
-    to_displacement = _prescribed_displacements(rows, node_compliance, prescribing)
+    inverse, loaded = jacobian.equation.inverse, jacobian.equation.loaded
+    rotation, node_compliance = _Rotation.of(jacobian), _node_compliance(jacobian)
+    jacobian = replace(jacobian, a=rotation.to_rotated(jacobian.a), b=rotation.to_rotated(jacobian.b))
+    loads = slice(len(jacobian.fields))
+    prescribing = _displacement_rows(jacobian, node_compliance) if inverse else np.zeros_like(jacobian.coupled[loads])
+    to_displacement = _prescribed_displacements(jacobian, node_compliance, prescribing)
     node_inverse, by_loads, by_displacement = _node_solution(
-        rows, node_compliance, rows.coupled[loads] & ~prescribing, prescribing
+        jacobian, node_compliance, jacobian.coupled[loads] & ~prescribing, prescribing
     )
-    by_inverse = NodeBlocks.of({(i, i): mask / rows.units[i] for i, mask in enumerate(prescribing)}, prescribing.shape)
+    by_inverse = NodeBlocks.of(
+        {(i, i): mask / jacobian.units[i] for i, mask in enumerate(prescribing)}, prescribing.shape
+    )
     # prescribed displacements, and unknowns by right-hand sides and by inverse: one map each, with rotation and units
     maps = (
         to_displacement,
@@ -136,22 +138,22 @@ def _solution_of_loads(rows: ReducedJacobian) -> Linear:
         by_inverse.plus(by_loads.compose(by_inverse)),
     )
     displacement_products, right_products, inverse_products = (
-        rotation.to_original(blocks).products(rows.precision) for blocks in maps
+        rotation.to_original(blocks).products(jacobian.precision) for blocks in maps
     )
-    number = np.array([loaded.index(field) if field in loaded else -1 for field in rows.fields], np.intp)
+    number = np.array([loaded.index(field) if field in loaded else -1 for field in jacobian.fields], np.intp)
     displacement_products = replace(
-        displacement_products, rows=number[displacement_products.rows], shape=(len(loaded), len(rows.nodes))
+        displacement_products, rows=number[displacement_products.rows], shape=(len(loaded), len(jacobian.nodes))
     )
     inverse_products = replace(inverse_products, columns=number[inverse_products.columns])
-    zone_displacement = np.zeros((len(loaded), len(rows.equation.blocks)), rows.precision)
+    zone_displacement = np.zeros((len(loaded), len(jacobian.equation.blocks) if inverse else 0), jacobian.precision)
 
     def solve(right: Array) -> Array:
         solution = np.zeros_like(right)
         right_products.add(right, solution)
         if inverse is not None:
             displacement = displacement_products.times(right)
-            zone_displacement[:, rows.nodes] = displacement
-            inverse_products.add(inverse(zone_displacement.T)[rows.nodes].T, solution)
+            zone_displacement[:, jacobian.nodes] = displacement
+            inverse_products.add(inverse(zone_displacement.T)[jacobian.nodes].T, solution)
         return solution
 
     return solve
@@ -167,18 +169,18 @@ class _Rotation:
     angle: tuple[Array, Array] | None
 
     @classmethod
-    def of(cls, rows: ReducedJacobian) -> "_Rotation":
+    def of(cls, jacobian: ReducedJacobian) -> "_Rotation":
         """Return the rotation to the directions in which the tangential rows A involve their loads most and least.
 
         The principal axes of A A^T: A is not symmetric where friction is orthotropic. Gain: up to 1.27.
         """
-        if rows.components[:2] != [0, 1]:
+        if jacobian.components[:2] != [0, 1]:
             return cls(None)
-        (a, b), (c, d) = ([rows.a.entry(row, column) for column in (0, 1)] for row in (0, 1))
+        (a, b), (c, d) = ([jacobian.a.entry(row, column) for column in (0, 1)] for row in (0, 1))
         askew = 2.0 * (a * c + b * d)
         if not askew.any():
             return cls(None)
-        angle = 0.5 * np.arctan2(askew, a**2 + b**2 - c**2 - d**2) * rows.coupled[:2].all(axis=0)
+        angle = 0.5 * np.arctan2(askew, a**2 + b**2 - c**2 - d**2) * jacobian.coupled[:2].all(axis=0)
         return cls((np.cos(angle), np.sin(angle)))
 
     def to_rotated(self, blocks: NodeBlocks) -> NodeBlocks:
@@ -199,57 +201,61 @@ class _Rotation:
         return blocks.rotate(cosine, -sine)
 
 
-def _displacement_rows(rows: ReducedJacobian, self_compliance: NodeBlocks) -> Mask:
+def _displacement_rows(jacobian: ReducedJacobian, self_compliance: NodeBlocks) -> Mask:
     """Return the rows (l, c) that prescribe displacements.
 
-    In these the response of a node to its own load outweighs the load itself, or does not fall far behind, where a node
+    In these the response of a node to its own load outweighs the load itself, or is not much smaller, where a node
     slips: loads of its neighbours move it as well. self_compliance: (f, l) response of the displacements to the
     unknowns of the node.
     """
-    fields = rows.fields
-    prescribing = np.zeros((len(fields), len(rows.nodes)), bool)
+    fields = jacobian.fields
+    prescribing = np.zeros((len(fields), len(jacobian.nodes)), bool)
     for position, field in enumerate(fields):
-        if field in rows.equation.loaded:
-            column = rows.displacement_fields.index(field)
-            displaced = np.abs(rows.b.entry(position, column) * self_compliance.entry(column, position))
-            threshold = np.abs(rows.a.entry(position, position)) / (
+        if field in jacobian.equation.loaded:
+            column = jacobian.displacement_fields.index(field)
+            displaced = np.abs(jacobian.b.entry(position, column) * self_compliance.entry(column, position))
+            threshold = np.abs(jacobian.a.entry(position, position)) / (
                 MAX_TANGENTIAL_RATIO if field in TANGENTIAL else 1.0
             )
-            prescribing[position] = rows.coupled[position] & (displaced > threshold)
+            prescribing[position] = jacobian.coupled[position] & (displaced > threshold)
     return prescribing
 
 
-def _node_compliance(rows: ReducedJacobian) -> NodeBlocks:
+def _node_compliance(jacobian: ReducedJacobian) -> NodeBlocks:
     """Return the displacements (f, c) that the unknowns (l, c) of the loads cause at their own node.
 
     They are almost the same in all tangential directions, so that the axes do not matter. Round-off is omitted.
     """
-    blocks, units, largest = rows.equation.blocks.transpose(1, 2, 0), rows.units, rows.equation.largest_entries
+    blocks, units, largest = (
+        jacobian.equation.blocks.transpose(1, 2, 0),
+        jacobian.units,
+        jacobian.equation.largest_entries,
+    )
     least = SINGLE_ROUND_OFF * np.sqrt(np.outer(np.diagonal(largest), np.diagonal(largest)))
     entries = {
-        (row, position): units[position] * blocks[field, loaded].take(rows.nodes)
-        for row, field in enumerate(rows.displacement_fields)
-        for position, loaded in enumerate(rows.fields)
+        (row, position): units[position] * blocks[field, loaded].take(jacobian.nodes)
+        for row, field in enumerate(jacobian.displacement_fields)
+        for position, loaded in enumerate(jacobian.fields)
         if largest[field, loaded] > least[field, loaded]
     }
-    return NodeBlocks.of(entries, (len(rows.displacement_fields), len(rows.nodes)))
+    return NodeBlocks.of(entries, (len(jacobian.displacement_fields), len(jacobian.nodes)))
 
 
-def _prescribed_displacements(rows: ReducedJacobian, self_compliance: NodeBlocks, prescribing: Mask) -> NodeBlocks:
+def _prescribed_displacements(jacobian: ReducedJacobian, self_compliance: NodeBlocks, prescribing: Mask) -> NodeBlocks:
     """Return the displacements (l, c), in the fields of the loads, that right-hand sides (r, c) prescribe.
 
     The right-hand sides are those of the rows `prescribing` (l, c). The displacements are those that loads cause at
     their own node if they satisfy its rows alone.
     """
-    positions = [rows.displacement_fields.index(field) for field in rows.fields]
+    positions = [jacobian.displacement_fields.index(field) for field in jacobian.fields]
     causes = [self_compliance.entry(column, position) for position, column in enumerate(positions)]
     by_cause = {
-        (row, position): rows.b.entries[row, column] * causes[position]
+        (row, position): jacobian.b.entries[row, column] * causes[position]
         for row in range(len(prescribing))
         for position, column in enumerate(positions)
-        if (row, column) in rows.b.entries
+        if (row, column) in jacobian.b.entries
     }
-    equations = rows.a.plus(NodeBlocks(by_cause, prescribing.shape))
+    equations = jacobian.a.plus(NodeBlocks(by_cause, prescribing.shape))
     inverses = equations.inverses(prescribing)
     return NodeBlocks(
         {position: causes[position[0]] * entry for position, entry in inverses.entries.items()}, prescribing.shape
@@ -257,7 +263,7 @@ def _prescribed_displacements(rows: ReducedJacobian, self_compliance: NodeBlocks
 
 
 def _node_solution(
-    rows: ReducedJacobian, response: NodeBlocks, marked: Mask, prescribing: Mask
+    jacobian: ReducedJacobian, response: NodeBlocks, marked: Mask, prescribing: Mask
 ) -> tuple[NodeBlocks, NodeBlocks, NodeBlocks]:
     """Return blocks (l, l) that give the loads of the marked rows (l, c).
 
@@ -268,14 +274,14 @@ def _node_solution(
     equations, by_loads, by_displacement = (
         defaultdict[tuple[int, int], Array](partial(np.zeros, marked.shape[1])) for _ in range(3)
     )
-    positions = {rows.displacement_fields.index(field): position for position, field in enumerate(rows.fields)}
+    positions = {jacobian.displacement_fields.index(field): position for position, field in enumerate(jacobian.fields)}
     for row, column in np.ndindex(len(marked), len(marked)):
         if (marked[row] & marked[column]).any():
-            if (row, column) in rows.a.entries:
-                equations[row, column] += rows.a.entries[row, column]
-            for column_field in range(len(rows.displacement_fields)):
-                if (row, column_field) in rows.b.entries and (column_field, column) in response.entries:
-                    product = rows.b.entries[row, column_field] * response.entries[column_field, column]
+            if (row, column) in jacobian.a.entries:
+                equations[row, column] += jacobian.a.entries[row, column]
+            for column_field in range(len(jacobian.displacement_fields)):
+                if (row, column_field) in jacobian.b.entries and (column_field, column) in response.entries:
+                    product = jacobian.b.entries[row, column_field] * response.entries[column_field, column]
                     equations[row, column] += (
                         np.where(prescribing[positions[column_field]], 0.0, product)
                         if column_field in positions
@@ -284,9 +290,9 @@ def _node_solution(
     inverses = NodeBlocks.of(equations, marked.shape).inverses(marked)
     for (row, shared), inverse in inverses.entries.items():
         for column_field, column in positions.items():
-            if (shared, column) in rows.a.entries:
-                by_loads[row, column] -= np.where(marked[column], 0.0, inverse * rows.a.entries[shared, column])
-            if (shared, column_field) in rows.b.entries:
-                prescribed = np.where(prescribing[column], inverse * rows.b.entries[shared, column_field], 0.0)
+            if (shared, column) in jacobian.a.entries:
+                by_loads[row, column] -= np.where(marked[column], 0.0, inverse * jacobian.a.entries[shared, column])
+            if (shared, column_field) in jacobian.b.entries:
+                prescribed = np.where(prescribing[column], inverse * jacobian.b.entries[shared, column_field], 0.0)
                 by_displacement[row, column] -= prescribed
     return inverses, NodeBlocks.of(by_loads, marked.shape), NodeBlocks.of(by_displacement, marked.shape)

@@ -86,7 +86,7 @@ class ContactResidual:
     inverse : callable or None
         Approximate inverse of the system in these fields; None if it has none or is stored as a matrix.
     count : int
-        Number of nodes of the zone, of which those of the equation may be a part: the others have zero residual.
+        Number of nodes of the whole zone; nodes without an equation have zero residual.
     """
 
     problem: ContactProblem
@@ -106,7 +106,7 @@ class ContactResidual:
     def of(cls, problem: ContactProblem, full_problem: ContactProblem | None = None) -> "ContactResidual":
         """Return the equation of a problem.
 
-        full_problem: the problem of which it is a part and which sets the scales; by default the problem itself.
+        full_problem: problem on the whole zone, which sets the scales; by default the problem itself.
         """
         full_problem = full_problem or problem
         scales = problem_scales(full_problem)
@@ -275,7 +275,7 @@ class ResidualState:
     balance: Array
 
     def with_contact_fraction(self, contact_fraction: Array, biactive: Mask) -> "ResidualState":
-        """Return the equation at the same load with other contact fractions (n,) and biactive nodes (n,)."""
+        """Return the state at the same load with other contact fractions (n,) and biactive nodes (n,)."""
         contact_fraction = np.where(biactive, contact_fraction, self.trial[:, 2] < 0.0)
         nodes = np.flatnonzero((contact_fraction != self.contact_fraction) | (biactive != self.biactive))
         scales, sigma, fraction = self.equation.scales, self.sigma[nodes], contact_fraction[nodes]
@@ -304,7 +304,7 @@ class ResidualState:
         return np.asarray(self.biactive & (self.switch > 0.0) & (self.switch < 1.0))
 
     def find_switched(self, before: "ResidualState") -> Mask:
-        """Return the nodes (n,) that have opened or closed since a point before, where that changes the conduction."""
+        """Return the nodes (n,) that opened or closed since an earlier state, where that changes the conduction."""
         return np.asarray(((self.contact_fraction > 0.0) != (before.contact_fraction > 0.0)) & self.jump.any(axis=1))
 
     @cached_property
@@ -317,7 +317,7 @@ class ResidualState:
     @cached_property
     def violation(self) -> float:
         """Largest component of the residual or the balance."""
-        return float(max(np.abs(part).max(initial=0.0) for part in (self.residual, self.balance)))
+        return float(max(np.abs(values).max(initial=0.0) for values in (self.residual, self.balance)))
 
     @cached_property
     def law_residual(self) -> float:
@@ -328,18 +328,18 @@ class ResidualState:
     def node_residual(self) -> Array:
         """Violation by fluxes and contact fractions at the nodes (n,), in the measure of meeframe.contact.residual.
 
-        The part of a potential drop that the fluxes leave counts as if the body had the compliance of the whole
-        contact, not that of a node, and fractions count by themselves.
+        The residual of a potential drop counts as if the body had the compliance of the whole contact instead of that
+        of a node; contact fractions count without a factor.
         """
         scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.biactive)
         compliance = np.diag(scales.compliance)[POTENTIALS]
         conducted = compliance / (compliance * share + self.equation.self_compliance * (1.0 - share))
-        left: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
+        violation: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
         contact_fraction = np.clip(self.contact_fraction[at], 0.0, 1.0)
-        left[at] = np.maximum(
-            left[at], np.abs(contact_fraction - switch(contact_fraction, self.trial[at, 2], scales.pressure))
+        violation[at] = np.maximum(
+            violation[at], np.abs(contact_fraction - switch(contact_fraction, self.trial[at, 2], scales.pressure))
         )
-        return left
+        return violation
 
     def _trial_by_fraction(self) -> Array:
         """Return the trial (n, 3) at which the laws are linearised.
@@ -378,8 +378,8 @@ class ResidualState:
         other = np.flatnonzero(trial[:, 2] != self.trial[:, 2])
         if other.size:  # value of that linearisation at the actual trial
             off = by_trial[other, :, 2] * (self.trial[other, 2:] - trial[other, 2:])
-            left = self.load[other, MECHANICAL] - fixed_point_map(law, trial, gap, r)[other] - off
-            residual[other, MECHANICAL] = left / scales.pressure
+            remainder = self.load[other, MECHANICAL] - fixed_point_map(law, trial, gap, r)[other] - off
+            residual[other, MECHANICAL] = remainder / scales.pressure
         a, b = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()
         for i, j in np.ndindex(3, 3):
             a[i, j] = by_trial[:, i, j] * (-1.0 / scales.pressure)
@@ -401,8 +401,8 @@ class ResidualState:
             )
             share = share - self.drive * drop_slope
         if is_adhesive(law):
-            pulled = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
-            gap_slope = -pulled if gap_slope is None else gap_slope - pulled
+            by_attraction = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
+            gap_slope = -by_attraction if gap_slope is None else gap_slope - by_attraction
         for k, field in enumerate(range(N_MECHANICAL, fraction)):
             unit = scales.drop[k]
             drive = self.drive[:, k] / unit

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
-from meeframe.fields import Array
+from meeframe.fields import MEE, Array, FieldSet
 from meeframe.results import schema
 from meeframe.results.canvas import prefixed, sheet
 from meeframe.results.picture import lengths
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 REFUSED: Final = "refused"
 UNFINISHED: Final = "unfinished"
 _ROUND_OFF: Final = 1e-6
-"""Tangential tractions below this part of the largest pressure are not drawn."""
+"""Tangential tractions below this fraction of the largest pressure are not drawn."""
 
 _RUNS_PER_TABLE: Final = 4
 """Number of runs side by side that fit in a terminal."""
@@ -36,14 +36,14 @@ _LEGEND_WIDTH: Final = 100
 _STYLES: Final = ("-", "--", ":", "-.")
 
 
-def _totals() -> dict[str, Total]:
+def _totals(fields: FieldSet) -> dict[str, Total]:
     """Return the totals that a comparison shows, by name."""
-    return {total.name: total for total in schema.TOTALS if schema.View.COMPARISON in total.views}
+    return {total.name: total for total in schema.total_rows(fields) if schema.View.COMPARISON in total.views}
 
 
-def _fields() -> dict[str, NodalField]:
+def _fields(fields: FieldSet) -> dict[str, NodalField]:
     """Return the nodal fields that a comparison shows, by name."""
-    return schema.nodal(schema.View.COMPARISON)
+    return schema.nodal(schema.View.COMPARISON, fields)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +80,11 @@ class ComparedRun:
         return ", ".join(self.choices.values())
 
     @property
+    def fields(self) -> FieldSet:
+        """Field set of the increments."""
+        return self.steps[0].fields if self.steps else MEE
+
+    @property
     def status(self) -> str:
         """Status: 'converged', 'refused', 'unfinished', or the status of the first increment that did not converge."""
         failed = next((str(step.status) for step in self.steps if step.status is not Status.CONVERGED), "")
@@ -112,6 +117,11 @@ class Comparison:
         """The reference run, which is the first one that is not refused."""
         return next((run for run in self.runs if not run.refusal), self.runs[0])
 
+    @property
+    def fields(self) -> FieldSet:
+        """Field set of the case."""
+        return next((run.fields for run in self.runs if run.steps), MEE)
+
 
 def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]:
     """Return the relative differences of the last increment of a run from that of the first run, by quantity.
@@ -130,15 +140,15 @@ def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]
         over the largest modulus. None if the first is zero and the other is not, or if there is nothing to compare.
     """
     if not run.steps or len(run.steps) != len(first.steps):
-        return dict.fromkeys([*_totals(), *_fields()])
+        return dict.fromkeys([*_totals(first.fields), *_fields(first.fields)])
     state, reference_state = ((r.zone, r.steps[-1]) for r in (run, first))
     totals, reference = schema.totals(*state), schema.totals(*reference_state)
     results = {
         name: _relative(np.linalg.norm, np.atleast_1d(totals[name]), np.atleast_1d(reference[name]))
-        for name in _totals()
+        for name in _totals(run.fields)
     }
     same = run.zone.points.shape == first.zone.points.shape and np.allclose(run.zone.points, first.zone.points)
-    for name, row in _fields().items():
+    for name, row in _fields(run.fields).items():
         difference = (
             _relative(lambda field: np.abs(field).max(), row.values(*state), row.values(*reference_state))
             if same
@@ -179,7 +189,9 @@ def _numbers(run: ComparedRun, first: ComparedRun) -> dict[str, Any]:
         "increments": [_increment(run.zone, step) for step in run.steps],
         "differences": differences(run, first),
         "points": run.zone.points.tolist(),
-        "fields": {name: _plain(row.values(run.zone, last)) for name, row in _fields().items()} if last else {},
+        "fields": {name: _plain(row.values(run.zone, last)) for name, row in _fields(run.fields).items()}
+        if last
+        else {},
     }
 
 
@@ -191,7 +203,7 @@ def _increment(zone: Zone, step: StepResult) -> dict[str, Any]:
         "status": str(step.status),
         "iterations": step.iterations,
         "residual": _plain(step.residual),
-        **{name: _plain(totals[name]) for name in _totals()},
+        **{name: _plain(totals[name]) for name in _totals(step.fields)},
     }
 
 
@@ -208,8 +220,9 @@ def comparison_table(comparison: Comparison) -> RenderableType:
     blocks = [runs[begin : begin + _RUNS_PER_TABLE] for begin in range(0, len(runs), _RUNS_PER_TABLE)]
     done = [run for run in runs if run.steps]
     last = [schema.totals(run.zone, run.steps[-1]) for run in done]
-    selected = schema.shown_totals(schema.View.COMPARISON, last)
-    fields = [name for name, row in _fields().items() if any(row.values(run.zone, run.steps[-1]).any() for run in done)]
+    selected = schema.shown_totals(schema.View.COMPARISON, last, comparison.fields)
+    rows = _fields(comparison.fields)
+    fields = [row for row in rows.values() if any(row.values(run.zone, run.steps[-1]).any() for run in done)]
     titles = [comparison.title, *[""] * (len(blocks) - 1)]
     tables = [
         _table(title, block, comparison.first, selected, fields) for title, block in zip(titles, blocks, strict=True)
@@ -235,7 +248,7 @@ def _notes(runs: Sequence[ComparedRun], first: ComparedRun) -> Iterator[Text]:
 
 
 def _table(
-    title: str, runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[Total], fields: Sequence[str]
+    title: str, runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[Total], fields: Sequence[NodalField]
 ) -> LiteralTable:
     table = LiteralTable(title)
     table.add_column("")
@@ -247,8 +260,7 @@ def _table(
             values = [float(_total(row.name, run)[i]) if run.steps else None for run in runs]
             table.add_row(label, row.unit, *map(_format, values))
     columns = [differences(run, first) for run in runs]
-    for name in ("force", *fields):
-        words = "force" if name == "force" else _fields()[name].label
+    for name, words in (("force", "force"), *((row.name, row.label) for row in fields)):
         table.add_row(f"difference in {words}", "%", *(_format(column[name], 100.0, ".3g") for column in columns))
     table.add_row("iterations", "", *(str(sum(step.iterations for step in run.steps)) for run in runs))
     table.add_row("time of the steps", "s", *(f"{run.seconds:.3g}" for run in runs))
@@ -269,7 +281,7 @@ def _format(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
 def comparison_figure(comparison: Comparison) -> "Figure | None":
     """Return sections along x through the middle of the zone with all runs; None if no increment is finished."""
     done = [run for run in comparison.runs if run.steps]
-    selected = [row for row in _fields().values() if _visible(row, done)]
+    selected = [row for row in _fields(comparison.fields).values() if _visible(row, done)]
     if not selected:
         return None
     labels = [textwrap.fill(run.label, _LEGEND_WIDTH) for run in done]
@@ -302,7 +314,7 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
 
 def _visible(row: NodalField, runs: list[ComparedRun]) -> bool:
     """Return whether a field exceeds round-off on the section; tractions are compared with the pressure."""
-    measure = _fields()["pressure"] if row.name.startswith("traction") else row
+    measure = _fields(MEE)["pressure"] if row.name.startswith("traction") else row
     largest, scale = (
         max(
             (np.abs(each_field.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from rich.text import Text
 
 from meeframe.common.errors import CaseError
 from meeframe.common.literal import LiteralTable
-from meeframe.fields import Array
+from meeframe.fields import ELECTRIC_FIELD, MEE, Array
 from meeframe.results import schema
 from meeframe.results.canvas import MAP_COLOURS, prefixed, sheet
 from meeframe.results.sweep_records import SweepAxis, SweepResult
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
 PlotAxes = tuple[SweepAxis, SweepAxis | None]
 """Axis of abscissae, and axis of lines or ordinates if there is one."""
-DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", "max_abs_electric_potential")
-"""Quantities shown by default."""
+DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", f"max_abs_{ELECTRIC_FIELD.value_name}")
+"""Quantities shown by default, to which those of fields besides the default field set are added."""
 _MARKERS: Final = "osD^vPX*"
 _STYLES: Final = ("-", "--", ":", "-.")
 _AT_BOUNDARY: Final = "contact_at_zone_boundary"
@@ -46,7 +46,7 @@ class SweepPlot:
     Attributes
     ----------
     quantities
-        Names of the quantities.
+        Names of the quantities; by default those of `default_quantities`.
     kind
         Curves, or a map over both axes.
     x
@@ -59,7 +59,7 @@ class SweepPlot:
         Labels of the values of the other axes, by default their first.
     """
 
-    quantities: tuple[str, ...] = DEFAULT
+    quantities: tuple[str, ...] = ()
     kind: Literal["curves", "map"] = "curves"
     x: str | None = None
     lines: str | None = None
@@ -101,9 +101,16 @@ class SweepPlot:
         return x, named[self.lines] if self.lines else next(others, None)
 
 
+def default_quantities(sweep: SweepResult) -> tuple[str, ...]:
+    """Return the quantities that a sweep shows unless its study selects others."""
+    further = (scalar for scalar in sweep.field_set.scalars if scalar not in MEE.scalars)
+    return (*DEFAULT, *(f"max_abs_{scalar.value_name}" for scalar in further))
+
+
 def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure":
     """Return the figure of a sweep with a row for each plot. Raises CaseError if one cannot be drawn over its axes."""
-    rows = plots or (SweepPlot(),)
+    plots = plots or (SweepPlot(),)
+    rows = [plot if plot.quantities else replace(plot, quantities=default_quantities(sweep)) for plot in plots]
     columns = max(len(plot.quantities) for plot in rows)
     figure = sheet((4.0 * columns, 3.4 * len(rows) + 0.4))
     widest = 0.0
@@ -113,7 +120,7 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
         for axes, quantity in zip(line, plot.quantities, strict=False):
             values, unit = _scaled(_section(sweep, plot, quantity, x, lines), sweep.units[quantity])
             draw = _map if plot.kind == "map" else _curves
-            draw(axes, plot, (x, lines), values, f"{schema.label_of(quantity)} {unit}".rstrip())
+            draw(axes, plot, (x, lines), values, f"{schema.label_of(quantity, sweep.field_set)} {unit}".rstrip())
             axes.set_xlabel(_heading(x))
         for axes in line[len(plot.quantities) :]:
             axes.remove()
@@ -236,14 +243,15 @@ def _heading(axis: SweepAxis) -> str:
 
 def sweep_table(sweep: SweepResult) -> RenderableType:
     """Return the status and plotted values of the first points, and the messages of points that did not converge."""
-    names = sweep.plotted or DEFAULT
+    names = sweep.plotted or default_quantities(sweep)
     table = LiteralTable(sweep.title)
     for axis in sweep.axes:
         table.add_column(axis.name)
     table.add_column("status")
     for name in names:
         unit = sweep.units[name]
-        table.add_column(f"{schema.label_of(name)} [{unit}]" if unit != "1" else schema.label_of(name), justify="right")
+        label = schema.label_of(name, sweep.field_set)
+        table.add_column(f"{label} [{unit}]" if unit != "1" else label, justify="right")
     numbers_by_name = {name: sweep.last(name) for name in names}
     for index in list(np.ndindex(sweep.shape))[:_MAX_TABLE_ROWS]:
         numbers = (f"{numbers_by_name[name][index]:.6g}" for name in names)

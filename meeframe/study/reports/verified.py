@@ -7,12 +7,13 @@ from itertools import combinations
 from typing import Final
 
 from meeframe.contact.problem import Status
+from meeframe.fields import MEE, FieldSet
 from meeframe.study.reports.extrapolation import SECOND, Extrapolation, richardson
 
 _CANCELLED: Final = 0.01
-"""Quantities below this part of their scale are sums that cancel, for instance by symmetry, and are not compared."""
+"""Quantities below this fraction of their scale are sums that cancel, as by symmetry, and are not compared."""
 _NEGLIGIBLE: Final = 1e-6
-"""Quantities below this part of their physical scale are noise in fields that nothing couples, and are not compared."""
+"""Quantities below this fraction of their physical scale are noise in uncoupled fields, and are not compared."""
 _ITERATION: Final = 1e-5
 """Relative error of the iteration."""
 _RESOLVED: Final = 0.05
@@ -161,6 +162,8 @@ class Verification:
         Number of planned runs.
     runs
         Finished runs.
+    fields
+        Field set of the case.
     """
 
     title: str
@@ -170,6 +173,7 @@ class Verification:
     order: float = SECOND
     planned: int = 0
     runs: tuple[VerifiedRun, ...] = ()
+    fields: FieldSet = MEE
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
+from meeframe.fields import MEE, FieldSet
 from meeframe.results import schema
 from meeframe.results.canvas import sheet
 from meeframe.study.reports.verified import Agreement, Estimate, Verdict, Verification, VerifiedRun
@@ -140,7 +141,8 @@ def _values(verification: Verification) -> LiteralTable:
     for estimate in estimates:
         limit = estimate.limit
         table.add_row(
-            str(estimate.step), _words(estimate.quantity), unit_of(estimate.quantity), estimate.formulation,
+            str(estimate.step), _words(estimate.quantity),
+            unit_of(estimate.quantity, verification.fields), estimate.formulation,
             *(f"{value:.6g}" for value in estimate.values),
             f"{limit.value:.6g}", _percent(limit.error, limit.value),
             "-" if limit.order is None else f"{limit.order:.2f}", limit.basis,
@@ -169,19 +171,17 @@ def _words(quantity: str) -> str:
     return quantity.replace("max_", "largest ").replace("_", " ")
 
 
-def unit_of(quantity: str) -> str:
+def unit_of(quantity: str, fields: FieldSet = MEE) -> str:
     """Return the SI unit of a quantity of a verification, '' for an unknown name.
 
     Names are those of the table of results without `abs`, with x and y for components in the plane, and with `indenter`
     before potentials of the indenter.
     """
-    name = quantity.removeprefix("indenter_").replace("max_electric", "max_abs_electric")
-    row = _total(name.replace("max_magnetic", "max_abs_magnetic"))
+    name = quantity.removeprefix("indenter_")
+    if name in [f"max_{scalar.value_name}" for scalar in fields.scalars]:
+        name = name.replace("max_", "max_abs_", 1)
+    row = schema.total_named(name, fields) or schema.total_named(name.removesuffix("_x").removesuffix("_y"), fields)
     return "" if row is None else row.unit
-
-
-def _total(name: str) -> schema.Total | None:
-    return schema.total_named(name) or schema.total_named(name.removesuffix("_x").removesuffix("_y"))
 
 
 def _percent(value: float, scale: float) -> str:

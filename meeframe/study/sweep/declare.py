@@ -7,10 +7,10 @@ from itertools import combinations, product
 from typing import Any, Final, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import Array
+from meeframe.fields import MEE, Array, FieldSet
 from meeframe.fields.units import read_quantity
 from meeframe.plugin.validation import choices
 from meeframe.results.sweep_files import NODE
@@ -23,6 +23,7 @@ from meeframe.study.declare import (
     Text,
     checked_keys,
     coordinate_of,
+    fields_of,
     key_parts,
     words,
 )
@@ -63,10 +64,10 @@ class PlotTable(Table):
     scale: Literal["linear", "log"] = "linear"
     at: dict[str, Any] = Field(default_factory=dict)
 
-    def over(self, axes: Sequence[SweepAxis]) -> SweepPlot:
+    def over(self, axes: Sequence[SweepAxis], fields: FieldSet = MEE) -> SweepPlot:
         """Return the plot over these axes. Raises ValueError for unknown quantities, axes or values."""
         named = {axis.name: axis for axis in axes}
-        _check_names("quantities: unknown quantity", self.quantities, units())
+        _check_names("quantities: unknown quantity", self.quantities, units(fields))
         for key, name in {"x": self.x, "lines": self.lines, **{f"at.{name}": name for name in self.at}}.items():
             _check_names(f"{key}: unknown axis", [name] if name else [], named)
         positions = {name: _label_of(value, named[name]) for name, value in self.at.items()}
@@ -106,16 +107,17 @@ class SweepTable(Table):
     plots: tuple[PlotTable, ...] = ()
 
     @model_validator(mode="after")
-    def _fits_together(self) -> "SweepTable":
+    def _fits_together(self, info: ValidationInfo) -> "SweepTable":
+        fields = fields_of(info)
         if not self.axes and not self.points:
             raise ValueError("nothing to run; give [axes], [[points]] or both")
-        _check_axes(self.varied())
+        _check_axes(self.varied(), fields)
         _check_distinct("points", [run.label for run in self.points])
-        _check_names("fields: unknown field", self.fields, field_units())
+        _check_names("fields: unknown field", self.fields, field_units(fields))
         axes = self.result_axes()
         for number, plot in enumerate(self.plots, 1):
             try:
-                plot.over(axes).plot_axes(axes)
+                plot.over(axes, fields).plot_axes(axes)
             except (ValueError, CaseError) as error:
                 raise ValueError(f"plots[{number}].{error}") from None
         return self
@@ -263,9 +265,9 @@ def _unit_names() -> dict[Any, str]:
     return {read_quantity(f"1 {name}").dimensionality: name for name in _UNITS}
 
 
-def _check_axes(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
+def _check_axes(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]], fields: FieldSet) -> None:
     """Raise ValueError for names that sweep.h5 cannot store, for conflicting axes, and for too many points."""
-    reserved = ("status", "message", "key", *"xyz", INCREMENT, NODE, POINT, *units())
+    reserved = ("status", "message", "key", *"xyz", INCREMENT, NODE, POINT, *units(fields))
     for axis, _ in axes:
         if axis.name in reserved or axis.name in (".", "..") or "/" in axis.name:
             raise ValueError(f"axes: {axis.name!r} is reserved in sweep.h5; allowed: another name")

@@ -1,24 +1,25 @@
 """Numbers that a sweep stores for each increment of a point."""
 
+from meeframe.fields import MEE, FieldSet
 from meeframe.results import schema
 from meeframe.results.records import StepResult, Zone
 
 
-def units() -> dict[str, str]:
+def units(fields: FieldSet = MEE) -> dict[str, str]:
     """Return the units of all numbers of an increment, and of `seconds` for each point."""
-    quantities = (*schema.TOTALS, *schema.MOTION_TOTALS, *schema.MEASURES)
+    quantities = (*schema.total_rows(fields), *schema.motion_totals(fields), *schema.MEASURES)
     return {name: quantity.unit for quantity in quantities for name in quantity.names} | {"seconds": "s"}
 
 
-def field_units() -> dict[str, str]:
+def field_units(fields: FieldSet = MEE) -> dict[str, str]:
     """Return the units of the nodal fields that sweeps can store, with one value for each node."""
-    return {name: quantity.unit for name, quantity in schema.nodal(schema.View.SWEEP).items()}
+    return {name: quantity.unit for name, quantity in schema.nodal(schema.View.SWEEP, fields).items()}
 
 
 def numbers_of(zone: Zone, step: StepResult) -> dict[str, float]:
     """Return all numbers of an increment except `seconds`."""
-    other_quantities = (*schema.MOTION_TOTALS, *schema.MEASURES)
+    other_quantities = (*schema.motion_totals(step.fields), *schema.MEASURES)
     values = schema.totals(zone, step) | {
         quantity.name: quantity.value(zone, step) for quantity in other_quantities if quantity.value is not None
     }
-    return schema.numbers((*schema.TOTALS, *other_quantities), values)
+    return schema.numbers((*schema.total_rows(step.fields), *other_quantities), values)

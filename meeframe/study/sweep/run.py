@@ -10,7 +10,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError, listed
 from meeframe.common.toml import read_toml
-from meeframe.fields import Array
+from meeframe.fields import MEE, Array, FieldSet
 from meeframe.model.cache import distinct_bodies
 from meeframe.model.case import Warn, ignore, warnings_of
 from meeframe.plugin.registry import Registry
@@ -83,7 +83,7 @@ def sweep(
         and overwrite is false.
     """
     check_installed()
-    study = checked(SweepTable, file)
+    study = checked(SweepTable, file, registry)
     points = _points(file, study, registry)
     bodies = distinct_bodies(point.case for point in points if point.case is not None)
     with open_folder(out, {point.key for point in points}, overwrite):
@@ -130,7 +130,7 @@ def _solve(
     progress("writing", 0.0)
     result = _result(file, study, points, gathered)
     write_sweep(out, result)
-    plots = [plot.over(result.axes) for plot in study.plots]
+    plots = [plot.over(result.axes, result.field_set) for plot in study.plots]
     with replacing(out / FIGURE_FILE) as path:
         save_figure(sweep_figure(result, plots), path)
     return result
@@ -167,12 +167,15 @@ class Gathered:
         Numbers of each increment.
     fields
         Coordinates x, y, z [m] and the fields of the last increment that the study names, (n,) each.
+    field_set
+        Field set of the body.
     """
 
     status: str
     message: str
     numbers: tuple[Mapping[str, float], ...] = ()
     fields: Mapping[str, Array] | None = None
+    field_set: FieldSet = MEE
 
     @classmethod
     def of(cls, outcome: Outcome, fields: Sequence[str]) -> "Gathered":
@@ -182,16 +185,22 @@ class Gathered:
             return cls(outcome.status, outcome.message)
         seconds = {"seconds": float(result.timings.get("total", np.nan))}
         numbers = tuple(numbers_of(result.zone, step) | seconds for step in result.steps)
-        return cls(outcome.status, outcome.message, numbers, _fields(result, fields) if fields else None)
+        field_set = result.steps[0].fields if result.steps else MEE
+        nodal = _fields(result, fields, field_set) if fields else None
+        return cls(outcome.status, outcome.message, numbers, nodal, field_set)
 
 
 _UNFINISHED: Final = Gathered("unfinished", "the sweep was interrupted")
 
 
-def _fields(result: Result, names: Sequence[str]) -> dict[str, Array]:
-    fields = schema.nodal(schema.View.SWEEP)
+def _fields(result: Result, names: Sequence[str], field_set: FieldSet) -> dict[str, Array]:
+    """Return the coordinates and the named fields of a result; nan for fields that its body does not have."""
+    fields = schema.nodal(schema.View.SWEEP, field_set)
+    absent = np.full(len(result.zone.points), np.nan)
     coordinates = dict(zip("xyz", result.zone.points.T, strict=True))
-    return coordinates | {name: fields[name].values(result.zone, result.steps[-1]) for name in names}
+    return coordinates | {
+        name: fields[name].values(result.zone, result.steps[-1]) if name in fields else absent for name in names
+    }
 
 
 def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Mapping[str, Gathered]) -> SweepResult:
@@ -206,7 +215,9 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
         return over_axes(np.array(list(items), dtype=np.str_))
 
     count = max((len(point.numbers) for point in collected), default=1) if study.every_increment else 1
-    quantities = {name: over_axes(_numbers(collected, name, count)) for name in units()}
+    scalars = dict.fromkeys(scalar for point in collected for scalar in point.field_set.scalars)
+    field_set = FieldSet(tuple(scalars) or MEE.scalars)
+    quantities = {name: over_axes(_numbers(collected, name, count)) for name in units(field_set)}
     if not study.every_increment:
         quantities = {name: values[..., 0] for name, values in quantities.items()}
     fields = {name: _padded(collected, name) for name in (*"xyz", *study.fields)} if study.fields else {}
@@ -214,13 +225,14 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
         title=study.title,
         axes=axes,
         quantities=quantities,
-        units=units() | {f"zone_{name}": field_units()[name] for name in study.fields},
+        units=units(field_set) | {f"zone_{name}": field_units(field_set).get(name, "") for name in study.fields},
         status=texts(point.status for point in collected),
         message=texts(point.message for point in collected),
         key=texts(point.key for point in points),
         fields={f"zone_{name}": over_axes(fields[name]) for name in study.fields},
         nodes={name: _shared(fields[name], over_axes) for name in "xyz" if study.fields},
         notes=dict(_notes(file, study)),
+        field_set=field_set,
         plotted=tuple(dict.fromkeys(name for plot in study.plots for name in plot.quantities)),
     )
 
@@ -229,7 +241,7 @@ def _numbers(collected: Sequence[Gathered], name: str, count: int) -> Array:
     """Return a number of the last `count` increments of each point, (p, count), in order and padded with nan."""
     table = np.full((len(collected), count), np.nan)
     for row, point in zip(table, collected, strict=True):
-        values = [numbers[name] for numbers in point.numbers[-count:]]
+        values = [numbers.get(name, np.nan) for numbers in point.numbers[-count:]]
         row[: len(values)] = values
     return table
 

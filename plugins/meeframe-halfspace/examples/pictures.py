@@ -38,6 +38,7 @@ def main(out: Path) -> None:
         image = axis.imshow(grid, origin="lower", extent=edge, cmap=colours, interpolation="nearest", **limits)
         figure.colorbar(image, ax=axis, shrink=0.9)
         axis.set(title=label, xlabel="x [mm]")
+        axis.locator_params(nbins=5)
     axes[0].set_ylabel("y [mm]")
     figure.savefig(out, dpi=110)
 

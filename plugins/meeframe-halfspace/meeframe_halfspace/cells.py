@@ -11,21 +11,21 @@ import numpy as np
 
 from meeframe.plugin import Array
 from meeframe_halfspace.kernels import NEAR, fill_far, fill_rows, tabulate
-from meeframe_halfspace.response import PointResponse, mirrored
+from meeframe_halfspace.response import PointResponse, mirror_parity
 
 Shape = Literal["bilinear", "constant"]
 
 _EDGE_POINTS: Final = 48
-_MOST_POINTS: Final = 9
+_MAX_GAUSS_POINTS: Final = 9
 _ANGLES: Final = 8192
 _ANGLES_PER_HARMONIC: Final = 200
 _ACCURACY: Final = 1e-13
 FAR: Final = 30.0
-"""Spacings from a cell beyond which the response at nodes alone tells the integral over the density."""
+"""Distance from a cell, in spacings, beyond which the response at nodes suffices to integrate over the density."""
 TABLES: Final = 2**25
 """Bytes of tables that are made at once."""
-_REACH: Final = 4
-"""Nodes on either side that tell it: exact of the ninth degree, an error like 48 / distance^10."""
+_STENCIL_HALF_WIDTH: Final = 4
+"""Nodes on either side in that sum, which is exact up to the ninth degree; its error is about 48 / distance^10."""
 
 
 def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Shape, size: tuple[int, int]) -> Array:
@@ -52,7 +52,7 @@ def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Sha
 
 
 def near_size(spacing: tuple[float, float], size: tuple[int, int]) -> tuple[int, int]:
-    """Nodes along both axes of the part of a grid of that size where `far_table` does not hold."""
+    """Return the numbers of nodes along both axes of a grid that are near the cell, where `far_table` does not hold."""
     widest = max(spacing)
     nx, ny = (min(n, int(np.ceil(FAR * widest / h)) + 1) for n, h in zip(size, spacing, strict=True))
     return nx, ny
@@ -61,12 +61,12 @@ def near_size(spacing: tuple[float, float], size: tuple[int, int]) -> tuple[int,
 def far_table(
     response: PointResponse, spacing: tuple[float, float], shape: Shape, size: tuple[int, int], entry: int, hop: int = 1
 ) -> Array:
-    """One entry of `cell_table`, (nx, 2 ny - 1), right but near the cell (`near_size`).
+    """Return one entry of `cell_table`, (nx, 2 ny - 1), which is accurate except near the cell (`near_size`).
 
-    hop: of every hop-th of the offsets alone, to half as many digits if that is not each.
+    hop: step of the offsets in spacings; the entry has half as many digits if it is larger than one.
     """
-    for _, part in far_tables(response, spacing, shape, size, [entry], hop):
-        return unfolded(part, mirrored(response.entry(entry)[0]))
+    for _, table in far_tables(response, spacing, shape, size, [entry], hop):
+        return unfold(table, mirror_parity(response.entry(entry)[0]))
     return np.zeros((size[0], 2 * size[1] - 1))
 
 
@@ -78,38 +78,38 @@ def far_tables(
     entries: Iterable[int],
     hop: int = 1,
 ) -> Iterator[tuple[int, Array]]:
-    """Yield each nonzero entry with its `far_table`, or the part (nx, ny) at offsets j >= 0 if the entry is mirrored.
+    """Yield each nonzero entry with its `far_table`, or its half (nx, ny) at offsets j >= 0 if the entry is mirrored.
 
     Samples at the nodes add up to the integral over a density with weights that are exact for polynomials. Entries
     whose series have the same harmonics are computed together.
     """
     nx, ny = size
-    steps, weights = hop * np.array(spacing), _node_weights(shape, _REACH if hop == 1 else 1, hop)
+    steps, weights = hop * np.array(spacing), _node_weights(shape, _STENCIL_HALF_WIDTH if hop == 1 else 1, hop)
     alike = defaultdict[tuple[bool, int], list[tuple[int, Array]]](list)
     for entry in entries:
         coefficients, odd = response.entry(entry)
         if len(coefficients):
-            alike[odd, 0 if mirrored(coefficients) else ny - 1].append((entry, coefficients))
+            alike[odd, 0 if mirror_parity(coefficients) else ny - 1].append((entry, coefficients))
     for (odd, middle), of_kind in alike.items():
         most = max(1, TABLES // (8 * nx * (middle + ny)))
-        for some in (of_kind[first : first + most] for first in range(0, len(of_kind), most)):
-            series = np.zeros((len(some), max(len(coefficients) for _, coefficients in some), 2))
-            for full, (_, coefficients) in zip(series, some, strict=True):
+        for batch in (of_kind[first : first + most] for first in range(0, len(of_kind), most)):
+            series = np.zeros((len(batch), max(len(coefficients) for _, coefficients in batch), 2))
+            for full, (_, coefficients) in zip(series, batch, strict=True):
                 full[: len(coefficients)] = coefficients
-            parts = np.empty((len(some), nx, middle + ny))
-            share_out(partial(_fill_far, steps, series, odd, weights, middle, parts), nx)
-            yield from zip((entry for entry, _ in some), parts, strict=True)
+            tables = np.empty((len(batch), nx, middle + ny))
+            share_out(partial(_fill_far, steps, series, odd, weights, middle, tables), nx)
+            yield from zip((entry for entry, _ in batch), tables, strict=True)
 
 
 def _fill_far(
-    steps: Array, series: Array, odd: bool, weights: Array, middle: int, parts: Array, first: int, last: int
+    steps: Array, series: Array, odd: bool, weights: Array, middle: int, tables: Array, first: int, last: int
 ) -> None:
-    fill_far(first, last, steps, series, odd, weights, middle, parts)
+    fill_far(first, last, steps, series, odd, weights, middle, tables)
 
 
-def unfolded(part: Array, mirror: int) -> Array:
-    """Return a table (nx, 2 ny - 1) from its part at offsets j >= 0, see far_tables."""
-    return np.concatenate([mirror * part[:, :0:-1], part], axis=1) if mirror else part
+def unfold(half: Array, mirror: int) -> Array:
+    """Return a table (nx, 2 ny - 1) from its half at offsets j >= 0, see far_tables."""
+    return np.concatenate([mirror * half[:, :0:-1], half], axis=1) if mirror else half
 
 
 def share_out(work: Callable[[int, int], None], count: int) -> None:
@@ -124,7 +124,7 @@ def share_out(work: Callable[[int, int], None], count: int) -> None:
 
 
 def _pieces(shape: Shape, h: float) -> Array:
-    """Rows (start, end, w0, w1) of the density along one axis about its node: w0 + w1 * coordinate."""
+    """Return rows (start, end, w0, w1) of the density along one axis about its node: w0 + w1 * coordinate."""
     if shape == "constant":
         return np.array([[-h / 2, h / 2, 1.0, 0.0]])
     return np.array([[-h, 0.0, 1.0, 1.0 / h], [0.0, h, 1.0, -1.0 / h]])
@@ -132,37 +132,37 @@ def _pieces(shape: Shape, h: float) -> Array:
 
 @lru_cache(maxsize=2)
 def _product_rules(shape: Shape) -> tuple[Array, Array]:
-    """Gauss rules of the density, (k, 2, k) nodes in spacings and weights, and the distances from which they will do.
+    """Return Gauss rules of the density, (k, 2, k) nodes in spacings and weights, and the distances they require.
 
     The error of n points falls like (width / (4 distance))^2n, width of the density and distance in spacings.
     """
-    tables = np.zeros((_MOST_POINTS, 2, _MOST_POINTS))
-    for n in range(1, _MOST_POINTS + 1):
+    tables = np.zeros((_MAX_GAUSS_POINTS, 2, _MAX_GAUSS_POINTS))
+    for n in range(1, _MAX_GAUSS_POINTS + 1):
         tables[n - 1, :, :n] = _gauss(shape, n)
     width = 1.0 if shape == "constant" else 2.0
-    thresholds = width / 4.0 * _ACCURACY ** (-0.5 / np.arange(1, _MOST_POINTS + 1))
+    thresholds = width / 4.0 * _ACCURACY ** (-0.5 / np.arange(1, _MAX_GAUSS_POINTS + 1))
     thresholds[-1] = min(thresholds[-1], NEAR)
     return tables, thresholds
 
 
 @lru_cache(maxsize=4)
-def _node_weights(shape: Shape, reach: int, hop: int) -> Array:
-    """Return weights (2 reach + 1,) of values at every hop-th node for the integral over the middle density.
+def _node_weights(shape: Shape, half_width: int, hop: int) -> Array:
+    """Return weights (2 half_width + 1,) of values at every hop-th node for the integral over the middle density.
 
     They are in units of hop spacings.
     """
-    powers = 2 * np.arange(reach + 1)
+    powers = 2 * np.arange(half_width + 1)
     moments = 0.5**powers / (powers + 1.0) if shape == "constant" else 2.0 / ((powers + 1.0) * (powers + 2.0))
     moments = moments / float(hop) ** (powers + 1)
-    values = np.arange(reach + 1.0)[None, :] ** powers[:, None]
+    values = np.arange(half_width + 1.0)[None, :] ** powers[:, None]
     half = np.linalg.solve(values, moments)  # of the middle one, and of both nodes at each distance
     half[1:] /= 2.0
     return np.concatenate([half[:0:-1], half])
 
 
 def _gauss(shape: Shape, n: int) -> tuple[Array, Array]:
-    """Gauss rule (n,), (n,) of the density along one axis, from the recurrence of its orthogonal polynomials."""
-    x, w = np.polynomial.legendre.leggauss(2 * _MOST_POINTS)
+    """Return the Gauss rule (n,), (n,) of the density on an axis, from the recurrence of its orthogonal polynomials."""
+    x, w = np.polynomial.legendre.leggauss(2 * _MAX_GAUSS_POINTS)
     if shape == "constant":
         points, weights = x / 2, w / 2
     else:

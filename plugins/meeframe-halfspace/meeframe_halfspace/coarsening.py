@@ -1,4 +1,4 @@
-"""Coarser grids, interpolation from them, and parts of a grid."""
+"""Coarser grids, interpolation from them, and rectangular subgrids."""
 
 from typing import Final
 
@@ -10,10 +10,10 @@ from meeframe_halfspace.grid import Grid
 
 MIN_COARSE_NODES: Final = 24
 """Smallest number of nodes along an axis of the coarsest grid."""
-PART_BOUNDARIES: Final = 64
-"""Number of places along an axis at which parts of a grid may begin or end. More places make parts smaller; fewer make
-them serve more contacts that change a little. They are counted from both ends, so that parts of reflected grids are
-reflected parts."""
+SUBGRID_BOUNDARIES: Final = 64
+"""Number of positions along an axis at which subgrids may begin or end. More positions make subgrids smaller; fewer let
+a subgrid serve more contacts that change a little. They are counted from both ends, so that subgrids of reflected grids
+are reflected subgrids."""
 
 
 def coarse_grid(grid: Grid) -> Grid | None:
@@ -25,13 +25,13 @@ def coarse_grid(grid: Grid) -> Grid | None:
     return Grid(np.arange(size[0] * size[1]).reshape(size), spacing, grid.frame)
 
 
-def numbered(grid: Grid, size: tuple[int, int]) -> Grid:
-    """Return a part of a grid of that size, numbered row by row."""
+def row_major_grid(grid: Grid, size: tuple[int, int]) -> Grid:
+    """Return a subgrid of that size, numbered row by row."""
     return Grid(np.arange(size[0] * size[1]).reshape(size), grid.spacing, grid.frame)
 
 
 def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
-    """Return the smallest part of a grid with these nodes (k,) between PART_BOUNDARIES."""
+    """Return the smallest subgrid with these nodes (k,) between SUBGRID_BOUNDARIES."""
     inside = np.zeros((1, grid.nodes.size), bool)
     inside[0, nodes] = True
     (flags_on_grid,) = grid.place(inside)
@@ -40,8 +40,8 @@ def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
 
 
 def _span(flags: NDArray[np.bool_], count: int) -> slice:
-    """Return the smallest part of range(count) with the marked ones, (count,)."""
-    indices, step = np.flatnonzero(flags), -(-count // PART_BOUNDARIES)
+    """Return the smallest slice of range(count) with the marked indices, (count,)."""
+    indices, step = np.flatnonzero(flags), -(-count // SUBGRID_BOUNDARIES)
     return slice(indices[0] // step * step, count - (count - 1 - indices[-1]) // step * step)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final, final
 
 import numba
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
 from meeframe.plugin import Array, Indices
@@ -20,77 +20,77 @@ from meeframe_halfspace.kernels import multiply_waves
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
 BLOCK: Final = 5 * 2**17
-"""Bytes of spectra that are worked on at once, so that they stay near the processor, ..."""
-LEAST: Final = 8
-"""... and a number of rows or columns of which they have a multiple: a line of the cache."""
-SHARED: Final = 2**22
-"""Bytes of all spectra of a product from which on threads share it: measured in docs/explanation/halfspace.md."""
-MOST: Final = 2**25
-"""Bytes that a thread keeps at most from one product to the next, for each purpose: see _room."""
-_ROOM: Final = threading.local()
+"""Bytes of spectra in one block, which should fit the cache of the processor."""
+CACHE_LINE: Final = 8
+"""Numbers in a line of the cache: blocks have a multiple of it of rows or columns."""
+MIN_SHARED_BYTES: Final = 2**22
+"""Bytes of all spectra of a product above which threads share it, as measured in docs/explanation/halfspace.md."""
+MAX_WORKSPACE: Final = 2**25
+"""Largest number of bytes that a thread reserves between products for each purpose: see _workspace."""
+_WORKSPACES: Final = threading.local()
 _MAKING: Final = threading.RLock()
-"""Held while entries of a symbol are made: of all symbols at once, so that each can be pickled."""
+"""Lock held while entries of any symbol are computed; a lock in each symbol would prevent pickling."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Symbol:
-    """The entries of a symbol, made when they are asked for; threads may share it.
+    """The entries of a symbol, computed on demand; threads may share it.
 
-    make: those of given numbers, in a precision, real, (px // 2 + 1, py); numbers: of those not zero; parities:
-    (entries,) whether they are even (1) or odd (-1) functions of the second wave number, and (px // 2 + 1, py // 2 +
-    1); None if not each is. What was made is not pickled.
+    make: function of numbers and precision that yields real entries (px // 2 + 1, py); numbers: those of the nonzero
+    entries; parities: (entries,) 1 for even, -1 for odd functions of the second wave number, whose entries are (px // 2
+    + 1, py // 2 + 1); None unless each is one of both. Computed entries are not pickled.
     """
 
     make: Callable[[Sequence[int], np.dtype[Any]], Iterable[tuple[int, Array]]]
     numbers: Sequence[int]
     parities: Indices | None
-    _kept: dict[np.dtype[Any], Array] = field(default_factory=dict, init=False, repr=False)
-    _places: dict[np.dtype[Any], dict[int, int]] = field(default_factory=dict, init=False, repr=False)
+    _values: dict[np.dtype[Any], Array] = field(default_factory=dict, init=False, repr=False)
+    _indices: dict[np.dtype[Any], dict[int, int]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, entries: Array, numbers: Sequence[int], parities: Indices | None) -> "Symbol":
         """Create a symbol from existing entries (n, ...) with these numbers, in their precision."""
-        places = {number: place for place, number in enumerate(numbers)}
-        symbol = cls(lambda asked, _: ((number, entries[places[number]]) for number in asked), numbers, parities)
-        symbol._kept[entries.dtype], symbol._places[entries.dtype] = entries, places
+        indices = {number: index for index, number in enumerate(numbers)}
+        symbol = cls(lambda chosen, _: ((number, entries[indices[number]]) for number in chosen), numbers, parities)
+        symbol._values[entries.dtype], symbol._indices[entries.dtype] = entries, indices
         return symbol
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_kept": {}, "_places": {}}
+        return self.__dict__ | {"_values": {}, "_indices": {}}
 
     def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, Mapping[int, int]]:
-        """Entries that are there, (n, ...), these among them, and the places of those that are not zero.
+        """Return all entries computed so far, (n, ...), these included, and the index of each nonzero one.
 
-        Others may be made while some are in use: they come into another array, with the same places.
+        Computing others later stores all of them in another array, at the same indices.
         """
         with _MAKING:
-            asked, places = set(numbers), self._places.setdefault(precision, {})
-            missing = [number for number in self.numbers if number in asked and number not in places]
-            known = result = self._kept.get(precision, np.empty((0, 0, 0), precision))
+            wanted, indices = set(numbers), self._indices.setdefault(precision, {})
+            missing = [number for number in self.numbers if number in wanted and number not in indices]
+            known = result = self._values.get(precision, np.empty((0, 0, 0), precision))
             if missing:
                 made: dict[int, int] = {}
-                for place, (number, entry) in enumerate(self._made(missing, precision), len(known)):
-                    if result is known:  # the first tells how large they are
+                for index, (number, entry) in enumerate(self._made(missing, precision), len(known)):
+                    if result is known:  # the first one shows their size
                         result = np.empty((len(known) + len(missing), *entry.shape), precision)
                         if len(known):
                             result[: len(known)] = known
-                    result[place], made[number] = entry, place
-                self._kept[precision] = result  # and their places: all or, if this was interrupted, none
-                places.update(made)
-            return result, places
+                    result[index], made[number] = entry, index
+                self._values[precision] = result  # together with their indices: all, or none after an interruption
+                indices.update(made)
+            return result, indices
 
     def _made(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterable[tuple[int, Array]]:
         """Return these entries; in single precision they are rounded from double precision if available."""
-        places = self._places.get(DOUBLE, {})
-        if precision == DOUBLE or not places.keys() >= set(numbers):
+        indices = self._indices.get(DOUBLE, {})
+        if precision == DOUBLE or not indices.keys() >= set(numbers):
             return self.make(numbers, precision)
-        return ((number, self._kept[DOUBLE][places[number]]) for number in numbers)
+        return ((number, self._values[DOUBLE][indices[number]]) for number in numbers)
 
 
 @dataclass(frozen=True, eq=False)
 class _Product:
-    """Of the waves of loads: see multiply_waves; answering: the fields that do, by their place among those asked."""
+    """Terms of the product of waves of loads: see multiply_waves; answering: indices of the fields that respond."""
 
     terms: Indices
     factors: Array
@@ -125,7 +125,7 @@ class Convolution:
     _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_products": {}}  # they tell places of entries that are not pickled
+        return self.__dict__ | {"_products": {}}  # they hold indices of entries that are not pickled
 
     @property
     def periodic(self) -> bool:
@@ -146,7 +146,7 @@ class Convolution:
             return np.zeros((len(fields), nx, ny), precision)
         entries, _ = self.symbol.entries((), precision)
         half, complex_ = px // 2 + 1, np.result_type(precision, np.complex64)
-        spectra = _room("spectra", (most, half, ny), complex_)  # of loads, then row by row of their responses
+        spectra = _workspace("spectra", (most, half, ny), complex_)  # of loads, then row by row of their responses
         answer = np.empty((count, nx, ny), precision)
 
         def transform(columns: slice) -> None:
@@ -154,10 +154,10 @@ class Convolution:
 
         def multiply(rows: slice) -> None:
             height = rows.stop - rows.start
-            waves = _room("waves", (len(load), height, py), complex_)
+            waves = _workspace("waves", (len(load), height, py), complex_)
             waves[:, :, :ny], waves[:, :, ny:] = spectra[: len(load), rows], 0.0
             waves = scipy.fft.fft(waves, axis=2, overwrite_x=True)
-            products = _room("products", (count, height, py), complex_)
+            products = _workspace("products", (count, height, py), complex_)
             multiply_waves(rows.start, entries, product.terms, product.factors, waves, products)
             spectra[:count, rows] = scipy.fft.ifft(products, axis=2, overwrite_x=True)[:, :, :ny]
 
@@ -169,7 +169,7 @@ class Convolution:
             (multiply, _blocks(half, py * complex_.itemsize * most)),
             (transform_back, _blocks(ny, px * precision.itemsize * count)),
         ]
-        _work(stages, numba.get_num_threads() if spectra.nbytes >= SHARED else 1)
+        _work(stages, numba.get_num_threads() if spectra.nbytes >= MIN_SHARED_BYTES else 1)
         if count == len(fields):
             return answer
         response = np.zeros((len(fields), nx, ny), precision)
@@ -181,48 +181,48 @@ class Convolution:
         if key not in self._products:
             layout = entry_layout(len(self.scale))
             every = [
-                (answer, load, number, imaginary, self.scale[place, other] * sign)
-                for answer, place in enumerate(fields)
-                for load, other in enumerate(loaded)
-                for number, imaginary, sign in layout.parts(place, other)
+                (answer, load, number, imaginary, self.scale[row, column] * sign)
+                for answer, row in enumerate(fields)
+                for load, column in enumerate(loaded)
+                for number, imaginary, sign in layout.entries(row, column)
             ]
-            _, places = self.symbol.entries([number for _, _, number, *_ in every], precision)
-            terms = sorted((term for term in every if term[2] in places), key=lambda term: term[2])
+            _, indices = self.symbol.entries([number for _, _, number, *_ in every], precision)
+            terms = sorted((term for term in every if term[2] in indices), key=lambda term: term[2])
             answering = sorted({answer for answer, *_ in terms})
             parities = np.zeros(layout.n_values, np.int64) if self.symbol.parities is None else self.symbol.parities
-            rows = [
-                (answering.index(answer), load, places[number], imaginary, parities[number])
+            table = [
+                (answering.index(answer), load, indices[number], imaginary, parities[number])
                 for answer, load, number, imaginary, _ in terms
             ]
             factors = np.array([factor for *_, factor in terms], precision)
-            self._products[key] = _Product(np.array(rows, np.int64).reshape(-1, 5), factors, answering)
+            self._products[key] = _Product(np.array(table, np.int64).reshape(-1, 5), factors, answering)
         return self._products[key]
 
 
-def _room(purpose: str, shape: tuple[int, ...], kind: np.dtype[Any]) -> Spectrum:
-    """Memory of this thread with any contents: what a product gave back the system would have to make anew."""
+def _workspace(purpose: str, shape: tuple[int, ...], kind: np.dtype[Any]) -> Spectrum:
+    """Return uninitialized memory of this thread, reused by later products, which saves the system its allocation."""
     size = math.prod(shape) * kind.itemsize
-    room: NDArray[np.uint8] | None = getattr(_ROOM, purpose, None)
-    if room is None or room.nbytes < size:
-        room = np.empty(size, np.uint8)
-        if size <= MOST:
-            setattr(_ROOM, purpose, room)
-    return room[:size].view(kind).reshape(shape)
+    workspace: NDArray[np.uint8] | None = getattr(_WORKSPACES, purpose, None)
+    if workspace is None or workspace.nbytes < size:
+        workspace = np.empty(size, np.uint8)
+        if size <= MAX_WORKSPACE:
+            setattr(_WORKSPACES, purpose, workspace)
+    return workspace[:size].view(kind).reshape(shape)
 
 
 def _blocks(count: int, size: int) -> list[slice]:
-    """Parts of range(count), each of which takes `size` bytes."""
-    height = LEAST * max(1, BLOCK // (size * LEAST))
+    """Return slices of range(count), each index of which takes `size` bytes."""
+    height = CACHE_LINE * max(1, BLOCK // (size * CACHE_LINE))
     return [slice(first, min(first + height, count)) for first in range(0, count, height)]
 
 
 def _work(stages: Sequence[tuple[Callable[[slice], None], list[slice]]], threads: int) -> None:
-    """One after another, each on all of its parts, which threads share."""
+    """Run the stages one after another, each on all of its slices, which threads share."""
     if threads == 1:
-        for work, parts in stages:
-            for part in parts:
-                work(part)
+        for work, slices in stages:
+            for indices in slices:
+                work(indices)
         return
     with ThreadPoolExecutor(threads) as pool:
-        for work, parts in stages:
-            list(pool.map(work, parts))
+        for work, slices in stages:
+            list(pool.map(work, slices))

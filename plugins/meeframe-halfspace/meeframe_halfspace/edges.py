@@ -1,17 +1,17 @@
 """Contact edges between the nodes of a grid: nodes near the edge represent the part of their area in contact.
 
 Densities that are singular like 1/sqrt(d) at the edge, as charges under prescribed potentials or the pressure of a
-punch, are of first order in the spacing if the edge is where the nodes say: it then lies 0.39 spacings beyond the
-outermost ones, wherever it should be. Here nodes within 0.61 spacings outside the true edge take part too, and nodes on
-both sides respond so much more to their own load that a conducting half plane ends where the edge is
-(meeframe_halfspace.strip). What is added is a block for each node: Re Y of a wave across the edge, since along the edge
-nothing varies.
+punch, are of first order in the spacing if the edge is at nodes: it then lies 0.39 spacings beyond the outermost ones,
+whatever its true position. With the correction, nodes within 0.61 spacings outside the true edge take part too, and
+nodes on both sides respond more to their own load, such that a conducting half plane ends at the edge
+(meeframe_halfspace.strip). The addition is a block for each node: Re Y of a wave across the edge, since nothing varies
+along the edge.
 """
 
 from typing import Final
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.plugin import Array, EdgeCorrection, IndenterEdge
 from meeframe_halfspace.grid import Grid

@@ -56,18 +56,18 @@ class EntryLayout:
 
     @cached_property
     def sign(self) -> Array:
-        """Sign (n_fields, n_fields) with which they are."""
+        """Signs (n_fields, n_fields) of the entries in the imaginary part."""
         ones = np.ones((self.n_fields, self.n_fields))
         return np.asarray(np.triu(ones, 1) - np.tril(ones, -1))
 
-    def parts(self, row: int, column: int) -> Iterator[tuple[int, bool, float]]:
-        """Yield the entries that one of the matrix consists of, whether multiplied by i, and with which sign."""
+    def entries(self, row: int, column: int) -> Iterator[tuple[int, bool, float]]:
+        """Yield number, True if multiplied by i, and sign of the entries that make up one coefficient of the matrix."""
         yield int(self.real[row, column]), False, 1.0
         if row != column:
             yield int(self.imaginary[row, column]), True, float(self.sign[row, column])
 
     def matrix(self, values: Array) -> Array:
-        """Return the matrices (..., n_fields, n_fields) with the sum of both parts of entries (..., n_values)."""
+        """Return matrices (..., n_fields, n_fields), real plus imaginary part, from entries (..., n_values)."""
         matrix = np.zeros((*values.shape[:-1], self.n_fields, self.n_fields))
         symmetric, antisymmetric = values[..., : self.n_symmetric], values[..., self.n_symmetric :]
         matrix[..., self.upper[1], self.upper[0]] = symmetric

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.plugin import Array, Indices, MeshError, SurfaceMesh, local_frames
+from meeframe.plugin import Array, Indices, MeshError, SurfaceMesh, find_contact_zone
 
 FLATNESS: Final = 1e-6
 """Largest relative distance of nodes from the plane."""
@@ -31,27 +31,15 @@ class FlatZone:
 
 
 def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
-    """Return the contact zone of a face group, with points and frame of meeframe.mesh.find_contact_zone.
+    """Return the contact zone of a face group of a half space, with the points of meeframe.mesh.find_contact_zone.
 
     Raises
     ------
     MeshError
         If there is no such group, it has no elements, or it is not flat.
     """
-    index = mesh.group(group)
-    blocks = [(block.element, block.connectivity[block.groups == index]) for block in mesh.blocks]
-    blocks = [(element, connectivity) for element, connectivity in blocks if len(connectivity)]
-    if not blocks:
-        raise MeshError(f"contact zone {group!r}: the face group has no elements")
-    used = np.zeros(len(mesh.points), bool)
-    for _, connectivity in blocks:
-        used[connectivity] = True
-    numbers = np.cumsum(used) - 1
-    points = mesh.points[used]
-    cells = tuple((element.meshio_type, numbers[nodes]) for element, nodes in blocks)
-    first, second, third = points[cells[0][1][0, :3]]
-    normal = np.cross(second - first, third - first)
-    frame = local_frames(normal[None] / np.linalg.norm(normal))[0]
+    zone = find_contact_zone(mesh, group)
+    points, cells, frame = zone.points, zone.cells, zone.frames[0]
     x1, x2, level = frame @ points.T
     depth = float(np.ptp(level))
     if depth > FLATNESS * max(float(np.ptp(x1)), float(np.ptp(x2))):

@@ -81,7 +81,7 @@ class HalfSpace(Formulation):
         return self.edges == "resolved"
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
-        """Surface compliance, response of the grid to one node. Raises as check, and MaterialError."""
+        """Compute the surface compliance and the response to one node. Raises as check, and MaterialError."""
         zone, grid = self._grid(body)
         progress("surface compliance", 0.0)
         response = PointResponse.of(body.stiffness, grid.frame)

@@ -13,7 +13,7 @@ import scipy  # submodules are loaded on first use
 from meeframe.plugin import Array
 from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
 from meeframe_halfspace.kernels import fill_symbol
-from meeframe_halfspace.response import PointResponse, mirrored, series_entry
+from meeframe_halfspace.response import PointResponse, mirror_parity, series_entry
 
 DOUBLE: Final = np.dtype(np.float64)
 Window = Literal["bilinear", "constant", "trigonometric"]
@@ -35,7 +35,7 @@ class GridResponse(ABC):
 
     @abstractmethod
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """Yield the nonzero ones of some of the entries, see Symbol, with the parities of the response."""
+        """Yield the nonzero ones among some entries, see Symbol, with the parities of the response."""
 
     @property
     @abstractmethod
@@ -48,7 +48,7 @@ class GridResponse(ABC):
 
     @abstractmethod
     def restrict(self, size: tuple[int, int]) -> "GridResponse | None":
-        """Return the response on a part of the grid of that size; None if parts have no response of their own."""
+        """Return the response on a subgrid of that size; None on periodic grids, whose subgrids are not periodic."""
 
 
 @final
@@ -81,7 +81,7 @@ class FreeGrid(GridResponse):
         return cell_table(self.response, self.spacing, self.shape, near_size(self.spacing, self.size))
 
     def tables(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
-        """Yield the nonzero ones of some of the entries, (nx, 2 ny - 1) or (nx, ny), exact also near the node."""
+        """Yield the nonzero ones among some entries, (nx, 2 ny - 1) or (nx, ny), exact also near the node."""
         for number, table in far_tables(self.response, self.spacing, self.shape, self.size, numbers):
             near = self._near[number]
             half_width = near.shape[1] // 2
@@ -110,7 +110,7 @@ class FreeGrid(GridResponse):
         return replace(self, spacing=spacing, size=size, near=2.0 * self._near_box(near_size(spacing, size)))
 
     def restrict(self, size: tuple[int, int]) -> "FreeGrid":
-        """Return the response without the nodes around the part."""
+        """Return the response without the nodes around the subgrid."""
         return replace(self, size=size, near=self._near_box(near_size(self.spacing, size)))
 
     def _near_box(self, size: tuple[int, int]) -> Array:
@@ -178,7 +178,7 @@ class PeriodicGrid(GridResponse):
         values = np.zeros(self.response.layout.n_values)  # odd functions vanish at zero
         parities = self.response.parities
         for number, symbol in self.symbol(range(self.response.layout.n_symmetric)):
-            full = symbol if parities is None else whole_entry(symbol, parities[number], ny)
+            full = symbol if parities is None else full_entry(symbol, parities[number], ny)
             values[number] = multiplicity @ full.sum(axis=1) / (nx * ny)
         return values
 
@@ -189,7 +189,7 @@ class PeriodicGrid(GridResponse):
         return replace(self, spacing=_double(self.spacing), size=_halve(self.size))
 
     def restrict(self, size: tuple[int, int]) -> None:
-        """Return None: parts of a period do not repeat themselves."""
+        """Return None: subgrids of a period are not periodic."""
         return
 
 
@@ -213,10 +213,10 @@ def free_symbol(table: Array, response: PointResponse, number: int, padded: tupl
         Size (px, py) of the padded grid, even.
     """
     coefficients, odd = response.entry(number)
-    parity, mirror = (-1 if odd else 1), mirrored(coefficients)
+    parity, mirror = (-1 if odd else 1), mirror_parity(coefficients)
     if mirror:
         half = _half_symbol(table, (parity * mirror, mirror), padded)
-        return half if response.parities is not None else whole_entry(half, mirror, padded[1])
+        return half if response.parities is not None else full_entry(half, mirror, padded[1])
     kernel = np.zeros(padded, table.dtype)
     _wrap(kernel, table, float(parity))
     spectrum = scipy.fft.rfftn(kernel, axes=(1, 0), overwrite_x=True, workers=numba.get_num_threads())
@@ -234,7 +234,7 @@ def _wrap(kernel: Array, response: Array, parity: float) -> None:
     kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = reflected[:, : ny - 1]
 
 
-def whole_entry(half: Array, parity: int, width: int) -> Array:
+def full_entry(half: Array, parity: int, width: int) -> Array:
     """Return the entry (n, width) of a symbol that is even or odd along its rows from its half (n, width // 2 + 1)."""
     return np.concatenate([half, parity * half[:, (width - 1) // 2 : 0 : -1]], axis=1)
 

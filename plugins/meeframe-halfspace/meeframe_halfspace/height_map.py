@@ -10,7 +10,7 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
-from meeframe.plugin import Array, CaseError, Indenter, Quantity, SampledHeights, check_quantities
+from meeframe.plugin import Array, CaseError, HeightGrid, Indenter, Quantity, check_quantities
 from meeframe_halfspace.height_files import HeightMap, Scales, read_height_map
 
 Length = Annotated[float, Quantity("m", gt=0, lt=float("inf"))]
@@ -79,8 +79,8 @@ def _modification_time(file: Path) -> int:
 
 
 @lru_cache(maxsize=2)
-def _sample(indenter: MeasuredHeights, _modification_time: int) -> SampledHeights:
-    """Return the map as an indenter, cached until the file changes."""
+def _sample(indenter: MeasuredHeights, _modification_time: int) -> HeightGrid:
+    """Return the map, cached until the file changes."""
     scales = Scales(indenter.unit, indenter.lateral_unit, indenter.spacing, indenter.dataset)
     surface = read_height_map(indenter.file, scales)
     missing = ~np.isfinite(surface.heights)
@@ -96,8 +96,10 @@ def _sample(indenter: MeasuredHeights, _modification_time: int) -> SampledHeight
     if indenter.centred:
         x, y = x - (x[0] + x[-1]) / 2, y - (y[0] + y[-1]) / 2
     heights = surface.heights if indenter.facing == "down" else -surface.heights
-    grid = np.meshgrid(x, y, indexing="ij")
-    return SampledHeights(np.column_stack([grid[0].ravel(), grid[1].ravel(), heights.ravel()]), indenter.interpolation)
+    try:
+        return HeightGrid(x, y, heights, indenter.interpolation)
+    except ValueError as error:
+        raise CaseError(f"height map {indenter.file}: {error}") from None
 
 
 def _fill(surface: HeightMap, missing: NDArray[np.bool_]) -> HeightMap:

@@ -25,7 +25,17 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
-from meeframe.plugin import MECHANICAL, Array, CaseError, Indices, InteriorFields, PointFields
+from meeframe.plugin import (
+    INTERIOR_STAGE,
+    MECHANICAL,
+    Array,
+    CaseError,
+    Indices,
+    InteriorFields,
+    PointFields,
+    Progress,
+    silent,
+)
 from meeframe_halfspace.cells import share_out
 from meeframe_halfspace.depth_kernels import propagate
 from meeframe_halfspace.entries import entry_layout
@@ -47,7 +57,7 @@ MAX_DISTANCE: Final = 4.0
 BATCH: Final = 2**22
 """Complex numbers in the largest array of a batch."""
 _ANGLES: Final = 64
-"""Directions in which the slowest decay is found."""
+"""Number of directions among which the slowest decay is sought."""
 
 
 @final
@@ -75,8 +85,8 @@ class HalfSpaceInterior(InteriorFields):
     origin: Array
     shares: Array
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
-        """Return the fields at points (m, 3) for a load (n, 5).
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
+        """Return the fields at points (m, 3) for a load (n, f).
 
         Points at the same depth are evaluated together, and take least time on a rectangular grid along e1 and e2.
 
@@ -90,9 +100,12 @@ class HalfSpaceInterior(InteriorFields):
         depths = self._depths(local)
         spectrum = _Spectrum(self, load, local[:, :2])
         fields = np.empty((4, self.stiffness.shape[1], len(points)))
+        done = 0
         for depth in np.unique(depths):
             here = np.flatnonzero(depths == depth)
             fields[..., here] = spectrum.fields(float(depth), local[here, :2])
+            done += len(here)
+            progress(INTERIOR_STAGE, done / len(points))
         fields *= self.grid_response.response.factors[:, None]
         fields[:, MECHANICAL] = np.einsum("ji,djp->dip", self.grid.frame, fields[:, MECHANICAL])
         gradients = np.einsum("di,djp->pji", self.grid.frame, fields[1:])
@@ -148,11 +161,11 @@ class HalfSpaceInterior(InteriorFields):
         for field in range(n_fields):
             loads = np.zeros((n_fields, _ANGLES), complex)
             loads[field] = 1.0
-            y[:, :, field] = self.propagated(waves, loads, 0.0)[0].T
+            y[:, :, field] = self.waves_at_depth(waves, loads, 0.0)[0].T
         z = np.linalg.inv(y) + 1j * np.einsum("wa,aij->wij", waves, coupling)
         return float(np.linalg.eigvals(inverse_t @ z).real.min())
 
-    def propagated(self, waves: Array, loads: ComplexArray, depth: float) -> ComplexArray:
+    def waves_at_depth(self, waves: Array, loads: ComplexArray, depth: float) -> ComplexArray:
         """Return values and derivatives (4, f, w) of waves (w, 2) of the load (f, w) at a depth [m]."""
         even, odd = self.series
         inverse_t, coupling = self.forms
@@ -237,8 +250,8 @@ class _Spectrum:
         # waves with their conjugates: half of them, twice
         shares = [self._window(q, h, count) for q, h, count in zip((qx, qy), self.spacing, counts, strict=True)]
         shares[1] = shares[1] * np.where(qy > 0.0, 2.0, 1.0)
-        (x, y), places = _lines(points)
-        on_grid = places is not None
+        (x, y), indices = _lines(points)
+        on_grid = indices is not None
         phase_y = np.exp(1j * np.outer(qy, y))
         phase_x = np.exp(1j * np.outer(x, qx))
         total = np.zeros((4 * n_fields, len(x), len(y)) if on_grid else (4 * n_fields, len(points)))
@@ -251,19 +264,19 @@ class _Spectrum:
             used = np.flatnonzero((k > 0.0) & (k <= limit) & (factor != 0.0))
             if not used.size:
                 continue
-            place = np.mod(numbers[0][rows], counts[0])[:, None], np.mod(numbers[1], counts[1])
+            wave_indices = np.mod(numbers[0][rows], counts[0])[:, None], np.mod(numbers[1], counts[1])
             loads = np.zeros((n_fields, len(used)), complex)
-            loads[self.loaded] = transform[:, *place].reshape(len(transform), -1)[:, used] * factor[used]
+            loads[self.loaded] = transform[:, *wave_indices].reshape(len(transform), -1)[:, used] * factor[used]
             waves = np.stack([kx[used], ky[used]], axis=1)
             spread = np.zeros((4, n_fields, len(k)), complex)
-            spread[..., used] = self.interior.propagated(waves, loads, depth)
+            spread[..., used] = self.interior.waves_at_depth(waves, loads, depth)
             along_y = spread.reshape(4 * n_fields, -1, len(qy)) @ phase_y
             if on_grid:
                 total += (phase_x[:, rows] @ along_y).real
             else:
                 total += np.einsum("cqp,pq->cp", along_y, phase_x[:, rows], optimize=True).real
-        if places is not None:
-            total = total[:, *places]
+        if indices is not None:
+            total = total[:, *indices]
         return total.reshape(4, n_fields, len(points))
 
     def _numbers(self, depth: float, lengths: Array, counts: Indices) -> tuple[Indices, Indices] | None:
@@ -298,19 +311,19 @@ class _Spectrum:
         if halvings not in self.polar:
             self.polar[halvings] = self._polar_waves(end)
         waves, loads = self.polar[halvings]
-        spread = self.interior.propagated(waves, loads, depth).reshape(-1, len(waves))
-        (x, y), places = _lines(points)
-        total = np.zeros((len(spread), len(points)) if places is None else (len(spread), len(x), len(y)))
+        spread = self.interior.waves_at_depth(waves, loads, depth).reshape(-1, len(waves))
+        (x, y), indices = _lines(points)
+        total = np.zeros((len(spread), len(points)) if indices is None else (len(spread), len(x), len(y)))
         present = np.flatnonzero(spread.any(axis=1))
         for rows in _batches(len(waves), len(x) * len(present) + len(y)):
             phase_x = np.exp(1j * np.outer(x, waves[rows, 0]))
             phase_y = np.exp(1j * np.outer(waves[rows, 1], y))
-            if places is None:
+            if indices is None:
                 total[present] += (spread[present, rows] @ (phase_x.T * phase_y)).real
             else:
                 total[present] += ((spread[present, None, rows] * phase_x) @ phase_y).real
-        if places is not None:
-            total = total[:, *places]
+        if indices is not None:
+            total = total[:, *indices]
         return total.reshape(4, -1, len(points))
 
     def _polar_waves(self, end: float) -> tuple[Array, ComplexArray]:
@@ -321,7 +334,7 @@ class _Spectrum:
         phase = end * float(np.hypot(*self.distances))
         abscissae, weights = np.polynomial.legendre.leggauss(int(0.6 * phase) + 40)
         k = end * (1.0 + abscissae) / 2.0
-        n_angles = int(0.5 * phase) + 30 + 4 * max(len(part) for part in self.interior.series)
+        n_angles = int(0.5 * phase) + 30 + 4 * max(len(coefficients) for coefficients in self.interior.series)
         angles = np.pi * np.arange(n_angles) / n_angles  # the opposite directions are conjugate
         waves = (k[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)).reshape(-1, 2)
         shares = weights * end / 2.0 * k * (1.0 - self._short_share(k)) / (2.0 * np.pi * n_angles)
@@ -348,15 +361,15 @@ class _Spectrum:
 
 
 def _lines(points: Array) -> tuple[tuple[Array, Array], tuple[Indices, Indices] | None]:
-    """Return coordinates along both axes on whose grid the points (m, 2) lie, and the place of each on it.
+    """Return coordinates along both axes on whose grid the points (m, 2) lie, and the indices of each on it.
 
     If the grid has many more points, the coordinates of all points and None are returned.
     """
-    x, place_x = np.unique(points[:, 0], return_inverse=True)
-    y, place_y = np.unique(points[:, 1], return_inverse=True)
+    x, index_x = np.unique(points[:, 0], return_inverse=True)
+    y, index_y = np.unique(points[:, 1], return_inverse=True)
     if len(x) * len(y) > 4 * len(points):
         return (points[:, 0], points[:, 1]), None
-    return (x, y), (place_x, place_y)
+    return (x, y), (index_x, index_y)
 
 
 def _batches(count: int, size: int) -> Iterator[slice]:

@@ -9,10 +9,10 @@ import numpy as np
 from meeframe.plugin import Array
 from meeframe_halfspace.convolution import Convolution, Spectrum, Symbol
 from meeframe_halfspace.entries import entry_layout
-from meeframe_halfspace.grid_response import whole_entry
+from meeframe_halfspace.grid_response import full_entry
 
-NONE: Final = 1e-5
-"""Entries so far below those of both fields alone are round-off, or as little."""
+NEGLIGIBLE: Final = 1e-5
+"""Entries this small relative to those of both fields alone are treated as zero."""
 
 
 def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution:
@@ -27,17 +27,17 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
         padded = padded[0] // 2, padded[1] // 2
 
     parities, layout = convolution.symbol.parities, entry_layout(len(convolution.scale))
-    asked = {number for place, other in product(fields, repeat=2) for number, *_ in layout.parts(place, other)}
-    symbol, places = convolution.symbol.entries(asked, single)
+    numbers = {number for row, column in product(fields, repeat=2) for number, *_ in layout.entries(row, column)}
+    symbol, indices = convolution.symbol.entries(numbers, single)
 
     def entry(number: int, parity: float) -> Array | float:
-        if number not in places:
+        if number not in indices:
             return 0.0
-        known = symbol[places[number]]
+        known = symbol[indices[number]]
         if convolution.periodic:
             return known
         if parities is not None:
-            known = whole_entry(known, parities[number], convolution.padded[1])
+            known = full_entry(known, parities[number], convolution.padded[1])
         return _between(known, parity)[:, :count]
 
     count = padded[1] if parities is None else padded[1] // 2 + 1
@@ -49,19 +49,19 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
                 matrix[row, column].imag = layout.sign[field, other] * entry(int(layout.imaginary[field, other]), -1.0)
                 matrix[column, row] = matrix[row, column].conj()
     _invert(matrix)
-    there: dict[int, Array] = {}
+    nonzero: dict[int, Array] = {}
     alone = [np.sqrt(np.abs(matrix[row, row]).max()) for row in range(k)]
     for (row, field), (column, other) in product(enumerate(fields), repeat=2):
         halves = (layout.real, matrix[row, column].real, 0.0), (layout.imaginary, matrix[row, column].imag, 1.0)
-        for number, part, sign in halves:
-            if layout.sign[field, other] >= sign and np.abs(part).max() > NONE * alone[row] * alone[column]:
-                there[int(number[field, other])] = part
-    result = Symbol.of(np.array(list(there.values())), list(there), parities)
+        for number, values, sign in halves:
+            if layout.sign[field, other] >= sign and np.abs(values).max() > NEGLIGIBLE * alone[row] * alone[column]:
+                nonzero[int(number[field, other])] = values
+    result = Symbol.of(np.array(list(nonzero.values())), list(nonzero), parities)
     return Convolution(result, convolution.size, padded, 1.0 / convolution.scale.T)
 
 
 def _between(entry: Array, parity: float) -> Array:
-    """Means (px // 4 + 1, py // 2) of an entry (px // 2 + 1, py) of a symbol at the four waves around each even one.
+    """Return means (px // 4 + 1, py // 2) of a symbol's entry (px // 2 + 1, py) at the four waves by each even one.
 
     px, py: even; parity: 1 of entries that are even functions of the wave, -1 of odd ones.
     """
@@ -69,15 +69,15 @@ def _between(entry: Array, parity: float) -> Array:
     along = odd + np.roll(odd, 1, axis=1)  # of the waves 2 l - 1 and 2 l + 1
     around = np.empty((len(along) + 2, along.shape[1]), entry.dtype)
     around[1:-1] = along
-    for row in (0, -1):  # beyond the first and the last row the spectrum goes on turned around
+    for row in (0, -1):  # beyond the first and the last row the spectrum continues with reversed wave numbers
         around[row] = parity * np.roll(along[row, ::-1], 1)
     return 0.25 * (around[:-1] + around[1:])[: (len(entry) - 1) // 2 + 1]
 
 
 def _invert(matrix: Spectrum) -> None:
-    """Matrices (k, k, px, py) in place, by elimination of one field after another.
+    """Invert matrices (k, k, px, py) in place, by elimination of one field after another.
 
-    Without pivots: in scaled fields they are nearly definite in loads and fluxes each, with opposite signs.
+    Pivoting is unnecessary: in scaled fields they are nearly definite in loads and fluxes each, with opposite signs.
     """
     for i, pivot in enumerate(matrix):
         inverse = 1.0 / pivot[i]

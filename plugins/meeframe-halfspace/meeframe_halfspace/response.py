@@ -30,7 +30,7 @@ from meeframe_halfspace.entries import EntryLayout, entries_to_matrix, entry_lay
 
 NORMAL: Final = 2
 """Column of the normal displacement and traction."""
-_FIRST_ANGLES, _MOST_ANGLES = 32, 2048
+_FIRST_ANGLES, _MAX_ANGLES = 32, 2048
 _NEGLIGIBLE = 1e-14  # of the largest coefficient, in scaled fields
 _CONVERGED = 1e-13
 
@@ -70,15 +70,15 @@ class PointResponse:
             harmonics = _harmonics(np.concatenate([y, y.conj()]))
             size = np.abs(harmonics).max(axis=(1, 2))
             half = count // 2  # rows 0 .. half are the harmonics from zero on
-            lost = np.finfo(float).eps * size.max()  # of a compliance that is large beside the stiffness, as of rubber
+            lost = np.finfo(float).eps * size.max()  # round-off of a compliance large compared with C, as of rubber
             if size[half // 2 : half + 1].max() <= max(_CONVERGED, lost) * size.max():
                 retained = int(np.flatnonzero(size[: half // 2] > max(_NEGLIGIBLE, lost) * size.max()).max())
                 return cls(*_series(harmonics[: retained + 1]), factors)
-            if count == _MOST_ANGLES:
+            if count == _MAX_ANGLES:
                 break
             y = np.stack([y, _over_half(stiffness, frame, half, 0.5)], axis=1).reshape(-1, *y.shape[1:])
             count *= 2
-        raise MaterialError(f"the surface compliance needs more than {_MOST_ANGLES} directions: nearly inadmissible")
+        raise MaterialError(f"the surface compliance needs more than {_MAX_ANGLES} directions: nearly inadmissible")
 
     def evaluate(self, offset: Array) -> Array:
         """Return displacement and potentials per unit of a point force, charge and flux at offsets (n, 2) [m].
@@ -92,7 +92,7 @@ class PointResponse:
         return matrix
 
     def entry(self, number: int) -> tuple[Array, bool]:
-        """Series (n, 2) of one of the entries without what is zero at its end, and whether its harmonics are odd."""
+        """Return the series (n, 2) of an entry without zeros at its end, and True if its harmonics are odd."""
         return series_entry(self.even, self.odd, number)
 
     @cached_property
@@ -106,7 +106,7 @@ class PointResponse:
 
         The plane of symmetry contains the normal and the first axis.
         """
-        result = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
+        result = np.array([mirror_parity(self.entry(number)[0]) for number in self.numbers])
         for signs in product((1, -1), repeat=self.layout.n_fields - 1):
             of_fields = np.outer((1, *signs), (1, *signs))
             parities = np.concatenate([of_fields[self.layout.upper], of_fields[self.layout.strict]])
@@ -115,14 +115,14 @@ class PointResponse:
         return None
 
     def wave_series(self) -> tuple[Array, Array]:
-        """Series of Y(m) in the angle of m, laid out as `even` (its real part) and `odd` (its imaginary part)."""
-        even, odd = (np.arange(len(part)) for part in (self.even, self.odd))
+        """Return the series of Y(m) in the angle of m, laid out as `even` (real part) and `odd` (imaginary part)."""
+        even, odd = (np.arange(len(coefficients)) for coefficients in (self.even, self.odd))
         to_even, to_odd = 2.0 * np.pi / _factor(2 * even), 2.0 * np.pi / _factor(2 * odd + 1)
         return self.even * to_even[:, None, None], self.odd * to_odd[:, None, None]
 
 
 def series_entry(even: Array, odd: Array, number: int) -> tuple[Array, bool]:
-    """One entry of a series laid out as that of PointResponse: see PointResponse.entry."""
+    """Return one entry of a series laid out as that of PointResponse: see PointResponse.entry."""
     n_symmetric = even.shape[2]
     antisymmetric = number >= n_symmetric
     full = odd[:, :, number - n_symmetric] if antisymmetric else even[:, :, number]
@@ -130,14 +130,14 @@ def series_entry(even: Array, odd: Array, number: int) -> tuple[Array, bool]:
     return np.ascontiguousarray(full[:count]), antisymmetric
 
 
-def mirrored(coefficients: Array) -> int:
-    """1 or -1 if a series (n, 2) is even or odd in the angle, as in media with planes of symmetry; else 0."""
+def mirror_parity(coefficients: Array) -> int:
+    """Return 1 or -1 if a series (n, 2) is even or odd in the angle, as in media with planes of symmetry; else 0."""
     cosines, sines = coefficients.any(axis=0)
     return int(cosines) - int(sines)
 
 
 def scaled_compliance(stiffness: Array, frame: Array, angles: Array) -> NDArray[np.complex128]:
-    """Surface compliance Y(m), (n, fields, fields) complex Hermitian, scaled fields, in the axes of the frame (3, 3).
+    """Return the surface compliance Y(m), (n, fields, fields), Hermitian, scaled, in the axes of the frame (3, 3).
 
     m = cos(angle) e1 + sin(angle) e2.
     """
@@ -151,7 +151,7 @@ def scaled_compliance(stiffness: Array, frame: Array, angles: Array) -> NDArray[
 
 
 def indentation_modulus(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -> float:
-    """Modulus M [Pa] of a frictionless insulating indenter on the surface with this outward normal (3,).
+    """Return the modulus M [Pa] of a frictionless insulating indenter on the surface with this outward normal (3,).
 
     The normal point response, averaged over all directions, is that of an isotropic half space with M = E/(1 - nu^2).
     A round punch, sphere or cone meets M exactly where the response does not depend on direction, and to first order
@@ -172,24 +172,24 @@ def series_blocks(even: Array, angles: Array) -> Array:
 
 
 def _over_half(stiffness: Array, frame: Array, count: int, start: float) -> NDArray[np.complex128]:
-    """Y(m) at equal steps over half a circle, the first one `start` steps from e1; over the other it is conjugate."""
+    """Return Y(m) at equal steps over half a circle from `start` steps beyond e1; the other half is conjugate."""
     return scaled_compliance(stiffness, frame, np.pi * (np.arange(count) + start) / count)
 
 
 def _harmonics(y: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Complex coefficients of K(theta), harmonic n in row n for n >= 0, of samples of Y over the circle."""
+    """Return complex coefficients of K(theta), harmonic n >= 0 in row n, from samples of Y over the circle."""
     count = len(y)
     n = np.arange(count // 2 + 1)
     # the real part has even harmonics alone, the imaginary part odd ones
-    parts: NDArray[np.complex128] = np.where(
-        (n % 2 == 0)[:, None, None], *(np.fft.rfft(part, axis=0) for part in (y.real, y.imag))
+    harmonics: NDArray[np.complex128] = np.where(
+        (n % 2 == 0)[:, None, None], *(np.fft.rfft(samples, axis=0) for samples in (y.real, y.imag))
     )
-    parts *= (_factor(n) / (2.0 * np.pi * count))[:, None, None]
-    return parts
+    harmonics *= (_factor(n) / (2.0 * np.pi * count))[:, None, None]
+    return harmonics
 
 
 def _factor(n: Indices) -> Array:
-    """i^n of the even harmonics n >= 0 of the real part, -i^(n - 1) of the odd ones of the imaginary part."""
+    """Return i^n for the even harmonics n >= 0 of the real part, -i^(n - 1) for the odd ones of the imaginary part."""
     factor: Array = np.where(n % 2 == 0, 1.0, -1.0) * (-1.0) ** (n // 2)
     return factor
 
@@ -205,7 +205,7 @@ def _series(harmonics: NDArray[np.complex128]) -> tuple[Array, Array]:
 
 
 def _sum(coefficients: Array, step: Array, start: Array | float) -> Array:
-    """Series (p, entries) of the coefficients (n, 2, entries) at phases start + n step, (p,) each."""
+    """Return the sums (p, entries) of series with coefficients (n, 2, entries) at phases start + n step, (p,) each."""
     phases = start + np.outer(np.arange(len(coefficients)), step)
     values: Array = np.cos(phases).T @ coefficients[:, 0] + np.sin(phases).T @ coefficients[:, 1]
     return values

@@ -25,7 +25,7 @@ from meeframe.plugin import (
     Restriction,
     Subsystem,
 )
-from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
+from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, row_major_grid
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
 from meeframe_halfspace.entries import entries_to_matrix
@@ -35,11 +35,11 @@ from meeframe_halfspace.inverse import wave_inverse
 
 C = TypeVar("C")
 
-MAX_PART: Final = 0.75
-"""Largest fraction of the nodes in a part; larger parts do not repay the time for their entries."""
-STORED_PARTS: Final = 2
-"""Number of sizes of parts whose entries are stored, up to 500 MB each at 1024 x 1024: the present contact's, and the
-one before."""
+MAX_SUBGRID_FRACTION: Final = 0.75
+"""Largest fraction of the nodes in a subgrid; larger subgrids do not repay the time for their entries."""
+STORED_SUBGRIDS: Final = 2
+"""Number of sizes of subgrids whose entries are stored, up to 500 MB each at 1024 x 1024: the present contact's, and
+the one before."""
 
 
 @final
@@ -68,7 +68,7 @@ class HalfSpaceSystem(
     edge_waves
         Series of Re Y with which contact edges are resolved between the nodes; None if edges are at nodes.
     interior
-        The fields inside the half space; None on coarser grids and parts of the zone.
+        The fields inside the half space; None on coarser grids and subgrids.
     """
 
     grid: Grid
@@ -77,13 +77,13 @@ class HalfSpaceSystem(
     shares: Array
     edge_waves: Array | None = None
     interior: InteriorFields | None = None
-    _parts: list[tuple[GridResponse, Convolution]] = field(default_factory=list, init=False, repr=False)
+    _subgrid_responses: list[tuple[GridResponse, Convolution]] = field(default_factory=list, init=False, repr=False)
 
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself unless the capability is absent.
 
         Coarsening is absent on the coarsest grid, restriction on periodic grids, and edge resolution unless it is
-        switched on. Fields inside the half space are absent on coarser grids and parts of the zone.
+        switched on. Fields inside the half space are absent on coarser grids and subgrids.
         """
         if isinstance(self.interior, kind):
             return self.interior
@@ -95,7 +95,7 @@ class HalfSpaceSystem(
         return None if absent.get(kind, False) else super().capability(kind)
 
     def apply(self, load: Array) -> Array:
-        """Return compliance(load), (n, 5) for a load (n, 5), by fast Fourier transforms of the fields that are loaded.
+        """Return compliance(load), (n, f) for a load (n, f), by fast Fourier transforms of the fields that are loaded.
 
         It is fastest if the columns of the load are stored one after another.
         """
@@ -118,14 +118,14 @@ class HalfSpaceSystem(
 
     @cached_property
     def _inside(self) -> bool:
-        """True if no node has a part of its density outside the zone."""
+        """True if the density around each node is inside the zone."""
         return bool((self.shares == 1.0).all())
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5), stored entry by entry."""
+        """Return the response of each node to its own load, (n, f, f), stored entry by entry."""
         blocks = np.zeros((self.n_fields, self.n_fields, len(self.shares)))  # most entries stay zero, and cost nothing
-        for place in np.argwhere(self._block.T):
-            np.multiply(self._block.T[*place], self.shares, out=blocks[*place])
+        for index in np.argwhere(self._block.T):
+            np.multiply(self._block.T[*index], self.shares, out=blocks[*index])
         return blocks.T
 
     def diagonal(self, fields: Sequence[int]) -> Array:
@@ -156,10 +156,10 @@ class HalfSpaceSystem(
         def inverse(displacement: Array) -> Array:
             # made at the first call: entries in double precision, from which it takes less time, may exist by then
             waves = made()
-            there = [place for place in range(len(chosen)) if displacement[:, place].any()]
-            moved = displacement.T if len(there) == len(chosen) else displacement.T[there]
-            placed = self.grid.place(moved.astype(np.float32, copy=False))
-            answer = waves.response(placed, [chosen[place] for place in there], chosen)
+            nonzero = [column for column in range(len(chosen)) if displacement[:, column].any()]
+            values = displacement.T if len(nonzero) == len(chosen) else displacement.T[nonzero]
+            on_grid = self.grid.place(values.astype(np.float32, copy=False))
+            answer = waves.response(on_grid, [chosen[column] for column in nonzero], chosen)
             load = self.grid.scatter(answer).astype(displacement.dtype, copy=False)
             if waves.size != self.convolution.padded:
                 load /= self.shares.astype(load.dtype, copy=False)[:, None]
@@ -189,41 +189,41 @@ class HalfSpaceSystem(
             convolution=convolution_of(response),
             shares=self.shares[nodes],
         )
-        return Coarsening(system, nodes, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
+        return Coarsening(system, nodes, partial(_prolong, self.grid, grid.size, self.convolution.periodic))
 
     def restrict(self, nodes: Indices) -> Subsystem | None:
         """Return the half space on a smaller free grid, which depends on the nodes alone."""
         if not nodes.size:
             return None
-        places = self.grid.nodes[box(self.grid, nodes)]
-        size = places.shape[0], places.shape[1]
-        response = self._response_on(size) if places.size <= MAX_PART * len(self.points) else None
+        subgrid = self.grid.nodes[box(self.grid, nodes)]
+        size = subgrid.shape[0], subgrid.shape[1]
+        response = self._response_on(size) if subgrid.size <= MAX_SUBGRID_FRACTION * len(self.points) else None
         if response is None:
             return None
-        inner, grid = places.ravel(), numbered(self.grid, size)
+        inner, grid = subgrid.ravel(), row_major_grid(self.grid, size)
         arrays = self.points[inner], self.frames[inner], self.weights[inner], coarse_cells(grid), self.offset[inner]
         return Subsystem(HalfSpaceSystem(*arrays, grid, *response, self.shares[inner]), inner)
 
     def _response_on(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
-        """Return the response on parts of that size, at any place; None if they have none. The latest are stored."""
-        others = [response for response in self._parts if response[1].size != size]
-        known = [response for response in self._parts if response[1].size == size]
+        """Return the response on subgrids of a size, or None if there is none; store the latest responses."""
+        others = [response for response in self._subgrid_responses if response[1].size != size]
+        known = [response for response in self._subgrid_responses if response[1].size == size]
         if not known:
             response = self.grid_response.restrict(size)
             if response is None:
                 return None
             known = [(response, convolution_of(response))]
-        self._parts[:] = [*others, *known][-STORED_PARTS:]
+        self._subgrid_responses[:] = [*others, *known][-STORED_SUBGRIDS:]
         return known[0]
 
     def recover(self, load: Array) -> NodalFields:
-        """Return the fields on the contact zone for a load (n, 5); outside the zone the surface bears no load."""
+        """Return the fields on the contact zone for a load (n, f); outside the zone the surface bears no load."""
         values = (self.offset + self.apply(load)) * potential_signs(self.n_fields)
         return NodalFields(self.points, self.cells, self._global(values), self._global(load))
 
     def _global(self, extended: Array) -> Array:
         result = extended.copy()
-        result[:, MECHANICAL] = np.einsum("ni,nij->nj", extended[:, MECHANICAL], self.frames)
+        result[:, MECHANICAL] = extended[:, MECHANICAL] @ self.grid.frame
         return result
 
 
@@ -235,21 +235,21 @@ def potential_signs(n_fields: int) -> Array:
 
 
 def convolution_of(response: GridResponse) -> Convolution:
-    """In SI, with the signs of ReducedSystem; its entries are made when they are needed."""
+    """Return the convolution in SI units with the signs of ReducedSystem; its entries are computed on demand."""
     factors = response.response.factors
     scale = np.outer(factors * potential_signs(len(factors)), factors)
     symbol = Symbol(response.symbol, response.response.numbers, response.response.parities)
     return Convolution(symbol, response.size, response.padded, scale)
 
 
-def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:
-    """Values (n, k) at the nodes of a grid, from (m, k) at those of the coarser one of that size."""
+def _prolong(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:
+    """Return values (n, k) at the nodes of a grid from values (m, k) on the coarser grid of a size."""
     coarse = values.T.reshape(-1, *size)
     return grid.scatter(bilinear(coarse, grid.size, periodic))
 
 
 def dense_matrix(system: HalfSpaceSystem) -> Array:
-    """Return the compliance of a system, (n, 5, n, 5), by one product for each field of a unit load."""
+    """Return the compliance of a system, (n, f, n, f), by one product for each field of a unit load."""
     (nx, ny), n, n_fields = system.grid.size, system.grid.nodes.size, system.n_fields
     # a unit density in the corner of a grid that has room for all offsets
     wide = replace(system.convolution, size=system.convolution.padded)
@@ -258,9 +258,9 @@ def dense_matrix(system: HalfSpaceSystem) -> Array:
         load = np.zeros((1, *wide.size))
         load[0, 0, 0] = 1.0
         kernel[:, loaded] = wide.response(load, [loaded], range(n_fields))
-    place = np.empty((n, 2), np.int64)
-    place[system.grid.nodes.ravel()] = np.indices((nx, ny)).reshape(2, -1).T
-    i, j = (place[:, None] - place).transpose(2, 0, 1)  # negative offsets count from the end
+    position = np.empty((n, 2), np.int64)
+    position[system.grid.nodes.ravel()] = np.indices((nx, ny)).reshape(2, -1).T
+    i, j = (position[:, None] - position).transpose(2, 0, 1)  # negative offsets count from the end
     matrix = np.empty((n, n_fields, n, n_fields))
     for row in range(n_fields):
         for column in range(n_fields):

@@ -1,4 +1,4 @@
-"""Coarser grids and chosen fields of a half space; pressures found with a preconditioner and from coarser grids."""
+"""Test coarser grids, products in chosen fields, preconditioning and nested grids of half spaces."""
 
 from dataclasses import replace
 from typing import Literal
@@ -44,36 +44,34 @@ def system_of(formulation: HalfSpace, divisions: tuple[int, int], stiffness: Arr
 
 
 def random_load(system: ReducedSystem) -> Array:
-    own = np.abs(system.diagonal_blocks()[len(system.points) // 2])
-    return np.random.default_rng(3).normal(size=system.offset.shape) / np.sqrt(np.diag(own))
+    compliance = np.abs(system.diagonal_blocks()[len(system.points) // 2])
+    return np.random.default_rng(3).normal(size=system.offset.shape) / np.sqrt(np.diag(compliance))
 
 
 @pytest.mark.parametrize(("formulation", "divisions"), GRIDS)
-def test_coarse_system_responds_as_the_fine_one_to_second_order(
-    formulation: HalfSpace, divisions: tuple[int, int]
-) -> None:
-    """A smooth load on every second node, and interpolated between them."""
+def test_coarse_system_converges_with_second_order(formulation: HalfSpace, divisions: tuple[int, int]) -> None:
+    """A smooth load on every second node causes nearly the same displacement as its interpolation on the fine grid."""
     errors = []
     for refined in (1, 2):
         fine = system_of(formulation, tuple(refined * (count + 1) - 1 for count in divisions))  # type: ignore[arg-type]
         coarse = fine.coarsen()
         assert coarse is not None
         np.testing.assert_array_equal(coarse.system.points, fine.points[coarse.nodes])
-        place = coarse.system.points[:, :2] / np.ptp(fine.points[:, :2], axis=0)
+        position = coarse.system.points[:, :2] / np.ptp(fine.points[:, :2], axis=0)
         unit = 1.0 / np.sqrt(np.abs(np.diagonal(fine.diagonal_blocks()[0])))
-        bump = np.where((np.abs(place) < 0.45).all(axis=1), np.cos(place / 0.9 * np.pi).prod(axis=1) ** 4, 0.0)
+        bump = np.where((np.abs(position) < 0.45).all(axis=1), np.cos(position / 0.9 * np.pi).prod(axis=1) ** 4, 0.0)
         load = bump[:, None] * unit
         expected = fine.apply(coarse.prolong(load))[coarse.nodes]
         errors.append((np.abs(coarse.system.apply(load) - expected) / np.abs(expected).max(axis=0)).max())
         np.testing.assert_allclose(coarse.prolong(load)[coarse.nodes], load, rtol=1e-15)
         assert fine.weights @ coarse.prolong(load) == pytest.approx(coarse.system.weights @ load, rel=1e-12)
-    assert errors[1] < max(0.3 * errors[0], 1e-12)  # bilinear densities are the same ones: exactly
+    assert errors[1] < max(0.3 * errors[0], 1e-12)  # bilinear densities agree exactly
     assert errors[0] < 0.03
 
 
 @pytest.mark.parametrize("density", ["bilinear", "constant"])
-def test_coarse_system_is_that_of_the_coarser_mesh(density: Literal["bilinear", "constant"]) -> None:
-    """33 x 41 nodes of 65 x 81."""
+def test_coarse_system_equals_system_of_coarser_mesh(density: Literal["bilinear", "constant"]) -> None:
+    """A grid of 65 x 81 nodes is coarsened to 33 x 41 nodes."""
     fine = system_of(HalfSpace(density, matrix_up_to=0), (64, 80))
     made = system_of(HalfSpace(density, matrix_up_to=0), (32, 40))
     coarse = fine.coarsen()
@@ -86,13 +84,13 @@ def test_coarse_system_is_that_of_the_coarser_mesh(density: Literal["bilinear", 
     scale = np.abs(expected).max(axis=0)
     assert (np.abs(coarse.system.apply(moved)[order] - expected[other]) / scale).max() < 1e-12
     np.testing.assert_allclose(coarse.system.weights[order], made.weights[other], rtol=1e-12)
-    blocks, own = coarse.system.diagonal_blocks()[order], made.diagonal_blocks()[other]
-    np.testing.assert_allclose(blocks, own, rtol=1e-12, atol=1e-12 * np.abs(own).min(axis=0).max())
+    blocks, compliance = coarse.system.diagonal_blocks()[order], made.diagonal_blocks()[other]
+    np.testing.assert_allclose(blocks, compliance, rtol=1e-12, atol=1e-12 * np.abs(compliance).min(axis=0).max())
 
 
 @pytest.mark.parametrize("fields", [(2,), (0, 1), (4, 1), (0, 1, 2, 3, 4)])
-def test_chosen_fields_are_those_of_the_matrix(fields: tuple[int, ...]) -> None:
-    """Of the system itself, with turned axes, and of two bodies."""
+def test_products_in_chosen_fields_match_matrix(fields: tuple[int, ...]) -> None:
+    """Half spaces, rotated frames and two bodies are compared with their matrices."""
     system = system_of(HalfSpace(matrix_up_to=0), (9, 6))
     directions = np.tile([np.cos(0.4), np.sin(0.4), 0.0], (len(system.points), 1))
     load = random_load(system)
@@ -121,7 +119,7 @@ def hertz(n: int) -> ContactProblem:
     return contact(system, (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS), FORCE)
 
 
-def test_hertz_in_a_number_of_steps_that_hardly_depends_on_the_grid() -> None:
+def test_hertz_iterations_nearly_independent_of_grid() -> None:
     errors, steps = [], []
     for n in (64, 128, 256):
         solution = solve(hertz(n), ProjectedCG(), StoppingCriteria(tolerance=1e-10))
@@ -129,13 +127,13 @@ def test_hertz_in_a_number_of_steps_that_hardly_depends_on_the_grid() -> None:
         errors.append(abs(float(solution.state.motion[0]) / (CONTACT**2 / RADIUS) - 1.0))
         steps.append(solution.iterations)
     assert errors[-1] < 3e-5
-    assert errors[0] > 4.0 * errors[1] > 12.0 * errors[2]  # towards the closed form, and faster than the spacing
+    assert errors[0] > 4.0 * errors[1] > 12.0 * errors[2]  # converges to the closed form, faster than the spacing
     assert max(steps) < 1.3 * min(steps) < 26.0
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_preconditioner_and_coarse_start_change_the_way_and_not_the_end(periodic: bool) -> None:
-    """A rough surface: the same pressures without them."""
+def test_preconditioner_and_nested_grids_do_not_change_solution(periodic: bool) -> None:
+    """Rough contact: the pressures are the same without preconditioner and nested grids."""
     n = 96
     formulation = HalfSpace("trigonometric" if periodic else "constant", periodic=periodic, matrix_up_to=0)
     system = system_of(formulation, (n - 1, n - 1), ANISOTROPIC)
@@ -149,6 +147,6 @@ def test_preconditioner_and_coarse_start_change_the_way_and_not_the_end(periodic
     pressures = [-solution.state.load[:, 2] for solution in (fast, slow)]
     assert np.abs(pressures[0] - pressures[1]).max() < 1e-8 * pressures[1].max()
     assert fast.state.motion == pytest.approx(slow.state.motion, rel=1e-10)
-    # the judge measures large problems on a coarser division, the state as it is
+    # the independent residual evaluates large problems on a coarser grid, and the state unchanged
     for state in (fast.state, slow.state):
         assert residual(replace(problem, system=MatrixFree.of(system)), state) < 1e-10

@@ -1,9 +1,10 @@
-"""Conducting contact without friction, also with biactive nodes at the contact edge."""
+"""Test frictionless conducting contact, with and without biactive nodes at the contact edge."""
 
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
+import meeframe
 from meeframe.contact.problem import Solver, Status
 from meeframe.elements import Quad4
 from meeframe.laws import Signorini
@@ -45,8 +46,8 @@ def test_many_biactive_nodes(n: int, potentials: tuple[float, float]):
         (np.inf, (0.0, 30.0), "orthotropic-mee", True),
     ],
 )
-def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material, has_biactive):
-    """Both solvers agree, with biactive nodes and without."""
+def test_solvers_agree(kappa, potentials, material, has_biactive):
+    """Newton's method and gradient steps agree, with and without biactive nodes."""
     problem = sphere(48, kappa, potentials, material)
     limits = StoppingCriteria(tolerance=1e-9)
     ours, theirs = (solve(problem, solver, limits) for solver in (Nesterov(), SemismoothNewton()))
@@ -59,11 +60,27 @@ def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material
 
 @pytest.mark.parametrize("solver", [Nesterov(), BarzilaiBorwein()])
 @pytest.mark.parametrize("kappa", [3e-7, 1e-6])
-def test_fluxes_close_in_where_contacts_hardly_conduct(solver: Solver, kappa: float):
-    """Resistances about a million times the nodes' own responses: fluxes near the answer are still of use."""
+def test_convergence_with_large_contact_resistance(solver: Solver, kappa: float):
+    """Resistances are about a million times the nodal compliance; inexact fluxes still reduce the residual."""
     problem = sphere(16, kappa, (2.0, 0.5), "orthotropic-mee")
     ours, theirs = (solve(problem, one, StoppingCriteria(tolerance=1e-8)) for one in (solver, SemismoothNewton()))
     assert ours.status is Status.CONVERGED, ours.message
     assert theirs.status is Status.CONVERGED
     largest = np.abs(theirs.state.load).max(axis=0)
     assert (np.abs(ours.state.load - theirs.state.load) <= 1e-6 * largest).all()
+
+
+def test_the_potential_of_a_grounded_conductor_is_exactly_zero():
+    """Under a conducting sphere without friction the potential vanishes on the whole surface, without round-off."""
+    case = meeframe.Case(
+        material="pzt-4",
+        mesh=meeframe.mesh.half_space(contact_width="4 mm", divisions=12),
+        indenter=meeframe.Sphere("100 mm"),
+        conductivity={"electric": meeframe.StepConductivity(float("inf"))},
+        formulation=HalfSpace(),
+        steps=[meeframe.Step(approach="10 um"), meeframe.Step(approach="10 um", electric_potential="1 V")],
+    )
+    grounded, charged = case.solve()
+    assert grounded.fluxes[:, 0].any()
+    assert not grounded.potentials.any()
+    np.testing.assert_allclose(charged.potentials[charged.touching, 0], 1.0, rtol=1e-3)

@@ -1,4 +1,4 @@
-"""Contact on half spaces by transforms: closed forms, boundary elements on the same case, two bodies, roughness."""
+"""Test contact on half spaces by FFT: closed forms, boundary elements, two bodies, rough surfaces."""
 
 import tomllib
 from dataclasses import replace
@@ -35,7 +35,8 @@ EXAMPLE = Path(__file__).parents[1] / "examples" / "rough.toml"
 
 
 def indentation_errors(shape, potentials, cells, density="bilinear", divisions=None):
-    """Relative errors of force, charge and flux that are not zero; cells: over the contact width."""
+    """Return the relative errors of force, charge and flux that are not zero; `cells` counts cells across the
+    contact."""
     exact = indent(XI, shape, APPROACH, *potentials)
     spacing, divisions = 2.0 * exact.contact_radius / cells, divisions or 2 * round(0.6 * cells)
     mesh = half_space_mesh(10.0 * divisions * spacing, divisions * spacing, divisions, 1, Quad4())
@@ -67,7 +68,8 @@ def test_cone_64_cells_wide(condition):
 
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_flat_punch_64_cells_wide(condition):
-    """Its singular edge is resolved to cells: an odd number of divisions has as many under it as its area asks."""
+    """The contact edge is resolved to cells; the number of divisions is chosen so that the cells have the punch's
+    area."""
     errors = indentation_errors(FlatPunch(2e-3), CONDITIONS[condition], 64, divisions=77)
     assert np.abs(errors).max() < 1e-3
 
@@ -78,8 +80,8 @@ def test_flat_punch_at_potentials():
 
 
 def test_sphere_at_potentials():
-    """Fluxes are singular at an edge that is resolved to cells; their parts, of the pressure and of the potentials,
-    cancel for the most part here, so that errors count relative to the sizes of the parts."""
+    """Fluxes are singular at the contact edge, which is resolved to cells only. The contributions of pressure and
+    potentials nearly cancel, so errors are relative to their magnitudes."""
     potentials = (-1.5e4, 30.0)
     exact, grounded = (indent(XI, Sphere(0.1), APPROACH, *given) for given in (potentials, (0.0, 0.0)))
     pairs = ((exact.force, 0.0), (exact.charge, grounded.charge), (exact.magnetic_flux, grounded.magnetic_flux))
@@ -90,8 +92,8 @@ def test_sphere_at_potentials():
 
 
 @pytest.mark.parametrize("density", ["bilinear", "constant"])
-def test_second_order_of_the_force(density):
-    """Means over grids that differ in where the edge falls."""
+def test_force_converges_with_second_order(density):
+    """Errors are averaged over grids with different positions of the contact edge."""
     means = [
         np.mean([indentation_errors(Sphere(0.1), (None, None), cells + part, density)[0] for part in (0.0, 0.4, 0.8)])
         for cells in (12, 48)
@@ -99,8 +101,8 @@ def test_second_order_of_the_force(density):
     assert np.log(means[0] / means[1]) / np.log(4.0) == pytest.approx(2.0, abs=0.3)
 
 
-def test_first_order_of_an_edge():
-    """Root mean square over grids that differ in where the edge of a punch falls."""
+def test_flat_punch_converges_with_first_order():
+    """Errors are root mean squares over grids with different positions of the punch's edge."""
     errors = [
         [indentation_errors(FlatPunch(2e-3), (None, None), cells + part)[0] for part in np.arange(8) / 8]
         for cells in (10, 40)
@@ -125,7 +127,7 @@ def small_case(**changes):
     )
 
 
-def outcome(case):
+def totals(case):
     result = solve_case(case)
     step = result.steps[-1]
     assert step.status == "converged"
@@ -134,10 +136,10 @@ def outcome(case):
 
 
 @pytest.mark.full
-def test_boundary_elements_agree_on_the_same_case():
-    """Only the formulation changes: anisotropic, with friction, conducting."""
+def test_agrees_with_boundary_elements():
+    """Only the formulation differs; the body is anisotropic, with friction and conduction."""
     case = small_case()
-    (ours, step), (theirs, other) = outcome(case), outcome(replace(case, formulation=DenseBEM()))
+    (ours, step), (theirs, other) = totals(case), totals(replace(case, formulation=DenseBEM()))
     np.testing.assert_allclose(ours[:3], theirs[:3], atol=0.01 * abs(theirs[2]))
     assert ours[3] == pytest.approx(theirs[3], rel=0.02)
     difference = np.abs(step.traction - other.traction) / np.abs(other.traction).max()
@@ -148,20 +150,20 @@ def test_boundary_elements_agree_on_the_same_case():
 
 
 def test_rotated_axes_do_not_affect_isotropic_friction():
-    """The system behind turned frames, held as a matrix and not."""
-    plain, _ = outcome(small_case())
+    """The system in rotated frames is tested with and without a stored matrix."""
+    plain, _ = totals(small_case())
     for limit in (0, 1200):
         axes = FrictionAxes(around=(0.0, 0.0, 1.0))
         case = replace(small_case(axes=axes), formulation=HalfSpace(matrix_up_to=limit))
         case = replace(case, steps=(Step(approach=3e-5, translation=(1e-5, 0.5e-5)),))
-        turned, _ = outcome(case)
-        np.testing.assert_allclose(turned, plain, atol=1e-6 * np.abs(plain).max())
+        rotated, _ = totals(case)
+        np.testing.assert_allclose(rotated, plain, atol=1e-6 * np.abs(plain).max())
 
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("limit", [0, 1200])
-def test_two_equal_isotropic_bodies_are_half_as_stiff(limit):
-    """Opposite bodies of like material: tangential displacements match by symmetry, P = 4/3 (E*/2) sqrt(R) g^1.5."""
+def test_two_equal_isotropic_bodies_have_half_the_stiffness(limit):
+    """Tangential displacements of equal bodies match by symmetry: P = 4/3 (E*/2) sqrt(R) g^1.5."""
     material = Material.isotropic(2e11, 0.3)
     mesh = half_space_mesh(0.1, 5e-3, 24, 1, Quad4())
     formulation = HalfSpace(matrix_up_to=limit)
@@ -175,14 +177,14 @@ def test_two_equal_isotropic_bodies_are_half_as_stiff(limit):
         limits=StoppingCriteria(tolerance=1e-8),
         second_body=SecondBody(material, mesh, formulation=formulation),
     )
-    force, _ = outcome(case)
+    force, _ = totals(case)
     exact = 4.0 / 3.0 * (2e11 / 0.91 / 2.0) * np.sqrt(0.1) * 4e-5**1.5
     assert -force[2] == pytest.approx(exact, rel=2e-3)
 
 
 @pytest.mark.parametrize("periodic", [True, False])
-def test_an_endless_surface_and_one_that_is_not(tmp_path, periodic):
-    """Half a spacing beside the zone belongs to the one and not to the other: they do not match."""
+def test_periodic_and_free_surfaces_do_not_combine(tmp_path, periodic):
+    """The period extends half a spacing beyond the zone of the free surface, so the surfaces do not match."""
     given = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
     given["formulation"]["periodic"] = not periodic
     own = {"name": "half-space", "periodic": periodic}
@@ -194,17 +196,19 @@ def test_an_endless_surface_and_one_that_is_not(tmp_path, periodic):
 
 
 @pytest.mark.parametrize(("own", "theirs"), [("resolved", "nodes"), ("nodes", "resolved")])
-def test_edges_that_one_of_two_bodies_resolves(tmp_path, own, theirs):
-    """They were solved along nodes, and nobody was told: the edge lies where both bodies have it."""
+def test_edge_resolution_in_one_of_two_bodies_is_rejected(tmp_path, own, theirs):
+    """Both bodies must resolve contact edges, or neither."""
     body = 'material = {name = "pzt-4"}\nmesh = {type = "half-space", contact_width = "5 mm", divisions = 8}\n'
-    rest = '[indenter]\nname = "flat-punch"\nradius = "1 mm"\n[[steps]]\napproach = "1 um"\n'
+    remainder = '[indenter]\nname = "flat-punch"\nradius = "1 mm"\n[[steps]]\napproach = "1 um"\n'
     path = tmp_path / "case.toml"
 
     def formulation(edges):
         return f'formulation = {{name = "half-space", density = "bilinear", edges = "{edges}"}}\n'
 
     def written(one, other):
-        path.write_text(f"{body}{formulation(one)}[second_body]\n{body}{formulation(other)}{rest}", encoding="utf-8")
+        path.write_text(
+            f"{body}{formulation(one)}[second_body]\n{body}{formulation(other)}{remainder}", encoding="utf-8"
+        )
         return load_case(path)
 
     assert written(own, own).second_body.formulation == HalfSpace(edges=own)
@@ -230,10 +234,10 @@ def rough_case(force, rms_height=1e-6, **changes):
     return Case(**(given | changes))
 
 
-def test_full_contact_of_a_rough_surface_is_exact():
-    """The surface takes the shape of the indenter: each wave q of it needs the pressure M q/2 per height."""
+def test_full_contact_of_rough_surface():
+    """The surface conforms to the indenter: a wave of wave number q and height h needs the pressure M q h / 2."""
     case = rough_case(4e3, 5e-7)
-    force, step = outcome(case)
+    force, step = totals(case)
     assert -force[2] == pytest.approx(4e3, rel=1e-8)
     system = reduce(case)
     heights, nodes = case.indenter.surface(), system.grid.nodes
@@ -245,7 +249,8 @@ def test_full_contact_of_a_rough_surface_is_exact():
 
 
 def test_frictional_rough_contact():
-    """Partial contact obeys the laws, and a drag below the friction limit is borne by sticking and slipping spots."""
+    """Partial contact satisfies the laws; a tangential force below the limit is carried by sticking and slipping
+    spots."""
     steps = (Step(normal_force=60.0), Step(normal_force=60.0, tangential_force=(9.0, 0.0)))
     case = rough_case(
         60.0,
@@ -270,14 +275,14 @@ def test_frictional_rough_contact():
     assert np.abs(last.potentials[touching, 0]).max() < 1e-6 * np.abs(last.potentials[:, 0]).max()
 
 
-def test_the_example_is_a_case():
+def test_example_case_loads():
     case = load_case(EXAMPLE)
     assert isinstance(case.indenter, SelfAffine)
     assert case.formulation == HalfSpace(periodic=True)
 
 
-def test_the_edge_of_a_period_is_none():
-    """Neither pressed all over, nor where the contact goes on beyond the period."""
+def test_no_warning_at_border_of_period():
+    """The border of a period is no border of the zone, in full contact and where contact continues beyond it."""
     case = load_case(EXAMPLE)
     deep = replace(case, steps=(Step(approach=1e-3),))
     assert not deep.warnings

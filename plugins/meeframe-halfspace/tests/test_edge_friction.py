@@ -1,4 +1,4 @@
-"""Work of friction under an indenter whose edge lies between the nodes."""
+"""The work of friction is correct under an indenter whose edge lies between the nodes."""
 
 import pytest
 from meeframe_halfspace import HalfSpace
@@ -17,8 +17,9 @@ FORCE, FRICTION, WAY = 100.0, 0.3, 1e-3
 
 
 @pytest.mark.parametrize("edges", ["resolved", "nodes"])
-def test_a_punch_that_slides_dissipates_friction_times_way(edges):
-    """Once it slides nothing bends any more; nodes outside its rim, which bear pressure for it, do their share."""
+def test_sliding_punch_dissipates_friction_times_distance(edges):
+    """In full slip the deformation is constant; nodes outside the indenter edge that carry pressure contribute to the
+    work."""
     mesh = half_space_mesh(1.6e-2, 4e-3, 23, 1, Quad4())
     material = library_material("isotropic", young_modulus=210e9, poisson_ratio=0.3)
     slides = (Step(normal_force=FORCE), Step(translation=(WAY, 0.0)), Step(translation=(2.0 * WAY, 0.0)))

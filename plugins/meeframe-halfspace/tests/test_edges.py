@@ -1,4 +1,5 @@
-"""Edges between the nodes: strips, discs, ellipses and squares in closed form, anywhere and in any direction."""
+"""Test contact edges between the nodes: strips, discs, ellipses and squares in closed form, at any position and
+angle."""
 
 from dataclasses import replace
 
@@ -41,14 +42,14 @@ SQUARE = 0.3667877
 
 
 def half_space(spacing, divisions, edges="resolved"):
-    """divisions: along both axes, or along each."""
+    """Return a half space; `divisions` applies to both axes, or gives one number for each."""
     width = tuple((np.array(spacing) * divisions).tolist())
     mesh = half_space_mesh(10.0 * max(width), width, divisions, 1, Quad4())
     return HalfSpace(matrix_up_to=0, edges=edges).reduce(Body(MATERIAL.stiffness, mesh, (), "contact"))
 
 
-def pressed(system, height, approach, potentials=(None, None), kappa=np.inf, offset=(0.0, 0.0)):
-    """Totals of -t.nu, q and s; offset: of the indenter's axis [m]."""
+def totals(system, height, approach, potentials=(None, None), kappa=np.inf, offset=(0.0, 0.0)):
+    """Return the resultants of -t.nu, q and s; `offset` is that of the indenter's axis [m]."""
 
     def above(points, _frames):
         return height(points[:, 0] + offset[0], points[:, 1] + offset[1]) - approach
@@ -77,21 +78,22 @@ INDENTERS = {
 
 
 def errors(name, potentials, cells, offset=(0.0, 0.0), edges="resolved"):
-    """Relative errors of the totals that are not zero; offset: of the axis from a node, in spacings."""
+    """Return the relative errors of the totals that are not zero; `offset` is that of the axis from a node, in
+    spacings."""
     shape, indenter = INDENTERS[name]
     exact = indent(XI, shape, APPROACH, *potentials)
     h = 2.0 * exact.contact_radius / cells
     system = half_space((h, h), 2 * round(0.6 * cells), edges)
-    found = pressed(system, indenter.height, APPROACH, potentials, offset=(offset[0] * h, offset[1] * h))
+    computed = totals(system, indenter.height, APPROACH, potentials, offset=(offset[0] * h, offset[1] * h))
     true = np.array([exact.force, exact.charge, exact.magnetic_flux])
-    return found[true != 0.0] / true[true != 0.0] - 1.0
+    return computed[true != 0.0] / true[true != 0.0] - 1.0
 
 
-# the strip
+# strips
 
 
-def test_a_strip_ends_where_it_should():
-    """47 nodes, the edges 0.2 spacings beyond the first and 0.3 inside the last: charge and potential of that strip."""
+def test_charge_of_a_strip():
+    """The edges of a strip of 47 nodes are 0.2 spacings beyond the first node and 0.3 inside the last."""
     count, beyond = 47, np.array([0.2, -0.3])
     matrix = toeplitz(line_responses(count))
     matrix[[0, -1], [0, -1]] += edge_response(beyond)
@@ -100,20 +102,20 @@ def test_a_strip_ends_where_it_should():
     assert 1.0 / charge == pytest.approx(2.0 * np.log(2.0 / (width / 2.0)), rel=1e-4)
 
 
-def test_own_responses_grow_until_a_node_is_not_covered():
+def test_nodal_compliance_grows_as_area_fraction_decreases():
     low, high = edge_limits()
     assert high - low == pytest.approx(1.0)
     assert edge_response(np.array([high, 2.0])) == pytest.approx(0.0, abs=1e-12)
     assert (np.diff(edge_response(np.linspace(low, high, 50))) <= 0.0).all()
 
 
-# the outline
+# outlines
 
 
 @pytest.mark.parametrize("direction", [0.0, 0.3, 0.6, np.pi / 4])
 def test_outline_of_a_straight_edge(direction):
-    """With what a grid makes of pressures near an edge the fit gives it back; without, it is off by no more than that,
-    0.15 spacings."""
+    """The fit recovers the edge from pressures as a grid computes them; uncorrected, it misses by less than 0.15
+    spacings."""
     inward = np.array([[np.cos(direction), np.sin(direction)]])
     i, j = np.indices((41, 41)) - 20.0
     distance = inward[0, 0] * i + inward[0, 1] * j + 0.37
@@ -129,14 +131,15 @@ def test_outline_of_a_straight_edge(direction):
 
 
 def test_outline_of_an_elliptic_contact():
-    """The edge of a contact that was not used for NEARER: mean within 0.02 spacings, each node within 0.05."""
+    """The mean error is below 0.02 spacings and that of each node below 0.05, on an ellipse that was not used to
+    calibrate NEARER."""
     h = 1.0 / 21.3
     system = half_space((h, h), 52)
     x, y = system.points[:, 0] + 0.3 * h, system.points[:, 1] + 0.4 * h
     problem = indentation_problem(system, x**2 / 2.0 + y**2 / 1.2, 0.5)
     solution, _ = solve_to_edges(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     pressure = np.maximum(-solution.state.load[:, 2], 0.0)
-    # p = p_o sqrt(1 - (x/a)^2 - (y/b)^2): fitted where the grid resolves it
+    # p = p_o sqrt(1 - (x/a)^2 - (y/b)^2), fitted where the grid resolves it
     deep = pressure > 0.6 * pressure.max()
     p_o, a, b = np.linalg.lstsq(np.stack([np.ones(deep.sum()), -(x**2)[deep], -(y**2)[deep]], 1), pressure[deep] ** 2)[
         0
@@ -155,8 +158,8 @@ def test_outline_of_an_elliptic_contact():
 
 @pytest.mark.parametrize("solver", [Nesterov, SemismoothNewton])
 @pytest.mark.parametrize("name", ["sphere", "cone"])
-def test_conduction_that_draws_surfaces_together_closes_in_on_closed_forms(name, solver, monkeypatch):
-    """With edges along nodes: of several solutions the one with most contact; others are off by 2 %."""
+def test_attractive_conduction_converges_to_closed_forms(name, solver, monkeypatch):
+    """With edges along nodes there are several solutions; the one with the largest contact is accurate to 2 %."""
     monkeypatch.setitem(globals(), "Auto", solver)
     assert np.abs(errors(name, (-1e5, 0.0), 48.3, edges="nodes")).max() < 5e-3
 
@@ -165,23 +168,25 @@ def test_conduction_that_draws_surfaces_together_closes_in_on_closed_forms(name,
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.5, 0.5)])
 @pytest.mark.parametrize("cells", [64.0, 64.25])
 @pytest.mark.parametrize("name", ["sphere", "cone"])
-def test_charges_at_potentials_on_one_grid(name, cells, offset):
-    """Singular at the edge, and 2 to 3 times as sensitive to it as its parts, which nearly cancel."""
+def test_charges_under_prescribed_potentials(name, cells, offset):
+    """Charges are singular at the edge. Their contributions nearly cancel, which magnifies errors by a factor of 2 to
+    3."""
     assert np.abs(errors(name, (-1.5e4, 30.0), cells, offset)).max() < 1e-3
 
 
 @pytest.mark.parametrize("cells", [64.0, 64.4])
-def test_punch_that_does_not_fit_the_cells(cells):
+def test_punch_between_cells(cells):
     assert np.abs(errors("punch", (-1.5e4, 30.0), cells)).max() < 3e-4
 
 
 @pytest.mark.parametrize("name", ["sphere", "cone"])
-def test_regular_charges_stay_right(name):
+def test_regular_charges(name):
     assert np.abs(errors(name, (0.0, 0.0), 64.25, (0.1, 0.2))).max() < 1e-4
 
 
 def test_order_of_the_punch():
-    """Above 1, which edges along nodes have: over 12 to 48 cells, root mean squares over places of the edge."""
+    """The order exceeds 1, that of edges along nodes; root mean squares over positions of the edge
+    on 12 to 48 cells."""
     grids = (12.0, 24.0, 48.0)
     sizes = [
         np.sqrt(np.mean([errors("punch", (None, None), cells + part)[0] ** 2 for part in (0.0, 0.25, 0.5, 0.75)]))
@@ -194,7 +199,7 @@ def test_order_of_the_punch():
 @pytest.mark.parametrize("bodies", [1, 2])
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 def test_elliptic_punch_on_oblong_cells(turn, bodies):
-    """Two equal bodies give way twice as much, and the rim is the same."""
+    """Two equal bodies are twice as compliant and have the same contact edge."""
     a, b, depth = 1.2e-3, 0.8e-3, 1e-6
     system = half_space((2.0 * a / 31.3, 2.0 * b / 30.2), 50)
     c, s = np.cos(turn), np.sin(turn)
@@ -204,14 +209,14 @@ def test_elliptic_punch_on_oblong_cells(turn, bodies):
 
     exact = depth / XI[0, 0] * a / ellipk(1.0 - (b / a) ** 2)
     seen = system if bodies == 1 else combine_bodies(system, system)
-    assert bodies * pressed(seen, height, depth)[0] == pytest.approx(exact, rel=1e-3)
+    assert bodies * totals(seen, height, depth)[0] == pytest.approx(exact, rel=1e-3)
 
 
-# the whole way of a case
+# complete cases
 
 
 def half_space_case(indenter, approach, placement, width, divisions, edges="resolved", potential=None):
-    """potential: of an indenter that conducts, None of one that does not."""
+    """Return a case; `potential` is that of a conducting indenter, None of an insulating one."""
     return Case(
         material=MATERIAL,
         mesh=half_space_mesh(2e-2, width, divisions, 1, Quad4()),
@@ -228,22 +233,22 @@ def half_space_case(indenter, approach, placement, width, divisions, edges="reso
 
 
 def force_of_case(*given):
-    """With which the indenter presses, of half_space_case."""
+    """Return the force on the body in `half_space_case`."""
     result = solve_case(half_space_case(*given))
     assert result.steps[-1].status == "converged"
     return -resultants(result.zone, result.steps[-1]).force[2]
 
 
-def test_square_punch_askew():
-    """Corners and edges across the grid."""
+def test_rotated_square_punch():
+    """Corners and edges cross the grid lines."""
     side, depth = 1e-3, 1e-6
     punch = rigid.RectangularPunch(side / 2.0, side / 2.0)
-    found = force_of_case(punch, depth, Placement(rotation=0.3), 1.6e-3, 60)
-    assert found == pytest.approx(depth / XI[0, 0] * SQUARE * side, rel=1e-3)
+    computed = force_of_case(punch, depth, Placement(rotation=0.3), 1.6e-3, 60)
+    assert computed == pytest.approx(depth / XI[0, 0] * SQUARE * side, rel=1e-3)
 
 
-def test_rim_of_cells_much_longer_than_wide():
-    """It is looked for as far as cells are long."""
+def test_indenter_edge_on_elongated_cells():
+    """The search range for the indenter edge scales with the length of the cells."""
     radius, length = 2e-3, 4e-4
     case = half_space_case(rigid.FlatPunch(radius), 1e-6, Placement(), (12 * length, 4.8e-3), (12, 192))
     kinematics = IndenterKinematics(case, reduce(case))
@@ -253,8 +258,8 @@ def test_rim_of_cells_much_longer_than_wide():
     assert rim.distance[near] == pytest.approx(exact[near], rel=2e-3, abs=1e-9)
 
 
-def test_rim_under_a_tilted_axis():
-    """The same end stands askew because its axis does or because it is tilted itself, about another lowest point."""
+def test_indenter_edge_under_tilted_axis():
+    """A tilted axis and a tilted indenter give the same surface, with different lowest points."""
     tilt, depth, width = 0.01, 2e-5, 1.6e-3
     punch = rigid.FlatPunch(5e-4)
     by_axis = force_of_case(punch, depth, Placement(axis=(tilt, 0.0, 1.0)), width, 40)
@@ -263,8 +268,8 @@ def test_rim_under_a_tilted_axis():
 
 
 @pytest.mark.parametrize("potential", [None, 1e3])
-def test_pointwise_heights_give_no_end(potential):
-    """A punch given at the nodes alone: nobody knows where it ends between them."""
+def test_pointwise_heights_have_no_indenter_edge(potential):
+    """A punch given by nodal heights has an unknown border between the nodes."""
     width, depth = 1.6e-3, 1e-6
     grid = np.linspace(-width / 2.0, width / 2.0, 41)
     x, y = (side.ravel() for side in np.meshgrid(grid, grid))
@@ -274,18 +279,19 @@ def test_pointwise_heights_give_no_end(potential):
         sampled = SampledHeights(rows, "nodes")
         edges = "resolved" if isinstance(shape, rigid.Sphere) and potential else "nodes"
         expected = force_of_case(shape, depth, Placement(), width, 40, edges, potential)
-        found = force_of_case(sampled, depth, Placement(), width, 40, "resolved", potential)
-        assert found == pytest.approx(expected, rel=1e-6)
+        computed = force_of_case(sampled, depth, Placement(), width, 40, "resolved", potential)
+        assert computed == pytest.approx(expected, rel=1e-6)
 
 
-# indenters that end elsewhere
+# indenters that end outside the contact
 
 
 @pytest.mark.parametrize("beyond", [0.3, 0.8, 1.5])
-def test_an_end_that_the_contact_does_not_reach(beyond):
-    """A sphere cut so many spacings outside its contact: the same charge, and nothing to resolve without any.
+def test_indenter_edge_outside_the_contact(beyond):
+    """A sphere that is cut off outside its contact gives the same charge as the complete sphere, and no correction
+    without charge.
 
-    Potentials of the other sign draw the surfaces together, which leaves several solutions on a grid.
+    Potentials of the other sign attract the surfaces, which leads to several solutions on a grid.
     """
     a = np.sqrt(0.1 * APPROACH)
     h = 2.0 * a / 24.3
@@ -295,8 +301,8 @@ def test_an_end_that_the_contact_does_not_reach(beyond):
         return lambda x, y: np.where(np.hypot(x, y) <= radius, rigid.Sphere(0.1).height(x, y), np.inf)
 
     potentials = (1.5e4, None)
-    whole = pressed(system, cut(np.inf), APPROACH, potentials)
-    assert pressed(system, cut(a + beyond * h), APPROACH, potentials) == pytest.approx(whole, rel=1e-6)
+    whole = totals(system, cut(np.inf), APPROACH, potentials)
+    assert totals(system, cut(a + beyond * h), APPROACH, potentials) == pytest.approx(whole, rel=1e-6)
 
     def above(points, _frames):
         return cut(a + beyond * h)(points[:, 0], points[:, 1]) - APPROACH
@@ -309,10 +315,10 @@ def test_an_end_that_the_contact_does_not_reach(beyond):
 
 
 @pytest.mark.parametrize(("divisions", "too_large"), [(23, 1.155), (31, 1.145), (47, 1.116)])
-def test_resolved_area_is_the_punch(divisions, too_large):
-    """pi R^2: nodes outside its rim, which bear pressure for it, do not count, as those inside do in part.
+def test_resolved_area_of_the_punch(divisions, too_large):
+    """The area is pi R^2: nodes outside the indenter edge do not count, and nodes near it count in part.
 
-    too_large: what all of them together make, in parts of it.
+    `too_large` is the relative area of all nodes with pressure.
     """
     mesh = half_space_mesh(1.6e-2, 4e-3, divisions, 1, Quad4())
     material = library_material("isotropic", young_modulus=210e9, poisson_ratio=0.3)
@@ -324,43 +330,44 @@ def test_resolved_area_is_the_punch(divisions, too_large):
     assert whole.contact_area == pytest.approx(too_large * np.pi * 1e-6, rel=2e-3)
 
 
-def test_weak_conduction_counts_the_area():
-    """Q = kappa phi_o area, as the potential hardly changes: edges along nodes miss by several cells."""
+def test_weak_conduction_is_proportional_to_area():
+    """Q = kappa phi_o area, because the potential of the surface hardly changes; with edges along nodes, the area is
+    off by several cells."""
     exact = indent(XI, Sphere(0.1), APPROACH)
     h = 2.0 * exact.contact_radius / 32.3
     kappa = 1e-7 / (abs(XI[1, 1]) * exact.contact_radius)
     system = half_space((h, h), 42)
     potentials = [1e4, -1e4]
-    # what pressure causes does not change with the potential
-    found = [pressed(system, rigid.Sphere(0.1).height, APPROACH, (phi, None), kappa)[1] for phi in potentials]
+    # the contribution of the pressure does not depend on the potential
+    computed = [totals(system, rigid.Sphere(0.1).height, APPROACH, (phi, None), kappa)[1] for phi in potentials]
     area = np.pi * exact.contact_radius**2
-    assert (found[1] - found[0]) / (kappa * 2e4) == pytest.approx(area, rel=1e-3)
+    assert (computed[1] - computed[0]) / (kappa * 2e4) == pytest.approx(area, rel=1e-3)
 
 
-# other systems
+# composed systems
 
 
-def test_frames_of_friction_axes_and_two_bodies():
-    """In turned frames the same totals, but for the directions in which the rim is looked for; two equal bodies share
+def test_resolved_edges_in_rotated_frames_and_two_bodies():
+    """Rotated frames give the same totals up to the directions in which the edge is sought; two equal bodies share
     the approach."""
     shape, indenter = INDENTERS["punch"]
     h = 2.0 * shape.radius / 24.4
     alone = half_space((h, h), 30)
-    direct = pressed(alone, indenter.height, APPROACH, (-1e4, None))
+    direct = totals(alone, indenter.height, APPROACH, (-1e4, None))
     askew = rotate_frames(alone, np.tile([np.cos(0.4), np.sin(0.4), 0.0], (len(alone.points), 1)))
     assert askew.capability(EdgeResolution) is not None
-    assert pressed(askew, indenter.height, APPROACH, (-1e4, None)) == pytest.approx(direct, rel=3e-5)
+    assert totals(askew, indenter.height, APPROACH, (-1e4, None)) == pytest.approx(direct, rel=3e-5)
     sphere = rigid.Sphere(0.1)
     h = 2.0 * np.sqrt(0.1 * APPROACH) / 24.4
     alone = half_space((h, h), 30)
-    grounded = pressed(alone, sphere.height, APPROACH, (0.0, None))
-    both = pressed(combine_bodies(alone, alone), sphere.height, APPROACH, (None, None))
-    single = pressed(alone, sphere.height, APPROACH, (None, None))
+    grounded = totals(alone, sphere.height, APPROACH, (0.0, None))
+    both = totals(combine_bodies(alone, alone), sphere.height, APPROACH, (None, None))
+    single = totals(alone, sphere.height, APPROACH, (None, None))
     assert both[0] == pytest.approx(single[0] / 2.0, rel=1e-6)
     assert grounded[0] < single[0]
 
 
-def test_symmetric_positive_and_only_bilinear():
+def test_edge_correction_is_symmetric_positive_and_bilinear_only():
     system = half_space((1e-4, 1e-4), 20)
     r = np.hypot(*system.points[:, :2].T)
     edges = system.edge_correction(np.sqrt(np.maximum(1.0 - (r / 7.3e-4) ** 2, 0.0)))
@@ -375,7 +382,7 @@ def test_symmetric_positive_and_only_bilinear():
         HalfSpace("constant", edges="resolved")
 
 
-def test_nothing_to_resolve_without_a_singular_load():
+def test_no_edge_correction_without_singular_load():
     system = half_space((1e-4, 1e-4), 20)
     problem = indentation_problem(system, rigid.Sphere(0.1).height(*system.points[:, :2].T), 2e-6)
     problem = problem.with_laws(electric=StepConductivity(0.0))

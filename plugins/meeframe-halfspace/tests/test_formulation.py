@@ -1,8 +1,9 @@
-"""The reduced system of a half space: conformance, order of convergence, matrix, refusals, periodic surfaces."""
+"""Test the reduced system of half spaces: conformance, order of convergence, matrix, rejected input, periodic
+surfaces."""
 
 import pickle
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from threading import Barrier
 
@@ -21,6 +22,7 @@ from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.model.load import load_case
 from meeframe.system.capabilities import apply_fields
 from meeframe.testing import check_formulation, check_indentation
+from meeframe.testing.capabilities import check_edge_correction, check_edge_resultants
 from meeframe.testing.formulation import check_edges
 
 STIFFNESS = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
@@ -46,20 +48,49 @@ def test_conformance(formulation):
     check_formulation(formulation, body((24, 21)), GaussianLoad(STIFFNESS, AMPLITUDE, 0.12), tolerance=1e-2)
 
 
-def test_the_kit_detects_undeclared_edges():
+def test_kit_detects_undeclared_edge_resolution():
     system = HalfSpace(edges="resolved").reduce(body((24, 21)))
     with pytest.raises(AssertionError, match="resolves_edges does not tell"):
         check_edges(HalfSpace(), system)
 
 
-def test_closed_form_of_the_kit():
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda c: replace(c, extra_compliance=0.0 * c.extra_compliance), "no node responds more"),
+        (lambda c: replace(c, extra_compliance=-c.extra_compliance), "gains energy"),
+        (lambda c: replace(c, extra_compliance=0.5 * c.extra_compliance), "resultant of a circular punch in field 0"),
+        (lambda c: replace(c, extra_compliance=2.0 * c.extra_compliance), "resultant of a circular punch in field 0"),
+        (lambda c: replace(c, area_fraction=np.ceil(c.area_fraction)), "do not add up to the area"),
+    ],
+    ids=["no correction", "wrong sign", "half of it", "twice", "whole areas"],
+)
+def test_kit_rejects_wrong_edge_corrections(wrong, message):
+    right = HalfSpace(edges="resolved").reduce(body((24, 21)))
+
+    class WrongSystem(type(right)):
+        def edge_correction(self, pressure, indenter_edge=None):
+            return wrong(super().edge_correction(pressure, indenter_edge))
+
+    system = WrongSystem(**{entry.name: getattr(right, entry.name) for entry in fields(right) if entry.init})
+
+    def check(system):
+        check_edge_correction(system)
+        check_edge_resultants(system, STIFFNESS)
+
+    check(right)
+    with pytest.raises(AssertionError, match=message):
+        check(system)
+
+
+def test_indentation_kit():
     stiffness = library_material("batio3-cofe2o4").stiffness
     mesh = half_space_mesh(0.05, 0.005, 32, 1, Quad4())
     check_indentation(HalfSpace(), Body(stiffness, mesh, (), "contact"), tolerance=2e-3)
 
 
 @pytest.mark.parametrize("density", ["bilinear", "constant"])
-def test_second_order_in_all_fields(density):
+def test_all_fields_converge_with_second_order(density):
     errors = []
     for n in (32, 64, 128):
         system = HalfSpace(density, matrix_up_to=0).reduce(body((n, n + 3)))
@@ -69,13 +100,13 @@ def test_second_order_in_all_fields(density):
         errors.append(np.abs(computed - exact).max(axis=0) / np.abs(exact).max(axis=0))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert (orders[1] > 1.87).all()
-    assert (orders[1] > orders[0]).all()  # on the way to 2
+    assert (orders[1] > orders[0]).all()  # approaches 2 under refinement
     assert (errors[-1] < 1.5e-3).all()
 
 
 @pytest.mark.parametrize("divisions", [(9, 6), (8, 11)])
 @pytest.mark.parametrize("formulation", [HalfSpace(), HalfSpace("constant"), HalfSpace("trigonometric", periodic=True)])
-def test_matrix_and_transforms_are_the_same_relation(divisions, formulation):
+def test_matrix_matches_fft(divisions, formulation):
     held = formulation.reduce(body(divisions))
     free = replace(formulation, matrix_up_to=0).reduce(body(divisions))
     assert held.dense() is not None
@@ -90,8 +121,8 @@ def test_matrix_and_transforms_are_the_same_relation(divisions, formulation):
 @pytest.mark.parametrize(
     "formulation", [HalfSpace("constant", matrix_up_to=0), HalfSpace(periodic=True, matrix_up_to=0)]
 )
-def test_blocks_in_double_and_in_single_precision(formulation):
-    """Loads of two fields alone, in three."""
+def test_products_in_double_and_single_precision(formulation):
+    """Loads of two fields cause displacements in three fields."""
     system = formulation.reduce(body((40, 31)))
     load, loaded, fields = random_load(system), [2, 4], [0, 4, 2]
     load[:, [0, 1, 3]] = 0.0
@@ -104,8 +135,8 @@ def test_blocks_in_double_and_in_single_precision(formulation):
 
 
 @pytest.mark.parametrize("precision", [np.float32, np.float64])
-def test_threads_that_share_a_system(precision):
-    """Each asks for another field at once, of a system that has been asked for nothing yet."""
+def test_concurrent_threads_share_a_system(precision):
+    """Each thread requests a different field at the same time, from a system without any computed entries."""
     whole = HalfSpace(matrix_up_to=0).reduce(body((40, 31)))
     load = random_load(whole)
     expected = [apply_fields(whole, load.astype(precision), range(5), [field]) for field in range(5)]
@@ -121,7 +152,7 @@ def test_threads_that_share_a_system(precision):
                 np.testing.assert_array_equal(found, right)
 
 
-def test_a_pickled_system_answers_as_before():
+def test_pickled_system_gives_same_results():
     system = HalfSpace(matrix_up_to=0).reduce(body((24, 21)))
     load = random_load(system)
     expected = system.apply(load)
@@ -129,15 +160,15 @@ def test_a_pickled_system_answers_as_before():
 
 
 @pytest.mark.parametrize("precision", [np.float32, np.float64])
-def test_no_load_on_a_system_that_has_been_asked_for_nothing(precision):
+def test_zero_load_on_new_system(precision):
     system = HalfSpace(matrix_up_to=0).reduce(body((9, 6)))
     found = system.apply(np.zeros((len(system.points), 5), precision))
     assert (found.shape, found.dtype) == (system.offset.shape, precision)
     assert not found.any()
 
 
-def test_a_run_is_continued_where_nothing_touched(tmp_path):
-    """Lifted by 5 um, then pressed: as if the indenter had been put down at once."""
+def test_restart_without_contact(tmp_path):
+    """The indenter is lifted by 5 um and pressed again: the result equals that of pressing at once."""
     text = Path(__file__).parents[3].joinpath("validation/hertz/sphere.toml").read_text()
     path = tmp_path / "case.toml"
 
@@ -155,14 +186,14 @@ def test_a_run_is_continued_where_nothing_touched(tmp_path):
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_loads_of_whole_numbers(periodic):
+def test_integer_loads(periodic):
     system = HalfSpace(periodic=periodic, matrix_up_to=0).reduce(body((9, 6)))
     load = np.random.default_rng(7).integers(-5, 6, system.offset.shape)
     np.testing.assert_array_equal(system.apply(load), system.apply(load.astype(float)))
 
 
-def test_weights_and_nodes_are_those_of_four_node_elements():
-    """So that the half space can be compared, exchanged and paired with elements node by node."""
+def test_weights_and_nodes_match_four_node_elements():
+    """Half spaces can therefore be compared and combined with boundary elements node by node."""
     given = body((9, 6))
     system = HalfSpace().reduce(given)
     zone = find_contact_zone(given.mesh, "contact")
@@ -171,7 +202,7 @@ def test_weights_and_nodes_are_those_of_four_node_elements():
 
 
 @pytest.mark.parametrize("element", [Quad9(), Tri3()])
-def test_any_element_whose_nodes_form_a_grid_will_do(element):
+def test_elements_with_nodes_on_a_grid_are_accepted(element):
     half = (5, 4) if isinstance(element, Quad9) else (10, 8)
     system, plain = HalfSpace().reduce(body(half, element=element)), HalfSpace().reduce(body((10, 8)))
     order = np.lexsort(np.round(system.points[:, :2].T, 9)), np.lexsort(np.round(plain.points[:, :2].T, 9))
@@ -183,8 +214,8 @@ def test_any_element_whose_nodes_form_a_grid_will_do(element):
 
 
 @pytest.mark.parametrize("density", ["trigonometric", "bilinear", "constant"])
-def test_a_wave_on_a_periodic_surface(density):
-    """It answers with Y(q)/|q|, whatever its direction."""
+def test_response_to_wave_on_periodic_surface(density):
+    """The response to a wave is Y(q)/|q| for every direction."""
     divisions, width = (15, 11), (1.0, 0.8)
     system = HalfSpace(density, periodic=True, matrix_up_to=0).reduce(body(divisions, width))
     spacing = np.array(width) / divisions
@@ -203,7 +234,7 @@ def test_a_wave_on_a_periodic_surface(density):
     np.testing.assert_allclose(system.weights.sum(), np.prod(period))
 
 
-def test_the_mean_load_answers_as_a_wave_as_long_as_the_period():
+def test_mean_load_responds_like_wave_of_period_length():
     system = HalfSpace("trigonometric", periodic=True, matrix_up_to=0).reduce(body((15, 11), (1.5, 1.1)))
     factors = FieldScaling.of(STIFFNESS).factors
     angles = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
@@ -215,8 +246,8 @@ def test_the_mean_load_answers_as_a_wave_as_long_as_the_period():
     )
 
 
-def test_a_wide_period_is_like_no_period():
-    """A pair of opposite loads, whose images matter less and less."""
+def test_large_period_approaches_free_surface():
+    """The influence of the images of two opposite loads decreases with the period."""
     stiffness = library_material("batio3-cofe2o4").stiffness
     differences = []
     for n in (39, 79):
@@ -241,12 +272,12 @@ def test_a_wide_period_is_like_no_period():
         (replace(body((4, 4)), contact_group=None), "no contact zone"),
     ],
 )
-def test_refusals(given, message):
+def test_unsupported_bodies_are_rejected(given, message):
     with pytest.raises((CaseError, MeshError), match=message):
         HalfSpace().check(given)
 
 
-def test_uneven_spacing_is_refused():
+def test_uneven_spacing_is_rejected():
     given = body((4, 4))
     points = given.mesh.points.copy()
     points[np.isclose(points[:, 0], 0.25), 0] += 0.01
@@ -254,15 +285,15 @@ def test_uneven_spacing_is_refused():
         HalfSpace().check(replace(given, mesh=replace(given.mesh, points=points)))
 
 
-def test_zones_askew_to_their_axes_are_refused():
-    """With one node alone on each edge along an axis."""
+def test_rotated_zones_are_rejected():
+    """A rotated zone has a single node on each extreme line along an axis."""
     given = body((4, 4))
     points = given.mesh.points @ rotation_about((0.0, 0.0, 1.0), 0.5).T
     with pytest.raises(MeshError, match=r"its 25 nodes do not form a full grid: .* allowed: .* edges along its axes"):
         HalfSpace().check(replace(given, mesh=replace(given.mesh, points=points)))
 
 
-def test_bent_or_inverted_zones_are_rejected():
+def test_curved_or_inverted_zones_are_rejected():
     given = body((4, 4))
     points = given.mesh.points.copy()
     points[np.isclose(points[:, 0], 0.25), 2] += 1e-4
@@ -286,6 +317,6 @@ def test_bent_or_inverted_zones_are_rejected():
         {"periodic": 1},
     ],
 )
-def test_keys_out_of_bounds(wrong):
+def test_keys_out_of_bounds_are_rejected(wrong):
     with pytest.raises(CaseError, match=next(iter(wrong))):
         HalfSpace(**wrong)

@@ -1,4 +1,4 @@
-"""Load histories on grids: increments give the same answers whatever is carried over from earlier ones."""
+"""Test load histories on grids: results of increments do not depend on data reused from earlier increments."""
 
 from dataclasses import replace
 
@@ -52,37 +52,35 @@ def assert_same(ours: tuple[StepResult, ...], theirs: tuple[StepResult, ...]) ->
             assert difference <= 1e-8 * np.abs(expected).max(initial=0.0), name
 
 
-def resumed(whole: Result, steps: tuple[Step, ...], matrix_up_to: int, kappa: float) -> tuple[StepResult, ...]:
-    """Return the increments of a history that goes on from the middle of the last step of another one."""
+def restart_history(whole: Result, steps: tuple[Step, ...], matrix_up_to: int, kappa: float) -> tuple[StepResult, ...]:
+    """Return the increments of a history that restarts in the middle of the last step of another one."""
     middle = PRESS + DRAG // 2
-    rest = replace(steps[-1], increments=DRAG - DRAG // 2)
+    remainder = replace(steps[-1], increments=DRAG - DRAG // 2)
     restart = Restart("", whole.zone.points, whole.zone.frames, whole.steps[middle - 1])
-    return solve_case(history((rest,), matrix_up_to, kappa, restart)).steps
+    return solve_case(history((remainder,), matrix_up_to, kappa, restart)).steps
 
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("kappa", [0.0, np.inf], ids=["insulated", "conducting"])
 @pytest.mark.parametrize("matrix_up_to", [0, 600], ids=["transforms", "matrix"])
 @pytest.mark.parametrize("control", STEPS)
-def test_a_history_resumed_in_the_middle_of_a_step_ends_in_the_same_states(
-    control: str, matrix_up_to: int, kappa: float
-) -> None:
+def test_restart_within_a_step_gives_same_states(control: str, matrix_up_to: int, kappa: float) -> None:
     steps = STEPS[control]
     whole = solve_case(history(steps, matrix_up_to, kappa))
     middle = whole.steps[PRESS + DRAG // 2 - 1]
     assert {Region.STICK, Region.SLIP} <= set(middle.region.tolist()), "slip counts from a state with both"
-    assert_same(resumed(whole, steps, matrix_up_to, kappa), whole.steps[PRESS + DRAG // 2 :])
+    assert_same(restart_history(whole, steps, matrix_up_to, kappa), whole.steps[PRESS + DRAG // 2 :])
 
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("control", STEPS)
-def test_a_matrix_changes_nothing(control: str) -> None:
-    found = [solve_case(history(STEPS[control], matrix_up_to)).steps for matrix_up_to in (0, 600)]
-    assert_same(*found)
+def test_stored_matrix_gives_same_history(control: str) -> None:
+    solution = [solve_case(history(STEPS[control], matrix_up_to)).steps for matrix_up_to in (0, 600)]
+    assert_same(*solution)
 
 
-def test_one_step_of_many_increments_is_many_steps_of_one() -> None:
-    """Nothing is predicted from the increment before where each increment is a step of its own."""
+def test_increments_match_separate_steps() -> None:
+    """Separate load steps of one increment each do not extrapolate from earlier increments."""
     steps = tuple(Step(approach=3e-5 * part / PRESS) for part in range(1, PRESS + 1))
     steps += tuple(Step(translation=(9e-6 * part / DRAG, 0.0)) for part in range(1, DRAG + 1))
     assert_same(solve_case(history(steps, 0)).steps, solve_case(history(STEPS["motions"], 0)).steps)

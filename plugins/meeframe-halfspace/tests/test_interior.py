@@ -1,4 +1,4 @@
-"""Fields inside a half space: closed forms of Hertz, Love and Boussinesq, equilibrium, and the surface as a limit."""
+"""Test fields inside a half space: closed forms of Hertz, Love and Boussinesq, equilibrium, limit at the surface."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def half_space(stiffness, divisions, spacing, **options):
 
 
 def hertz(cells):
-    """System and load of Hertz's pressure of unit radius and largest value, `cells` wide."""
+    """Return the system and the load of Hertz's pressure with unit radius and maximum, `cells` wide."""
     system = half_space(STEEL, (cells + 4, cells + 4), 2.0 / cells)
     load = np.zeros((len(system.points), 5))
     load[:, 2] = -np.sqrt(np.maximum(1.0 - (system.points[:, :2] ** 2).sum(axis=1), 0.0))
@@ -46,7 +46,7 @@ def axis(depths):
 
 
 def test_axis_under_hertz_pressure_converges_with_second_order():
-    """Stresses on the axis in closed form (Johnson, Contact Mechanics (1985), eqs. 3.45)."""
+    """Stresses on the axis converge to the closed form (Johnson, Contact Mechanics (1985), eqs. 3.45)."""
     z = np.array([0.15, 0.3, 0.481, 0.8, 1.5, 3.0])
     axial = -1.0 / (1.0 + z**2)
     radial = -(1.0 + NU) * (1.0 - z * np.arctan(1.0 / z)) - axial / 2.0
@@ -61,7 +61,7 @@ def test_axis_under_hertz_pressure_converges_with_second_order():
 
 
 def test_largest_stresses_under_hertz_pressure():
-    """Largest shear 0.310 p0 at the depth 0.481 a, von Mises 0.620 p0, for a Poisson ratio of 0.3."""
+    """For a Poisson ratio of 0.3, the largest shear is 0.310 p0 at the depth 0.481 a, and von Mises is 0.620 p0."""
     system, load = hertz(32)
     depths = np.linspace(0.43, 0.53, 11)
     result = interior(system, load, axis(depths))
@@ -74,7 +74,7 @@ def test_largest_stresses_under_hertz_pressure():
 
 
 def newmark(x, y, z, a):
-    """Normal stress under uniform unit pressure on |x|, |y| < a, from its corners (Love 1929; Newmark 1935)."""
+    """Return the normal stress under uniform unit pressure on |x|, |y| < a (Love 1929; Newmark 1935)."""
     total = 0.0
     for u, v, sign in ((a - x, a - y, 1), (-a - x, a - y, -1), (a - x, -a - y, -1), (-a - x, -a - y, 1)):
         r = np.sqrt(u * u + v * v + z * z)
@@ -84,7 +84,7 @@ def newmark(x, y, z, a):
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (1.0, 1.0), (0.3, -0.7), (2.5, 0.4)])
 def test_uniform_pressure_on_a_square(shift):
-    """Cells of constant pressure hold it exactly: no discretisation error is left."""
+    """Cells of constant pressure represent the load exactly, so there is no discretisation error."""
     system = half_space(STEEL, (11, 11), 0.25, density="constant")
     x, y, _ = system.points.T
     load = np.zeros((len(x), 5))
@@ -97,8 +97,8 @@ def test_uniform_pressure_on_a_square(shift):
 
 
 @pytest.mark.parametrize("density", ["bilinear", "constant"])
-def test_force_and_flux_through_deep_planes(density):
-    """A point far below a load sees its resultant: the fields of a loaded node and of four around it agree."""
+def test_far_field_depends_on_resultant_only(density):
+    """Far below the surface, a loaded node and four loaded nodes around it cause the same fields."""
     system = half_space(COUPLED, (8, 8), 0.25, density=density)
     one, four = np.zeros((2, len(system.points), 5))
     x, y, _ = np.abs(system.points.T)
@@ -112,7 +112,7 @@ def test_force_and_flux_through_deep_planes(density):
 
 
 def differences(capability, load, point, h):
-    """Divergence of stress, D and B, and gradients, by central differences of fourth order."""
+    """Return the divergence of stress, D and B, and the gradients, by central differences of fourth order."""
     steps, weights = np.array([-2, -1, 1, 2]), np.array([1.0, -8.0, 8.0, -1.0]) / (12.0 * h)
     offsets = np.concatenate([h * np.outer(steps, e) for e in np.eye(3)])
     around = capability.evaluate(load, point + offsets)
@@ -132,7 +132,8 @@ def check_equilibrium(system, points, h):
 
 
 def test_coupled_equilibrium():
-    """div sigma = 0, div D = 0, div B = 0, and gradients are those of the values, in a rotated orthotropic medium."""
+    """In a rotated orthotropic medium, div sigma = 0, div D = 0, div B = 0, and gradients are derivatives of the
+    values."""
     system = half_space(COUPLED, (12, 10), 0.1)
     check_equilibrium(system, np.array([[0.13, -0.2, -0.4], [0.9, 0.3, -0.7]]), 0.01)
 
@@ -144,7 +145,7 @@ def test_coupled_equilibrium_under_a_periodic_surface():
 
 @pytest.mark.parametrize("options", [{"periodic": True}, {"periodic": True, "density": "trigonometric"}])
 def test_surface_of_a_periodic_half_space(options):
-    """At depth zero, values are those of the compliance to round-off, also for an odd number of nodes."""
+    """At depth zero, values equal those of the compliance to round-off, also for an odd number of nodes."""
     system = half_space(COUPLED, (7, 8), 0.1, **options)
     load = noise(system)
     result = system.capability(InteriorFields).evaluate(load, system.points)
@@ -154,7 +155,8 @@ def test_surface_of_a_periodic_half_space(options):
 
 
 def test_surface_of_a_free_half_space():
-    """At depth zero, values are those of the compliance and fluxes the load, but for short waves of the density."""
+    """At depth zero, values equal those of the compliance and fluxes the load, except for short
+    waves of the density."""
     system = half_space(COUPLED, (30, 28), 0.1)
     x, y, _ = system.points.T
     load = np.outer(np.cos(np.pi * x / 3.0) ** 2 * np.cos(np.pi * y / 2.8) ** 2, [0.5, -1.0, 2.0, 1.0, -0.7]) / FACTORS
@@ -168,7 +170,7 @@ def test_surface_of_a_free_half_space():
 
 
 def test_points_in_any_order_and_on_grids():
-    """Sections, lines and scattered points are evaluated in different ways; values at a point are the same."""
+    """Grids, lines and scattered points use different algorithms and give the same values."""
     system = half_space(COUPLED, (9, 6), 0.1)
     load = noise(system)
     grid = PointGrid.along_global_axes(np.linspace(-0.8, 0.7, 5), np.linspace(-0.4, 0.4, 4), [-0.3, -0.15])
@@ -176,12 +178,12 @@ def test_points_in_any_order_and_on_grids():
     order = np.random.default_rng(0).permutation(len(grid.points))[:9]
     some = interior(system, load, grid.points[order])
     for name in ("displacement", "potentials", "stress", "flux_densities"):
-        found, expected = getattr(some, name), getattr(whole, name)
-        np.testing.assert_allclose(found, expected[order], atol=1e-6 * np.abs(expected).max())
+        computed, expected = getattr(some, name), getattr(whole, name)
+        np.testing.assert_allclose(computed, expected[order], atol=1e-6 * np.abs(expected).max())
 
 
-def test_wrappers_forward_and_parts_have_none():
-    """Rotated frames, a stored matrix and two bodies give the same fields; coarser grids and parts have none."""
+def test_composed_systems_forward_interior_fields():
+    """Rotated frames, stored matrices and two bodies give the same fields; coarser grids and restrictions have none."""
     system = half_space(COUPLED, (9, 9), 0.1)
     load, points = noise(system), np.array([[0.2, 0.1, -0.25], [0.0, -0.3, -0.5]])
     expected = system.capability(InteriorFields).evaluate(load, points).fluxes * FACTORS
@@ -192,8 +194,8 @@ def test_wrappers_forward_and_parts_have_none():
         rotated_load = load.copy()
         rotated_load[:, :3] = np.einsum("nai,nbi,nb->na", rotated.frames, system.frames, load[:, :3])
         for one, given in ((original, load), (rotated, rotated_load)):
-            found = one.capability(InteriorFields).evaluate(given, points).fluxes * FACTORS
-            np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+            computed = one.capability(InteriorFields).evaluate(given, points).fluxes * FACTORS
+            np.testing.assert_allclose(computed, expected, atol=1e-10 * np.abs(expected).max())
     pair = combine_bodies(system, half_space(STEEL, (9, 9), 0.1))
     np.testing.assert_array_equal(pair.capability(InteriorFields).evaluate(load, points).fluxes * FACTORS, expected)
     large = half_space(COUPLED, (60, 60), 0.1)
@@ -201,7 +203,7 @@ def test_wrappers_forward_and_parts_have_none():
     assert large.capability(Restriction).restrict(np.arange(12)).system.capability(InteriorFields) is None
 
 
-def test_points_outside_are_refused():
+def test_points_outside_are_rejected():
     system = half_space(STEEL, (4, 4), 0.25)
     load = np.ones(system.offset.shape)
     for points, message in (
@@ -223,8 +225,8 @@ def test_no_load_causes_no_fields():
     assert not result.displacement.any()
 
 
-def test_a_further_scalar_field():
-    """A heat source on the surface: temperature Q / (2 pi k r) and heat flux Q / (2 pi r^2) in the depth."""
+def test_additional_scalar_field():
+    """A heat source on the surface causes the temperature Q / (2 pi k r) and the heat flux Q / (2 pi r^2)."""
     thermal = ScalarField(
         "thermal",
         "temperature",

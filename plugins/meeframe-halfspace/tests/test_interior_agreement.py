@@ -1,4 +1,4 @@
-"""Stress, D and B of one load by transforms and by boundary elements agree with second order."""
+"""Stress, D and B by FFT and by boundary elements agree with second order."""
 
 import numpy as np
 from meeframe_halfspace import HalfSpace
@@ -17,7 +17,7 @@ POINTS = np.array([[0.0, 0.0, -0.5], [0.4, -0.3, -0.7], [-0.8, 0.2, -1.2]])
 
 
 def fluxes(formulation, divisions):
-    """Scaled stress, D and B at the points under a smooth load in all fields, bilinear on a coupled half space."""
+    """Return scaled stress, D and B at the points under a smooth load in all fields on a coupled half space."""
     body = Body(STIFFNESS, half_space_mesh(16.0, 2.4, divisions, 8, Quad4()), (), "contact")
     system = formulation.reduce(body)
     squared = (system.points[:, :2] ** 2).sum(axis=1)
@@ -26,7 +26,7 @@ def fluxes(formulation, divisions):
 
 
 def test_boundary_elements_converge_to_the_half_space():
-    """Differences decrease with the square of the element size; extrapolated by this order, they nearly vanish."""
+    """Differences decrease with the square of the element size and nearly vanish after extrapolation."""
     coarse, fine = (fluxes(DenseBEM(), divisions) - fluxes(HalfSpace(), divisions) for divisions in (10, 16))
     size = np.abs(fluxes(HalfSpace(), 16)).max()
     assert np.abs(coarse).max() / np.abs(fine).max() > 2.1

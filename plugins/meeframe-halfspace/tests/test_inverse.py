@@ -1,4 +1,4 @@
-"""The approximate inverse, and what it changes: how fast friction and conduction are solved, not what is found."""
+"""The approximate inverse accelerates contact with friction and conduction and does not change solutions."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def reduced(n: int, matrix_up_to: int = 0, periodic: bool = False) -> ReducedSys
 
 
 def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem:
-    """A sphere pressed on and dragged by half of what friction bears, both as forces."""
+    """Return a problem of a sphere under a normal force and half of the tangential force that friction can carry."""
     x, y, _ = system.points.T
     prescribed_resultants = tuple(
         prescribe_resultant(system, mode, total)
@@ -49,58 +49,59 @@ def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem
         none,
         prescribed_resultants,
     )
-    own = potential_diagonal(problem)[len(x) // 2]
-    laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, own, strict=True)]
+    compliance = potential_diagonal(problem)[len(x) // 2]
+    laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, compliance, strict=True)]
     return replace(problem, channels=flux_channels(laws[0], laws[1]))
 
 
-def solved(problem: ContactProblem, solver=None, tolerance=1e-10) -> ContactSolution:
+def solve_contact(problem: ContactProblem, solver=None, tolerance=1e-10) -> ContactSolution:
     solution = solve(problem, solver or SemismoothNewton(), StoppingCriteria(tolerance=tolerance))
     assert solution.status is Status.CONVERGED, solution.message
     return solution
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_inverse_of_a_load(periodic) -> None:
-    """Exact but for single precision on a periodic surface; on a free one near where the load is, not at the border."""
+def test_approximate_inverse_recovers_load(periodic) -> None:
+    """Periodic surfaces: exact to single precision. Free surfaces: accurate near the load, not at the border."""
     system = reduced(32, periodic=periodic)
     x, y, _ = system.points.T
     fields = [0, 1, 2, 3, 4]
     load = np.random.default_rng(3).normal(size=system.offset.shape)
     inside = np.hypot(x, y) < 0.3 * WIDTH
     load *= inside[:, None] / np.abs(np.diagonal(system.diagonal_blocks()[0])) ** 0.5
-    found = system.approximate_inverse(fields)(system.apply(load))
-    error = np.abs(found - load) / np.abs(load).max(axis=0)
+    computed = system.approximate_inverse(fields)(system.apply(load))
+    error = np.abs(computed - load) / np.abs(load).max(axis=0)
     assert error[slice(None) if periodic else inside].max() < (1e-5 if periodic else 0.05)
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_fields_in_which_nothing_moves_add_nothing(periodic) -> None:
-    """They are left out: answers to some fields add up to that to all."""
+def test_zero_displacements_contribute_nothing(periodic) -> None:
+    """Fields without displacement may be omitted: contributions of separate fields add up."""
     system = reduced(24, periodic=periodic)
-    like = np.abs(np.diagonal(system.diagonal_blocks()[0])) ** 0.5  # each as much as the others
+    like = np.abs(np.diagonal(system.diagonal_blocks()[0])) ** 0.5  # each of similar magnitude
     moved = like * np.random.default_rng(6).normal(size=system.offset.shape)
     inverse = system.approximate_inverse([0, 1, 2, 3, 4])
     some = np.array([True, False, True, False, False])
-    found, parts = inverse(moved), inverse(np.where(some, moved, 0.0)) + inverse(np.where(some, 0.0, moved))
-    assert (np.abs(found - parts) / np.abs(found).max(axis=0)).max() < 1e-5
+    computed, parts = inverse(moved), inverse(np.where(some, moved, 0.0)) + inverse(np.where(some, 0.0, moved))
+    assert (np.abs(computed - parts) / np.abs(computed).max(axis=0)).max() < 1e-5
     assert not inverse(np.zeros_like(moved)).any()
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_inverse_answers_in_the_precision_of_the_question(periodic) -> None:
-    """So that what is done with it stays in single precision, and is the same."""
+def test_inverse_preserves_precision(periodic) -> None:
+    """Single-precision displacements give single-precision loads with the same values."""
     system = reduced(24, periodic=periodic)
     moved = system.apply(np.random.default_rng(5).normal(size=system.offset.shape))
     inverse = system.approximate_inverse([0, 1, 2, 3, 4])
-    found, single = inverse(moved), inverse(moved.astype(np.float32))
-    assert (found.dtype, single.dtype) == (np.float64, np.float32)
-    assert (np.abs(found - single) / np.abs(found).max(axis=0)).max() < 1e-5
+    computed, single = inverse(moved), inverse(moved.astype(np.float32))
+    assert (computed.dtype, single.dtype) == (np.float64, np.float32)
+    assert (np.abs(computed - single) / np.abs(computed).max(axis=0)).max() < 1e-5
 
 
 @pytest.mark.parametrize("n", [14, 23, 32])
-def test_free_grids_answer_to_waves_as_if_they_faded(n) -> None:
-    """Of 30, 48 and 64 padded nodes: the kernel itself, multiplied by a cosine and wrapped around, transforms to it."""
+def test_symbol_of_free_grids(n) -> None:
+    """The transform of the kernel, multiplied by a cosine and wrapped around, gives the symbol on 30, 48 and 64
+    padded nodes."""
     system = reduced(n)
     fields, (px, py) = [0, 2, 4], system.convolution.padded
     wide = replace(system.convolution, size=(px, py), scale=np.ones((5, 5)))
@@ -113,12 +114,12 @@ def test_free_grids_answer_to_waves_as_if_they_faded(n) -> None:
     waves = replace(wave_inverse(system.convolution, fields), size=(px // 2, py // 2), scale=np.ones((5, 5)))
     unit = load[:, : px // 2, : py // 2].astype(np.float32)
     for column, field in enumerate(fields):
-        found = np.fft.fft2(waves.response(unit, [field], fields))
-        assert np.abs(found - expected[:, column]).max() < 3e-5 * np.abs(expected).max()
+        computed = np.fft.fft2(waves.response(unit, [field], fields))
+        assert np.abs(computed - expected[:, column]).max() < 3e-5 * np.abs(expected).max()
 
 
-def test_chosen_fields_answer_as_if_the_others_bore_nothing() -> None:
-    """Not a block of the inverse: the inverse of a block."""
+def test_inverse_in_chosen_fields() -> None:
+    """The result is the inverse of a block, not a block of the inverse."""
     system = reduced(32, periodic=True)
     load = np.zeros_like(system.offset)
     load[:, [0, 2]] = np.random.default_rng(4).normal(size=(len(load), 2))
@@ -131,30 +132,31 @@ def test_chosen_fields_answer_as_if_the_others_bore_nothing() -> None:
 @pytest.mark.parametrize(
     "law", [IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.3)], ids=["isotropic", "orthotropic"]
 )
-def test_answers_are_those_of_factorisation(law, kappa) -> None:
-    """By the matrix, which knows no preconditioner and no coarser grid.
+def test_solutions_match_factorised_matrix(law, kappa) -> None:
+    """The reference solves with a matrix, without preconditioner and nested grids.
 
-    Where conduction draws a node into contact there may be several solutions: of a perfect conductor it is asked
-    whether that which was found is one by the matrix, too, and the one to which its iteration goes from beside it.
+    Where conduction attracts a node into contact there may be several solutions. For perfect conductors, the test
+    therefore checks that the computed solution satisfies the equations with the matrix, and that the iteration with
+    the matrix returns to it from nearby.
     """
     by_matrix, problem = (dragged(reduced(24, matrix_up_to=most), law, kappa) for most in (600, 0))
-    found = solved(problem, tolerance=1e-12).state
-    beside = replace(found, load=0.999 * found.load) if kappa == CONDUCTING else None
-    assert residual(by_matrix, found) < 2e-12
+    state = solve_contact(problem, tolerance=1e-12).state
+    beside = replace(state, load=0.999 * state.load) if kappa == CONDUCTING else None
+    assert residual(by_matrix, state) < 2e-12
     expected = solve(by_matrix, SemismoothNewton(), StoppingCriteria(tolerance=1e-12), beside).state
     scale = np.abs(expected.load).max(axis=0)
     scale[scale == 0.0] = 1.0
-    assert (np.abs(found.load - expected.load) / scale).max() < 1e-9
-    np.testing.assert_allclose(found.motion, expected.motion, atol=1e-9 * np.abs(expected.motion).max())
-    assert residual(problem, found) < 2e-12
+    assert (np.abs(state.load - expected.load) / scale).max() < 1e-9
+    np.testing.assert_allclose(state.motion, expected.motion, atol=1e-9 * np.abs(expected.motion).max())
+    assert residual(problem, state) < 2e-12
 
 
-def test_answers_are_those_without_a_coarser_grid() -> None:
-    """Friction, conduction and free motions on a grid that has one, from its solution and without all help."""
+def test_solutions_match_without_nested_grids() -> None:
+    """Friction, conduction and free motions are solved with nested grids and without any acceleration."""
     system = reduced(48)
     assert system.capability(Multigrid) is not None
     states = [
-        solved(dragged(OperationCounter.of(system, helped), kappa=CONDUCTING), tolerance=1e-11).state
+        solve_contact(dragged(OperationCounter.of(system, helped), kappa=CONDUCTING), tolerance=1e-11).state
         for helped in (True, False)
     ]
     scale = np.abs(states[1].load).max(axis=0)
@@ -162,21 +164,21 @@ def test_answers_are_those_without_a_coarser_grid() -> None:
     np.testing.assert_allclose(states[0].motion, states[1].motion, atol=1e-8 * np.abs(states[1].motion).max())
 
 
-def test_gradient_iterations_conduct_as_without_it() -> None:
-    """The potentials eliminated with the approximate inverse and without."""
-    found = []
+def test_gradient_iterations_match_without_inverse() -> None:
+    """Potentials are eliminated with and without the approximate inverse."""
+    computed = []
     for helped in (True, False):
         system = OperationCounter.of(reduced(24), helped)
-        found.append(solved(dragged(system, kappa=CONDUCTING), BarzilaiBorwein()).state.load)
-    assert (np.abs(found[0] - found[1]) <= 1e-7 * np.abs(found[1]).max(axis=0)).all()
+        computed.append(solve_contact(dragged(system, kappa=CONDUCTING), BarzilaiBorwein()).state.load)
+    assert (np.abs(computed[0] - computed[1]) <= 1e-7 * np.abs(computed[1]).max(axis=0)).all()
 
 
-def test_products_hardly_grow_with_the_grid() -> None:
-    """Of the whole solution, to residual 1e-10. Without help they do grow, so that this can fail."""
+def test_products_nearly_independent_of_grid() -> None:
+    """The number of products up to the residual 1e-10 grows without acceleration, and hardly grows with it."""
     counts = {}
     for n, helped in ((32, True), (128, True), (32, False), (64, False)):
         system = OperationCounter.of(reduced(n), helped)
-        assert solved(dragged(system)).residual <= 1e-10
+        assert solve_contact(dragged(system)).residual <= 1e-10
         counts[n, helped] = len(system.products)
     assert counts[128, True] < 1.5 * counts[32, True]
     assert counts[64, False] > counts[32, False] > counts[32, True]

@@ -1,4 +1,4 @@
-"""Increments whose start bears load where no indenter is above any more."""
+"""An initial load at nodes that are no longer below the indenter is discarded."""
 
 import numpy as np
 import pytest
@@ -46,21 +46,21 @@ def normal_force(result, number):
 
 @pytest.mark.parametrize("solver", ["projected-cg", "uzawa-bb", "auto"])
 @pytest.mark.parametrize("indenter", [PUNCH, TILTED], ids=["punch", "tilted"])
-def test_every_increment_of_a_punch_with_resolved_edges_converges(indenter, solver):
+def test_all_increments_of_a_punch_with_resolved_edges_converge(indenter, solver):
     increments = solve(indenter, solver)
     assert [one.status for one in increments] == ["converged"] * 3
-    # without friction the state depends on the approach alone
+    # without friction the state depends on the approach only
     direct = solve(indenter, "newton", first='approach = "4 um"')
     assert normal_force(increments, 2) == pytest.approx(normal_force(direct, 1), rel=1e-7)
 
 
-def test_a_frictionless_punch_keeps_its_stiffness_in_every_increment():
+def test_force_of_a_punch_is_proportional_to_approach():
     result = solve(PUNCH, "auto")
     forces = np.array([normal_force(result, number) for number in range(3)])
     assert forces / forces[1] == pytest.approx([0.5, 1.0, 0.4], rel=1e-8)
 
 
-def test_an_indenter_that_moves_on_leaves_no_load_behind():
+def test_no_load_remains_behind_a_moving_indenter():
     increments = solve(PUNCH, "auto", second='approach = "10 um"\ntranslation = ["0.4 mm", 0]\nincrements = 2')
     assert [one.status for one in increments] == ["converged"] * 4
     for one in increments:

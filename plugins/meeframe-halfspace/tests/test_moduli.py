@@ -1,4 +1,4 @@
-"""Indentation moduli of cubic crystals against published ones (Vlassak and Nix 1993, 1994), and from runs."""
+"""Indentation moduli of cubic crystals agree with published ones (Vlassak and Nix 1993, 1994)."""
 
 import numpy as np
 import pytest
@@ -23,8 +23,8 @@ def cubic(c11, c12, c44):
     return Material.from_voigt("cubic", elastic * 1e9, none, none, 1e-10 * one, 0.0 * one, 1e-6 * one)
 
 
-def facing_up(material, normal):
-    """Turned so that the normal points along x3."""
+def align_normal(material, normal):
+    """Rotate the crystal so that the normal points along x3."""
     nu = np.array(normal) / np.linalg.norm(normal)
     axis = np.cross(nu, (0.0, 0.0, 1.0))
     return material.rotated(rotation_about(axis, np.arccos(nu[2])))
@@ -40,8 +40,8 @@ def test_moduli_from_the_surface_compliance(crystal):
 @pytest.mark.parametrize("crystal", CONSTANTS)
 @pytest.mark.parametrize("face", NORMALS)
 def test_moduli_from_runs(crystal, face):
-    """P = 4/3 M sqrt(R) g^(3/2): to the published digits where the contact is round, 0.5 % where it is an ellipse."""
-    material = facing_up(cubic(*CONSTANTS[crystal]), NORMALS[face])
+    """P = 4/3 M sqrt(R) g^(3/2): the published digits for circular contacts, and within 0.5 % for elliptic ones."""
+    material = align_normal(cubic(*CONSTANTS[crystal]), NORMALS[face])
     radius, approach, cells = 0.1, 1e-5, 32
     spacing = 2.0 * np.sqrt(radius * approach) / cells
     mesh = half_space_mesh(1.0, 40 * spacing, 40, 1, Quad4())

@@ -1,4 +1,4 @@
-"""What coarser divisions may change, and where they must not be asked: narrow indenters, hidden asperities, laws."""
+"""Test limits of nested grids: narrow indenters, hidden asperities, laws with nodal data, restrictions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -27,8 +27,10 @@ from meeframe.system.capabilities import (
     Coarsening,
     EdgeResolution,
     FieldwiseApply,
+    InteriorFields,
     Multigrid,
     Persistence,
+    PointFields,
     Restriction,
     Subsystem,
     diagonal,
@@ -64,19 +66,19 @@ def grid(n: int) -> ReducedSystem:
     return system_of(HalfSpace(matrix_up_to=0), (n - 1, n - 1), ISOTROPIC)
 
 
-def pressed_by(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
-    """An indenter that moves freely down."""
-    return replace(held(system, gap), prescribed_resultants=(prescribe_resultant(system, PRESS, force),))
+def press(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
+    """Return an indenter that moves freely along its axis under a normal force."""
+    return replace(fixed(system, gap), prescribed_resultants=(prescribe_resultant(system, PRESS, force),))
 
 
-def held(system: ReducedSystem, gap: Array) -> ContactProblem:
-    """An indenter that does not move."""
+def fixed(system: ReducedSystem, gap: Array) -> ContactProblem:
+    """Return an indenter with a prescribed position."""
     none = np.zeros((len(gap), 2))
     return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none)
 
 
 def near(system: ReducedSystem, n: int, row: int, column: int, spacings: float) -> Array:
-    """Nodes (n,) of a grid n x n within so many spacings of one of them."""
+    """Return the nodes (n,) of an n x n grid within a number of spacings from one of them."""
     order = np.lexsort((system.points[:, 1], system.points[:, 0])).reshape(n, n)
     distance = np.linalg.norm(system.points - system.points[order[row, column]], axis=1)
     return np.asarray(distance < spacings * WIDTH / (n - 1))
@@ -84,15 +86,15 @@ def near(system: ReducedSystem, n: int, row: int, column: int, spacings: float) 
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("moved", [False, True], ids=["given", "free"])
-def test_magnitudes_are_those_of_asperities_between_the_coarse_nodes(moved: bool) -> None:
-    """Every coarse node is far below the asperities that overlap: the residual is measured in what these bear."""
+def test_scales_with_asperities_between_coarse_nodes(moved: bool) -> None:
+    """All coarse nodes lie far below the overlapping asperities, which determine the scale of the residual."""
     n = 128
     system = grid(n)
     order = np.lexsort((system.points[:, 1], system.points[:, 0])).reshape(n, n)
     random, gap = np.random.default_rng(1), np.full(n * n, 1e-5)
     asperities = order[1::2, 1::2].ravel()[random.random(n * n // 4) < 0.1]
     gap[asperities] = -1e-9 * random.random(len(asperities))
-    problem = pressed_by(system, gap + 2e-9, 1e-4) if moved else held(system, gap)
+    problem = press(system, gap + 2e-9, 1e-4) if moved else fixed(system, gap)
     plain = replace(problem, system=MatrixFree.of(system))
     scales, expected = problem_scales(problem), problem_scales(plain)
     assert scales.pressure == pytest.approx(expected.pressure, rel=0.5)
@@ -104,18 +106,18 @@ def test_magnitudes_are_those_of_asperities_between_the_coarse_nodes(moved: bool
 
 @SOLVERS
 @pytest.mark.parametrize(("n", "spacings"), [(64, 0.5), (64, 1.1), (128, 0.5), (128, 2.5)])
-def test_indenters_that_cover_few_nodes_if_any_of_the_coarse_ones(solver: Solver, n: int, spacings: float) -> None:
-    """A given motion, and a given force: the same stiffness; of a single node in closed form."""
+def test_narrow_indenters(solver: Solver, n: int, spacings: float) -> None:
+    """A prescribed motion and a prescribed force give the same stiffness; for a single node there is a closed form."""
     system = grid(n)
     under = near(system, n, n // 2 - 1, n // 2 + 1, spacings)
-    free = pressed_by(system, np.where(under, 0.0, np.inf), FORCE)
+    free = press(system, np.where(under, 0.0, np.inf), FORCE)
     pressed = solve(free, solver, StoppingCriteria(tolerance=1e-10))
     assert pressed.status is Status.CONVERGED
     depth = float(pressed.state.motion[0])
     if under.sum() == 1:
-        own = float(system.diagonal_blocks()[under][0, 2, 2])
-        assert depth == pytest.approx(own * FORCE / float(system.weights[under][0]), rel=1e-9)
-    given = solve(held(system, np.where(under, -depth, np.inf)), solver, StoppingCriteria(tolerance=1e-10))
+        compliance = float(system.diagonal_blocks()[under][0, 2, 2])
+        assert depth == pytest.approx(compliance * FORCE / float(system.weights[under][0]), rel=1e-9)
+    given = solve(fixed(system, np.where(under, -depth, np.inf)), solver, StoppingCriteria(tolerance=1e-10))
     assert given.status is Status.CONVERGED
     assert -system.weights @ given.state.load[:, 2] == pytest.approx(FORCE, rel=1e-8)
 
@@ -123,11 +125,11 @@ def test_indenters_that_cover_few_nodes_if_any_of_the_coarse_ones(solver: Solver
 @pytest.mark.full(except_for=1)
 @SOLVERS
 def test_indenters_that_cover_no_node(solver: Solver) -> None:
-    """They bear nothing: at a given motion that is so, a given force is not met."""
+    """Such indenters carry no load: a prescribed motion converges, a prescribed force does not."""
     system = grid(24)
     nowhere = np.full(len(system.points), np.inf)
-    assert solve(held(system, nowhere), solver).status is Status.CONVERGED
-    pressed = solve(pressed_by(system, nowhere, FORCE), solver, StoppingCriteria(stall_window=3, max_iterations=50))
+    assert solve(fixed(system, nowhere), solver).status is Status.CONVERGED
+    pressed = solve(press(system, nowhere, FORCE), solver, StoppingCriteria(stall_window=3, max_iterations=50))
     assert pressed.status is not Status.CONVERGED
     assert not pressed.state.load.any()
 
@@ -135,7 +137,7 @@ def test_indenters_that_cover_no_node(solver: Solver) -> None:
 @final
 @dataclass(frozen=True, eq=False)
 class NodalCoulomb(ContactLaw):
-    """Friction whose coefficients are those of the nodes (n,), as of an increment."""
+    """Coulomb friction with one coefficient for each node (n,), as after `for_increment`."""
 
     mu: Array
 
@@ -149,11 +151,11 @@ class NodalCoulomb(ContactLaw):
         return np.eye(2)
 
 
-def test_laws_of_the_nodes_are_asked_for_these_alone() -> None:
+def test_laws_with_nodal_data_are_evaluated_at_their_nodes() -> None:
     n, mu = 72, 0.3
     system = grid(n)
     gap = (system.points[:, :2] ** 2).sum(axis=1) / 0.2 - 4e-6
-    uniform = replace(held(system, gap), contact_law=IsotropicCoulomb(mu), translation=np.full((n * n, 2), 4e-7))
+    uniform = replace(fixed(system, gap), contact_law=IsotropicCoulomb(mu), translation=np.full((n * n, 2), 4e-7))
     nodal = replace(uniform, contact_law=NodalCoulomb(np.full(n * n, mu)))
     assert coarse_problem(uniform) is not None
     assert coarse_problem(nodal) is None
@@ -179,26 +181,26 @@ def test_capabilities_of_a_half_space(formulation: HalfSpace, divisions: tuple[i
     ids=["bilinear", "constant", "periodic", "edges", "dense"],
 )
 @pytest.mark.parametrize("directed", [False, True], ids=["as it is", "turned"])
-def test_own_responses_are_those_to_unit_loads(system: ReducedSystem, directed: bool) -> None:
-    """In the order in which they are asked for; of a part, too."""
+def test_diagonal_matches_unit_loads(system: ReducedSystem, directed: bool) -> None:
+    """Fields are returned in the requested order, also for restrictions."""
     n = len(system.points)
     whole = rotate_frames(system, np.random.default_rng(2).normal(3.0, size=(n, 3))) if directed else system
     restriction = whole.capability(Restriction)
     part = None if restriction is None else restriction.restrict(np.arange(2 * n // 5, 2 * n // 5 + 3))
     for asked in (whole, whole if part is None else part.system):
         for fields in ((2,), (4, 0, 1), tuple(range(5))):
-            own = diagonal(asked, fields)
-            assert own.shape == (len(asked.points), len(fields))
-            np.testing.assert_array_equal(own, asked.diagonal_blocks()[:, fields, fields])
-            for node in (0, len(own) // 2, len(own) - 1):
-                for found, field in zip(own[node], fields, strict=True):
-                    load = np.zeros((len(own), 5))
+            compliance = diagonal(asked, fields)
+            assert compliance.shape == (len(asked.points), len(fields))
+            np.testing.assert_array_equal(compliance, asked.diagonal_blocks()[:, fields, fields])
+            for node in (0, len(compliance) // 2, len(compliance) - 1):
+                for computed, field in zip(compliance[node], fields, strict=True):
+                    load = np.zeros((len(compliance), 5))
                     load[node, field] = 1.0
-                    assert found == pytest.approx(asked.apply(load)[node, field], rel=1e-9)
+                    assert computed == pytest.approx(asked.apply(load)[node, field], rel=1e-9)
 
 
-def test_parts_of_single_nodes() -> None:
-    """Of 17 x 17 nodes a corner is a part of its own."""
+def test_restriction_to_single_node() -> None:
+    """A corner of 17 x 17 nodes is restricted to itself."""
     system = system_of(HalfSpace(matrix_up_to=0), (16, 16))
     corner = system.restrict(np.array([len(system.points) - 1]))
     assert corner is not None
@@ -206,8 +208,9 @@ def test_parts_of_single_nodes() -> None:
     check_restriction(system)
 
 
-def test_parts_of_free_grids() -> None:
-    """Around the nodes, little larger than need be; what answers wherever they are; none where it is hardly less."""
+def test_restriction_of_free_grids() -> None:
+    """Restrictions are little larger than the requested nodes and absent where they would hardly be smaller than the
+    zone."""
     n = 96
     system = system_of(HalfSpace(matrix_up_to=0), (n - 1, n - 1))
     distance = np.abs(system.points[:, :2]).max(axis=1) / WIDTH
@@ -225,27 +228,27 @@ def test_parts_of_free_grids() -> None:
     assert periodic.capability(Restriction) is None
 
 
-def test_parts_of_two_sizes_are_kept() -> None:
-    """The contact's, and what it was before: of 1, 12 and 25 nodes along a side."""
+def test_restrictions_of_two_sizes_are_cached() -> None:
+    """The cache holds the current restriction and the previous one, for 1, 12 and 25 nodes along a side."""
     system = system_of(HalfSpace(matrix_up_to=0), (40, 40))
 
-    def answering(count: int) -> Convolution:
+    def restriction_for(count: int) -> Convolution:
         part = system.restrict(np.arange(count))
         assert part is not None
         assert isinstance(part.system, HalfSpaceSystem)
         return part.system.convolution
 
-    first, second = answering(1), answering(12)
-    assert (answering(1), answering(12)) == (first, second)
-    third = answering(25)
-    assert (answering(12), answering(25)) == (second, third)
-    assert answering(1) is not first
+    first, second = restriction_for(1), restriction_for(12)
+    assert (restriction_for(1), restriction_for(12)) == (first, second)
+    third = restriction_for(25)
+    assert (restriction_for(12), restriction_for(25)) == (second, third)
+    assert restriction_for(1) is not first
 
 
-def test_solutions_do_not_depend_on_what_was_asked_before() -> None:
-    """Bit for bit: larger and smaller contacts beforehand leave other parts behind, and none of them is used again."""
+def test_solutions_do_not_depend_on_earlier_solutions() -> None:
+    """Solutions are bitwise reproducible after contacts of other sizes, which leave other restrictions in the cache."""
 
-    def solved(system: ReducedSystem, radius: float) -> Array:
+    def solve_with(system: ReducedSystem, radius: float) -> Array:
         height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
         problem = indentation_problem(system, height, radius**2 / 0.1, conductivity=(np.inf, np.inf), potentials=(5, 1))
         solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8))
@@ -254,17 +257,17 @@ def test_solutions_do_not_depend_on_what_was_asked_before() -> None:
 
     first, second = (system_of(HalfSpace(matrix_up_to=0), (40, 40), ANISOTROPIC) for _ in range(2))
     radii = np.array([0.16, 0.2, 0.24, 0.3]) * WIDTH
-    loads = [solved(first, radius) for radius in radii]
-    again = [solved(second, radius) for radius in radii[::-1]][::-1]
+    loads = [solve_with(first, radius) for radius in radii]
+    again = [solve_with(second, radius) for radius in radii[::-1]][::-1]
     for load, other in zip(loads, again, strict=True):
         np.testing.assert_array_equal(load, other)
 
 
 @SOLVERS
-def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
-    """Their solution is no load at all, in no field: that of this one, too."""
+def test_coarse_grids_without_contact(solver: Solver) -> None:
+    """The coarse solution without contact gives a zero initial load in all fields."""
     system = grid(64)
-    problem = pressed_by(system, (system.points**2).sum(axis=1), 0.0)
+    problem = press(system, (system.points**2).sum(axis=1), 0.0)
     if solver != ProjectedCG():
         problem = problem.with_laws(electric=StepConductivity(np.inf))
     solution = solve(problem, solver, StoppingCriteria(tolerance=1e-8))
@@ -283,11 +286,11 @@ def radial(system: ReducedSystem) -> ReducedSystem:
     return rotate_frames(system, system.points - system.points.mean(axis=0))
 
 
-def alike(system: ReducedSystem) -> ReducedSystem:
+def identical(system: ReducedSystem) -> ReducedSystem:
     return rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1)))
 
 
-def corrected(system: ReducedSystem) -> ReducedSystem:
+def edge_corrected(system: ReducedSystem) -> ReducedSystem:
     edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
     return correct_edge(system, edge * system.diagonal_blocks())
 
@@ -297,20 +300,20 @@ def corrected(system: ReducedSystem) -> ReducedSystem:
     ("compose", "capabilities"),
     [
         (lambda system: combine_bodies(system, system), FORWARDED),
-        (lambda system: combine_bodies(radial(system), alike(system)), FORWARDED),
+        (lambda system: combine_bodies(radial(system), identical(system)), FORWARDED),
         (lambda system: combine_bodies(system, MatrixFree.of(system)), {FieldwiseApply, ApproximateInverse}),
         (lambda system: combine_bodies(MatrixFree.of(system), system), {FieldwiseApply}),
-        (alike, FORWARDED),
+        (identical, FORWARDED),
         (radial, FORWARDED),
-        (corrected, FORWARDED - {Multigrid}),
-        (lambda system: rotate_frames(corrected(system), radial(system).frames[:, 0]), FORWARDED - {Multigrid}),
+        (edge_corrected, FORWARDED - {Multigrid}),
+        (lambda system: rotate_frames(edge_corrected(system), radial(system).frames[:, 0]), FORWARDED - {Multigrid}),
         (OperationCounter.of, FORWARDED),
         (lambda system: OperationCounter.of(system, accelerated=False), {FieldwiseApply}),
         (MatrixFree.of, set()),
     ],
 )
 def test_capabilities_of_composed_systems(compose, capabilities: set[type]) -> None:
-    """Each is forwarded and correct, or absent for the stated reason."""
+    """Each capability is forwarded and correct, or absent for the stated reason."""
     system = system_of(*GRIDS[0])
     assert capabilities_of(system) == FORWARDED
     whole = compose(system)
@@ -321,8 +324,8 @@ def test_capabilities_of_composed_systems(compose, capabilities: set[type]) -> N
     assert restriction is None or restriction.restrict(nodes) is not None
 
 
-def test_two_bodies_with_other_coarse_nodes_have_no_coarser_grid() -> None:
-    """Turned over, every second one of an even number of nodes along x2 is one of the others."""
+def test_two_bodies_without_common_coarse_nodes() -> None:
+    """With an even number of nodes along x2, the rotated second body coarsens to the other nodes."""
     even = system_of(HalfSpace(matrix_up_to=0), (63, 63))
     assert even.capability(Multigrid) is not None
     assert combine_bodies(even, even).capability(Multigrid) is None
@@ -339,8 +342,8 @@ def test_two_bodies_resolve_edges_if_both_do() -> None:
     assert EdgeResolution not in capabilities_of(correct_edge(resolved, 0.1 * resolved.diagonal_blocks()))
 
 
-def test_two_bodies_start_from_a_coarser_grid() -> None:
-    """The same answer with fewer products than without acceleration."""
+def test_two_bodies_use_nested_grids() -> None:
+    """Nested grids save products and do not change the solution."""
     both = combine_bodies(
         system_of(HalfSpace(matrix_up_to=0), (96, 96)), system_of(HalfSpace(matrix_up_to=0), (96, 96), ISOTROPIC)
     )
@@ -360,14 +363,14 @@ def test_two_bodies_start_from_a_coarser_grid() -> None:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Wrong(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restriction):
-    """A half space one of whose capabilities is wrong."""
+class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restriction, InteriorFields):
+    """A half space with a single incorrect capability."""
 
     inner: HalfSpaceSystem
     wrong: str
 
     @classmethod
-    def of(cls, inner: ReducedSystem, wrong: str) -> "Wrong":
+    def of(cls, inner: ReducedSystem, wrong: str) -> "WrongCapability":
         assert isinstance(inner, HalfSpaceSystem)
         return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner, wrong)
 
@@ -388,8 +391,8 @@ class Wrong(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restri
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         wanted = sorted(fields) if self.wrong == "wanted fields" else fields
-        found = self.inner.apply_fields(load, sorted(loaded) if self.wrong == "loaded fields" else loaded, wanted)
-        return 1.0001 * found if self.wrong == "single precision" and load.dtype == np.float32 else found
+        computed = self.inner.apply_fields(load, sorted(loaded) if self.wrong == "loaded fields" else loaded, wanted)
+        return 1.0001 * computed if self.wrong == "single precision" and load.dtype == np.float32 else computed
 
     def diagonal(self, fields: Sequence[int]) -> Array:
         return self.inner.diagonal(sorted(fields) if self.wrong == "diagonal" else fields)
@@ -409,8 +412,17 @@ class Wrong(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restri
     def restrict(self, nodes: Indices) -> Subsystem | None:
         part = self.inner.restrict(nodes[len(nodes) // 2 :] if self.wrong == "part" else nodes)
         if part is not None and self.wrong == "fields of a part":
-            return replace(part, system=Wrong.of(part.system, "loaded fields"))
+            return replace(part, system=WrongCapability.of(part.system, "loaded fields"))
         return replace(part, nodes=part.nodes[::-1]) if part is not None and self.wrong == "nodes of a part" else part
+
+    def evaluate(self, load: Array, points: Array) -> PointFields:
+        interior = self.inner.capability(InteriorFields)
+        assert interior is not None
+        fields = interior.evaluate(load, points)
+        if self.wrong == "gradients":
+            return replace(fields, gradients=-fields.gradients)
+        doubled = {name: 2.0 * getattr(fields, name) for name in ("values", "gradients", "fluxes")}
+        return replace(fields, **doubled) if self.wrong == "interior" else fields
 
 
 @pytest.mark.full(except_for=2)
@@ -419,10 +431,11 @@ class Wrong(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restri
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
     + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal")]
     + [("single precision", "apply_fields of loads float32")]
+    + [("gradients", "are not the derivatives"), ("interior", "do not tend to those of recover at its surface")]
     + [("part", "lacks some of the requested nodes"), ("nodes of a part", "points of a subsystem are not")],
 )
-def test_wrong_capabilities_are_caught(wrong: str, message: str) -> None:
+def test_wrong_capabilities_are_detected(wrong: str, message: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)
     with pytest.raises(AssertionError, match=message):
-        check_capabilities(Wrong.of(system, wrong))
-    check_capabilities(Wrong.of(system, "nothing"))
+        check_capabilities(WrongCapability.of(system, wrong))
+    check_capabilities(WrongCapability.of(system, "nothing"))

@@ -1,6 +1,6 @@
-"""Friction and conduction under a sphere on an orthotropic half space, against a solver independent of this code.
+"""Friction and conduction under a sphere on an orthotropic half space agree with an independent solver.
 
-Its figures are on docs/explanation/theory.md, Half space. Ratios of a sphere depend on no size.
+Its figures are listed on docs/explanation/theory.md, Half space. The ratios do not depend on the size of the sphere.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ INDEPENDENT = {1e-12: 1.02, 1e-9: 0.92, 5e-9: 0.71, 8e-9: 0.63, 1e-8: 0.59}
 
 
 def sphere(mu: float, scale: float, conducting: Sequence[str] = ()) -> np.ndarray:
-    """Force [N], largest electric potential [V] and largest magnetic one [A]."""
+    """Return the force [N], the largest electric potential [V] and the largest magnetic potential [A]."""
     tables = {
         "title": "sphere on an orthotropic half space",
         "material": {"name": "orthotropic-mee", "magnetoelectric_scale": scale},
@@ -36,7 +36,7 @@ def sphere(mu: float, scale: float, conducting: Sequence[str] = ()) -> np.ndarra
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(("scale", "rise"), INDEPENDENT.items())
-def test_friction_raises_the_potentials_of_an_insulating_sphere(scale: float, rise: float) -> None:
+def test_friction_increases_potentials_under_insulating_sphere(scale: float, rise: float) -> None:
     _, electric, magnetic = sphere(0.9, scale) / sphere(0.0, scale) - 1.0
     assert electric == pytest.approx(rise, abs=0.01)
     assert magnetic == pytest.approx(0.33, abs=0.01)

@@ -1,4 +1,4 @@
-"""Contact on periodic surfaces, none of whose nodes is special: its area, its edges between the nodes."""
+"""Test contact on periodic surfaces: area, and edges between nodes, wherever the contact lies."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ MEDIUM = library_material("orthotropic-mee").rotated(rotation_about([1, 2, 3], 0
 
 @dataclass(frozen=True)
 class Wave(Indenter):
-    """Waves along x, whose crests lie at `crest` [m]."""
+    """Waves along x with a crest at `crest` [m]."""
 
     crest: float
 
@@ -33,7 +33,7 @@ class Wave(Indenter):
         return height
 
 
-def pressed(crest: float, force: float, edges: str) -> Resultants:
+def press(crest: float, force: float, edges: str) -> Resultants:
     mesh = half_space_mesh(8.0 * PERIOD, PERIOD * (1.0 - 1.0 / NODES), NODES - 1, 1, Quad4())
     formulation = HalfSpace(periodic=True, edges=edges)  # type: ignore[arg-type]
     case = Case(MEDIUM, mesh, (), Wave(crest), (Step(normal_force=force),), formulation=formulation)
@@ -43,19 +43,19 @@ def pressed(crest: float, force: float, edges: str) -> Resultants:
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("share", [0.2, 0.7, 1.01])
-def test_westergaard_wherever_the_crest_is(share: float) -> None:
-    """p/p* = sin^2(pi a/lambda), p* = pi E* amplitude/lambda, 1/E* = Re Y_33/2 of any medium; within a row of nodes."""
+def test_westergaard_is_independent_of_position(share: float) -> None:
+    """p/p* = sin^2(pi a/lambda), p* = pi E* amplitude/lambda, 1/E* = Re Y_33/2 for any medium, to one row of nodes."""
     modulus = 2.0 / surface_compliance(MEDIUM.stiffness, [0.0, 0.0, 1.0], [[1.0, 0.0, 0.0]])[0, 2, 2].real
     force = share * np.pi * modulus * AMPLITUDE / PERIOD * PERIOD**2
     exact = 2.0 / np.pi * np.arcsin(np.sqrt(min(share, 1.0)))
-    areas = [pressed(shift * PERIOD / NODES, force, "nodes").contact_area / PERIOD**2 for shift in (0.0, 5.0, 15.0)]
+    areas = [press(shift * PERIOD / NODES, force, "nodes").contact_area / PERIOD**2 for shift in (0.0, 5.0, 15.0)]
     np.testing.assert_allclose(areas, areas[0], rtol=1e-12)
     assert areas[0] == pytest.approx(exact, abs=0.0 if share > 1.0 else 1.0 / NODES, rel=1e-12)
 
 
 @dataclass(frozen=True)
 class PeriodicSphere(Indenter):
-    """A paraboloid in each period, the one in the middle centred at x, y [m]."""
+    """A paraboloid in each period, centred at x, y [m] in the middle one."""
 
     x: float
     y: float
@@ -66,19 +66,19 @@ class PeriodicSphere(Indenter):
         return height
 
 
-@pytest.mark.parametrize("place", [(16, 0), (16, 16), (13, -5)])
-def test_resolved_edges_cross_the_border_of_the_period(place: tuple[int, int]) -> None:
-    """Charge and area are those of the same contact in the middle of the zone."""
-    (charge, area), found = (
+@pytest.mark.parametrize("position", [(16, 0), (16, 16), (13, -5)])
+def test_resolved_edges_cross_the_border_of_the_period(position: tuple[int, int]) -> None:
+    """Charge and area equal those of the same contact in the middle of the zone."""
+    (charge, area), computed = (
         (totals.charge, totals.contact_area)
-        for totals in (conducting(PeriodicSphere(*(PERIOD / NODES * np.array(at)))) for at in ((0, 0), place))
+        for totals in (conducting(PeriodicSphere(*(PERIOD / NODES * np.array(at)))) for at in ((0, 0), position))
     )
-    assert found == pytest.approx((charge, area), rel=1e-8)
+    assert computed == pytest.approx((charge, area), rel=1e-8)
 
 
 @dataclass(frozen=True)
 class PeriodicPunch(Indenter):
-    """A flat disc of a radius [m] in each period, the one in the middle centred at x, y [m]."""
+    """A flat disc of a radius [m] in each period, centred at x, y [m] in the middle one."""
 
     x: float
     y: float
@@ -91,15 +91,17 @@ class PeriodicPunch(Indenter):
 
 
 @pytest.mark.full(except_for=1)
-@pytest.mark.parametrize(("place", "radius"), [((16, 0), 7.4), ((7, 9), 7.4), ((7, 9), 8.1)])
-def test_rims_cross_the_border_of_the_period(place: tuple[int, int], radius: float) -> None:
-    """Charge and area are those of the same punch in the middle of the zone, where it cuts the border and beside it."""
+@pytest.mark.parametrize(("position", "radius"), [((16, 0), 7.4), ((7, 9), 7.4), ((7, 9), 8.1)])
+def test_indenter_edges_cross_the_border_of_the_period(position: tuple[int, int], radius: float) -> None:
+    """Charge and area equal those of the same punch in the middle of the zone."""
     spacing = PERIOD / NODES
-    (charge, area), found = (
+    (charge, area), computed = (
         (totals.charge, totals.contact_area)
-        for totals in (conducting(PeriodicPunch(*(spacing * np.array(at)), radius * spacing)) for at in ((0, 0), place))
+        for totals in (
+            conducting(PeriodicPunch(*(spacing * np.array(at)), radius * spacing)) for at in ((0, 0), position)
+        )
     )
-    assert found == pytest.approx((charge, area), rel=1e-8)
+    assert computed == pytest.approx((charge, area), rel=1e-8)
 
 
 def conducting(indenter: Indenter) -> Resultants:

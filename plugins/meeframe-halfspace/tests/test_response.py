@@ -1,4 +1,4 @@
-"""The point response and its integrals over cells against closed forms and quadrature."""
+"""The point response and its integrals over cells agree with closed forms and quadrature."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from meeframe_halfspace.cells import _pieces, _product_rules, cell_table, far_ta
 from meeframe_halfspace.entries import entries_to_matrix
 from meeframe_halfspace.kernels import _near, tabulate
 from meeframe_halfspace.kernels import cell_response as one_cell
-from meeframe_halfspace.response import mirrored
+from meeframe_halfspace.response import mirror_parity
 from scipy.integrate import dblquad
 
 from meeframe.common.errors import MaterialError
@@ -20,14 +20,14 @@ H = 1e-3
 
 
 @pytest.mark.parametrize("missing", [1e-4, 1e-8])
-def test_rubber_answers_as_boussinesq_says(missing):
-    """Poisson's ratio 0.5 - missing, where digits of the compliance are lost."""
+def test_nearly_incompressible_response_matches_boussinesq(missing):
+    """Near a Poisson ratio of 0.5, digits of the compliance cancel."""
     poisson = 0.5 - missing
     answer = PointResponse.of(Material.isotropic(1e6, poisson).stiffness, np.eye(3)).evaluate(np.array([[3.0, 4.0]]))
     np.testing.assert_allclose(answer[0, 2, 2], (1 - poisson**2) / (np.pi * 1e6 * 5.0), rtol=1e-13 / missing)
 
 
-def turned_orthotropic():
+def rotated_orthotropic():
     return library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
 
 
@@ -36,18 +36,18 @@ def table(response, spacing, shape, size):
     return entries_to_matrix(values) * np.outer(response.factors, response.factors)
 
 
-def test_constant_cells_are_those_of_boussinesq_and_cerruti():
+def test_constant_cells_match_boussinesq_and_cerruti():
     response = PointResponse.of(Material.isotropic(YOUNG, POISSON).stiffness, np.eye(3))
-    n = 16  # farther away the closed form itself, a difference of four large numbers, loses digits
+    n = 16  # farther away, the closed form loses digits, because it is a difference of four large numbers
     x, y = np.meshgrid(np.arange(n) * H, np.arange(1 - n, n) * H, indexing="ij")
     exact = cell_response(YOUNG, POISSON, x, y, H / 2)[..., :3, :3]
     computed = table(response, (H, H), "constant", (n, n))[..., :3, :3]
     size = np.abs(exact).max(axis=(2, 3), keepdims=True)
     assert (np.abs(computed - exact) / size).max() < 1e-12
-    assert np.abs(exact[..., 2, :2] / size[..., 0]).max() > 0.1  # the odd coupling is there to be met
+    assert np.abs(exact[..., 2, :2] / size[..., 0]).max() > 0.1  # the odd coupling is not zero
 
 
-def test_axisymmetric_response_is_that_of_the_closed_form():
+def test_axisymmetric_response_matches_closed_form():
     stiffness = library_material("batio3-cofe2o4").stiffness
     xi = axisymmetric_compliance(stiffness)
     offset = np.array([[0.3, 0.4], [-2.0, 0.1]])
@@ -56,7 +56,7 @@ def test_axisymmetric_response_is_that_of_the_closed_form():
     np.testing.assert_allclose(response, exact, rtol=1e-10)
 
 
-def test_the_response_turns_with_the_body():
+def test_response_rotates_with_the_body():
     material = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8))
     angle = 0.7
     about = rotation_about((0.0, 0.0, 1.0), angle)
@@ -67,13 +67,13 @@ def test_the_response_turns_with_the_body():
     turn[:3, :3] = about
     scale = np.sqrt(np.abs(np.einsum("naa,nbb->nab", first, first)))
     assert (np.abs(second - turn @ first @ turn.T) / scale).max() < 1e-11
-    # the frame of the zone may be turned instead
+    # rotating the frame of the zone is equivalent
     third = PointResponse.of(material.stiffness, about.T).evaluate(offset @ about[:2, :2])
     assert (np.abs(third - turn.T @ first @ turn) / scale).max() < 1e-11
 
 
 def test_reciprocity_between_two_points():
-    response = PointResponse.of(turned_orthotropic(), np.eye(3))
+    response = PointResponse.of(rotated_orthotropic(), np.eye(3))
     offset = np.array([[0.3, 0.4], [-2.0, 0.1]])
     there, back = response.evaluate(offset), response.evaluate(-offset)
     np.testing.assert_allclose(back, there.transpose(0, 2, 1), rtol=1e-12)
@@ -83,19 +83,21 @@ def test_reciprocity_between_two_points():
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("shape", ["constant", "bilinear"])
-@pytest.mark.parametrize("place", [(0, 0), (1, 0), (0, -2), (3, 2), (5, 4), (6, 1), (9, -13)])
-def test_cells_are_the_integrals_of_the_response(shape, place):
+@pytest.mark.parametrize("position", [(0, 0), (1, 0), (0, -2), (3, 2), (5, 4), (6, 1), (9, -13)])
+def test_cells_match_integrals_of_the_response(shape, position):
     spacing = (1.0, 1.4)
-    response = PointResponse.of(turned_orthotropic(), np.eye(3))
-    computed = table(response, spacing, shape, (10, 14))[place[0], 13 + place[1]] / np.outer(*[response.factors] * 2)
-    x, y = place[0] * spacing[0], place[1] * spacing[1]
+    response = PointResponse.of(rotated_orthotropic(), np.eye(3))
+    computed = table(response, spacing, shape, (10, 14))[position[0], 13 + position[1]] / np.outer(
+        *[response.factors] * 2
+    )
+    x, y = position[0] * spacing[0], position[1] * spacing[1]
     for row, column in ((0, 0), (2, 1), (1, 2), (3, 2), (4, 4)):
         exact = _integral(response, shape, spacing, x, y, row, column)
         assert abs(computed[row, column] - exact) < 1e-9 * np.abs(computed).max()
 
 
 def _integral(response, shape, spacing, x, y, row, column):
-    """By adaptive quadrature in polar coordinates about the point, where the integrand is bounded."""
+    """Integrate by adaptive quadrature in polar coordinates about the point, where the integrand is bounded."""
     hx, hy = spacing
     scale = response.factors[row] * response.factors[column]
 
@@ -125,7 +127,7 @@ def _away_or_corner(kernel, density, xs, ys):
 
 
 def _corner(kernel, density, xs, ys):
-    """The singular point is a corner of the rectangle: two triangles, collapsed there."""
+    """Integrate with the singular point at a corner of the rectangle: two triangles, collapsed there."""
     a, b = (xs[0] or xs[1]), (ys[0] or ys[1])
 
     def one(v, u):
@@ -142,9 +144,10 @@ def _corner(kernel, density, xs, ys):
 
 
 @pytest.mark.parametrize("shape", ["constant", "bilinear"])
-def test_product_rules_take_over_without_a_step(shape):
-    """Both ways of integration where one gives way to the other, and where the rules get fewer points."""
-    response = PointResponse.of(turned_orthotropic(), np.eye(3))
+def test_near_and_far_rules_agree_at_transitions(shape):
+    """Both integration methods agree at the distance where one replaces the other, and where the order of the rules
+    changes."""
+    response = PointResponse.of(rotated_orthotropic(), np.eye(3))
     spacing, rule = np.array([1.0, 0.8]), np.array(np.polynomial.legendre.leggauss(60))
     pieces = [_pieces(shape, h) for h in spacing]
     series = response.even, response.odd
@@ -156,61 +159,64 @@ def test_product_rules_take_over_without_a_step(shape):
             near, far = np.zeros(25), np.zeros(25)
             _near(x, y, *pieces, *series, rule, near)
             one_cell(x, y, spacing, *pieces, *series, around, rule, *_product_rules(shape), far)
-            # along the edges terms cancel that are larger by the distance squared
+            # near the axes, terms cancel that are larger by a factor of the distance squared
             worst = max(worst, np.abs(near - far).max() / np.abs(near).max() / distance**2)
     assert worst < 1e-13
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("rotated", [False, True])
 @pytest.mark.parametrize("shape", ["constant", "bilinear"])
-def test_far_cells_from_the_response_at_nodes(shape, turned):
-    """Every entry against integration, relative to the largest at that place; half is mirrored if nothing is turned."""
-    stiffness = turned_orthotropic() if turned else library_material("orthotropic-mee").stiffness
+def test_far_cells_from_the_response_at_nodes(shape, rotated):
+    """Each entry agrees with integration, relative to the largest at that place; without rotation half of the grid is
+    mirrored."""
+    stiffness = rotated_orthotropic() if rotated else library_material("orthotropic-mee").stiffness
     response = PointResponse.of(stiffness, np.eye(3))
     spacing, size = (1.0, 0.8), (44, 50)
     near = near_size(spacing, size)
     assert near == (31, 39)
     whole = cell_table(response, spacing, shape, size)
-    assert [mirrored(response.entry(entry)[0]) for entry in (0, 1, 16, 19)] == ([0] * 4 if turned else [1, -1, 1, -1])
-    found = np.stack([far_table(response, spacing, shape, size, entry) for entry in range(25)])
+    assert [mirror_parity(response.entry(entry)[0]) for entry in (0, 1, 16, 19)] == (
+        [0] * 4 if rotated else [1, -1, 1, -1]
+    )
+    computed_entry = np.stack([far_table(response, spacing, shape, size, entry) for entry in range(25)])
     far = np.ones(whole.shape[1:], bool)
     far[: near[0], size[1] - near[1] : size[1] + near[1] - 1] = False
-    error = np.abs(found - whole).max(axis=0) / np.abs(whole).max(axis=0)
+    error = np.abs(computed_entry - whole).max(axis=0) / np.abs(whole).max(axis=0)
     assert far.any()
     assert error[far].max() < 1e-12
 
 
 def test_entries_that_symmetry_forbids_are_zero():
-    """Isotropic: 8 of 25 are left to be made; orthotropic and turned: all."""
+    """Isotropic media have 8 of 25 entries to compute, rotated orthotropic media all."""
     isotropic = PointResponse.of(Material.isotropic(YOUNG, POISSON).stiffness, np.eye(3))
     made = [entry for entry in range(25) if len(isotropic.entry(entry)[0])]
     assert made == [0, 1, 5, 9, 12, 14, 16, 19]
-    turned = PointResponse.of(turned_orthotropic(), np.eye(3))
-    assert all(len(turned.entry(entry)[0]) for entry in range(25))
+    rotated = PointResponse.of(rotated_orthotropic(), np.eye(3))
+    assert all(len(rotated.entry(entry)[0]) for entry in range(25))
 
 
 @pytest.mark.parametrize("quarter_turns", [0, 1, 2])
 def test_responses_mirrored_about_the_first_axis(quarter_turns):
-    """Of media with planes of symmetry: each entry of the response is the same there, or the opposite."""
+    """For media with symmetry planes, each entry is even or odd."""
     medium = library_material("orthotropic-mee").rotated(rotation_about((0.0, 0.0, 1.0), 0.5 * np.pi * quarter_turns))
     around = np.random.default_rng(0).normal(size=(20, 2))
     for stiffness in (medium.stiffness, Material.isotropic(YOUNG, POISSON).stiffness):
         response = PointResponse.of(stiffness, np.eye(3))
         there, beyond = (response.evaluate(around * [1.0, sign]) for sign in (1.0, -1.0))
         parities = np.abs(entries_to_matrix(response.parities.astype(float)))
-        np.testing.assert_array_equal(parities[~np.eye(5, dtype=bool)] % 2, 0)  # both kinds of entries have the same
+        np.testing.assert_array_equal(parities[~np.eye(5, dtype=bool)] % 2, 0)  # both kinds of entries occur
         signs = np.sign(entries_to_matrix(np.concatenate([response.parities[:15], np.zeros(10)])))
         assert np.abs(beyond - signs * there).max() < 1e-12 * np.abs(there).max()
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 2.0, 0.5), (0.0, 1.0, 0.0)])
-def test_responses_that_are_not_mirrored(axis):
+def test_responses_without_mirror_symmetry(axis):
     medium = library_material("orthotropic-mee").rotated(rotation_about(axis, 0.5))
     response = PointResponse.of(medium.stiffness, np.eye(3))
-    mirrors = axis == (0.0, 1.0, 0.0)  # turned about the second axis, the plane across it stays one of symmetry
+    mirrors = axis == (0.0, 1.0, 0.0)  # a rotation about the second axis preserves the symmetry plane across it
     assert (response.parities is not None) == mirrors
 
 
-def test_what_is_no_material_is_refused():
+def test_inadmissible_stiffness_is_rejected():
     with pytest.raises(MaterialError, match="converge"):
         PointResponse.of(np.full((3, 5, 5, 3), np.nan), np.eye(3))

@@ -1,4 +1,4 @@
-"""Conducting contact without friction on seeded grids, by Newton's method and by gradient steps."""
+"""Newton's method and gradient steps agree on random grids with frictionless conducting contact."""
 
 from dataclasses import replace
 
@@ -20,8 +20,9 @@ WIDTH, RADIUS = 1e-2, 0.1
 POTENTIALS = [(0, 0), (5, 1), (50, 5), (0, 30), (-50, -5), (2e3, 0), (-2e3, 0), (20, -3), (0, -30)]
 
 
-def seeded(seed: int) -> ContactProblem:
-    """Free or periodic, square or not, odd or even, from one node in contact to nearly all, held or pressed on."""
+def random_problem(seed: int) -> ContactProblem:
+    """Return a problem on a free or periodic, odd or even grid, with one to nearly all nodes in contact and
+    prescribed motion or force."""
     random = np.random.default_rng(seed)
     nx = int(random.integers(14, 60))
     ny = int(random.integers(14, 60)) if random.random() < 0.5 else nx
@@ -32,8 +33,8 @@ def seeded(seed: int) -> ContactProblem:
     mesh = half_space_mesh(4.0 * max(width), width, divisions, 1, Quad4())
     formulation = HalfSpace("trigonometric" if periodic else "constant", periodic=periodic, matrix_up_to=0)
     system = formulation.reduce(Body(library_material(material).stiffness, mesh, (), "contact"))
-    place, squeezed = random.uniform(-1e-3, 1e-3, 2), random.uniform(0.4, 1.0)
-    x, y = (system.points[:, :2] - place).T
+    position, squeezed = random.uniform(-1e-3, 1e-3, 2), random.uniform(0.4, 1.0)
+    x, y = (system.points[:, :2] - position).T
     size = min(width) * (0.3 / min(nx, ny) if seed % 7 == 0 else 1.0) * random.uniform(0.05, 0.4)
     kappa, potentials = random.choice([np.inf, np.inf, 1e-5]), POTENTIALS[random.integers(len(POTENTIALS))]
     height, approach = (x**2 + squeezed * y**2) / (2.0 * RADIUS), size**2 / RADIUS
@@ -47,37 +48,37 @@ def seeded(seed: int) -> ContactProblem:
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("seed", [3, 6, 9, 12, 18, 19, 25, 31, 42, 57, 192])
-def test_newton_and_gradient_steps_find_the_same_contact(seed: int) -> None:
-    problem, criteria = seeded(seed), StoppingCriteria(tolerance=1e-9)
+def test_newton_and_gradient_steps_agree(seed: int) -> None:
+    problem, criteria = random_problem(seed), StoppingCriteria(tolerance=1e-9)
     newton, gradient = (solve(problem, solver, criteria) for solver in (SemismoothNewton(), Nesterov()))
     assert newton.status is gradient.status is Status.CONVERGED, gradient.message
     assert_same_load(gradient.state, newton.state)
 
 
 @pytest.mark.parametrize("seed", [24, 54])
-def test_conduction_that_draws_nodes_into_contact(seed: int) -> None:
-    """Some nodes could be pressed or open: those of the solution satisfy the laws by a margin."""
-    problem, criteria = seeded(seed), StoppingCriteria(tolerance=1e-10)
+def test_attractive_conduction(seed: int) -> None:
+    """Some nodes could be either in contact or open; those of the solution satisfy the laws by a margin."""
+    problem, criteria = random_problem(seed), StoppingCriteria(tolerance=1e-10)
     solution = solve(problem, SemismoothNewton(), criteria)
     assert solution.status is Status.CONVERGED, solution.message
-    assert_strictly_lawful(problem, solution.state)
+    assert_laws_hold_strictly(problem, solution.state)
 
 
-def assert_strictly_lawful(problem: ContactProblem, state: ContactState) -> None:
-    """Pressed and at the potentials of the indenter, or apart and without load: no node is near to both."""
+def assert_laws_hold_strictly(problem: ContactProblem, state: ContactState) -> None:
+    """Assert that each node is either in contact at the indenter's potentials, or open and unloaded, by a margin."""
     relative_displacement = (
         indenter_position(problem, state.motion) - problem.system.offset - problem.system.apply(state.load)
     )
     largest, touching = np.abs(state.load).max(axis=0), state.contact_fraction == 1.0
-    pressed, apart = state.load[touching, 2], relative_displacement[~touching, 2]
+    pressed, separated = state.load[touching, 2], relative_displacement[~touching, 2]
     assert (pressed < -1e-3 * largest[2]).all()
-    assert (apart > 1e-3 * np.abs(state.displacement[:, 2]).max()).all()
+    assert (separated > 1e-3 * np.abs(state.displacement[:, 2]).max()).all()
     off = np.abs(relative_displacement[touching, 2:]) / np.abs(state.displacement[:, 2:]).max(axis=0)
     assert off.max() < 1e-8
     assert not state.load[~touching].any()
 
 
-def assert_same_load(found: ContactState, other: ContactState) -> None:
-    """To 1e-6 of the largest, pressures and fluxes: there is no friction."""
+def assert_same_load(computed: ContactState, other: ContactState) -> None:
+    """Assert that pressures and fluxes agree to 1e-6 of the largest."""
     largest = np.abs(other.load).max(axis=0) + np.finfo(float).tiny
-    assert float((np.abs(found.load - other.load) / largest)[:, 2:].max()) < 1e-6
+    assert float((np.abs(computed.load - other.load) / largest)[:, 2:].max()) < 1e-6

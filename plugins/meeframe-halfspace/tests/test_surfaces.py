@@ -1,4 +1,4 @@
-"""Rough surfaces: statistics, spectra, files."""
+"""Test rough surfaces: statistics, spectra, files."""
 
 import h5py
 import numpy as np
@@ -9,11 +9,13 @@ from meeframe.common.errors import CaseError
 from meeframe.testing import check_indenter
 
 PERIOD = 2e-3
-ROUGH = SelfAffine(PERIOD, shortest=PERIOD / 24, hurst=0.8, rms_height=1e-6, roll_off=PERIOD / 3, seed=3, samples=128)
+SELF_AFFINE = SelfAffine(
+    PERIOD, shortest=PERIOD / 24, hurst=0.8, rms_height=1e-6, roll_off=PERIOD / 3, seed=3, samples=128
+)
 
 
 def spectral(surface, power):
-    """Mean square of the gradient to a power, from the discrete transform."""
+    """Return the mean square of the gradient to a power, from the discrete transform."""
     heights = surface.surface()
     n = len(heights)
     q = 2.0 * np.pi * np.fft.fftfreq(n, surface.period / n)
@@ -22,13 +24,13 @@ def spectral(surface, power):
 
 
 def test_root_mean_squares_are_exact():
-    assert np.std(ROUGH.surface()) == pytest.approx(1e-6, rel=1e-12)
+    assert np.std(SELF_AFFINE.surface()) == pytest.approx(1e-6, rel=1e-12)
     steep = SelfAffine(PERIOD, PERIOD / 24, 0.8, rms_slope=0.02, seed=3, samples=128)
     assert np.sqrt(spectral(steep, 2)[0]) == pytest.approx(0.02, rel=1e-12)
 
 
-def test_root_mean_squares_are_exact_with_as_few_samples_as_are_allowed():
-    """Three waves but for the round-off of the quotient, which must not cost one."""
+def test_root_mean_squares_with_fewest_samples():
+    """Round-off of the quotient 3 must not remove one of the three waves."""
     period, shortest = 0.3, 0.1  # the quotient is 2.9999999999999996
     assert int(period / shortest) == 2
     with pytest.raises(CaseError, match="at least 7"):
@@ -36,8 +38,8 @@ def test_root_mean_squares_are_exact_with_as_few_samples_as_are_allowed():
     assert np.std(SelfAffine(period, shortest, 0.8, 1e-6, samples=7).surface()) == pytest.approx(1e-6, rel=1e-12)
 
 
-def test_spectrum_is_flat_then_falls_then_ends():
-    _, size, q = spectral(ROUGH, 0)
+def test_spectrum_with_roll_off_and_cut_off():
+    _, size, q = spectral(SELF_AFFINE, 0)
     knee, end = 2.0 * np.pi * 3 / PERIOD, 2.0 * np.pi * 24 / PERIOD
     flat, falling = size[(q > 0) & (q <= knee)], (q > knee * 1.0001) & (q < end * 0.9999)
     np.testing.assert_allclose(flat, flat[0], rtol=1e-9)
@@ -46,25 +48,27 @@ def test_spectrum_is_flat_then_falls_then_ends():
     assert size[q > end * 1.0001].max() < 1e-25 * flat[0]
 
 
-def test_other_samples_are_the_same_surface():
+def test_surface_does_not_depend_on_samples():
     fine = SelfAffine(PERIOD, PERIOD / 24, 0.8, 1e-6, roll_off=PERIOD / 3, seed=3, samples=384)
-    # three times as many: each sample of the coarse one is the middle of three
-    np.testing.assert_allclose(fine.surface()[1::3, 1::3], ROUGH.surface(), atol=1e-18)
+    # with three times as many samples, each coarse sample is the middle of three
+    np.testing.assert_allclose(fine.surface()[1::3, 1::3], SELF_AFFINE.surface(), atol=1e-18)
 
 
-def test_a_shorter_cut_off_leaves_the_long_waves():
+def test_shorter_cut_off_preserves_long_waves():
     other = SelfAffine(PERIOD, PERIOD / 40, 0.8, 1e-6, roll_off=PERIOD / 3, seed=3, samples=128)
-    first, second = (np.fft.fft2(s.surface()) for s in (ROUGH, other))
+    first, second = (np.fft.fft2(s.surface()) for s in (SELF_AFFINE, other))
     np.testing.assert_allclose(np.angle(second * np.conj(first))[1:6, 1:6], 0.0, atol=1e-9)
 
 
 def test_height_is_exact_at_samples_and_periodic_between():
     i = (np.arange(128) + 0.5) * PERIOD / 128 - PERIOD / 2
     x, y = (grid.ravel() for grid in np.meshgrid(i, i, indexing="ij"))
-    heights = ROUGH.surface() - ROUGH.surface().min()
-    np.testing.assert_allclose(ROUGH.height(x, y), heights.ravel(), atol=1e-17)
+    heights = SELF_AFFINE.surface() - SELF_AFFINE.surface().min()
+    np.testing.assert_allclose(SELF_AFFINE.height(x, y), heights.ravel(), atol=1e-17)
     random = np.random.default_rng(0).uniform(-PERIOD, PERIOD, (2, 50))
-    np.testing.assert_allclose(ROUGH.height(*random), ROUGH.height(random[0] + PERIOD, random[1] - PERIOD), atol=1e-16)
+    np.testing.assert_allclose(
+        SELF_AFFINE.height(*random), SELF_AFFINE.height(random[0] + PERIOD, random[1] - PERIOD), atol=1e-16
+    )
 
 
 def test_seeds_differ_and_repeat():
@@ -74,7 +78,7 @@ def test_seeds_differ_and_repeat():
 
 
 def test_conformance():
-    check_indenter(ROUGH)
+    check_indenter(SELF_AFFINE)
 
 
 @pytest.mark.parametrize(
@@ -98,16 +102,16 @@ HEIGHTS = np.random.default_rng(5).normal(size=(NX, NY)) * 1e-7
 
 def test_files_without_scales_are_in_metres(tmp_path):
     np.savetxt(tmp_path / "rows.txt", [[x, y, x + y] for x in (0.0, 1.0) for y in (0.0, 2.0)])
-    found = read_height_map(tmp_path / "rows.txt")
-    np.testing.assert_array_equal(found.heights, [[0.0, 2.0], [1.0, 3.0]])
+    height_map = read_height_map(tmp_path / "rows.txt")
+    np.testing.assert_array_equal(height_map.heights, [[0.0, 2.0], [1.0, 3.0]])
 
 
-def test_what_the_user_gives_wins_over_the_header(tmp_path):
+def test_keys_override_the_header(tmp_path):
     gwyddion(tmp_path / "map.txt")
-    found = read_height_map(tmp_path / "map.txt", Scales(unit=2e-9, spacing=(1e-6, 4e-6)))
-    np.testing.assert_allclose(found.heights, 2.0 * HEIGHTS, rtol=1e-9)
-    np.testing.assert_allclose(np.diff(found.x), 1e-6)
-    np.testing.assert_allclose(np.diff(found.y), 4e-6)
+    height_map = read_height_map(tmp_path / "map.txt", Scales(unit=2e-9, spacing=(1e-6, 4e-6)))
+    np.testing.assert_allclose(height_map.heights, 2.0 * HEIGHTS, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(height_map.x), 1e-6)
+    np.testing.assert_allclose(np.diff(height_map.y), 4e-6)
     indenter = MeasuredHeights(tmp_path / "map.txt", unit=2e-9, facing="down")
     highest = np.unravel_index(HEIGHTS.argmax(), HEIGHTS.shape)
     x, y = (highest[0] - (NX - 1) / 2) * DX, (highest[1] - (NY - 1) / 2) * DY
@@ -159,19 +163,19 @@ MATRIX = Scales(unit=1e-9, spacing=(DX, DY))
 )
 def test_formats(tmp_path, name, write, scales):
     write(tmp_path / name)
-    found = read_height_map(tmp_path / name, scales)
-    np.testing.assert_allclose(found.heights, HEIGHTS, rtol=1e-9)
-    np.testing.assert_allclose(np.diff(found.x), DX, rtol=1e-9)
-    np.testing.assert_allclose(np.diff(found.y), DY, rtol=1e-9)
+    height_map = read_height_map(tmp_path / name, scales)
+    np.testing.assert_allclose(height_map.heights, HEIGHTS, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(height_map.x), DX, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(height_map.y), DY, rtol=1e-9)
 
 
-def test_esri_grid_begins_in_the_north_and_knows_missing_heights(tmp_path):
+def test_esri_grid_with_missing_heights(tmp_path):
     path = tmp_path / "map.asc"
     path.write_text("ncols 3\nnrows 2\nxllcorner 10\nyllcorner 20\ncellsize 2\nNODATA_value -1\n4 5 6\n1 2 -1\n")
-    found = read_height_map(path)
-    np.testing.assert_array_equal(found.x, [11.0, 13.0, 15.0])
-    np.testing.assert_array_equal(found.y, [21.0, 23.0])
-    np.testing.assert_array_equal(found.heights, [[1.0, 4.0], [2.0, 5.0], [np.nan, 6.0]])
+    height_map = read_height_map(path)
+    np.testing.assert_array_equal(height_map.x, [11.0, 13.0, 15.0])
+    np.testing.assert_array_equal(height_map.y, [21.0, 23.0])
+    np.testing.assert_array_equal(height_map.heights, [[1.0, 4.0], [2.0, 5.0], [np.nan, 6.0]])
     with pytest.raises(CaseError, match="1 of 6 heights are missing"):
         MeasuredHeights(path).height(np.zeros(1), np.zeros(1))
     filled = MeasuredHeights(path, missing="nearest", facing="down", centred=False)
@@ -190,12 +194,12 @@ def test_peaks_touch_first(tmp_path):
     assert np.isinf(up.height(np.array([DX * NX]), np.zeros(1)))
     lowest = np.unravel_index(HEIGHTS.argmin(), HEIGHTS.shape)
     moved = HEIGHTS - HEIGHTS[lowest]
-    moved[NX // 2, NY // 2] = -1e-8  # under the axis, where the kit looks for it
+    moved[NX // 2, NY // 2] = -1e-8  # under the axis, where the kit evaluates it
     np.save(path, moved.T)
     check_indenter(MeasuredHeights(path, spacing=(DX, DY), facing="down", interpolation="cubic"), size=DX / 2)
 
 
-def test_levelled_takes_the_plane_away(tmp_path):
+def test_levelled_subtracts_the_plane(tmp_path):
     x, y = np.meshgrid(DX * np.arange(NX), DY * np.arange(NY), indexing="ij")
     wave = np.where((np.indices((NX, NY)).sum(axis=0) % 2) == 0, 1e-7, -1e-7)
     paths = [tmp_path / "tilted.npy", tmp_path / "level.npy"]
@@ -236,7 +240,7 @@ def test_levelled_takes_the_plane_away(tmp_path):
         ("ncols two\nnrows 2\ncellsize 1\n1 2 3 4", "'two'; allowed: ncols"),
     ],
 )
-def test_files_that_do_not_serve(tmp_path, content, message):
+def test_invalid_files_are_rejected(tmp_path, content, message):
     path = tmp_path / "map.txt"
     path.write_text(content)
     with pytest.raises(CaseError, match=rf"map\.txt.*{message}"):
@@ -265,15 +269,15 @@ def soft_link(path):
         ("text.h5", lambda path: path.write_text("1 2 3")),
     ],
 )
-def test_binary_files_that_do_not_serve(tmp_path, name, write):
+def test_invalid_binary_files_are_rejected(tmp_path, name, write):
     write(tmp_path / name)
     dataset = "heights" if name.endswith(".h5") else None
     with pytest.raises(CaseError, match=rf"{name}: .*; allowed: .*real numbers"):
         read_height_map(tmp_path / name, Scales(spacing=(DX, DY), dataset=dataset))
 
 
-def test_the_plane_is_that_of_the_measured_heights(tmp_path):
-    """A steep plane whose corner is missing: the nearest neighbours are no part of it."""
+def test_plane_is_fitted_to_measured_heights_only(tmp_path):
+    """The corner of a steep plane is missing; heights filled from neighbours do not affect the fit."""
     x, y = np.meshgrid(DX * np.arange(NX), DY * np.arange(NY), indexing="ij")
     plane = 0.3 * x - 0.2 * y
     plane[:3, :2] = np.nan
@@ -283,7 +287,7 @@ def test_the_plane_is_that_of_the_measured_heights(tmp_path):
     np.testing.assert_allclose(flat.height(*at), 0.0, atol=1e-15)
 
 
-def test_a_file_that_is_not_there(tmp_path):
+def test_missing_file(tmp_path):
     with pytest.raises(CaseError, match="cannot be read"):
         MeasuredHeights(tmp_path / "none.npy").height(np.zeros(1), np.zeros(1))
 
@@ -291,6 +295,6 @@ def test_a_file_that_is_not_there(tmp_path):
 def test_statistics_of_a_map(tmp_path):
     x = np.linspace(0.0, 1.0, 401)
     np.save(tmp_path / "wave.npy", np.tile(1e-2 * np.sin(2.0 * np.pi * x), (3, 1)))
-    found = read_height_map(tmp_path / "wave.npy", Scales(spacing=(x[1], 1.0)))
-    assert found.rms_height == pytest.approx(1e-2 / np.sqrt(2.0), rel=5e-3)
-    assert found.rms_slope == pytest.approx(2e-2 * np.pi / np.sqrt(2.0), rel=5e-3)
+    height_map = read_height_map(tmp_path / "wave.npy", Scales(spacing=(x[1], 1.0)))
+    assert height_map.rms_height == pytest.approx(1e-2 / np.sqrt(2.0), rel=5e-3)
+    assert height_map.rms_slope == pytest.approx(2e-2 * np.pi / np.sqrt(2.0), rel=5e-3)

@@ -25,7 +25,7 @@ from meeframe_hmatrix.blocks import (
     shape,
     to_dense,
 )
-from meeframe_hmatrix.gemm import Outer, subtract_products, table_of
+from meeframe_hmatrix.gemm import OuterProduct, subtract_products, table_of
 from meeframe_hmatrix.truncation import truncate
 
 MAX_ENTRYWISE = 250
@@ -40,7 +40,7 @@ class AccumulatedUpdate:
     products: tuple[tuple[Block, Block], ...] = ()
 
 
-NOTHING = AccumulatedUpdate()
+NO_UPDATE = AccumulatedUpdate()
 
 
 def with_product(update: AccumulatedUpdate, first: Block, second: Block) -> AccumulatedUpdate:
@@ -113,10 +113,10 @@ def subtract_update(
     return LowRank(block.rows, block.columns, *factors)
 
 
-def _outer_products(first: Block, second: Block) -> Iterator[Outer]:
+def _outer_products(first: Block, second: Block) -> Iterator[OuterProduct]:
     """Yield a product as products of two matrices, each in its range of rows and columns."""
     if isinstance(first, LowRank) or isinstance(second, LowRank):
-        ((left, right),) = with_product(NOTHING, first, second).terms
+        ((left, right),) = with_product(NO_UPDATE, first, second).terms
         yield first.rows, second.columns, left, right
     elif isinstance(first, Dense) and isinstance(second, Dense):
         yield first.rows, second.columns, first.array, second.array

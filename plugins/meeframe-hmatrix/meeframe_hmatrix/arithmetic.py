@@ -18,7 +18,7 @@ from numpy.typing import DTypeLike
 
 from meeframe.plugin import ONE_BLAS_THREAD, Array
 from meeframe_hmatrix.accumulated_update import (
-    NOTHING,
+    NO_UPDATE,
     AccumulatedUpdate,
     restrict_update,
     subtract_update,
@@ -62,16 +62,16 @@ class Truncation:
 
 
 @contextmanager
-def helpers() -> Iterator[Executor]:
+def worker_pool() -> Iterator[Executor]:
     """Provide additional threads, each with a single-threaded BLAS; tasks not started are cancelled at the end."""
-    with ONE_BLAS_THREAD, ExitStack() as at_end:
+    with ONE_BLAS_THREAD, ExitStack() as stack:
         pool = ThreadPoolExecutor(max(1, get_num_threads() - 1))
-        at_end.callback(pool.shutdown, cancel_futures=True)
+        stack.callback(pool.shutdown, cancel_futures=True)
         yield pool
 
 
 @dataclass(frozen=True, eq=False)
-class Eliminated:
+class DenseFactors:
     """Factors of an undivided diagonal block: the lower one is the identity, the upper one the block.
 
     Attributes
@@ -88,7 +88,7 @@ class Eliminated:
 
 
 @dataclass(frozen=True, eq=False)
-class EliminatedSplit:
+class SplitFactors:
     """Factors of a divided diagonal block: lower blocks below the diagonal, upper blocks above it, factors on it."""
 
     rows: slice
@@ -104,7 +104,7 @@ class EliminatedSplit:
         return transpose(self.upper)
 
 
-Factors = Eliminated | EliminatedSplit
+Factors = DenseFactors | SplitFactors
 
 
 class Form(StrEnum):
@@ -134,43 +134,43 @@ class Triangle:
     coupling: Block
 
 
-def _triangle(factors: EliminatedSplit, form: Form) -> Triangle:
+def _triangle(factors: SplitFactors, form: Form) -> Triangle:
     diagonal = factors.first, factors.second
     if form is Form.UPPER:
         return Triangle((1, 0), diagonal[::-1], factors.upper)
     return Triangle((0, 1), diagonal, factors.lower if form is Form.LOWER else factors.upper_transposed)
 
 
-def eliminate(block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING) -> Factors:
+def eliminate(block: Block, truncation: Truncation, update: AccumulatedUpdate = NO_UPDATE) -> Factors:
     """Return the LU factors of a square block minus an update."""
     if isinstance(block, Dense):
         remainder = subtract_update(block, update, truncation.tolerance, truncation.dtype)
         assert isinstance(remainder, Dense)
-        return Eliminated(block.rows, block.columns, np.linalg.inv(remainder.array))
+        return DenseFactors(block.rows, block.columns, np.linalg.inv(remainder.array))
     assert isinstance(block, Split)
     first = eliminate(block.children[0][0], truncation, restrict_update(update, block, 0, 0))
 
-    def solve_below() -> Block:
-        return solve_from_right(first, block.children[1][0], truncation, restrict_update(update, block, 1, 0))
+    def solve_lower() -> Block:
+        return solve_block_from_right(first, block.children[1][0], truncation, restrict_update(update, block, 1, 0))
 
-    def solve_right() -> Block:
-        return solve(first, Form.LOWER, block.children[0][1], truncation, restrict_update(update, block, 0, 1))
+    def solve_upper() -> Block:
+        return solve_block(first, Form.LOWER, block.children[0][1], truncation, restrict_update(update, block, 0, 1))
 
-    lower, upper = truncation.run_all([solve_below, solve_right])
+    lower, upper = truncation.run_all([solve_lower, solve_upper])
     remaining = with_product(restrict_update(update, block, 1, 1), lower, upper)
     second = eliminate(block.children[1][1], truncation, remaining)
-    return EliminatedSplit(block.rows, block.columns, first, upper, lower, second)
+    return SplitFactors(block.rows, block.columns, first, upper, lower, second)
 
 
-def solve(
-    factors: Factors, form: Form, block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING
+def solve_block(
+    factors: Factors, form: Form, block: Block, truncation: Truncation, update: AccumulatedUpdate = NO_UPDATE
 ) -> Block:
     """Return X of triangle @ X = block - update, for one of the triangles of factors."""
     if not isinstance(block, Split):
         remainder = subtract_update(block, update, truncation.tolerance, truncation.dtype)
         if isinstance(remainder, Dense):
-            return Dense(remainder.rows, remainder.columns, solution(factors, form, remainder.array))
-        return LowRank(remainder.rows, remainder.columns, solution(factors, form, remainder.left), remainder.right)
+            return Dense(remainder.rows, remainder.columns, substitute(factors, form, remainder.array))
+        return LowRank(remainder.rows, remainder.columns, substitute(factors, form, remainder.left), remainder.right)
     numbers = range(len(block.children[0]))
     columns = truncation.run_all(
         [partial(_column, factors, form, block, number, truncation, update) for number in numbers]
@@ -182,53 +182,53 @@ def _column(
     factors: Factors, form: Form, block: Split, column: int, truncation: Truncation, update: AccumulatedUpdate
 ) -> list[Block]:
     """Return the blocks of a solution in one of its columns."""
-    pieces = [line[column] for line in block.children]
-    updates = [restrict_update(update, block, row, column) for row in range(len(pieces))]
-    if isinstance(factors, Eliminated):
-        return [solve(factors, form, pieces[0], truncation, updates[0])]
+    blocks = [line[column] for line in block.children]
+    updates = [restrict_update(update, block, row, column) for row in range(len(blocks))]
+    if isinstance(factors, DenseFactors):
+        return [solve_block(factors, form, blocks[0], truncation, updates[0])]
     triangle = _triangle(factors, form)
     first, second = triangle.order
-    pieces[first] = solve(triangle.diagonal[0], form, pieces[first], truncation, updates[first])
-    block_update = with_product(updates[second], triangle.coupling, pieces[first])
-    pieces[second] = solve(triangle.diagonal[1], form, pieces[second], truncation, block_update)
-    return pieces
+    blocks[first] = solve_block(triangle.diagonal[0], form, blocks[first], truncation, updates[first])
+    block_update = with_product(updates[second], triangle.coupling, blocks[first])
+    blocks[second] = solve_block(triangle.diagonal[1], form, blocks[second], truncation, block_update)
+    return blocks
 
 
-def solve_from_right(
-    factors: Factors, block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING
+def solve_block_from_right(
+    factors: Factors, block: Block, truncation: Truncation, update: AccumulatedUpdate = NO_UPDATE
 ) -> Block:
     """Return X of X @ upper = block - update."""
     update_transposed = AccumulatedUpdate(
         tuple((right.T, left.T) for left, right in update.terms),
         tuple((transpose(second), transpose(first)) for first, second in update.products),
     )
-    return transpose(solve(factors, Form.UPPER_TRANSPOSED, transpose(block), truncation, update_transposed))
+    return transpose(solve_block(factors, Form.UPPER_TRANSPOSED, transpose(block), truncation, update_transposed))
 
 
-def solution(factors: Factors, form: Form, x: Array) -> Array:
+def substitute(factors: Factors, form: Form, x: Array) -> Array:
     """Return triangle^-1 @ x for x (n, k), for one of the triangles of factors."""
-    if isinstance(factors, Eliminated):
+    if isinstance(factors, DenseFactors):
         if form is Form.LOWER:
             return x
         inverse = factors.inverse if form is Form.UPPER else factors.inverse.T
-        solved: Array = inverse @ x
-        return solved
+        result: Array = inverse @ x
+        return result
     n_first = factors.first.rows.stop - factors.rows.start
-    pieces = [x[:n_first], x[n_first:]]
+    blocks = [x[:n_first], x[n_first:]]
     triangle = _triangle(factors, form)
     first, second = triangle.order
-    pieces[first] = solution(triangle.diagonal[0], form, pieces[first])
-    pieces[second] = solution(triangle.diagonal[1], form, pieces[second] - multiply(triangle.coupling, pieces[first]))
-    return np.concatenate(pieces)
+    blocks[first] = substitute(triangle.diagonal[0], form, blocks[first])
+    blocks[second] = substitute(triangle.diagonal[1], form, blocks[second] - multiply(triangle.coupling, blocks[first]))
+    return np.concatenate(blocks)
 
 
-def solved(factors: Factors, x: Array) -> Array:
+def apply_inverse(factors: Factors, x: Array) -> Array:
     """Return matrix^-1 @ x for x (n, k) and the factors of a matrix, in their precision."""
     values = x.astype(precision(factors), copy=False)
-    result: Array = solution(factors, Form.UPPER, solution(factors, Form.LOWER, values)).astype(x.dtype, copy=False)
+    result: Array = substitute(factors, Form.UPPER, substitute(factors, Form.LOWER, values)).astype(x.dtype, copy=False)
     return result
 
 
 def precision(factors: Factors) -> np.dtype[Any]:
     """Return the type of the numbers of factors."""
-    return factors.inverse.dtype if isinstance(factors, Eliminated) else precision(factors.first)
+    return factors.inverse.dtype if isinstance(factors, DenseFactors) else precision(factors.first)

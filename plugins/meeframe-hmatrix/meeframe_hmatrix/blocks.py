@@ -14,7 +14,7 @@ from numpy.typing import DTypeLike
 from meeframe.plugin import Array, Indices
 from meeframe_hmatrix.gemm import COLUMNS, FULL, add_products, locate
 
-FIRST_GUESS = 8
+OVERSAMPLING = 8
 """Number of random vectors in addition to the expected rank in the compression of a product."""
 
 
@@ -54,7 +54,7 @@ class Split:
     @cached_property
     def table(self) -> Indices:
         """Table of its undivided blocks, for `add_products`."""
-        return np.concatenate([_table(child, self.dtype) for line in self.children for child in line])
+        return np.concatenate([_table(child, self.dtype) for block_row in self.children for child in block_row])
 
     def __getstate__(self) -> dict[str, Any]:
         return {
@@ -83,14 +83,14 @@ def relative_range(inner: slice, outer: slice) -> slice:
 def leaves(block: Block) -> Iterator[Dense | LowRank]:
     """Yield the undivided blocks of a tree."""
     if isinstance(block, Split):
-        for line in block.children:
-            for child in line:
+        for block_row in block.children:
+            for child in block_row:
                 yield from leaves(child)
     else:
         yield block
 
 
-def stored(block: Block) -> int:
+def count_entries(block: Block) -> int:
     """Return the number of stored entries of a block."""
     return sum(
         leaf.array.size if isinstance(leaf, Dense) else leaf.left.size + leaf.right.size for leaf in leaves(block)
@@ -104,7 +104,7 @@ def multiply(block: Block, x: Array) -> Array:
         return product
     if isinstance(block, LowRank):
         return block.left @ (block.right @ x)
-    return _by_leaves(block, x, False)
+    return _multiply_leaves(block, x, False)
 
 
 def multiply_transposed(block: Block, x: Array) -> Array:
@@ -114,10 +114,10 @@ def multiply_transposed(block: Block, x: Array) -> Array:
         return product
     if isinstance(block, LowRank):
         return block.right.T @ (block.left.T @ x)
-    return _by_leaves(block, x, True)
+    return _multiply_leaves(block, x, True)
 
 
-def _by_leaves(block: Split, x: Array, transposed: bool) -> Array:
+def _multiply_leaves(block: Split, x: Array, transposed: bool) -> Array:
     """Return block @ x, or its transpose @ x."""
     output_range, input_range = (block.columns, block.rows) if transposed else (block.rows, block.columns)
     result = np.zeros((output_range.stop - output_range.start, x.shape[1]), block.dtype)
@@ -162,7 +162,9 @@ def convert(block: Block, dtype: DTypeLike) -> Block:
         left, right = (factor.astype(dtype, copy=False) for factor in (block.left, block.right))
         return LowRank(block.rows, block.columns, left, right)
     return Split(
-        block.rows, block.columns, tuple(tuple(convert(child, dtype) for child in line) for line in block.children)
+        block.rows,
+        block.columns,
+        tuple(tuple(convert(child, dtype) for child in block_row) for block_row in block.children),
     )
 
 
@@ -173,7 +175,7 @@ def to_dense(block: Block) -> Array:
     if isinstance(block, LowRank):
         product: Array = block.left @ block.right
         return product
-    return np.block([[to_dense(child) for child in line] for line in block.children])
+    return np.block([[to_dense(child) for child in block_row] for block_row in block.children])
 
 
 def truncated_rank(values: Array, tolerance: float) -> int:
@@ -241,7 +243,7 @@ def compress(
     Random range finder: Halko, Martinsson and Tropp, SIAM Review 53 (2011) 217-288, algorithm 4.1; the number of random
     vectors is doubled until some of them are not needed.
     """
-    width = rank + FIRST_GUESS
+    width = rank + OVERSAMPLING
     random = np.random.default_rng(0)
     while True:
         if 2 * width >= min(size):
@@ -252,6 +254,6 @@ def compress(
             return recompress(unity, transposed(unity).T, tolerance)
         q, _ = np.linalg.qr(product(random.standard_normal((size[1], width), dtype)))
         left, right = _truncate_rows(q, transposed(q).T, tolerance)
-        if right.shape[0] <= width - FIRST_GUESS // 2:
+        if right.shape[0] <= width - OVERSAMPLING // 2:
             return left, right
         width *= 2

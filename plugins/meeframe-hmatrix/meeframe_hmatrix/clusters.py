@@ -93,23 +93,23 @@ def cluster_tree(mesh: SurfaceMesh, layout: Layout, sources: Sources, leaf_size:
     """Return the tree with at most leaf_size sites in a leaf; the contact zone must not be the whole mesh."""
     in_zone = np.zeros(len(mesh.points), bool)
     in_zone[layout.zone] = True
-    halves = [
+    branches = [
         _bisect(mesh.points, np.flatnonzero(subset), -(-int(subset.sum()) // leaf_size))
         for subset in (~in_zone, in_zone)
     ]
-    points = np.concatenate([leaf for half in halves for leaf in _flat(half)])
+    points = np.concatenate([leaf for branch in branches for leaf in _leaves_of(branch)])
     rank = inverse(points)
     unknown_point, load_point = _points_of(layout)
     source_rank = rank[unknown_point[sources.row.max(axis=1)]]
-    ranks = (source_rank, rank[unknown_point], rank[load_point])
-    orders = [np.argsort(positions_in_tree, kind="stable").astype(np.int64) for positions_in_tree in ranks]
-    sorted_ranks = [positions_in_tree[order] for positions_in_tree, order in zip(ranks, orders, strict=True)]
+    tree_positions = (source_rank, rank[unknown_point], rank[load_point])
+    orders = [np.argsort(ranks, kind="stable").astype(np.int64) for ranks in tree_positions]
+    sorted_ranks = [ranks[order] for ranks, order in zip(tree_positions, orders, strict=True)]
     positions = sources.position[orders[0]]
     low, high = _element_boxes(mesh)
 
     def cluster(start: int, stop: int, children: tuple[Cluster, ...]) -> Cluster:
         source_range, unknowns, loads = (
-            slice(*np.searchsorted(positions_in_tree, (start, stop)).tolist()) for positions_in_tree in sorted_ranks
+            slice(*np.searchsorted(ranks, (start, stop)).tolist()) for ranks in sorted_ranks
         )
         members = points[start:stop]
         column_box = np.stack([low[members].min(axis=0), high[members].max(axis=0)])
@@ -118,17 +118,17 @@ def cluster_tree(mesh: SurfaceMesh, layout: Layout, sources: Sources, leaf_size:
         return Cluster(slice(start, stop), source_range, unknowns, loads, row_box, column_box, children)
 
     start, children = 0, []
-    for half in halves:
-        child, start = _number(half, start, cluster)
+    for branch in branches:
+        child, start = _number_clusters(branch, start, cluster)
         children.append(child)
     root = cluster(0, len(points), tuple(children))
     return ClusterTree(root, children[1], points, *orders)
 
 
-_Halves = Indices | tuple["_Halves", "_Halves"]
+_Bisection = Indices | tuple["_Bisection", "_Bisection"]
 
 
-def _bisect(points: Array, members: Indices, n_leaves: int) -> _Halves:
+def _bisect(points: Array, members: Indices, n_leaves: int) -> _Bisection:
     """Return nested halves that end in this number of leaves of equal size."""
     if n_leaves <= 1:
         return members
@@ -140,20 +140,22 @@ def _bisect(points: Array, members: Indices, n_leaves: int) -> _Halves:
     return _bisect(points, low, first), _bisect(points, high, n_leaves - first)
 
 
-def _flat(half: _Halves) -> Iterator[Indices]:
-    if isinstance(half, tuple):
-        for subset in half:
-            yield from _flat(subset)
+def _leaves_of(branch: _Bisection) -> Iterator[Indices]:
+    if isinstance(branch, tuple):
+        for subset in branch:
+            yield from _leaves_of(subset)
     else:
-        yield half
+        yield branch
 
 
-def _number(half: _Halves, start: int, make: Callable[[int, int, tuple[Cluster, ...]], Cluster]) -> tuple[Cluster, int]:
-    if not isinstance(half, tuple):
-        return make(start, start + len(half), ()), start + len(half)
-    first, middle = _number(half[0], start, make)
-    second, stop = _number(half[1], middle, make)
-    return make(start, stop, (first, second)), stop
+def _number_clusters(
+    branch: _Bisection, start: int, create_cluster: Callable[[int, int, tuple[Cluster, ...]], Cluster]
+) -> tuple[Cluster, int]:
+    if not isinstance(branch, tuple):
+        return create_cluster(start, start + len(branch), ()), start + len(branch)
+    first, middle = _number_clusters(branch[0], start, create_cluster)
+    second, stop = _number_clusters(branch[1], middle, create_cluster)
+    return create_cluster(start, stop, (first, second)), stop
 
 
 def _points_of(layout: Layout) -> tuple[Indices, Indices]:

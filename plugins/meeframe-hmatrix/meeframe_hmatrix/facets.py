@@ -29,7 +29,7 @@ ORDERS = (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16)
 """Orders of interpolation; few, so that weights serve many row clusters."""
 MIN_ELEMENTS = 4
 """Smallest average number of elements in each plane of a leaf; on curved surfaces each plane triangle has its plane."""
-SAME_PLANE = 9
+PLANE_DIGITS = 9
 """Number of digits to which normal and height of the elements of a plane agree."""
 
 Orders = tuple[int, int]
@@ -45,7 +45,7 @@ class Facet:
         The elements.
     normal
         Normal (3,).
-    centre, axes, half
+    centre, axes, half_sides
         The rectangle around the elements: centre (3,), axes (2, 3), half sides (2,).
     sites, patches
         Sites and patches of the leaf that the elements touch.
@@ -59,7 +59,7 @@ class Facet:
     normal: Array
     centre: Array
     axes: Array
-    half: Array
+    half_sides: Array
     sites: Indices
     patches: Indices
     weights: dict[tuple[Orders, Orders], tuple[Array, Array]] = field(default_factory=dict)
@@ -68,7 +68,7 @@ class Facet:
         """Return the points (p, 3) at which the kernel is evaluated."""
         first, second = (gauss_table().points[n, :n] for n in orders)
         positions = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
-        result: Array = self.centre + (positions * self.half) @ self.axes
+        result: Array = self.centre + (positions * self.half_sides) @ self.axes
         return result
 
     def integrate(self, integrals: Integrals, orders: Orders, rules: Orders) -> tuple[Array, Array]:
@@ -76,7 +76,7 @@ class Facet:
         key = orders, rules
         if key not in self.weights:
             selection = np.tile(rules, (len(self.numbers), 1))
-            points, _ = quadrature_points(
+            quadrature, _ = quadrature_points(
                 integrals, np.zeros(3), self.kind, self.numbers, selection, np.full(selection.shape, np.nan)
             )
             result = np.zeros((len(self.sites), prod(orders))), np.zeros((len(self.patches), prod(orders)))
@@ -85,7 +85,7 @@ class Facet:
                 _find_positions(self.patches, self.kind.patches[self.numbers]),
             )
             nodes = (gauss_table().points[n, :n] for n in orders)
-            add_weights(points, self.numbers, *positions, self.centre, self.axes, self.half, *nodes, *result)
+            add_weights(quadrature, self.numbers, *positions, self.centre, self.axes, self.half_sides, *nodes, *result)
             self.weights[key] = result
         return self.weights[key]
 
@@ -105,8 +105,8 @@ def _facets(integrals: Integrals, leaf: Cluster) -> tuple[Facet, ...]:
             return ()
         normals, nodes = kind.planes[numbers], kind.elements.nodes[numbers]
         heights = np.einsum("ex,ex->e", normals, nodes[:, 0])
-        digits = np.round(np.column_stack([normals, heights]), SAME_PLANE)
-        planes, plane = np.unique(digits, axis=0, return_inverse=True)
+        rounded = np.round(np.column_stack([normals, heights]), PLANE_DIGITS)
+        planes, plane = np.unique(rounded, axis=0, return_inverse=True)
         if len(planes) * MIN_ELEMENTS > len(numbers):
             return ()
         for number in range(len(planes)):
@@ -172,8 +172,9 @@ class InterpolatedFacets:
     def add(self, kernel: Kernel, position: Array, sums: Sums) -> None:
         """Add the integrals seen from a source to its sums."""
         u, t = kernel.evaluate(self.points - position, self.normals)
-        kernels = u.reshape(-1, 25), t.reshape(-1, 25)
-        add_products(*kernels, self.starts, self.weights, *self.sites, *self.patches, sums)
+        n_points, n_fields = len(u), u.shape[1]
+        kernels = u.reshape(n_points, -1), t.reshape(n_points, -1)
+        add_products(tuple(range(n_fields)), *kernels, self.starts, self.weights, *self.sites, *self.patches, sums)
 
 
 def interpolate(
@@ -187,17 +188,17 @@ def interpolate(
 ) -> tuple[InterpolatedFacets | None, list[Cluster]]:
     """Return the facets that are interpolated for sources at positions (s, 3) in a box (2, 3), and the other leaves."""
     selected: list[tuple[Facet, Orders, tuple[Array, Array]]] = []
-    others: list[Cluster] = []
+    other_leaves: list[Cluster] = []
     for leaf in leaves:
         orders = _orders(facets_of_leaves[leaf], positions, box, accuracy)
         if orders is None:
-            others.append(leaf)
+            other_leaves.append(leaf)
         else:
             selected += [
                 (facet, selection, facet.integrate(integrals, selection, rules)) for facet, selection, rules in orders
             ]
     if not selected:
-        return None, others
+        return None, other_leaves
     points = [facet.points(orders) for facet, orders, _ in selected]
     counts = [len(array) for array in points]
     return InterpolatedFacets(
@@ -207,7 +208,7 @@ def interpolate(
         np.concatenate([array.ravel() for _, _, weights in selected for array in weights]),
         _side_by_side([window.site[facet.sites] for facet, _, _ in selected]),
         _side_by_side([window.patch[facet.patches] for facet, _, _ in selected]),
-    ), others
+    ), other_leaves
 
 
 def _orders(
@@ -216,7 +217,7 @@ def _orders(
     """Return the facets of a leaf with orders of interpolation and of the rules on elements; None if inefficient."""
     result = []
     for facet in facets_of_leaves:
-        required = orders_of_facet(positions, facet.centre, facet.axes, facet.half, accuracy)
+        required = orders_of_facet(positions, facet.centre, facet.axes, facet.half_sides, accuracy)
         if max(required) > ORDERS[-1]:
             return None
         first, second = (ORDERS[np.searchsorted(ORDERS, n)] for n in required)

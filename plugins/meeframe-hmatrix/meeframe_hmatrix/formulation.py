@@ -7,9 +7,9 @@ from functools import partial
 from typing import Annotated, final
 
 import numpy as np
+from pydantic import Field
 
 from meeframe.plugin import (
-    N_FIELDS,
     ONE_BLAS_THREAD,
     AnyArray,
     Array,
@@ -33,6 +33,7 @@ from meeframe.plugin.boundary_elements import (
     Tabulated,
     Units,
     anisotropy,
+    bind_fields,
     characteristic_length,
     collocate,
     find_patches,
@@ -42,32 +43,28 @@ from meeframe.plugin.surfaces import bending_warnings, check_contact_zone, check
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.blocks import shape
 from meeframe_hmatrix.clusters import cluster_tree
-from meeframe_hmatrix.integrals import flux_unit, prepare
-from meeframe_hmatrix.packing import packed, unpacked
+from meeframe_hmatrix.integrals import flux_unit, tabulate_integrals
+from meeframe_hmatrix.packing import pack, unpack
 from meeframe_hmatrix.system import (
-    ALL_FIELDS,
     ARRAYS,
     BoundarySystem,
     HierarchicalSystem,
     LazyBoundary,
     condense,
     coupled_groups,
-    diagonal_of,
+    extract_diagonal,
     factorise,
     frames_to_units,
 )
 
-LEAF_SIZE = 36
-"""Mesh points in a leaf of the cluster tree: fewer cost more calls, more cost more storage (measured)."""
-
-BLOCK_SHARE = 0.1
+BLOCK_TOLERANCE_RATIO = 0.1
 """Relative error of each block in the Frobenius norm, in terms of the tolerance: errors add up (measured)."""
-QUADRATURE_SHARE = 0.1
+QUADRATURE_TOLERANCE_RATIO = 0.1
 """Relative error of each integral over an element, likewise: with the default tolerance that of dense-bem."""
-BENDING, TRUNCATED_RATIO = 1e-6, 12.0
+BENDING_TOLERANCE, MAX_TRUNCATED_SLENDERNESS = 1e-6, 12.0
 """With this tolerance slender rods are bent as by dense-bem; with the default one rods of twelve widths are, and of 30
 are not (validation/slender_rods)."""
-NUMBERS_A_DIGIT = 900.0
+NUMBERS_PER_DIGIT = 900.0
 """Numbers stored for each unknown, digit of the tolerance and halving of a thousand unknowns (measured, generous)."""
 
 
@@ -85,14 +82,20 @@ class HierarchicalBEM(PersistentFormulation):
         Fundamental solution.
     edge_angle
         Tractions are discontinuous where normals of neighbouring elements differ by more than this angle [rad].
+    leaf_size
+        Largest number of mesh points in a leaf of the cluster tree. A smaller number costs more time for each block, a
+        larger one more memory; the default is the fastest measured.
     """
 
     tolerance: Annotated[float, Quantity("", ge=1e-8, lt=0.01)] = 1e-4
     fundamental_solution: FundamentalSolution = field(default_factory=Tabulated)
     edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
+    leaf_size: Annotated[int, Field(ge=1)] = 36
 
     def __post_init__(self) -> None:
         check_quantities(self)
+        if not isinstance(self.leaf_size, int) or self.leaf_size < 1:
+            raise CaseError(f"hmatrix-bem: leaf_size = {self.leaf_size!r}; allowed: whole numbers from 1")
 
     def check(self, body: Body) -> None:
         """Check mesh, boundary conditions, material and memory.
@@ -104,44 +107,41 @@ class HierarchicalBEM(PersistentFormulation):
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
-        if body.fields.size != N_FIELDS:
-            raise CaseError(
-                f"the formulation hmatrix-bem is compiled for {N_FIELDS} fields, the body has {body.fields.size}; "
-                "allowed: half-space, dense-bem or skfem"
-            )
         check_mesh(body.mesh)
         check_contact_zone(body.mesh, body.contact_group)
         layout, _ = self._layout(body)
         _check_memory(layout.n_unknowns, self.tolerance)
         stiffness = _scaled(body)
-        self.fundamental_solution.bind(stiffness)
+        bind_fields(self.fundamental_solution, stiffness)
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
         """Return warnings about slender parts, whose bending may be inaccurate, for a body accepted by check."""
-        if self.tolerance <= BENDING:
+        if self.tolerance <= BENDING_TOLERANCE:
             return bending_warnings(body)
-        return bending_warnings(body, TRUNCATED_RATIO, f"take a tolerance of {BENDING:.0e} or less; ")
+        return bending_warnings(
+            body, MAX_TRUNCATED_SLENDERNESS, f"take a tolerance of {BENDING_TOLERANCE:.0e} or less; "
+        )
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Assemble, eliminate, condense to the contact zone. Raises as check, and CaseError if it is singular."""
         progress("fundamental solution", 0.0)
         self.check(body)
         boundary = self.boundary(body, progress)
-        compliance = condense(boundary.system, boundary.factors, BLOCK_SHARE * self.tolerance, progress)
+        compliance = condense(boundary.system, boundary.factors, BLOCK_TOLERANCE_RATIO * self.tolerance, progress)
         zone = find_contact_zone(body.mesh, body.contact_group or "")
-        order = boundary.tree.loads[::N_FIELDS] // N_FIELDS
+        order = boundary.tree.loads[:: body.fields.size] // body.fields.size
         to_load, to_displacement = frames_to_units(zone.frames, boundary.units)
-        node_compliance = np.einsum("naj,njk,nkb->nab", to_displacement, diagonal_of(compliance, order), to_load)
+        node_compliance = np.einsum("naj,njk,nkb->nab", to_displacement, extract_diagonal(compliance, order), to_load)
         values = boundary.layout.value_column[boundary.layout.zone]
         constant, _ = boundary.solve(boundary.system.rhs)
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
         boundary_system = LazyBoundary(partial(self.boundary, body), [boundary])
-        compliance = unpacked(*packed(compliance))  # in memory as a system from arrays
+        compliance = unpack(*pack(compliance))  # in memory as a system from arrays
         groups = coupled_groups(body.stiffness)
         for group in groups:  # truncation leaves noise where the material couples nothing
-            others = np.setdiff1d(ALL_FIELDS, group)
-            node_compliance[:, np.array(group)[:, None], others] = 0.0
+            other_fields = np.setdiff1d(range(body.fields.size), group)
+            node_compliance[:, np.array(group)[:, None], other_fields] = 0.0
             if not any(np.any(condition.data) for condition in body.conditions if condition.field in group):
                 offset[:, group] = 0.0
         representation = self._representation(body)
@@ -156,13 +156,14 @@ class HierarchicalBEM(PersistentFormulation):
                 f"a hierarchical system has the arrays {', '.join(names)}, not {', '.join(arrays) or 'none'}"
             )
         zone = find_contact_zone(body.mesh, body.contact_group or "")
-        stored, n = {name: arrays[name] for name in ARRAYS}, len(zone.points)
-        compliance = unpacked(arrays["table"], arrays["numbers"])
+        data, n = {name: arrays[name] for name in ARRAYS}, len(zone.points)
+        compliance = unpack(arrays["table"], arrays["numbers"])
         boundary_system = LazyBoundary(partial(self.boundary, body))
-        shapes = {name: array.shape for name, array in stored.items()} | {"table": shape(compliance)}
-        right = {name: (n, *rest) for name, rest in ARRAYS.items()} | {"table": (N_FIELDS * n, N_FIELDS * n)}
-        if shapes != right:
-            raise ValueError(f"{n} nodes of a hierarchical system have arrays of the shapes {right}, not {shapes}")
+        shapes = {name: array.shape for name, array in data.items()} | {"table": shape(compliance)}
+        f = body.fields.size
+        expected = dict.fromkeys(ARRAYS, (n, f, f)) | {"offset": (n, f), "order": (n,), "table": (f * n, f * n)}
+        if shapes != expected:
+            raise ValueError(f"{n} nodes of a hierarchical system have arrays of the shapes {expected}, not {shapes}")
         return HierarchicalSystem(
             zone.points,
             zone.frames,
@@ -172,29 +173,29 @@ class HierarchicalBEM(PersistentFormulation):
             boundary_system=boundary_system,
             groups=coupled_groups(body.stiffness),
             representation=self._representation(body),
-            **stored,
+            **data,
         )
 
     def boundary(self, body: Body, progress: Progress = silent) -> BoundarySystem:
         """Return the system of the whole boundary with its factors, without checks."""
         stiffness = _scaled(body)
-        accuracy = Accuracy(QUADRATURE_SHARE * self.tolerance, anisotropy(stiffness))
+        accuracy = Accuracy(QUADRATURE_TOLERANCE_RATIO * self.tolerance, anisotropy(stiffness))
         layout, units = self._layout(body)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         sources = collocate(mesh, layout)
-        tree = cluster_tree(mesh, layout, sources, LEAF_SIZE)
-        kernel = self.fundamental_solution.bind(stiffness)
-        share = BLOCK_SHARE * self.tolerance
+        tree = cluster_tree(mesh, layout, sources, self.leaf_size)
+        kernel = bind_fields(self.fundamental_solution, stiffness)
+        block_tolerance = BLOCK_TOLERANCE_RATIO * self.tolerance
         with ONE_BLAS_THREAD:
-            integrals = prepare(mesh, layout, sources, tree, kernel, accuracy)
-            system = assemble(integrals, share, progress)
-            factors = factorise(system, share, progress)
+            integrals = tabulate_integrals(mesh, layout, sources, tree, kernel, accuracy)
+            system = assemble(integrals, block_tolerance, progress)
+            factors = factorise(system, block_tolerance, progress)
         return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh))
 
     def _representation(self, body: Body) -> InteriorRepresentation:
         stiffness = _scaled(body)
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
-        bind = partial(self.fundamental_solution.bind, stiffness)
+        bind = partial(bind_fields, self.fundamental_solution, stiffness)
         return InteriorRepresentation(body.mesh, body.stiffness, units, bind, anisotropy(stiffness))
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
@@ -213,8 +214,8 @@ def memory_of_machine() -> float:
 
 def _check_memory(unknowns: int, tolerance: float) -> None:
     """Raise TooLargeError if the matrices and factors are larger than the memory of the machine."""
-    digits = -np.log10(BLOCK_SHARE * tolerance)
-    needed = 8.0 * unknowns * min(3.0 * unknowns, NUMBERS_A_DIGIT * digits * max(1.0, np.log2(unknowns / 1e3)))
+    digits = -np.log10(BLOCK_TOLERANCE_RATIO * tolerance)
+    needed = 8.0 * unknowns * min(3.0 * unknowns, NUMBERS_PER_DIGIT * digits * max(1.0, np.log2(unknowns / 1e3)))
     if needed > memory_of_machine():
         raise TooLargeError(
             f"{unknowns} unknowns need about {needed / 1e9:.3g} GB; this machine has {memory_of_machine() / 1e9:.3g} "

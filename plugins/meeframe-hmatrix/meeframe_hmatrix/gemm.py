@@ -17,7 +17,7 @@ from meeframe.plugin import Array
 FULL: Final = -1
 """Inner size of an entry without a right factor."""
 COLUMNS: Final = 11
-Outer = tuple[slice, slice, Array, Array]
+OuterProduct = tuple[slice, slice, Array, Array]
 """A product left (m, k) @ right (k, n) in a range of rows and columns."""
 BY_ROWS, BY_COLUMNS = 0, 1
 """Orders of storage: by rows or by columns."""
@@ -82,10 +82,10 @@ def _multiply(kind, m, n, k, factor, left, right, scale, target):
 
 
 @njit(cache=True, nogil=True)
-def _below(matrix, lines, size):
+def _skip_rows(matrix, rows, size):
     """Return the same matrix from a later row on."""
     address, distance, order = matrix
-    return address + lines * size * (1 if order else distance), distance, order
+    return address + rows * size * (1 if order else distance), distance, order
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
@@ -145,7 +145,7 @@ def add_products(table, transpose, x, result, origin):
                 _add_to_vector(m, k, left, inner[:k, 0], total)
             continue
         target = base + (r - origin) * width * size, width
-        operand = _below((x[0], x[1], x[2]), c - x[3], size)
+        operand = _skip_rows((x[0], x[1], x[2]), c - x[3], size)
         if k == FULL:
             failed |= _multiply(kind, m, width, n, one, left, operand, one, target)
         elif k > 0 and n > 0:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from meeframe.plugin.surfaces import element_extents, shape_derivatives
 from meeframe_hmatrix.clusters import Cluster, ClusterTree, inverse
 from meeframe_hmatrix.kernels import Columns, Elements
 
-PLANE = 1e-12
+PLANARITY_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +59,14 @@ class Integrals:
     positions
         Collocation points (s, 3).
     rows
-        Their equations (s, 5), NONE where there is none.
+        Their equations (s, f), NONE where there is none.
     columns
         Columns of unknowns and loads.
     kinds
         Elements by kind.
     patch_sites
         Sites (p,) of the patches.
-    touching
+    elements_at_sites
         Elements at each site: starts (sites + 1,) and elements.
     """
 
@@ -79,11 +80,16 @@ class Integrals:
     columns: Columns
     kinds: tuple[Kind, ...]
     patch_sites: Indices
-    touching: tuple[Indices, Indices]
+    elements_at_sites: tuple[Indices, Indices]
+
+    @cached_property
+    def fields(self) -> tuple[int, ...]:
+        """Numbers of the fields."""
+        return tuple(range(self.rows.shape[1]))
 
     def elements(self, clusters: Sequence[Cluster]) -> Iterator[tuple[Kind, Indices]]:
         """Yield the elements that touch the sites of clusters, by kind, with ascending numbers."""
-        starts, elements = self.touching
+        starts, elements = self.elements_at_sites
         touched = [elements[starts[cluster.sites.start] : starts[cluster.sites.stop]] for cluster in clusters]
         numbers = np.unique(np.concatenate(touched)) if touched else elements[:0]
         for kind in self.kinds:
@@ -92,7 +98,7 @@ class Integrals:
                 yield kind, numbers[low:high] - kind.first
 
 
-def prepare(
+def tabulate_integrals(
     mesh: SurfaceMesh, layout: Layout, sources: Sources, tree: ClusterTree, kernel: Kernel, accuracy: Accuracy
 ) -> Integrals:
     """Return the tables of elements and columns; the mesh is in units of the system."""
@@ -158,6 +164,6 @@ def _planes(element: SurfaceElement, nodes: Array) -> Array | None:
     xi, eta = np.einsum("ak,eax->kex", shape_derivatives(element, middle)[0], nodes)
     normals = np.cross(xi, eta)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    edges = nodes - nodes[:, :1]
-    heights = np.abs(np.einsum("eax,ex->ea", edges, normals)).max(axis=1)
-    return normals if bool((heights <= PLANE * np.abs(edges).max(axis=(1, 2))).all()) else None
+    offsets = nodes - nodes[:, :1]
+    heights = np.abs(np.einsum("eax,ex->ea", offsets, normals)).max(axis=1)
+    return normals if bool((heights <= PLANARITY_TOLERANCE * np.abs(offsets).max(axis=(1, 2))).all()) else None

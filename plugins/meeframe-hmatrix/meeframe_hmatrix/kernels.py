@@ -35,7 +35,7 @@ class Elements(NamedTuple):
     min_orders: np.ndarray
 
 
-class Points(NamedTuple):
+class QuadraturePoints(NamedTuple):
     """Quadrature points on elements, of which element i has those from starts[i] to starts[i + 1].
 
     Attributes
@@ -69,9 +69,9 @@ class Columns(NamedTuple):
     Attributes
     ----------
     value_column, value_data
-        Columns and data of values at the sites, (sites, 5); columns are negative where there is none.
+        Columns and data of values at the sites, (sites, f); columns are negative where there is none.
     flux_column, flux_data, load_column
-        Columns and data of fluxes, and columns of loads, on the patches, (patches, 5).
+        Columns and data of fluxes, and columns of loads, on the patches, (patches, f).
     flux_unit
         Unit of unknown fluxes.
     """
@@ -104,18 +104,18 @@ class Window(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Integrals over the elements at each site (s, 25) and patch (p, 25) of a window, seen from one source."""
+    """Integrals over the elements at each site (s, f^2) and patch (p, f^2) of a window, seen from one source."""
 
     values: np.ndarray
     fluxes: np.ndarray
 
 
 class Rows(NamedTuple):
-    """Output: coefficients of unknowns (r, u) and loads (r, l), and the known data and five constant fields (r, 6)."""
+    """Output: coefficients of unknowns (r, u) and loads (r, l), and the known data and f constant fields (r, 1 + f)."""
 
     unknown: np.ndarray
     load: np.ndarray
-    rest: np.ndarray
+    known_terms: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -140,10 +140,10 @@ def orders_from_box(box, numbers, elements, table, accuracy, gauss, out):
 
 
 @njit(cache=True, nogil=True)
-def element_points(source, numbers, orders, places, elements, table, accuracy, gauss, out):
+def fill_quadrature_points(source, numbers, orders, xi, elements, table, accuracy, gauss, out):
     """Fill out with rules on elements (n,) for a source (3,): tensor rules of orders (n, 2), adaptive ones for order 0.
 
-    places: (n, 2) reference coordinates of the source in an element that contains it, else NaN. Returns the number of
+    xi: (n, 2) reference coordinates of the source in an element that contains it, else NaN. Returns the number of
     points, or a negative code of element_rule.
     """
     count = 0
@@ -157,7 +157,7 @@ def element_points(source, numbers, orders, places, elements, table, accuracy, g
             rectangular_rule(orders[i, 0], orders[i, 1], table.triangle, gauss, reference, weights)
         else:
             tolerance, anisotropy = accuracy.tolerance, accuracy.anisotropy
-            n = element_rule(source, nodes, table, places[i], tolerance, gauss, reference, weights, anisotropy)
+            n = element_rule(source, nodes, table, xi[i], tolerance, gauss, reference, weights, anisotropy)
             if n < 0:
                 return n
         rows = slice(count, count + n)
@@ -175,66 +175,72 @@ def element_points(source, numbers, orders, places, elements, table, accuracy, g
 
 
 @njit(cache=True, nogil=True)
-def sums_by_element(u, t, flux_weights, value_weights, starts, sum_u, sum_t):
-    """Set sums (m, k, 25) to weights (c, k) times u and t (c, 25) at the points from starts[e] to starts[e + 1]."""
+def sums_by_element(fields, u, t, flux_weights, value_weights, starts, sum_u, sum_t):
+    """Set sums (m, k, f^2) to weights (c, k) times u and t (c, f^2) at the points from starts[e] to starts[e + 1].
+
+    fields: (0, ..., f - 1), a tuple, whose length is known to the compiler.
+    """
+    n_entries = len(fields) ** 2
     sum_u[:] = 0.0
     sum_t[:] = 0.0
     for element in range(len(starts) - 1):
         for point in range(starts[element], starts[element + 1]):
             for a in range(flux_weights.shape[1]):
                 wu, wt = flux_weights[point, a], value_weights[point, a]
-                for i in range(25):
+                for i in range(n_entries):
                     sum_u[element, a, i] += wu * u[point, i]
                     sum_t[element, a, i] += wt * t[point, i]
 
 
 @njit(cache=True, nogil=True)
-def accumulate(u, t, sites, patches, window, sums):
-    """Add integrals u, t (m, k, 25) over elements to the sums of their nodes; sites, patches: (m, k) of these."""
+def accumulate(fields, u, t, sites, patches, window, sums):
+    """Add integrals u, t (m, k, f^2) over elements to the sums of their nodes; sites, patches: (m, k) of these."""
+    n_entries = len(fields) ** 2
     for element in range(len(sites)):
         for a in range(sites.shape[1]):
             position = window.site[sites[element, a]]
             if position >= 0:
                 value, flux = sums.values[position], sums.fluxes[window.patch[patches[element, a]]]
-                for i in range(25):
+                for i in range(n_entries):
                     value[i] += t[element, a, i]
                     flux[i] += u[element, a, i]
 
 
 @njit(cache=True, nogil=True)
-def enter(sums, rows, columns, window, out):
-    """Add the sums of one source to its rows (5,), where those are not negative.
+def enter(fields, sums, rows, columns, window, out):
+    """Add the sums of one source to its rows (f,), where those are not negative.
 
-    Entry 5 J + K of an integral belongs to the field J in the equation K.
+    Entry f J + K of an integral belongs to the field J in the equation K. fields: (0, ..., f - 1).
     """
-    constants = np.zeros(25)
+    n_fields = len(fields)
+    constants = np.zeros(n_fields**2)
     for position in range(len(window.sites)):
         site, t = window.sites[position], sums.values[position]
-        for i in range(25):
+        for i in range(n_fields**2):
             constants[i] += t[i]
-        for j in range(5):
+        for j in range(n_fields):
             column = columns.value_column[site, j]
             if column >= 0:
-                _add_column(t[5 * j :], 1.0, rows, out.unknown, window.unknown[column])
+                _add_column(fields, t[n_fields * j :], 1.0, rows, out.unknown, window.unknown[column])
             else:
-                _add_column(t[5 * j :], -columns.value_data[site, j], rows, out.rest, 0)
-    for j in range(5):
-        _add_column(constants[5 * j :], 1.0, rows, out.rest, 1 + j)
+                _add_column(fields, t[n_fields * j :], -columns.value_data[site, j], rows, out.known_terms, 0)
+    for j in range(n_fields):
+        _add_column(fields, constants[n_fields * j :], 1.0, rows, out.known_terms, 1 + j)
     for position in range(len(window.patches)):
         patch, u = window.patches[position], sums.fluxes[position]
-        for j in range(5):
+        for j in range(n_fields):
             column, load = columns.flux_column[patch, j], columns.load_column[patch, j]
             if column >= 0:
-                _add_column(u[5 * j :], -columns.flux_unit, rows, out.unknown, window.unknown[column])
+                _add_column(fields, u[n_fields * j :], -columns.flux_unit, rows, out.unknown, window.unknown[column])
             elif load >= 0:
-                _add_column(u[5 * j :], 1.0, rows, out.load, window.load[load])
+                _add_column(fields, u[n_fields * j :], 1.0, rows, out.load, window.load[load])
             else:
-                _add_column(u[5 * j :], columns.flux_data[patch, j], rows, out.rest, 0)
+                _add_column(fields, u[n_fields * j :], columns.flux_data[patch, j], rows, out.known_terms, 0)
 
 
 @njit(cache=True, nogil=True)
-def _add_column(coefficients, factor, rows, out, column):
-    """Add factor times five coefficients to a column of out in the rows (5,) that are not negative."""
-    for k in range(5):
+def _add_column(fields, coefficients, factor, rows, out, column):
+    """Add factor times f coefficients to a column of out in the rows (f,) that are not negative."""
+    for k in range(len(fields)):
         if rows[k] >= 0:
             out[rows[k], column] += factor * coefficients[k]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.plugin import Array, Indices
-from meeframe_hmatrix.blocks import Block, Dense, leaves, rank, shape, stored
+from meeframe_hmatrix.blocks import Block, Dense, count_entries, leaves, rank, shape
 from meeframe_hmatrix.gemm import FULL
 from meeframe_hmatrix.product_kernels import add_product
 
@@ -40,7 +40,7 @@ class Product:
 
 def product_of(block: Block) -> Product:
     """Return the product of a tree of blocks whose columns begin with 0; rows count from its first row."""
-    table, numbers, position = [], np.empty(stored(block)), 0
+    table, numbers, position = [], np.empty(count_entries(block)), 0
     for leaf in leaves(block):
         (m, n), dense = shape(leaf), isinstance(leaf, Dense)
         first = leaf.rows.start - block.rows.start, m, leaf.columns.start, n

@@ -8,19 +8,19 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def spread_out(points, low, high, count):
-    """Return the numbers of at most `count` of the points (n, 3), spread out as seen from a box.
+def farthest_points(positions, low, high, count):
+    """Return the numbers of at most `count` of the points at positions (n, 3), spread out as seen from a box.
 
     The first is the nearest to the box; each next one is the farthest from the previous ones relative to its distance
     from the box, so that they are dense close to the box. A larger count only adds points.
     """
-    n = len(points)
+    n = len(positions)
     count = min(count, n)
     scale, gap = np.empty(n), np.full(n, np.inf)
     for i in range(n):
         square = 0.0
         for axis in range(3):
-            x = points[i, axis]
+            x = positions[i, axis]
             square += max(0.0, max(low[axis] - x, x - high[axis])) ** 2
         scale[i] = 1.0 / square
     selected = np.empty(count, np.int64)
@@ -30,7 +30,7 @@ def spread_out(points, low, high, count):
         for i in range(n):
             square = 0.0
             for axis in range(3):
-                square += (points[i, axis] - points[selected[number - 1], axis]) ** 2
+                square += (positions[i, axis] - positions[selected[number - 1], axis]) ** 2
             gap[i] = min(gap[i], square * scale[i])
             if gap[i] > largest:
                 farthest, largest = i, gap[i]
@@ -39,33 +39,35 @@ def spread_out(points, low, high, count):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def enter_samples(u, t, rows, samples, squares):
-    """Enter kernels u, t (s p, 25) of some sources in samples (m, p, 10), and add their squares to squares (p, 2).
+def enter_samples(fields, u, t, rows, samples, squares):
+    """Enter kernels u, t (s p, f^2) of some sources in samples (m, p, 2 f), and add their squares to squares (p, 2).
 
-    rows: (s, 5) of the equations of the sources, negative where there is none. Entry 5 J + K is that of the equation K.
+    rows: (s, f) of the equations of the sources, negative where there is none. Entry f J + K is that of the equation K.
+    fields: (0, ..., f - 1).
     """
+    n_fields = len(fields)
     n = samples.shape[1]
     for source in range(len(rows)):
         for point in range(n):
             value_u, value_t = u[source * n + point], t[source * n + point]
             squares[point, 0] += (value_u**2).sum()
             squares[point, 1] += (value_t**2).sum()
-            for k in range(5):
+            for k in range(n_fields):
                 if rows[source, k] >= 0:
                     sample = samples[rows[source, k], point]
-                    for j in range(5):
-                        sample[j], sample[5 + j] = value_u[5 * j + k], value_t[5 * j + k]
+                    for j in range(n_fields):
+                        sample[j], sample[n_fields + j] = value_u[n_fields * j + k], value_t[n_fields * j + k]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def skeleton_sources(remainder, source, limit, mean):
+def skeleton_sources(remainder, source, limit, is_sketch):
     """Return ascending sources whose rows of a matrix (m, n) span all rows, and all rows in a basis of these (m, r).
 
     Overwrites the matrix; the basis is orthonormal. The third result is False if random sums represent less than a
     quarter of the norm. source: (m,) of each row, ascending. All rows of a source are used together, because they cost
     as much as one; the next source is the one whose rows are farthest from the span, until the Frobenius norm of the
-    remainder is at most `limit` (block Gram-Schmidt with pivoting). mean: the matrix is another one times random
-    vectors, and the norm is that of the other one: what r rows leave of it is represented by n - r vectors only.
+    remainder is at most `limit` (block Gram-Schmidt with pivoting). is_sketch: the matrix is another one times
+    random vectors, and the norm is that of the other one: what r rows leave of it is represented by n - r vectors only.
     """
     m, n = remainder.shape
     n_sources = source[-1] + 1
@@ -77,10 +79,10 @@ def skeleton_sources(remainder, source, limit, mean):
         squares[source[i]] += (remainder[i] ** 2).sum()
     rank, represented = 0, 1.0
     while squares.sum() > represented * limit * limit and not used.all():
-        worst = squares.argmax()
-        used[worst] = True
+        next_source = squares.argmax()
+        used[next_source] = True
         first = rank
-        for i in range(np.searchsorted(source, worst), np.searchsorted(source, worst, side="right")):
+        for i in range(np.searchsorted(source, next_source), np.searchsorted(source, next_source, side="right")):
             row = remainder[i].copy()
             norm = sqrt((row**2).sum())
             for _ in range(2):  # twice for round-off
@@ -101,7 +103,7 @@ def skeleton_sources(remainder, source, limit, mean):
                 square += remainder[i, q] ** 2
             if not used[source[i]]:
                 squares[source[i]] += square
-        if mean:
+        if is_sketch:
             represented = 1.0 - rank / n
             if represented < 0.25:
                 break

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gcrotmk
 
 from meeframe.plugin import (
-    ELECTRIC,
     MECHANICAL,
-    N_FIELDS,
+    N_MECHANICAL,
+    POTENTIALS,
     AnyArray,
     ApproximateInverse,
     Array,
@@ -26,29 +26,35 @@ from meeframe.plugin import (
     ReducedSystem,
     SurfaceMesh,
     TooLargeError,
+    silent,
 )
 from meeframe.plugin.boundary_elements import InteriorRepresentation, Layout, Units, boundary_fields
-from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
+from meeframe_hmatrix.arithmetic import (
+    Factors,
+    Form,
+    SplitFactors,
+    Truncation,
+    apply_inverse,
+    eliminate,
+    solve_block,
+    worker_pool,
+)
 from meeframe_hmatrix.assembly import System
-from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, to_dense
-from meeframe_hmatrix.chosen_fields import in_fields, merged
+from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, shape, to_dense
 from meeframe_hmatrix.clusters import ClusterTree
-from meeframe_hmatrix.packing import packed
+from meeframe_hmatrix.field_selection import merge_blocks, select_fields
+from meeframe_hmatrix.packing import pack
 from meeframe_hmatrix.product import Product, product_of
 from meeframe_hmatrix.truncated_inverse import TruncatedInverse, truncated_inverse
 from meeframe_hmatrix.truncation import precision
 
-SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
-"""Of the potentials in a displacement of ReducedSystem."""
-RESIDUAL: Final = 1e-10
-CYCLE, MOST_CYCLES = 50, 4
-"""Of GMRES: iterations of a cycle, and cycles."""
-MOST_PRODUCTS: Final = 8
-"""Between fields of load and displacement, that a system keeps."""
-ALL_FIELDS: Final = tuple(range(N_FIELDS))
-
-ARRAYS: Final = {"offset": (5,), "order": (), "to_load": (5, 5), "to_displacement": (5, 5), "node_compliance": (5, 5)}
-"""Stored arrays of a system besides its compliance, with their shapes after the axis of the nodes."""
+RESIDUAL_TOLERANCE: Final = 1e-10
+RESTART_LENGTH, MAX_RESTARTS = 50, 4
+"""Bounds of GMRES: iterations between restarts, and restarts."""
+MAX_PRODUCTS: Final = 8
+"""Largest number of stored products between fields of load and displacement."""
+ARRAYS: Final = ("offset", "order", "to_load", "to_displacement", "node_compliance")
+"""Stored arrays of a system besides its compliance."""
 
 Fields = tuple[int, ...]
 
@@ -69,7 +75,7 @@ class BoundarySystem:
     flux_unit: float
 
     def unknowns(self, loads: Array) -> Array:
-        """Return the unknowns, in the numbering of the layout, for loads (5 n) in that of the tree.
+        """Return the unknowns, in the numbering of the layout, for loads (f n) in that of the tree.
 
         GMRES is preconditioned with the factors. Raises CaseError if it does not converge.
         """
@@ -81,8 +87,8 @@ class BoundarySystem:
     def solve(self, rhs: Array) -> tuple[Array, int]:
         """Return matrix^-1 @ rhs and the number of iterations. Raises CaseError if GMRES does not converge.
 
-        Flexible GMRES (that of SciPy, which carries a vector over to the next cycle) is used because factors in single
-        precision are not linear to the last digit.
+        Flexible GMRES (that of SciPy, which carries a vector over to the next restart) is used because factors in
+        single precision are not linear to the last digit.
         """
         if not rhs.any():
             return np.zeros_like(rhs), 0
@@ -96,15 +102,15 @@ class BoundarySystem:
         def precondition(x: Array) -> Array:
             nonlocal iterations
             iterations += 1
-            return solved(self.factors, x.reshape(-1, 1))[:, 0]
+            return apply_inverse(self.factors, x.reshape(-1, 1))[:, 0]
 
         size = (len(rhs), len(rhs))
         matrix = LinearOperator(size, lambda x: multiply(self.system.matrix, x.reshape(-1, 1))[:, 0], dtype=float)
         preconditioner = LinearOperator(size, precondition, dtype=float)
-        solution, unjudged = gcrotmk(
-            matrix, rhs, rtol=RESIDUAL, maxiter=MOST_CYCLES, M=preconditioner, m=CYCLE, k=1
-        )  # SciPy decides where a cycle begins
-        if unjudged and not np.linalg.norm(rhs - matrix @ solution) <= RESIDUAL * np.linalg.norm(rhs):  # NaN, too
+        solution, info = gcrotmk(
+            matrix, rhs, rtol=RESIDUAL_TOLERANCE, maxiter=MAX_RESTARTS, M=preconditioner, m=RESTART_LENGTH, k=1
+        )  # SciPy tests convergence only when a cycle begins
+        if info and not np.linalg.norm(rhs - matrix @ solution) <= RESIDUAL_TOLERANCE * np.linalg.norm(rhs):  # NaN, too
             raise CaseError(
                 f"the boundary element system is not solved after {iterations} iterations: it is nearly singular, or "
                 "the tolerance of the formulation is too large; try a smaller tolerance"
@@ -112,7 +118,7 @@ class BoundarySystem:
         return solution, iterations
 
     def fields(self, loads: Array) -> NodalFields:
-        """Return the fields on the boundary for loads (n, 5).
+        """Return the fields on the boundary for loads (n, f).
 
         Loads are in units of the system, the order of the layout and global axes.
         """
@@ -124,21 +130,21 @@ class BoundarySystem:
 def factorise(system: System, tolerance: float, progress: Progress) -> Factors:
     """Return the truncated factors of the matrix."""
     progress("elimination", 0.0)
-    with truncation(tolerance) as how:
-        return eliminate(system.matrix, how)
+    with truncation(tolerance) as settings:
+        return eliminate(system.matrix, settings)
 
 
 def condense(system: System, factors: Factors, tolerance: float, progress: Progress) -> Block:
     """Return the compliance of the contact zone by the factors of the matrix.
 
-    It gives values (5 n) there for loads (5 n), both in the order of the tree and in units of the system.
+    It gives values (f n) there for loads (f n), both in the order of the tree and in units of the system.
     """
     progress("compliance", 0.0)
-    assert isinstance(factors, EliminatedSplit)
-    with truncation(tolerance) as how:
-        reduced = solve(factors, Form.LOWER, system.load_matrix, how)
+    assert isinstance(factors, SplitFactors)
+    with truncation(tolerance) as settings:
+        reduced = solve_block(factors, Form.LOWER, system.load_matrix, settings)
         assert isinstance(reduced, Split)
-        compliance = solve(factors.second, Form.UPPER, reduced.children[1][0], how)
+        compliance = solve_block(factors.second, Form.UPPER, reduced.children[1][0], settings)
     progress("compliance", 1.0)
     return compliance
 
@@ -146,7 +152,7 @@ def condense(system: System, factors: Factors, tolerance: float, progress: Progr
 @contextmanager
 def truncation(tolerance: float) -> Iterator[Truncation]:
     """Provide a truncation in single precision if that is sufficient, else in double precision."""
-    with helpers() as pool:
+    with worker_pool() as pool:
         yield Truncation(tolerance, precision(tolerance), pool)
 
 
@@ -156,29 +162,29 @@ class LazyBoundary:
 
     Attributes
     ----------
-    make
+    create
         Function that creates the system.
-    made
+    cache
         The system once it has been created.
     """
 
-    make: Callable[[], BoundarySystem]
-    made: list[BoundarySystem] = field(default_factory=list)
+    create: Callable[[], BoundarySystem]
+    cache: list[BoundarySystem] = field(default_factory=list)
 
     def __call__(self) -> BoundarySystem:
         """Return the system."""
-        if not self.made:
+        if not self.cache:
             try:
-                self.made.append(self.make())
+                self.cache.append(self.create())
             except MemoryError:
                 raise TooLargeError(
                     "the system is reduced again for the fields on the whole boundary, and does not fit into memory: "
                     "use a coarser mesh or a larger tolerance"
                 ) from None
-        return self.made[0]
+        return self.cache[0]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"make": self.make, "made": []}
+        return {"create": self.create, "cache": []}
 
 
 @final
@@ -189,23 +195,23 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     Attributes
     ----------
     order
-        (n,) node of each five rows of the compliance.
+        (n,) node of each f rows of the compliance.
     to_load, to_displacement
-        (n, 5, 5) from local frames to units of the system in global axes, and back.
+        (n, f, f) from local frames to units of the system in global axes, and back.
     node_compliance
-        (n, 5, 5) response of each node to its own load, in local frames and SI units.
+        (n, f, f) response of each node to its own load, in local frames and SI units.
     compliance
         The matrix of `condense`.
     boundary_system
         The system of the whole boundary; like products and inverses, it is computed again in other processes.
     representation
         The interior representation of the body.
+    groups
+        Groups of fields that the material couples; the compliance between two groups is exactly zero.
     products
         The latest products, by their fields.
     inverses
         Approximate inverses, by their fields.
-    groups
-        Groups of fields that the material couples; the compliance between two groups is exactly zero.
     """
 
     order: Indices
@@ -215,9 +221,9 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     compliance: Block
     boundary_system: LazyBoundary
     representation: InteriorRepresentation
+    groups: tuple[Fields, ...]
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, TruncatedInverse | None] = field(default_factory=dict)
-    groups: tuple[Fields, ...] = (ALL_FIELDS,)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "products": {}, "inverses": {}}
@@ -229,12 +235,13 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
 
     def to_arrays(self) -> dict[str, AnyArray]:
         """Return the compliance and the data that do not follow from the body."""
-        table, numbers = packed(self.compliance)
+        table, numbers = pack(self.compliance)
         return {name: getattr(self, name) for name in ARRAYS} | {"table": table, "numbers": numbers}
 
     def apply(self, load: Array) -> Array:
-        """Return compliance(load), (n, 5), for a load (n, 5)."""
-        return self.apply_fields(load, ALL_FIELDS, ALL_FIELDS)
+        """Return compliance(load), (n, f), for a load (n, f)."""
+        fields = range(self.n_fields)
+        return self.apply_fields(load, fields, fields)
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in k fields by a matrix of the entries between these fields and the loaded ones."""
@@ -242,19 +249,19 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
             return self._multiply(load, loaded, fields)
         displacement = np.zeros((len(load), len(fields)))
         for group in self.groups:
-            rows = [place for place, name in enumerate(fields) if name in group]
-            columns = [place for place, name in enumerate(loaded) if name in group]
+            rows = [index for index, name in enumerate(fields) if name in group]
+            columns = [index for index, name in enumerate(loaded) if name in group]
             if rows and load[:, columns].any():
-                parts = [loaded[place] for place in columns], [fields[place] for place in rows]
-                displacement[:, rows] = self._multiply(load[:, columns], *parts)
+                group_loaded, group_fields = [loaded[index] for index in columns], [fields[index] for index in rows]
+                displacement[:, rows] = self._multiply(load[:, columns], group_loaded, group_fields)
         return displacement
 
     def _multiply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in fields of one group for a load in fields of it."""
         key = tuple(loaded), tuple(fields)
-        product = self.products.pop(key, None) or product_of(merged(self._between(*key)))
+        product = self.products.pop(key, None) or product_of(merge_blocks(self._between(*key)))
         self.products[key] = product  # the latest comes last
-        for oldest in list(self.products)[:-MOST_PRODUCTS]:
+        for oldest in list(self.products)[:-MAX_PRODUCTS]:
             self.products.pop(oldest, None)
         displacement = np.empty((len(load), len(fields)))
         displacement[self.order] = product(load[self.order].ravel()).reshape(displacement.shape)
@@ -263,21 +270,21 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     def _between(self, loaded: Fields, fields: Fields) -> Block:
         """Return the compliance between some of the fields in local frames and SI units, in the order of the tree."""
         to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
-        return in_fields(self.compliance, to_load[:, :, list(loaded)], to_displacement[:, list(fields)])
+        return select_fields(self.compliance, to_load[:, :, list(loaded)], to_displacement[:, list(fields)])
 
     def approximate_inverse(self, fields: Sequence[int]) -> TruncatedInverse | None:
         """Return an inverse with a large truncation error; None if truncation loses these fields."""
         key = tuple(fields)
         if key not in self.inverses:
-            chosen = list(key)
-            unit = 1.0 / np.sqrt(np.einsum("naa->na", self.node_compliance).mean(axis=0)[chosen])
+            columns = list(key)
+            unit = 1.0 / np.sqrt(np.einsum("naa->na", self.node_compliance).mean(axis=0)[columns])
             to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
-            scaled = to_load[:, :, chosen] * unit, unit[:, None] * to_displacement[:, chosen]
-            self.inverses[key] = truncated_inverse(in_fields(self.compliance, *scaled), unit, self.order)
+            scaled = to_load[:, :, columns] * unit, unit[:, None] * to_displacement[:, columns]
+            self.inverses[key] = truncated_inverse(select_fields(self.compliance, *scaled), unit, self.order)
         return self.inverses[key]
 
-    def solved(self, load: Array) -> tuple[Array, int]:
-        """Return offset + compliance(load) by GMRES on the whole system, (n, 5), and the number of iterations.
+    def apply_iterative(self, load: Array) -> tuple[Array, int]:
+        """Return offset + compliance(load) by GMRES on the whole system, (n, f), and the number of iterations.
 
         It is free of the truncation of the elimination, which only affects the preconditioner; that of the assembly
         remains. Raises CaseError if it does not converge.
@@ -292,7 +299,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         return displacement, iterations
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5)."""
+        """Return the response of each node to its own load, (n, f, f)."""
         return self.node_compliance
 
     def diagonal(self, fields: Sequence[int]) -> Array:
@@ -304,39 +311,45 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         return None
 
     def recover(self, load: Array) -> NodalFields:
-        """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
+        """Return the fields on the whole boundary for a load (n, f) on the contact zone."""
         return self.boundary.fields(np.einsum("nja,na->nj", self.to_load, load))
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) inside the body by the interior representation."""
-        return self.representation.evaluate(self.recover(load), points)
+        return self.representation.evaluate(self.recover(load), points, progress)
 
 
 def coupled_groups(stiffness: Array) -> tuple[Fields, ...]:
-    """Return the groups of fields that an extended stiffness (3, 5, 5, 3) couples; displacements are one group."""
-    groups = [set(range(ELECTRIC))]
-    for name in range(ELECTRIC, N_FIELDS):
+    """Return the groups of fields that an extended stiffness (3, f, f, 3) couples; displacements are one group."""
+    groups = [set(range(N_MECHANICAL))]
+    for name in range(N_MECHANICAL, stiffness.shape[1]):
         joined = [group for group in groups if stiffness[:, sorted(group), name, :].any()]
         groups = [group for group in groups if group not in joined] + [{name}.union(*joined)]
     return tuple(tuple(sorted(group)) for group in groups)
 
 
-def diagonal_of(compliance: Block, order: Indices) -> Array:
-    """Blocks (n, 5, 5) on the diagonal of a compliance whose rows are those of nodes order (n,), five each."""
-    blocks = np.empty((len(order), N_FIELDS, N_FIELDS))
+def extract_diagonal(compliance: Block, order: Indices) -> Array:
+    """Return the diagonal blocks (n, f, f) of a compliance whose rows are those of nodes order (n,), f each."""
+    n_fields = shape(compliance)[0] // len(order)
+    blocks = np.empty((len(order), n_fields, n_fields))
     for leaf in leaves(compliance):
         start, stop = leaf.columns.start, leaf.columns.stop
         if leaf.rows.start - compliance.rows.start == start:
-            nodes = order[start // N_FIELDS : stop // N_FIELDS]
-            blocks[nodes] = np.einsum("iaib->iab", to_dense(leaf).reshape(len(nodes), N_FIELDS, -1, N_FIELDS))
+            nodes = order[start // n_fields : stop // n_fields]
+            blocks[nodes] = np.einsum("iaib->iab", to_dense(leaf).reshape(len(nodes), n_fields, -1, n_fields))
     return blocks
 
 
 def frames_to_units(frames: Array, units: Units) -> tuple[Array, Array]:
-    """From local loads to units of the system in global axes, from values there to displacements, (n, 5, 5)."""
-    turn = np.zeros((len(frames), N_FIELDS, N_FIELDS))
-    turn[:, MECHANICAL, MECHANICAL] = frames
-    turn[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
-    to_load = turn.transpose(0, 2, 1) * units.fluxes(np.ones(N_FIELDS))[:, None]
-    to_displacement = SIGNS[:, None] * turn * units.values_si(np.ones(N_FIELDS))
+    """Return maps of local loads to units of the system in global axes, and of values there to displacements.
+
+    Both are (n, f, f); potentials are negated in displacements.
+    """
+    n_fields = len(units.scaling.factors)
+    unity, signs = np.ones(n_fields), np.ones(n_fields)
+    signs[POTENTIALS] = -1.0
+    rotation = np.tile(np.eye(n_fields), (len(frames), 1, 1))
+    rotation[:, MECHANICAL, MECHANICAL] = frames
+    to_load = rotation.transpose(0, 2, 1) * units.fluxes(unity)[:, None]
+    to_displacement = signs[:, None] * rotation * units.values_si(unity)
     return to_load, to_displacement

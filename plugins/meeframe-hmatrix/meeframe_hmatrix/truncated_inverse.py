@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.plugin import Array, Indices
-from meeframe_hmatrix.arithmetic import Factors, Truncation, eliminate, helpers, solved
+from meeframe_hmatrix.arithmetic import Factors, Truncation, apply_inverse, eliminate, worker_pool
 from meeframe_hmatrix.blocks import Block, multiply
 
 TRUNCATION: Final = 1e-2
@@ -22,7 +22,7 @@ class TruncatedInverse:
     Attributes
     ----------
     factors
-        Factors of the matrix, with nodes in the given order.
+        Factors of the matrix, with nodes in the order `order`.
     unit
         Units (k,) in which entries of the matrix have similar magnitudes.
     order
@@ -37,7 +37,7 @@ class TruncatedInverse:
         """Return loads (n, k) that approximately cause displacements (n, k)."""
         values = self.unit * displacement[self.order]
         loads = np.empty(displacement.shape, displacement.dtype)
-        loads[self.order] = self.unit * solved(self.factors, values.reshape(-1, 1)).reshape(displacement.shape)
+        loads[self.order] = self.unit * apply_inverse(self.factors, values.reshape(-1, 1)).reshape(displacement.shape)
         return loads
 
 
@@ -59,7 +59,7 @@ def truncated_inverse(matrix: Block, unit: Array, order: Indices) -> TruncatedIn
     displacement = np.empty_like(uniform)
     displacement[order] = multiply(matrix, uniform.reshape(-1, 1)).reshape(uniform.shape) / unit
     for dtype in (np.float32, np.float64):
-        with helpers() as pool:
+        with worker_pool() as pool:
             inverse = TruncatedInverse(eliminate(matrix, Truncation(TRUNCATION, dtype, pool)), unit, order)
         if np.linalg.norm(inverse(displacement) / unit - uniform) < MAX_ERROR * np.linalg.norm(uniform):
             return inverse

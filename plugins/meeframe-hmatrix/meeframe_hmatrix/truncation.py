@@ -4,7 +4,7 @@
 import numpy as np
 from numba import njit
 
-SINGLE = 1e-5
+SINGLE_PRECISION_TOLERANCE = 1e-5
 """Tolerance from which single precision is sufficient for a truncation."""
 PIVOTING_FRACTION = 0.4
 """Fraction of the tolerance used by pivoting; the remainder is used by the singular values."""
@@ -15,7 +15,7 @@ MIN_SQUARES = 1e-20
 
 def precision(tolerance):
     """Return the type of numbers for a truncation."""
-    return np.float32 if tolerance >= SINGLE else np.float64
+    return np.float32 if tolerance >= SINGLE_PRECISION_TOLERANCE else np.float64
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})

@@ -1,4 +1,4 @@
-"""Fields inside the body by hierarchical matrices against those by dense ones, also of a system from arrays."""
+"""Interior fields by hierarchical and dense matrices agree, also for a system restored from arrays."""
 
 import numpy as np
 from meeframe_hmatrix import HierarchicalBEM
@@ -8,7 +8,7 @@ from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.system.capabilities import InteriorFields
 
 
-def test_fields_are_those_of_dense_matrices(make_block, smooth_load):
+def test_interior_fields_match_dense(make_block, smooth_load):
     body = make_block(6)
     formulation = HierarchicalBEM(tolerance=1e-6)
     system, dense = formulation.reduce(body), DenseBEM(quadrature_tolerance=1e-8).reduce(body)
@@ -17,8 +17,8 @@ def test_fields_are_those_of_dense_matrices(make_block, smooth_load):
     expected = dense.capability(InteriorFields).evaluate(load, points)
     factors = FieldScaling.of(body.stiffness).factors
     for one in (system, formulation.from_arrays(body, system.to_arrays())):
-        found = one.capability(InteriorFields).evaluate(load, points)
+        computed = one.capability(InteriorFields).evaluate(load, points)
         values = np.abs(expected.values).max(axis=0)
-        np.testing.assert_allclose(found.values / values, expected.values / values, atol=1e-4)
+        np.testing.assert_allclose(computed.values / values, expected.values / values, atol=1e-4)
         fluxes = np.abs(expected.fluxes * factors).max()
-        np.testing.assert_allclose(found.fluxes * factors, expected.fluxes * factors, atol=1e-4 * fluxes)
+        np.testing.assert_allclose(computed.fluxes * factors, expected.fluxes * factors, atol=1e-4 * fluxes)

@@ -31,7 +31,7 @@ DASHED: Final[dict[str, Any]] = {"color": "k", "linestyle": "--", "linewidth": 1
 
 
 @cache
-def solved(law: ConductivityLaw, volts: float) -> tuple[ContactProblem, ContactState]:
+def solve_sphere(law: ConductivityLaw, volts: float) -> tuple[ContactProblem, ContactState]:
     """Return problem and state of the sphere at a potential [V], without friction, magnetically insulated."""
     medium = library_material("batio3-cofe2o4")
     case = SphereCase(medium, Signorini(), law, Insulating(), CELLS, drag=0.0, potentials=(volts, 0.0))
@@ -56,7 +56,7 @@ def style(number: int, law: ConductivityLaw) -> dict[str, Any]:
 def flux_profile(axes: Any, laws: dict[str, ConductivityLaw], volts: float = 20 * KV) -> None:
     """Plot the flux density on y = 0."""
     for number, (label, law) in enumerate(laws.items()):
-        problem, state = solved(law, volts)
+        problem, state = solve_sphere(law, volts)
         row, x = middle(problem)
         axes.plot(x, -state.load[row, 3] / MILLI, **style(number, law), label=label)
     axes.set(xlabel="x [mm], y = 0", ylabel="charge into the body [mC/m²]", xlim=(-3.4, 3.4))
@@ -131,7 +131,7 @@ def breakdown(formula: Any, contact: Any) -> None:
     for number, (label, law) in enumerate(laws.items()):
         flux = law.conductivity(np.zeros_like(drop), gap, drop) * drop
         formula.plot(drop, flux / MILLI, color=COLOURS[number], label=label)
-        problem, state = solved(law, volts)
+        problem, state = solve_sphere(law, volts)
         row, x = middle(problem)
         distance = (problem.gap - state.displacement[:, 2] + UM)[row]
         fields = np.abs(-state.displacement[row, 3] - volts) / distance
@@ -150,7 +150,7 @@ def robin(formula: Any, contact: Any) -> None:
     formula.set(xlabel="contact                 gap", ylabel="κ [µF/m²]", xticks=[0.0], ylim=(-1.0, 24.0))
     laws: dict[str, ConductivityLaw] = {f"robin, {k:g} µF/m²": Robin(k * MICRO) for k in (1.0, 10.0, 100.0)}
     for number, (label, law) in enumerate({**laws, "perfect conductor in contact": PERFECT}.items()):
-        problem, state = solved(law, 2 * KV)
+        problem, state = solve_sphere(law, 2 * KV)
         row, x = middle(problem)
         contact.plot(x, -state.displacement[row, 3] / KV, **style(number, law), label=label)
     contact.set(xlabel="x [mm], y = 0", ylabel="potential of the surface [kV]", xlim=(-3.4, 3.4), ylim=(-27.0, 22.0))

@@ -18,7 +18,7 @@ from sheet import draw_sheets
 from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
 from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb
-from meeframe.laws.base import ContactLaw
+from meeframe.laws.base import ContactLaw, for_increment
 from meeframe.material import library_material
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing.contact_cases import SphereCase
@@ -45,7 +45,7 @@ def history(law: ContactLaw, drags: Iterable[tuple[float, float]], cells: int, d
     slipped, path = np.zeros((n, 2)), np.zeros(n)
     states: list[ContactState] = []
     for drag in drags:
-        increment_law = law.for_increment(path, duration)
+        increment_law = for_increment(law, path, duration)
         problem = ContactProblem(
             rest.system, increment_law, rest.channels, rest.gap, np.array(drag) - slipped, rest.potentials
         )

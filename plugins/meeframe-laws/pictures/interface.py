@@ -1,6 +1,6 @@
 """Pictures of docs/reference/laws-interface.md: `uv run python plugins/meeframe-laws/pictures/interface.py`.
 
-Each has the formula on the left and on the right what it does in a contact.
+Each picture shows the formula on the left and, on the right, its effect in a contact.
 """
 
 from collections.abc import Callable
@@ -31,8 +31,8 @@ MM, UM, NM, MPA, GPA, KN = 1e-3, 1e-6, 1e-9, 1e6, 1e9, 1e3
 YOUNG, POISSON, RADIUS, APPROACH, SIDE, CELLS = 100 * GPA, 0.3, 0.1, 50 * UM, 6 * MM, 27
 
 
-def solved(problem: ContactProblem, start: ContactState | None = None) -> ContactState:
-    """Return the solution; raises RuntimeError if there is none."""
+def solve_problem(problem: ContactProblem, start: ContactState | None = None) -> ContactState:
+    """Return the solution; raise RuntimeError if the iteration does not converge."""
     solution = solve(problem, SemismoothNewton(), start=start)
     if solution.status is not Status.CONVERGED:
         raise RuntimeError(f"{problem.contact_law}: {solution.message}")
@@ -52,9 +52,9 @@ def paraboloid(system: ReducedSystem, radius: float) -> Array:
 
 
 def sphere(law: ContactLaw, drag: float = 0.0) -> ContactState:
-    """Return the pressed on the half space and dragged."""
+    """Return the problem of a sphere pressed on the half space and dragged."""
     height = paraboloid(block(), RADIUS) + law.initial_gap(block().points)
-    return solved(indentation_problem(block(), height, APPROACH, law, translation=(drag, 0.0)))
+    return solve_problem(indentation_problem(block(), height, APPROACH, law, translation=(drag, 0.0)))
 
 
 def middle_row(state: ContactState) -> tuple[Array, Array]:
@@ -97,7 +97,7 @@ def dmt(formula: Any, contact: Any) -> None:
         approaches, forces, start = np.linspace(-2.5, 1.5, 33), [], None
         for approach in approaches:
             problem = indentation_problem(system, paraboloid(system, radius), approach * z0, law)
-            start = solved(problem, start)
+            start = solve_problem(problem, start)
             forces.append(-float(system.weights @ start.load[:, 2]) / unit)
         contact.plot(approaches, forces, ".-", markersize=4, color=colour, label=f"Tabor parameter {tabor:g}")
     contact.set(xlabel="approach / $z_0$", ylabel="force / $2\\pi R w$", ylim=(-1.2, 1.0))
@@ -134,7 +134,7 @@ def dugdale(formula: Any, contact: Any) -> None:
         contact.plot(curve[:, 1] / unit.approach_unit, curve[:, 0] / unit.force_unit, color=colour, linewidth=1.2)
         system = quarter_half_space(modulus, 1.15 * theory.at(radii[-1])[0], 24)
         for approach in curve[5::9, 1]:
-            state = solved(indentation_problem(system, paraboloid(system, radius), approach, law))
+            state = solve_problem(indentation_problem(system, paraboloid(system, radius), approach, law))
             force = -float(system.weights @ state.load[:, 2])
             contact.plot(approach / unit.approach_unit, force / unit.force_unit, "o", color=colour, markersize=4)
         contact.plot([], [], "o-", color=colour, markersize=4, label=rf"$\lambda$ = {parameter:g}")

@@ -1,4 +1,4 @@
-"""The example cases: each uses the law of its name, is solved to the end, and what it finds satisfies the law."""
+"""Each example case uses the law of its name, converges, and its results satisfy the law."""
 
 from functools import cache
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 from meeframe.contact.problem import Status
 from meeframe.laws import Insulating
-from meeframe.laws.base import augmented_traction, fixed_point_map
+from meeframe.laws.base import augmented_traction, fixed_point_map, for_increment
 from meeframe.model.cache import system_key
 from meeframe.model.load import load_case
 from meeframe.model.solve import reduce, solve_steps
@@ -20,13 +20,13 @@ LAWS = {entry.record.name: entry.record.factory for entry in load().entries if e
 SYSTEMS = {}
 
 
-def test_every_law_has_its_case():
+def test_every_law_has_a_case():
     assert set(CASES) == set(LAWS)
 
 
 @cache
 def solved(name):
-    """The case, its reduced system, which it shares with others of the same body, and its increments."""
+    """Return the case, its reduced system, which it shares with other cases of the same body, and its increments."""
     case = load_case(CASES[name])
     key = system_key(case.formulation, case.body)
     if key not in SYSTEMS:
@@ -35,20 +35,20 @@ def solved(name):
 
 
 def increments(name):
-    """Increments with the slip paths (n,) at their beginning, and the largest traction of all [Pa]."""
+    """Return the increments with the slip paths (n,) at their beginning, and the largest traction of all [Pa]."""
     steps = solved(name)[2]
     paths = [np.zeros(len(steps[0].traction)), *(step.slip_path for step in steps[:-1])]
     return zip(steps, paths, strict=True), max(np.abs(step.traction).max() for step in steps)
 
 
 def gap_of(step):
-    """Slip and normal gap, (n, 3) [m]."""
+    """Return slip and normal gap, (n, 3) [m]."""
     return np.column_stack([step.slip, step.initial_gap - step.displacement[:, 2]])
 
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("name", CASES)
-def test_is_solved_with_the_law_of_its_name(name):
+def test_case_converges_with_the_law_of_its_name(name):
     case, system, steps = solved(name)
     assert LAWS[name] in {type(law) for law in (case.contact_law, *case.conductivity.values())}
     assert len(steps) == case.n_increments
@@ -56,21 +56,21 @@ def test_is_solved_with_the_law_of_its_name(name):
         assert step.status is Status.CONVERGED, f"{step.step}.{step.increment}: {step.message}"
         assert "snap into contact" not in step.message, "meshes of the cases suit their laws"
         load = np.column_stack([step.traction, step.fluxes])
-        found = np.column_stack([step.displacement, -step.potentials])
+        computed = np.column_stack([step.displacement, -step.potentials])
         expected = system.offset + system.apply(load)
-        assert (np.abs(found - expected).max(axis=0) <= 1e-9 * np.abs(expected).max(axis=0)).all()
+        assert (np.abs(computed - expected).max(axis=0) <= 1e-9 * np.abs(expected).max(axis=0)).all()
     assert any(step.touching.sum() > 10 for step in steps)
 
 
 @pytest.mark.full(except_for=12)
 @pytest.mark.parametrize("softer", [0.03, 3.0])
 @pytest.mark.parametrize("name", CASES)
-def test_traction_is_a_fixed_point_of_the_law_whatever_the_step(name, softer):
+def test_traction_is_a_fixed_point_for_any_step_length(name, softer):
     case = solved(name)[0]
     paths, peak = increments(name)
-    r = (softer * peak / 4e-5,) * 2  # the spheres are pressed in by 40 um
+    r = (softer * peak / 4e-5,) * 2  # the approach of the spheres is 40 um
     for step, path in paths:
-        law, gap = case.contact_law.for_increment(path, step.loading.duration), gap_of(step)
+        law, gap = for_increment(case.contact_law, path, step.loading.duration), gap_of(step)
         trial = augmented_traction(law, step.traction, gap, r)
         assert np.abs(fixed_point_map(law, trial, gap, r) - step.traction).max() <= 1e-8 * peak
 
@@ -79,8 +79,8 @@ def size(t):
     return np.hypot(t[:, 0], t[:, 1])
 
 
-# Friction limits written again: how much of which is used (n,), of law, traction t (n, 2) and pressure p (n,) of the
-# contact, slip s and way slipped w (n,) at the end of the increment, duration d
+# Independent friction limits: the used fraction (n,), from law, traction t (n, 2) and pressure p (n,) of the
+# contact, slip s and slip path w (n,) at the end of the increment, duration d
 LIMITS = {
     "tresca": lambda law, t, p, s, w, d: (size(t), law.limit),
     "capped-coulomb": lambda law, t, p, s, w, d: (size(t), np.minimum(law.mu * p, law.limit)),
@@ -102,7 +102,7 @@ LIMITS = {
     "dmt-coulomb": lambda law, t, p, s, w, d: (size(t), law.mu * (p + law.adhesive_pressure)),
     **dict.fromkeys(("compliant", "dmt", "dugdale", "signorini-gap"), lambda law, t, p, s, w, d: (size(t), law.mu * p)),
 }
-# of surfaces that touch [Pa]
+# of surfaces in contact [Pa]
 ATTRACTION = {
     "dmt": lambda law: 2.0 * law.work_of_adhesion / law.equilibrium_distance,
     "dugdale": lambda law: law.adhesive_stress,
@@ -111,7 +111,7 @@ ATTRACTION = {
 
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", LIMITS)
-def test_friction_is_at_its_limit_where_it_slips_and_below_elsewhere(name):
+def test_friction_reaches_its_limit_exactly_where_nodes_slip(name):
     case = solved(name)[0]
     paths, peak = increments(name)
     slipped = 0
@@ -140,7 +140,7 @@ def plates(law, gap):
     return law.gap_constant / (gap + law.residual_gap)
 
 
-# Conductivities written again, of law, contact pressure p, gap g and drop v, (n,)
+# Independent conductivities, from law, contact pressure p, gap g and drop v, (n,)
 CONDUCTIVITIES = {
     "power-law": lambda law, p, g, v: law.reference_conductivity * (p / law.reference_pressure) ** law.exponent,
     "saturating": lambda law, p, g, v: law.largest_conductivity * (1.0 - np.exp(-p / law.saturation_pressure)),
@@ -159,7 +159,7 @@ CONDUCTIVITIES = {
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("field", ["electric", "magnetic"])
 @pytest.mark.parametrize("name", CONDUCTIVITIES)
-def test_flux_is_what_the_drop_drives(name, field):
+def test_flux_is_conductivity_times_drop(name, field):
     case, _, steps = solved(name)
     law, column = case.conductivity[field], ["electric", "magnetic"].index(field)
     if isinstance(law, Insulating):

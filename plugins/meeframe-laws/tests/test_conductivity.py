@@ -1,4 +1,5 @@
-"""All conductivity laws: the kit, values by hand, limits that are other laws, case tables, both ways of solving."""
+"""Test all conductivity laws: conformance, computed values, limiting cases, case tables, Newton's method and gradient
+steps."""
 
 import math
 from dataclasses import replace
@@ -46,7 +47,7 @@ PRESSURE, GAP = 3e7, 5e-6
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
-def test_conforms(law) -> None:
+def test_conformance(law) -> None:
     check_conductivity_law(law)
     check_growing_flux(law)
 
@@ -61,23 +62,23 @@ def test_values_under_pressure() -> None:
 
 
 def test_values_across_the_gap() -> None:
-    apart, pressed = np.zeros(3), np.full(3, -1.0)
+    separated, pressed = np.zeros(3), np.full(3, -1.0)
     gap, drop = np.array([0.0, 1e-6, 3e-6]), np.array([2.0, 20.0, -20.0])
     law = AcrossGap(AIR, 7.0, 1e-6)
-    assert law.conductivity(apart, gap, drop) == pytest.approx([AIR / 1e-6, AIR / 2e-6, AIR / 4e-6], rel=1e-14)
+    assert law.conductivity(separated, gap, drop) == pytest.approx([AIR / 1e-6, AIR / 2e-6, AIR / 4e-6], rel=1e-14)
     assert law.conductivity(pressed, 0.0 * gap, drop) == pytest.approx(7.0 + AIR / 1e-6, rel=1e-14)
-    assert AcrossGap(AIR).conductivity(apart, gap, drop)[0] == math.inf
-    # at 4 V/um the gaps bear 4, 8 and 16 V; 1 mF/m^2 besides on what exceeds them
+    assert AcrossGap(AIR).conductivity(separated, gap, drop)[0] == math.inf
+    # at 4 V/um the gaps withstand 4, 8 and 16 V; the excess adds 1 mF/m^2
     sparking = Breakdown(AIR, 4e6, 1e-3, 7.0, 1e-6)
     flux = np.array([2.0 * AIR / 1e-6, 20.0 * AIR / 2e-6 + 12e-3, -(20.0 * AIR / 4e-6 + 4e-3)])
-    assert sparking.conductivity(apart, gap, drop) * drop == pytest.approx(flux, rel=1e-14)
+    assert sparking.conductivity(separated, gap, drop) * drop == pytest.approx(flux, rel=1e-14)
     assert sparking.conductivity(pressed[:1], gap[:1], drop[:1]) == pytest.approx(7.0 + AIR / 1e-6, rel=1e-14)
 
 
 @settings(deadline=None, max_examples=100)
 @given(gap=st.floats(0.0, 1e-3), drop=st.floats(-1e5, 1e5), pressed=st.booleans(), discharge=st.floats(0.0, 1e3))
 def test_breakdown_never_conducts_less_than_the_gap(gap, drop, pressed, discharge) -> None:
-    """Discharge is besides the capacitor; without it nothing is left but the capacitor, to the last digit."""
+    """Discharge acts in parallel with the capacitor; without discharge the two laws are bitwise identical."""
     state = (np.array([-1.0 if pressed else 0.0]), np.array([0.0 if pressed else gap]), np.array([drop]))
     for residual_gap, contact in ((0.0, math.inf), (1e-7, 1e-3)):
         across = AcrossGap(AIR, contact, residual_gap).conductivity(*state)
@@ -85,8 +86,8 @@ def test_breakdown_never_conducts_less_than_the_gap(gap, drop, pressed, discharg
         assert Breakdown(AIR, 3e6, 0.0, contact, residual_gap).conductivity(*state) == across
 
 
-def case(electric, magnetic=None, law=None, cells: int = 8):
-    """A sphere at 20 kV, -15 A pressed on an orthotropic medium and dragged."""
+def make_problem(electric, magnetic=None, law=None, cells: int = 8):
+    """Return a problem of a sphere at 20 kV and -15 A that is pressed on an orthotropic medium and dragged."""
     medium = library_material("orthotropic-mee")
     insulating = Insulating()
     drawn = SphereCase(
@@ -95,10 +96,10 @@ def case(electric, magnetic=None, law=None, cells: int = 8):
     return drawn.problem()
 
 
-OWN = potential_diagonal(case(Insulating()))[0]
+OWN = potential_diagonal(make_problem(Insulating()))[0]
 
 
-def solved(problem, solver=None, start=None):
+def solve_problem(problem, solver=None, start=None):
     solution = solve(problem, solver or SemismoothNewton(), TIGHT, start)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state
@@ -117,26 +118,27 @@ def solved(problem, solver=None, start=None):
     ],
     ids=["saturating", "thresholded", "power-law", "across-gap", "breakdown"],
 )
-def test_limits_are_the_step_law(make, kappa) -> None:
-    """As fast as it gets under pressure, and with nothing across the gap."""
-    step = solved(case(StepConductivity(kappa / OWN[0])))
-    limit = solved(case(make(kappa / OWN[0])), start=replace(step, load=1.001 * step.load))
+def test_limits_equal_the_step_law(make, kappa) -> None:
+    """Steep laws under pressure, and without conduction across the gap, tend to `step`."""
+    step = solve_problem(make_problem(StepConductivity(kappa / OWN[0])))
+    limit = solve_problem(make_problem(make(kappa / OWN[0])), start=replace(step, load=1.001 * step.load))
     np.testing.assert_allclose(limit.load, step.load, atol=1e-9 * np.abs(step.load).max(axis=0).max())
     check_same(limit, step)
 
 
 def test_limits_across_the_gap() -> None:
-    """Without breakdown; with a residual gap so wide that the other does not count; without anything."""
+    """Laws agree without breakdown, with a residual gap so wide that the gap does not matter, and
+    without conduction."""
     constant = 0.3 * GAP / OWN[0]
-    across = solved(case(AcrossGap(constant, 1.0, 1e-7)))
-    check_same(solved(case(Breakdown(constant, 1e30, 1.0, 1.0, 1e-7))), across)
-    layer = solved(case(Robin(0.3 / OWN[0])))
-    check_same(solved(case(AcrossGap(0.3e9 / OWN[0], 0.0, 1e9))), layer)
-    check_same(solved(case(Robin(0.0))), solved(case(Insulating())))
+    across = solve_problem(make_problem(AcrossGap(constant, 1.0, 1e-7)))
+    check_same(solve_problem(make_problem(Breakdown(constant, 1e30, 1.0, 1.0, 1e-7))), across)
+    layer = solve_problem(make_problem(Robin(0.3 / OWN[0])))
+    check_same(solve_problem(make_problem(AcrossGap(0.3e9 / OWN[0], 0.0, 1e9))), layer)
+    check_same(solve_problem(make_problem(Robin(0.0))), solve_problem(make_problem(Insulating())))
 
 
 def laws_of(strength: float):
-    """(electric, magnetic) pairs, as strong as that in units of a node's own response."""
+    """Return (electric, magnetic) pairs of laws whose strength is relative to the nodal compliance."""
     e, m = strength / OWN
     return {
         "power-law": (PowerLaw(e, PRESSURE), PowerLaw(m, PRESSURE)),
@@ -156,17 +158,17 @@ NAMES = list(laws_of(1.0))
 @pytest.mark.parametrize("friction", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
 @pytest.mark.parametrize("name", NAMES)
 def test_solvers_agree(name, friction, strength) -> None:
-    """Newton's method and gradient steps, EMCI: both potentials are given and both conduct.
+    """Newton's method and gradient steps agree under EMCI with prescribed potentials.
 
-    Where a strong film breaks, the flux presses the surfaces together or apart: there are several solutions, of which
-    all have to find the one next to them.
+    Where a strong film breaks, the flux attracts or repels the surfaces and there are several solutions; all solvers
+    must then find the nearest one.
     """
-    problem = case(*laws_of(strength)[name], friction)
-    newton = solved(problem)
+    problem = make_problem(*laws_of(strength)[name], friction)
+    newton = solve_problem(problem)
     several = name == "thresholded" and strength > 1.0
     start = replace(newton, load=1.0001 * newton.load) if several else None
     for solver in (BarzilaiBorwein(), *([Uzawa()] if strength == 1.0 else [])):
-        check_same(solved(problem, solver, start), newton)
+        check_same(solve_problem(problem, solver, start), newton)
     flux = newton.load[:, 3:]
     drop = problem.potentials[0] + newton.displacement[:, 3:]
     assert (flux * -drop >= -1e-9 * np.abs(flux * drop).max()).all()  # conduction dissipates
@@ -175,19 +177,20 @@ def test_solvers_agree(name, friction, strength) -> None:
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("strength", [1e4, 1e6])
 @pytest.mark.parametrize("friction", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
-def test_solvers_agree_where_the_field_is_all_but_limited(friction, strength) -> None:
-    """Drops that are known to 1 / strength only from the flux: solvers look for both together, node by node."""
-    problem = case(*laws_of(strength)["breakdown"], friction)
-    newton = solved(problem)
-    check_same(solved(problem, BarzilaiBorwein()), newton)
+def test_solvers_agree_with_strongly_limited_field(friction, strength) -> None:
+    """The flux determines the drop only to 1 / strength, so solvers compute both together at each node."""
+    problem = make_problem(*laws_of(strength)["breakdown"], friction)
+    newton = solve_problem(problem)
+    check_same(solve_problem(problem, BarzilaiBorwein()), newton)
 
 
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", NAMES)
 def test_prescribed_force_and_floating_conductor(name) -> None:
-    """The force and the charge of a solution give back its approach and its potentials, from a distance."""
-    problem = case(*laws_of(3.0)[name], IsotropicCoulomb(0.4))
-    held = solved(problem)
+    """Prescribing the force and the charge of a solution recovers its approach and its potentials, from a distant
+    start."""
+    problem = make_problem(*laws_of(3.0)[name], IsotropicCoulomb(0.4))
+    held = solve_problem(problem)
     free, motion = released(problem, held, "approach", "potentials")
     for solver in (SemismoothNewton(), BarzilaiBorwein()):
         solution = balanced_solution(free, solver)
@@ -197,9 +200,9 @@ def test_prescribed_force_and_floating_conductor(name) -> None:
 
 @pytest.mark.parametrize("name", ["across-gap", "breakdown"])
 def test_two_bodies_and_exchanged_roles(name) -> None:
-    """The law does not know which body is the first: charges and fluxes change sign, pressures stay."""
+    """After an exchange of the bodies, charges and fluxes change sign and pressures are unchanged."""
     media = [library_material(material) for material in ("orthotropic-mee", "batio3-cofe2o4")]
-    single = case(*laws_of(1.0)[name])
+    single = make_problem(*laws_of(1.0)[name])
     side = np.sqrt(single.system.weights.sum())
     first, second = (periodic_half_space(medium, side, 8) for medium in media)
     states = []
@@ -212,13 +215,13 @@ def test_two_bodies_and_exchanged_roles(name) -> None:
             translation=np.zeros((len(x), 2)),
             potentials=sign * single.potentials,
         )
-        newton = solved(problem)
-        check_same(solved(problem, BarzilaiBorwein()), newton)
+        newton = solve_problem(problem)
+        check_same(solve_problem(problem, BarzilaiBorwein()), newton)
         states.append((newton.load[:, 2].sum(), *(sign * newton.load[:, 3:].sum(axis=0))))
     np.testing.assert_allclose(states[1], states[0], rtol=1e-9)
 
 
-def test_registered_and_made_from_tables() -> None:
+def test_registration_and_tables() -> None:
     create = load().create
     names = {entry.record.name for entry in load().entries if entry.provider.name == "meeframe-laws"}
     assert {record.name for record in RECORDS} <= names
@@ -252,7 +255,7 @@ def test_registered_and_made_from_tables() -> None:
         (Robin, (1.0,), "kappa", -1.0),
     ],
 )
-def test_bad_values_are_refused_with_their_key(factory, good, key, value) -> None:
+def test_invalid_values_name_their_key(factory, good, key, value) -> None:
     with pytest.raises(CaseError, match=key):
         replace(factory(*good), **{key: value})
     record = next(record for record in RECORDS if record.factory is factory)
@@ -265,8 +268,9 @@ def test_bad_values_are_refused_with_their_key(factory, good, key, value) -> Non
 @pytest.mark.parametrize(
     ("factory", "others"), [(AcrossGap, {}), (Breakdown, {"breakdown_field": 3e6, "breakdown_conductivity": 1e-3})]
 )
-def test_contact_conductivity_without_residual_gap_is_refused(factory, others) -> None:
-    """The gap that closes conducts perfectly, whatever the spots of contact do; with nothing in it they alone do."""
+def test_contact_conductivity_without_residual_gap_is_rejected(factory, others) -> None:
+    """A closing gap conducts perfectly, whatever the contact spots add; only without a gap constant do the spots
+    matter."""
     for kappa in (0.0, 1.0):
         with pytest.raises(CaseError, match=r"contact_conductivity = .* residual_gap = 0 .* allowed: residual_gap > 0"):
             factory(AIR, **others, contact_conductivity=kappa)
@@ -283,7 +287,7 @@ def test_contact_conductivity_without_residual_gap_is_refused(factory, others) -
 CASES = Path(__file__).parents[1] / "cases"
 
 
-def test_a_unit_of_the_other_field_is_refused(tmp_path) -> None:
+def test_unit_of_the_other_field_is_rejected(tmp_path) -> None:
     text = (CASES / "across-gap.toml").read_text()
     for own, other in (("1 vacuum_permittivity", "1 vacuum_permeability"), ("20 H/m^2", "20 F/m^2")):
         path = tmp_path / "case.toml"

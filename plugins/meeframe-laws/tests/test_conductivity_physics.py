@@ -1,4 +1,4 @@
-"""Conductivity laws against closed forms: one node, capacitors, films, limited fields, held potentials."""
+"""Conductivity laws agree with closed forms: one node, capacitors, films, limited fields, prescribed potentials."""
 
 import math
 
@@ -22,7 +22,7 @@ XI = np.array([[2.0e-12, 1.8e-3, 0.0], [1.8e-3, -2.4e7, 0.0], [0.0, 0.0, -1e3]])
 """Point response of a half space over (u3, phi, psi), close to that of BaTiO3-CoFe2O4."""
 
 
-def solved(problem, solver=None):
+def solve_problem(problem, solver=None):
     solution = solve(problem, solver or Auto(), TIGHT)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state
@@ -31,7 +31,7 @@ def solved(problem, solver=None):
 def plates(
     electric, xi=XI, cells: int = 1, side: float = 1e-3, voltage: float = VOLTAGE, gap=DISTANCE
 ) -> ContactProblem:
-    """A flat punch at a potential, lifted over an insulated half space."""
+    """Return a problem of a flat punch at a potential above an insulated half space."""
     system = half_space_system(xi, side, cells)
     n = len(system.points)
     potentials = np.tile([voltage, 0.0], (n, 1))
@@ -46,8 +46,8 @@ def plates(
 
 
 def one_node(problem):
-    """Flux density, gap and drop at the only node."""
-    state = solved(problem)
+    """Return flux density, gap and drop at the only node."""
+    state = solve_problem(problem)
     gap = problem.gap[0] - state.displacement[0, 2]
     drop = -state.displacement[0, 3] - problem.potentials[0, 0]
     return state.load[0, 3], gap, drop
@@ -56,7 +56,7 @@ def one_node(problem):
 @pytest.mark.parametrize("residual_gap", [0.0, 5e-6])
 @pytest.mark.parametrize("part", [0.2, -0.5])
 def test_one_node_across_the_gap(residual_gap, part) -> None:
-    """A flux that bends the surface up by a part of the gap needs the potential that drives it across the rest."""
+    """The flux deforms the surface by a fraction of the gap; the potential drives it across the remaining gap."""
     law = AcrossGap(300.0 * AIR, math.inf, residual_gap)
     block = plates(law).system.diagonal_blocks()[0]
     expected = part * DISTANCE / block[2, 3]
@@ -68,17 +68,19 @@ def test_one_node_across_the_gap(residual_gap, part) -> None:
 
 
 @pytest.mark.parametrize("voltage", [50.0, 200.0, -3e3])
-def test_one_node_breaks_down(voltage) -> None:
-    """Without bending: v = |V| - own q, q = eps / g v below E g and k (v - E g) besides beyond it, both linear."""
+def test_breakdown_at_one_node(voltage) -> None:
+    """Without deformation v = |V| - c q, with q = eps v / g below E g and an additional k (v - E g) above."""
     field, discharge = 5e6, 2e-6
     flat = np.diag(np.diag(XI))
     problem = plates(Breakdown(AIR, field, discharge), flat, voltage=voltage)
     flux, _, drop = one_node(problem)
-    own = potential_diagonal(problem)[0, 0]
+    node_compliance = potential_diagonal(problem)[0, 0]
     most, capacitor = field * DISTANCE, AIR / DISTANCE
-    expected = abs(voltage) / (1.0 + own * capacitor)
+    expected = abs(voltage) / (1.0 + node_compliance * capacitor)
     if expected > most:
-        expected = (abs(voltage) + own * discharge * most) / (1.0 + own * (capacitor + discharge))
+        expected = (abs(voltage) + node_compliance * discharge * most) / (
+            1.0 + node_compliance * (capacitor + discharge)
+        )
         assert expected > most
     assert drop == pytest.approx(-math.copysign(expected, voltage), rel=1e-10)
     expected = math.copysign(capacitor * expected + discharge * max(expected - most, 0.0), drop)
@@ -87,15 +89,16 @@ def test_one_node_breaks_down(voltage) -> None:
 
 
 def test_lifted_punch_is_a_plate_capacitor() -> None:
-    """Over what is nearly a conductor Q = eps A V / g; what it is not enters in proportion to its response."""
+    """Above a nearly perfect conductor, Q = eps A V / g; the deviation is proportional to the
+    compliance of the body."""
     cells, side = 9, 1e-3
     charges = []
     for part in (1e-2, 1e-4):
         problem = plates(AcrossGap(AIR), part * np.diag(np.diag(XI)), cells, side)
-        # a round punch: nothing is above the corners
+        # a round punch: there is no indenter above the corners
         beside = np.hypot(*problem.system.points[:, :2].T) > 0.5 * side
         problem.gap[beside] = np.inf
-        state = solved(problem)
+        state = solve_problem(problem)
         assert not state.load[beside].any()
         charges.append(problem.system.weights @ state.load[:, 3])
     area = problem.system.weights[~beside].sum()
@@ -105,17 +108,17 @@ def test_lifted_punch_is_a_plate_capacitor() -> None:
 
 
 def test_flat_gap_over_a_half_space() -> None:
-    """(C + (g + r) / eps) q = -V on all cells, solved apart; gaps that differ from cell to cell."""
+    """The fluxes solve (C + (g + r) / eps) q = -V on all cells, for gaps that vary from cell to cell."""
     residual_gap, cells = 4e-6, 8
     gap = DISTANCE * np.random.default_rng(2).uniform(0.2, 2.0, cells**2)
     problem = plates(AcrossGap(AIR, 1.0, residual_gap), np.diag(np.diag(XI)), cells, gap=gap)
     compliance = problem.system.matrix[:, 3, :, 3]
     expected = np.linalg.solve(compliance + np.diag((gap + residual_gap) / AIR), np.full(cells**2, -VOLTAGE))
-    np.testing.assert_allclose(solved(problem).load[:, 3], expected, rtol=1e-9)
+    np.testing.assert_allclose(solve_problem(problem).load[:, 3], expected, rtol=1e-9)
 
 
-def test_discharge_lowers_the_field_of_the_gap_to_the_breakdown_field() -> None:
-    """Nowhere is it more than without discharge; what exceeds the limit is a tenth for ten times the conductivity."""
+def test_discharge_limits_the_field_in_the_gap() -> None:
+    """Discharge never increases the field; the excess over the limit is inversely proportional to the conductivity."""
     field, residual_gap = 3e6, 1e-6
     medium = library_material("batio3-cofe2o4")
     insulating = Insulating()
@@ -124,64 +127,72 @@ def test_discharge_lowers_the_field_of_the_gap_to_the_breakdown_field() -> None:
         return SphereCase(medium, Signorini(), law, insulating, 10, 0.0, potentials=(1e4, 0.0)).problem()
 
     def fields(law):
-        """Field, gap and flux (n,) beside the contact."""
+        """Return field, gap and flux (n,) at open nodes."""
         problem = sphere(law)
-        state = solved(problem, SemismoothNewton())
+        state = solve_problem(problem, SemismoothNewton())
         gap = problem.gap - state.displacement[:, 2] + residual_gap
         drop = -state.displacement[:, 3] - problem.potentials[:, 0]
         return np.where(state.load[:, 2] == 0.0, np.abs(drop) / gap, 0.0), gap, np.abs(state.load[:, 3])
 
-    own = potential_diagonal(sphere(insulating))[0, 0]
+    node_compliance = potential_diagonal(sphere(insulating))[0, 0]
     capacitor = fields(AcrossGap(AIR, 1.0, residual_gap))[0]
     np.testing.assert_array_equal(fields(Breakdown(AIR, field, 0.0, 1.0, residual_gap))[0], capacitor)
     highest, most = [], capacitor
-    for kappa in np.array([1e-2, 1.0, 10.0, 100.0]) / own:
-        found, gap, flux = fields(Breakdown(AIR, field, kappa, 1.0, residual_gap))
-        excess = np.maximum(found - field, 0.0)
-        apart = found > 0.0
-        np.testing.assert_allclose(flux[apart], (AIR * found + kappa * excess * gap)[apart], atol=1e-9 * flux.max())
-        assert (found <= most * (1.0 + 1e-9)).all()
+    for kappa in np.array([1e-2, 1.0, 10.0, 100.0]) / node_compliance:
+        computed, gap, flux = fields(Breakdown(AIR, field, kappa, 1.0, residual_gap))
+        excess = np.maximum(computed - field, 0.0)
+        separated = computed > 0.0
+        np.testing.assert_allclose(
+            flux[separated], (AIR * computed + kappa * excess * gap)[separated], atol=1e-9 * flux.max()
+        )
+        assert (computed <= most * (1.0 + 1e-9)).all()
         highest.append(excess.max())
-        most = found
+        most = computed
     assert 0.0 < highest[-1] < 0.1 * field
     assert capacitor.max() > 10.0 * field
     assert highest[-2] / highest[-1] == pytest.approx(10.0, rel=0.25)
 
 
 def sphere(electric, magnetic=None):
-    """A sphere at 20 kV, -15 A on an orthotropic medium."""
+    """Return a problem of a sphere at 20 kV and -15 A on an orthotropic medium."""
     medium = library_material("orthotropic-mee")
     laws = (electric, magnetic or Insulating())
     return SphereCase(medium, Signorini(), *laws, 10, 0.0, potentials=(2e4, -15.0)).problem()
 
 
-def test_robin_holds_the_potentials_of_the_whole_zone() -> None:
-    """kappa -> inf: those of the indenter everywhere, in contact or not; before that the error is 1 / kappa."""
-    perfect = solved(sphere(Robin(math.inf), Robin(math.inf)))
+def test_robin_prescribes_potentials_on_the_zone() -> None:
+    """The potentials at all nodes tend to those of the indenter for large kappa, with an error of 1 / kappa."""
+    perfect = solve_problem(sphere(Robin(math.inf), Robin(math.inf)))
     np.testing.assert_allclose(-perfect.displacement[:, 3], 2e4, rtol=1e-9)
     np.testing.assert_allclose(-perfect.displacement[:, 4], -15.0, rtol=1e-9)
     assert (perfect.load[:, 2] == 0.0).any()
-    own = potential_diagonal(sphere(Insulating()))[0, 0]
-    errors = [np.abs(solved(sphere(Robin(k / own))).displacement[:, 3] + 2e4).max() for k in (1e3, 1e4)]
+    node_compliance = potential_diagonal(sphere(Insulating()))[0, 0]
+    errors = [
+        np.abs(solve_problem(sphere(Robin(k / node_compliance))).displacement[:, 3] + 2e4).max() for k in (1e3, 1e4)
+    ]
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.05)
 
 
-def test_charge_grows_from_that_of_the_contact_to_that_of_held_potentials() -> None:
-    """With the permittivity of the gap; the sphere holds charge where it touches, at last on the whole zone."""
-    own = potential_diagonal(sphere(Insulating()))[0, 0]
+def test_charge_grows_with_the_permittivity_of_the_gap() -> None:
+    """The charge grows from that of the contact alone to that of a prescribed potential on the whole zone."""
+    node_compliance = potential_diagonal(sphere(Insulating()))[0, 0]
     weights = sphere(Insulating()).system.weights
-    laws = [StepConductivity(math.inf), *(AcrossGap(k * 1e-6 / own) for k in (1e-3, 1e-1, 1e1, 1e3)), Robin(math.inf)]
-    charges = np.array([abs(weights @ solved(sphere(law)).load[:, 3]) for law in laws])
+    laws = [
+        StepConductivity(math.inf),
+        *(AcrossGap(k * 1e-6 / node_compliance) for k in (1e-3, 1e-1, 1e1, 1e3)),
+        Robin(math.inf),
+    ]
+    charges = np.array([abs(weights @ solve_problem(sphere(law)).load[:, 3]) for law in laws])
     assert (np.diff(charges) > 0.0).all()
     assert charges[1] == pytest.approx(charges[0], rel=0.02)
     assert charges[-2] == pytest.approx(charges[-1], rel=0.02)
 
 
-def test_film_insulates_up_to_its_threshold_and_conducts_beyond_the_ramp() -> None:
-    own = potential_diagonal(sphere(Insulating()))[0, 0]
-    threshold, ramp, kappa = 2e7, 5e6, 2.0 / own
+def test_film_between_threshold_and_ramp() -> None:
+    node_compliance = potential_diagonal(sphere(Insulating()))[0, 0]
+    threshold, ramp, kappa = 2e7, 5e6, 2.0 / node_compliance
     problem = sphere(Thresholded(kappa, threshold, ramp))
-    state = solved(problem)
+    state = solve_problem(problem)
     pressure, flux = -state.load[:, 2], state.load[:, 3]
     drop = -state.displacement[:, 3] - problem.potentials[:, 0]
     whole, broken = pressure <= threshold, pressure >= threshold + ramp
@@ -191,8 +202,8 @@ def test_film_insulates_up_to_its_threshold_and_conducts_beyond_the_ramp() -> No
     np.testing.assert_allclose(flux[broken], kappa * drop[broken], rtol=1e-9)
 
 
-def test_saturating_film_covers_what_random_spots_cover() -> None:
-    """Spots at random: the part of an area that discs of given total area cover, against 1 - exp(-total)."""
+def test_saturation_matches_coverage_by_random_spots() -> None:
+    """Randomly placed discs of a given total area cover the fraction 1 - exp(-total) of a surface."""
     random = np.random.default_rng(5)
     points = random.uniform(size=(20_000, 2))
     radius, total = 0.02, 0.7

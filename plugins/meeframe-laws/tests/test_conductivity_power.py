@@ -18,14 +18,14 @@ def test_values_at_reference_and_where_open():
 
 @settings(deadline=None, max_examples=50)
 @given(st.floats(1e-3, 1e12), st.floats(1.001, 1e3), st.floats(0.1, 3.0))
-def test_homogeneous_of_its_exponent_and_increasing(pressure, factor, exponent):
+def test_law_is_homogeneous_and_increasing(pressure, factor, exponent):
     law = PowerLaw(2.0e-3, 1.0e6, exponent)
     first, second = contact_conductivity(law, np.array([-pressure, -factor * pressure]))
     assert second > first > 0
     assert second / first == pytest.approx(factor**exponent, rel=1e-10)
 
 
-def test_registered_through_the_entry_point_and_made_from_a_table():
+def test_registration_and_table():
     entry = next(entry for entry in load().entries if entry.record.name == "power-law")
     assert entry.provider.name == "meeframe-laws"
     law = load().create(
@@ -44,7 +44,7 @@ def test_registered_through_the_entry_point_and_made_from_a_table():
         ("exponent", float("nan")),
     ],
 )
-def test_bad_values_are_refused_with_their_key(key, value):
+def test_invalid_values_name_their_key(key, value):
     table = {"name": "power-law", "reference_conductivity": 1.0, "reference_pressure": 1.0, key: value}
     with pytest.raises(CaseError, match=key):
         load().create(Kind.CONDUCTIVITY_LAW, table)

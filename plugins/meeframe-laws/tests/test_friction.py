@@ -1,4 +1,4 @@
-"""All friction laws: the kit, both ways of solving a contact problem, prescribed forces, case tables."""
+"""Test all friction laws: conformance, Newton's method and gradient steps, prescribed forces, case tables."""
 
 from dataclasses import replace
 
@@ -11,6 +11,7 @@ from meeframe_laws.friction import RECORDS, CappedCoulomb, RegularisedCoulomb, T
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Status, resultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws.base import for_increment, resolve
 from meeframe.material import library_material
 from meeframe.plugin.registry import Kind, load
 from meeframe.solvers import SemismoothNewton, solve
@@ -26,7 +27,7 @@ from meeframe.testing.contact import (
 from meeframe.testing.contact_cases import SphereCase
 from meeframe.testing.force_control import TIGHT, balanced_solution, check_same, released
 
-# of pressures near 1 MPa, as the kit has them
+# for pressures near 1 MPa, as in the kit
 LAWS = {
     "tresca": Tresca(3e5),
     "capped-coulomb": CappedCoulomb(0.4, 3e5),
@@ -38,7 +39,7 @@ LAWS = {
 }
 SUPERELLIPTIC = [SuperellipticCoulomb(0.6, 0.2, n, 0.3) for n in (1.0, 1.5, 50.0)]
 SPEEDS = [RateAndPressure(0.5, 0.2, 1e-5, d) for d in (0.5, 3.0)]
-# of pressures near 2 GPa, as under the sphere
+# for pressures near 2 GPa, as under the sphere
 LARGE = {
     **LAWS,
     "tresca": Tresca(3e8),
@@ -48,13 +49,13 @@ LARGE = {
 
 
 def sphere(law, cells=10):
-    """A sphere dragged over an anisotropic medium, all fields coupled, in an increment of 1 s from rest."""
+    """Return a problem of a sphere dragged over a fully coupled anisotropic medium within 1 s."""
     medium = library_material("batio3-cofe2o4")
-    here = law.for_increment(np.zeros(cells**2), 1.0)
+    here = for_increment(law, np.zeros(cells**2), 1.0)
     return SphereCase(medium, here, Insulating(), StepConductivity(np.inf), cells).problem()
 
 
-def solved(problem, solver):
+def solve_problem(problem, solver):
     solution = solve(problem, solver, TIGHT)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state
@@ -107,24 +108,24 @@ def test_superelliptic_is_homogeneous_and_orthotropic(law):
 @pytest.mark.parametrize("name", LARGE)
 def test_two_solvers_agree(name):
     problem = sphere(LARGE[name])
-    newton, gradient = (solved(problem, solver) for solver in (SemismoothNewton(), BarzilaiBorwein()))
+    newton, gradient = (solve_problem(problem, solver) for solver in (SemismoothNewton(), BarzilaiBorwein()))
     forces = [resultant(problem.system, state.load)[0] for state in (newton, gradient)]
     assert np.abs(forces[1] - forces[0]).max() <= 1e-8 * np.abs(forces[0]).max()
     slip = (problem.translation - newton.displacement[:, :2])[newton.load[:, 2] < 0.0]
-    assert np.linalg.norm(slip, axis=1).max() > 1e-6  # friction was at its limit somewhere
+    assert np.linalg.norm(slip, axis=1).max() > 1e-6  # friction reached its limit somewhere
     check_same(gradient, newton)
 
 
 @pytest.mark.parametrize("name", LARGE)
-def test_prescribed_forces_find_the_motion(name):
+def test_prescribed_forces_recover_the_motion(name):
     problem = sphere(LARGE[name], 8)
-    # as far as the limit is not reached everywhere: sliding is undetermined under a force
+    # unless the limit is reached at all nodes, where a force does not determine the sliding
     problem = replace(problem, translation=0.3 * problem.translation)
-    expected = solved(problem, SemismoothNewton())
+    expected = solve_problem(problem, SemismoothNewton())
     forced, motion = released(problem, expected, "approach", "translation")
-    found = balanced_solution(forced, SemismoothNewton(), TIGHT).state
-    check_same(found, expected)
-    np.testing.assert_allclose(found.motion, motion, rtol=1e-8)
+    computed = balanced_solution(forced, SemismoothNewton(), TIGHT).state
+    check_same(computed, expected)
+    np.testing.assert_allclose(computed.motion, motion, rtol=1e-8)
 
 
 COULOMB = IsotropicCoulomb(0.4)
@@ -150,13 +151,13 @@ SAME_AS = {
 
 
 @pytest.mark.parametrize("limit", SAME_AS)
-def test_limits_are_built_in_laws(limit):
+def test_limits_equal_built_in_laws(limit):
     law, other = SAME_AS[limit]
     problem = sphere(law)
-    if limit == "fast":  # at rest static friction holds, so that all has to slip
+    if limit == "fast":  # without slip, static friction applies, so all nodes must slip
         problem = replace(problem, translation=20.0 * problem.translation)
-    state = solved(problem, SemismoothNewton())
-    expected = solved(replace(problem, contact_law=other), SemismoothNewton())
+    state = solve_problem(problem, SemismoothNewton())
+    expected = solve_problem(replace(problem, contact_law=other), SemismoothNewton())
     difference = np.abs(state.load - expected.load).max(axis=0)
     assert (difference <= 1e-9 * np.abs(expected.load).max(axis=0)).all()
 
@@ -187,7 +188,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("name", "keys", "shown"), BAD)
-def test_bad_values_are_refused(name, keys, shown):
+def test_invalid_values_are_rejected(name, keys, shown):
     with pytest.raises(CaseError, match=shown):
         load().create(Kind.CONTACT_LAW, {"name": name, **keys})
     factory = type(LAWS[name])
@@ -205,7 +206,7 @@ def test_case_tables_take_units():
     assert law == CappedCoulomb(0.6, 2e8)
 
 
-# absurd, but within their bounds: what they come to is a limit that has a name
+# extreme, but within bounds: the limit is a law with a name
 EXTREME = {
     "no slip length": (RegularisedCoulomb(0.4, 1e-320), COULOMB),
     "endless slip length": (RegularisedCoulomb(0.4, 1e300), Signorini()),
@@ -226,6 +227,6 @@ def test_extreme_values_do_not_overflow(limit):
     trial = np.column_stack([2.0 * p, -p[::-1], -p])
     gap = 1e-5 * np.column_stack([np.linspace(0.0, 2.0, 7), np.ones(7), np.zeros(7)])
     r = (1e11, 1e11)
-    found = law.for_increment(np.linspace(0.0, 1e-3, 7), 1e-3).resolve(trial, gap, r)
-    difference = np.abs(found - other.resolve(trial, gap, r)).max(axis=1)
+    computed = resolve(for_increment(law, np.linspace(0.0, 1e-3, 7), 1e-3), trial, gap, r)
+    difference = np.abs(computed - resolve(other, trial, gap, r)).max(axis=1)
     assert (difference <= 1e-12 * np.abs(trial).max(axis=1)).all()

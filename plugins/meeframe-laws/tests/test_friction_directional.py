@@ -1,4 +1,4 @@
-"""Non-associated and superelliptic friction: where the traction is and which way it slips."""
+"""Non-associated and superelliptic friction have the correct limit and slip direction."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ STEP = st.floats(-6.0, 6.0)
 
 
 def point_and_normal(half_axes, angle, exponent, parameter):
-    """Point of a superellipse about axes at an angle, and its outward normal, from the curve's parametrisation."""
+    """Return a point of a rotated superellipse and its outward normal, from a parametrisation of the curve."""
     c, s = np.cos(parameter), np.sin(parameter)
     local = np.array([np.copysign(abs(c) ** (2.0 / exponent), c), np.copysign(abs(s) ** (2.0 / exponent), s)])
     point = half_axes * local
@@ -28,49 +28,50 @@ def point_and_normal(half_axes, angle, exponent, parameter):
     return point @ axes, normal @ axes / np.linalg.norm(normal)
 
 
-def slipping(law):
-    """Tractions over pressures and slips, (m, 2) each, of the nodes that slip under a dragged sphere."""
+def slipping_nodes(law):
+    """Return traction over pressure and slip, (m, 2) each, of the nodes that slip under a dragged sphere."""
     insulating = Insulating()
     problem = SphereCase(library_material("orthotropic-mee"), law, insulating, insulating, 12).problem()
-    found = solve(problem, SemismoothNewton(), TIGHT)
-    assert found.status is Status.CONVERGED, found.message
-    slip = contact_gap(problem, found.state.displacement)[:, :2]
-    slips = (found.state.load[:, 2] < 0.0) & (np.linalg.norm(slip, axis=1) > 1e-8)
+    solution = solve(problem, SemismoothNewton(), TIGHT)
+    assert solution.status is Status.CONVERGED, solution.message
+    slip = contact_gap(problem, solution.state.displacement)[:, :2]
+    slips = (solution.state.load[:, 2] < 0.0) & (np.linalg.norm(slip, axis=1) > 1e-8)
     assert slips.sum() > 20
-    return found.state.load[slips, :2] / -found.state.load[slips, 2:3], slip[slips]
+    return solution.state.load[slips, :2] / -solution.state.load[slips, 2:3], slip[slips]
 
 
 def lame_norm(points, exponent):
-    """(|x|^n + |y|^n)^(1/n), (m,), of points (m, 2)."""
+    """Return (|x|^n + |y|^n)^(1/n), (m,), of points (m, 2)."""
     largest = np.abs(points).max(axis=1)
     return largest * ((np.abs(points) / largest[:, None]) ** exponent).sum(axis=1) ** (1.0 / exponent)
 
 
 def parallel(one, other, atol):
-    """Rows that point the same way."""
+    """Return True for rows that have the same direction."""
     units = [rows / np.linalg.norm(rows, axis=1)[:, None] for rows in (one, other)]
     np.testing.assert_allclose(units[0], units[1], atol=atol)
 
 
 @settings(deadline=None, max_examples=200)
 @given(COEFFICIENT, COEFFICIENT, COEFFICIENT, ANGLE, ANGLE, ANGLE, STEP, STEP)
-def test_non_associated_traction_on_one_ellipse_slips_along_the_normal_of_the_other(
+def test_non_associated_slip_is_normal_to_the_slip_ellipse(
     mu1, mu2, ratio, angle, slip_angle, parameter, step, pressure
 ):
     law = NonAssociatedCoulomb(mu1, mu2, ratio, angle, slip_angle)
     p = 10.0**pressure
     traction = p * point_and_normal(np.array([mu1, mu2]), angle, 2.0, parameter)[0]
-    # the normal of the other ellipse where its radius meets the traction: the gradient of x1^2 + x2^2/ratio^2
+    # the normal of the slip ellipse at the direction of the traction: the gradient of x1^2 + x2^2/ratio^2
     first = np.array([np.cos(slip_angle), np.sin(slip_angle)])
     second = np.array([-first[1], first[0]])
     normal = (traction @ first) * first + (traction @ second) * second / ratio**2
     trial = traction + p * 10.0**step * law.tangential_scaling() @ (normal / np.linalg.norm(normal))
-    found = law.resolve(np.append(trial, -p)[None], np.zeros((1, 3)), (1.0, 1.0))[0]
-    assert np.abs(found - np.append(traction, -p)).max() <= 1e-12 * max(p, np.abs(trial).max())
+    computed = law.resolve(np.append(trial, -p)[None], np.zeros((1, 3)), (1.0, 1.0))[0]
+    assert np.abs(computed - np.append(traction, -p)).max() <= 1e-12 * max(p, np.abs(trial).max())
 
 
-def test_non_associated_by_hand():
-    """Slip along (1, 1) with a circle for its normal: traction along (1, 1), wherever the normal of the ellipse is."""
+def test_non_associated_computed_values():
+    """With a circle as slip ellipse, slip along (1, 1) has a traction along (1, 1), whatever the
+    normal of the limit."""
     law = NonAssociatedCoulomb(0.6, 0.2)
     scaling = law.tangential_scaling()
     np.testing.assert_allclose(scaling, np.diag([1.0, 1.0 / 9.0]))
@@ -85,7 +86,7 @@ def test_non_associated_by_hand():
 
 def test_non_associated_under_a_sphere():
     law = NonAssociatedCoulomb(0.4, 0.15, 0.5, 0.3, -0.6)
-    traction, slip = slipping(law)
+    traction, slip = slipping_nodes(law)
     axes = np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]])
     np.testing.assert_allclose(np.linalg.norm(traction @ axes.T / [0.4, 0.15], axis=1), 1.0, rtol=1e-9)
     axes = np.array([[np.cos(0.6), -np.sin(0.6)], [np.sin(0.6), np.cos(0.6)]])
@@ -95,22 +96,22 @@ def test_non_associated_under_a_sphere():
 
 @settings(deadline=None, max_examples=300)
 @given(COEFFICIENT, COEFFICIENT, st.floats(1.05, 20.0), ANGLE, ANGLE, STEP, STEP)
-def test_superelliptic_slips_along_its_normal(mu1, mu2, exponent, angle, parameter, step, pressure):
+def test_superelliptic_slip_is_normal_to_the_limit(mu1, mu2, exponent, angle, parameter, step, pressure):
     law = SuperellipticCoulomb(mu1, mu2, exponent, angle)
     p = 10.0**pressure
     point, normal = point_and_normal(np.array([mu1, mu2]), angle, exponent, parameter)
     trial = p * (point + 10.0**step * law.tangential_scaling() @ normal)
-    found = law.project(np.append(trial, -p)[None])[0]
-    assert np.abs(found - np.append(p * point, -p)).max() <= 1e-10 * max(p, np.abs(trial).max())
+    computed = law.project(np.append(trial, -p)[None])[0]
+    assert np.abs(computed - np.append(p * point, -p)).max() <= 1e-10 * max(p, np.abs(trial).max())
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.0001, 1.5, 2.0, 4.0, 100.0, 1e6])
 def test_superelliptic_projection_is_the_nearest_point(exponent):
-    """No point of the curve, of 20 000, is nearer in y = M^-1 t."""
+    """None of 20 000 points of the curve is nearer in y = M^-1 t."""
     random = np.random.default_rng(0)
     mu = np.array([0.6, 0.2])
     trial = np.column_stack([random.normal(size=(100, 2)), np.full(100, -0.5)])
-    found = SuperellipticCoulomb(*mu, exponent).project(trial)[:, :2]
+    computed = SuperellipticCoulomb(*mu, exponent).project(trial)[:, :2]
     parameter = np.linspace(0.0, 2.0 * np.pi, 20_001)
     c, s = np.cos(parameter), np.sin(parameter)
     size = (
@@ -119,17 +120,17 @@ def test_superelliptic_projection_is_the_nearest_point(exponent):
     curve = 0.5 * np.column_stack([c, s]) / size[:, None]
     outside = lame_norm(trial[:, :2] / mu, exponent) > 0.5
     assert outside.sum() > 50
-    distance = np.linalg.norm((trial[:, :2] - found) / mu, axis=1)
+    distance = np.linalg.norm((trial[:, :2] - computed) / mu, axis=1)
     nearest = np.linalg.norm((trial[:, None, :2] / mu) - curve, axis=2).min(axis=1)
     np.testing.assert_allclose(distance[outside], nearest[outside], atol=1e-2 if exponent == 100 else 1e-5)
-    np.testing.assert_array_equal(found[~outside], trial[~outside, :2])
-    np.testing.assert_allclose(lame_norm(found[outside] / mu, exponent), 0.5, rtol=1e-9)
+    np.testing.assert_array_equal(computed[~outside], trial[~outside, :2])
+    np.testing.assert_allclose(lame_norm(computed[outside] / mu, exponent), 0.5, rtol=1e-9)
 
 
 def test_rhombus_and_box():
     trial = np.array([[0.9, 0.3, -1.0], [3.0, 0.3, -1.0], [0.3, 0.1, -1.0], [1.0, 0.1, 2.0]])
     rhombus = SuperellipticCoulomb(0.5, 0.5, 1.0).project(trial)
-    # along the side x + y = 0.5 to the foot of the perpendicular, or to the corner beyond it
+    # on the side x + y = 0.5 to the foot of the perpendicular, or to the corner if that lies beyond it
     np.testing.assert_allclose(rhombus, [[0.5, 0.0, -1.0], [0.5, 0.0, -1.0], [0.3, 0.1, -1.0], [0, 0, 0]], atol=1e-12)
     foot = SuperellipticCoulomb(0.5, 0.5, 1.0).project(np.array([[0.8, 0.6, -1.0]]))
     np.testing.assert_allclose(foot, [[0.35, 0.15, -1.0]], rtol=1e-12)
@@ -139,7 +140,7 @@ def test_rhombus_and_box():
 
 @pytest.mark.parametrize("exponent", [1.2, 5.0])
 def test_superelliptic_under_a_sphere(exponent):
-    traction, slip = slipping(SuperellipticCoulomb(0.4, 0.15, exponent))
+    traction, slip = slipping_nodes(SuperellipticCoulomb(0.4, 0.15, exponent))
     share = np.abs(traction) / [0.4, 0.15]
     np.testing.assert_allclose((share**exponent).sum(axis=1), 1.0, rtol=1e-8)
     parallel(slip, np.copysign(share ** (exponent - 1.0), traction) / [0.4, 0.15], 1e-5)

@@ -1,4 +1,4 @@
-"""Tresca, capped and regularised Coulomb friction against their formulas and closed forms."""
+"""Tresca, capped and regularised Coulomb friction agree with their formulas and with closed forms."""
 
 from dataclasses import replace
 
@@ -19,8 +19,9 @@ from meeframe.testing.force_control import TIGHT
 SIDE, CELLS, YOUNG = 2e-2, 20, 1e11
 
 
-def pressed(law, height, approach, translation, cells=CELLS, goodman=True):
-    """An indenter on an elastic half space, normal and tangential response decoupled unless goodman is False."""
+def make_problem(law, height, approach, translation, cells=CELLS, goodman=True):
+    """Return a problem of an indenter on an elastic half space; without coupling of normal and tangential response
+    unless `goodman` is False."""
     system = elastic_half_space(YOUNG, 0.3, SIDE, cells, goodman)
     n = len(system.points)
     gap = height(*system.points[:, :2].T) - approach
@@ -30,35 +31,35 @@ def pressed(law, height, approach, translation, cells=CELLS, goodman=True):
 
 
 def solution(problem):
-    found = solve(problem, SemismoothNewton(), TIGHT)
-    assert found.status is Status.CONVERGED, found.message
-    return found.state
+    computed = solve(problem, SemismoothNewton(), TIGHT)
+    assert computed.status is Status.CONVERGED, computed.message
+    return computed.state
 
 
 def sphere(x, y):
     return (x**2 + y**2) / 2.0
 
 
-def test_tresca_by_hand():
+def test_tresca_computed_values():
     trial = np.array([[3.0, 4.0, -1e-3], [0.3, 0.4, -7.0], [3.0, 4.0, 0.0], [3.0, 4.0, np.inf]])
     expected = [[1.5, 2.0, -1e-3], [0.3, 0.4, -7.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     np.testing.assert_allclose(Tresca(2.5).project(trial), expected, rtol=1e-14)
 
 
-def test_capped_by_hand():
+def test_capped_computed_values():
     trial = np.array([[3.0, 4.0, -2.0], [3.0, 4.0, -200.0], [0.3, 0.4, -2.0], [3.0, 4.0, 1.0], [3.0, 4.0, np.inf]])
     expected = [[0.6, 0.8, -2.0], [1.5, 2.0, -200.0], [0.3, 0.4, -2.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     np.testing.assert_allclose(CappedCoulomb(0.5, 2.5).project(trial), expected, rtol=1e-14)
 
 
-def test_tresca_sliding_punch_bears_its_limit_times_its_area():
-    """A square punch in full slip: uniform shear along the slip, so that T = limit * side^2 exactly."""
+def test_tresca_force_on_sliding_punch():
+    """In full slip of a square punch the shear traction is uniform, so T = limit * side^2 exactly."""
     half = SIDE / 4
 
     def punch(x, y):
         return np.where(np.maximum(abs(x), abs(y)) < half, 0.0, np.inf)
 
-    state = solution(problem := pressed(Tresca(2e7), punch, 5e-6, [4e-4, 3e-4]))
+    state = solution(problem := make_problem(Tresca(2e7), punch, 5e-6, [4e-4, 3e-4]))
     force = problem.system.weights @ state.load[:, :2]
     np.testing.assert_allclose(force, 2e7 * (2 * half) ** 2 * np.array([0.8, 0.6]), rtol=2e-3)
     inside = state.load[:, 2] < 0.0
@@ -67,10 +68,10 @@ def test_tresca_sliding_punch_bears_its_limit_times_its_area():
 
 
 def test_capped_sliding_sphere():
-    """Full slip: limit on a core of radius c, mu p around it; T = limit pi c^2 + mu P (1 - c^2/a^2)^1.5 after Hertz."""
+    """In full slip, T = limit pi c^2 + mu P (1 - c^2/a^2)^1.5 with the cap reached on a core of radius c."""
     hertz = HertzContact(YOUNG, 0.3, 1.0, 2.5e-5)
     law = CappedCoulomb(0.4, 0.2 * hertz.peak_pressure)
-    state = solution(problem := pressed(law, sphere, hertz.approach, [3e-4, 0.0], 32))
+    state = solution(problem := make_problem(law, sphere, hertz.approach, [3e-4, 0.0], 32))
     shear, pressure = np.linalg.norm(state.load[:, :2], axis=1), -state.load[:, 2]
     core = 0.4 * pressure > law.limit
     assert core.any()
@@ -86,14 +87,14 @@ NUMBER = st.floats(-8.0, 8.0)
 
 @settings(deadline=None, max_examples=200)
 @given(NUMBER, NUMBER, NUMBER, st.floats(0.0, 6.0), st.floats(0.01, 10.0))
-def test_regularised_resolves_its_formula(slip, step, pressure, angle, mu):
-    """A slip makes the traction of the formula; traction + r slip has to give it back, for every r."""
+def test_regularised_resolvent_inverts_the_formula(slip, step, pressure, angle, mu):
+    """The resolvent recovers the traction of the formula from traction + r slip, for every r."""
     p, r, length = 10.0**pressure, 10.0**step, 1e-3
     g = length * 10.0**slip * np.array([np.cos(angle), np.sin(angle)])
     traction = np.append(mu * p * g / np.sqrt(g @ g + length**2), -p)
     trial = traction + np.append(r * g, 0.0)
-    found = RegularisedCoulomb(mu, length).resolve(trial[None], np.zeros((1, 3)), (1.0, r))[0]
-    assert np.abs(found - traction).max() <= 1e-14 * np.abs(trial).max()
+    computed = RegularisedCoulomb(mu, length).resolve(trial[None], np.zeros((1, 3)), (1.0, r))[0]
+    assert np.abs(computed - traction).max() <= 1e-14 * np.abs(trial).max()
 
 
 def test_regularised_where_open_or_without_slip():
@@ -105,8 +106,8 @@ def test_regularised_where_open_or_without_slip():
 
 @pytest.mark.parametrize(("translation", "order"), [(4e-6, 1.0), (1e-3, 2.0)], ids=["partial slip", "full slip"])
 def test_regularised_tends_to_coulomb(translation, order):
-    """Of first order in the slip length where something sticks, of second where all slips far: 1/sqrt(1 + x^-2)."""
-    problem = pressed(IsotropicCoulomb(0.3), sphere, 2.5e-5, [translation, 0.0], goodman=False)
+    """The difference is of first order in the slip length where nodes stick and of second order in full slip."""
+    problem = make_problem(IsotropicCoulomb(0.3), sphere, 2.5e-5, [translation, 0.0], goodman=False)
     exact = solution(problem).load
     lengths = (1e-5 if order == 1.0 else 1e-3) * translation * np.array([4.0, 2.0, 1.0])
     errors = []
@@ -117,9 +118,9 @@ def test_regularised_tends_to_coulomb(translation, order):
     np.testing.assert_allclose(observed, order, atol=0.1)
 
 
-def test_regularised_with_a_large_slip_length_is_a_viscous_film():
-    """t = mu p g / slip_length for slips far below it: of the frictionless solution, to first order."""
-    problem = pressed(RegularisedCoulomb(0.3, 1.0), sphere, 2.5e-5, [1e-4, 0.0])
+def test_regularised_with_large_slip_length_is_linear():
+    """For slips far below the slip length, t = mu p g / slip_length with the frictionless slip, to first order."""
+    problem = make_problem(RegularisedCoulomb(0.3, 1.0), sphere, 2.5e-5, [1e-4, 0.0])
     state = solution(problem)
     smooth = solution(replace(problem, contact_law=Signorini()))
     np.testing.assert_allclose(state.load[:, 0], 0.3 * -smooth.load[:, 2] * 1e-4, rtol=1e-4, atol=1e-6)

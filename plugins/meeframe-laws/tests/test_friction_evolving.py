@@ -1,4 +1,4 @@
-"""Slip-weakening and rate-and-pressure-dependent friction against springs, closed forms and their formulas."""
+"""Slip-weakening and rate- and pressure-dependent friction agree with springs, closed forms and their formulas."""
 
 import numpy as np
 import pytest
@@ -17,12 +17,12 @@ from meeframe.testing.force_control import TIGHT
 
 PRESSURE, STIFFNESS = 1e8, 1e13
 """Of the springs [Pa], [Pa/m]."""
-WEAK = SlipWeakening(0.6, 0.2, 1e-5)  # softens by 4e12 Pa/m under that pressure: the springs are stiffer
-BRITTLE = SlipWeakening(0.6, 0.2, 2e-6)  # by 2e13 Pa/m: they are not
+WEAK = SlipWeakening(0.6, 0.2, 1e-5)  # softens at 4e12 Pa/m under that pressure, less than the stiffness of the springs
+BRITTLE = SlipWeakening(0.6, 0.2, 2e-6)  # at 2e13 Pa/m, more than the stiffness of the springs
 
 
 def springs():
-    """Four cells that do not know of each other."""
+    """Return a system of four independent cells."""
     compliance = np.zeros((4, 5, 4, 5))
     for cell in range(4):
         compliance[cell, :, cell, :] = np.eye(5) / STIFFNESS
@@ -30,7 +30,7 @@ def springs():
 
 
 def step(system, law, gap, translation, slip_path, duration=None, start=None, slipped=0.0, solver=None):
-    """State and slip (n, 2) of an increment to a translation (n, 2), slip being measured from `slipped`."""
+    """Return state and slip (n, 2) of an increment to a translation (n, 2); slip is measured from `slipped`."""
     n = len(system.points)
     bound = law.for_increment(np.broadcast_to(slip_path, n), duration)
     moved = np.broadcast_to(translation, (n, 2)) - slipped
@@ -41,7 +41,7 @@ def step(system, law, gap, translation, slip_path, duration=None, start=None, sl
 
 
 def follow(system, law, gap, path, duration=None):
-    """States and slips of the increments of a path (m, 2) of translations, slip accumulating."""
+    """Return states and slips of the increments of a path (m, 2) of translations, with accumulating slip."""
     length, slipped, start = 0.0, 0.0, None
     for translation in path:
         start, slip = step(system, law, gap, translation, length, duration, start, slipped)
@@ -49,19 +49,20 @@ def follow(system, law, gap, path, duration=None):
         yield start, slip
 
 
-def test_weakening_by_hand():
+def test_weakening_computed_values():
     law = SlipWeakening(0.6, 0.2, 4.0)
     np.testing.assert_allclose(law.coefficient(np.array([0.0, 1.0, 2.0, 4.0, 9.0])), [0.6, 0.5, 0.4, 0.2, 0.2])
     trial = np.array([[30.0, 40.0, -10.0]] * 4)
     gap = np.array([[0.6, 0.8, 0.0], [0.0, 3.0, 0.0], [30.0, 40.0, 0.0], [0.0, 0.0, np.inf]])
     paths = np.array([0.0, 1.0, 0.0, 0.5])
-    found = law.for_increment(paths, None).resolve(trial, gap, (1.0, 1.0))
-    np.testing.assert_allclose(np.hypot(*found[:, :2].T), [5.0, 2.0, 2.0, 5.5])
+    computed = law.for_increment(paths, None).resolve(trial, gap, (1.0, 1.0))
+    np.testing.assert_allclose(np.hypot(*computed[:, :2].T), [5.0, 2.0, 2.0, 5.5])
     np.testing.assert_allclose(np.hypot(*law.resolve(trial, gap, (1.0, 1.0))[:, :2].T), [5.0, 3.0, 2.0, 6.0])
 
 
 def softening_spring(law, translation):
-    """Slip g of a spring k pulled by U over a contact that softens by w: k (U - g) = mu_s p - w g, then mu_k p."""
+    """Return the slip g of a spring k pulled by U over a softening contact: k (U - g) = mu_s p - w g, at least mu_k
+    p."""
     onset = translation - law.mu_static * PRESSURE / STIFFNESS
     softening = (law.mu_static - law.mu_kinetic) * PRESSURE / law.slip_distance
     weakening = onset / (1.0 - softening / STIFFNESS)
@@ -74,7 +75,7 @@ def softening_spring(law, translation):
 
 @pytest.mark.parametrize("solver", [SemismoothNewton(), BarzilaiBorwein()], ids=["newton", "uzawa-bb"])
 def test_stiff_springs_weaken_steadily(solver):
-    """Each cell pulled by another amount, from stick to fully weakened, in one step."""
+    """Each cell is displaced by another amount in one step, from stick to complete weakening."""
     pull = np.array([4e-6, 7e-6, 1e-5, 2e-5])
     expected = softening_spring(WEAK, pull)
     assert 0.0 == expected[0] < expected[1] < expected[2] < WEAK.slip_distance < expected[3]
@@ -85,22 +86,23 @@ def test_stiff_springs_weaken_steadily(solver):
     np.testing.assert_allclose(state.load[:, :2], STIFFNESS * (pull - expected)[:, None] * along, atol=1e-9 * PRESSURE)
 
 
-def test_increments_weaken_as_one_step_and_do_not_heal():
+def test_increments_match_one_step_and_do_not_heal():
     pull = np.linspace(0.0, 1.2e-5, 7)[1:]
     path = np.column_stack([pull, np.zeros(6)])
     gap = np.full(4, -PRESSURE / STIFFNESS)
     steps = list(follow(springs(), WEAK, gap, [*path, [-1.2e-5, 0.0]]))
     slips = np.cumsum([slip[0, 0] for _, slip in steps])
     np.testing.assert_allclose(slips[:-1], softening_spring(WEAK, pull), atol=1e-9 * pull.max())
-    # back: the path is 1.2e-5 - 2e-6 already, and what is left of it goes
+    # reversal: the path is already 1.2e-5 - 2e-6, and the remaining weakening follows
     assert steps[-1][0].load[0, 0] == pytest.approx(-0.2 * PRESSURE, rel=1e-9)
 
 
-def test_compliant_springs_slip_all_the_way_at_once():
-    """The softening is steeper than the spring: just above mu_s p nothing holds before the kinetic friction does."""
+def test_compliant_springs_jump_to_kinetic_friction():
+    """The softening rate exceeds the stiffness: just above mu_s p the spring slips until kinetic friction balances
+    it."""
     gap = np.full(4, -PRESSURE / STIFFNESS)
     onset = BRITTLE.mu_static * PRESSURE / STIFFNESS
-    # far slipped is a solution too, before that: increments that are small against slip_distance stay where it sticks
+    # large slip is also a solution below that; increments that are small compared with slip_distance continue to stick
     path = onset * np.append(np.linspace(0.04, 0.92, 23), 1.001)
     *_, (before, stuck), (after, slip) = follow(springs(), BRITTLE, gap, np.column_stack([path, 0.0 * path]))
     np.testing.assert_allclose(stuck, 0.0, atol=1e-9 * onset)
@@ -109,23 +111,23 @@ def test_compliant_springs_slip_all_the_way_at_once():
     np.testing.assert_allclose(slip[:, 0], 1.001 * onset - 0.2 * PRESSURE / STIFFNESS, rtol=1e-9)
 
 
-def test_rate_and_pressure_by_hand():
+def test_rate_and_pressure_computed_values():
     law = RateAndPressure(0.5, 0.1, 2e-3, 2.0, 1e6, 0.75)
     static, at, above = law.coefficient(np.array([0.0, 2e-3, 4e-3]))
     assert (static, at, above) == pytest.approx((0.5, 0.1 + 0.4 * np.exp(-1.0), 0.1 + 0.4 * np.exp(-4.0)), rel=1e-14)
     trial = np.array([[9e9, 0.0, -1e6], [9e9, 0.0, -16e6], [9e9, 0.0, 1e6], [9e9, 0.0, np.inf]])
     gap = np.array([[6e-4, 8e-4, 0.0]] * 4)
-    found = law.for_increment(np.zeros(4), 0.5).resolve(trial, gap, (1.0, 1.0))
-    # 1 mm in half a second is the reference speed; 16 times the pressure makes 16^0.75 = 8 times the friction
-    np.testing.assert_allclose(found[:, 0], [at * 1e6, at * 8e6, 0.0, 0.0], rtol=1e-13)
+    computed = law.for_increment(np.zeros(4), 0.5).resolve(trial, gap, (1.0, 1.0))
+    # 1 mm in half a second is the reference speed; 16 times the pressure gives 16^0.75 = 8 times the friction
+    np.testing.assert_allclose(computed[:, 0], [at * 1e6, at * 8e6, 0.0, 0.0], rtol=1e-13)
     np.testing.assert_allclose(law.project(trial)[:, 0], [0.5e6, 4e6, 0.0, 0.0], rtol=1e-13)
 
 
 @pytest.mark.parametrize("coefficients", [(0.4, 0.2), (0.2, 0.4)], ids=["falls with speed", "rises with speed"])
 @pytest.mark.parametrize("duration", [0.1, 10.0])
 @pytest.mark.parametrize("exponent", [0.5, 1.5, 3.0])
-def test_steady_sliding_bears_mu_of_the_speed(coefficients, duration, exponent):
-    """Once all slips, the surface stands still under the indenter: slip is its motion, T = mu(v) P."""
+def test_steady_sliding_force_depends_on_speed(coefficients, duration, exponent):
+    """In full slip the surface stops moving, so slip equals the motion of the indenter and T = mu(v) P."""
     law = RateAndPressure(*coefficients, reference_speed=1e-3, speed_exponent=exponent)
     system = elastic_half_space(1e11, 0.3, 2e-2, 12, goodman=True)
     height = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / 2.0
@@ -141,8 +143,8 @@ def test_steady_sliding_bears_mu_of_the_speed(coefficients, duration, exponent):
     )
 
 
-def test_sphere_slides_with_the_area_of_asperities():
-    """n = 2/3 under Hertz's pressure: T = mu p_0 pi a^2 (p_max/p_0)^n / (1 + n/2)."""
+def test_sliding_sphere_with_pressure_exponent():
+    """For n = 2/3 under Hertz's pressure, T = mu p_0 pi a^2 (p_max/p_0)^n / (1 + n/2)."""
     hertz = HertzContact(1e11, 0.3, 1.0, 2.5e-5)
     law = RateAndPressure(0.3, 0.3, 1.0, 1.0, 1e8, 2.0 / 3.0)
     system = elastic_half_space(1e11, 0.3, 1.4e-2, 24, goodman=True)
@@ -154,13 +156,13 @@ def test_sphere_slides_with_the_area_of_asperities():
 
 
 @pytest.mark.parametrize("duration", [None, 0.0, -1.0, np.inf, np.nan])
-def test_speed_needs_a_duration(duration):
+def test_rate_dependence_requires_a_duration(duration):
     assert RateAndPressure.needs_duration
     with pytest.raises(CaseError, match="duration"):
         RateAndPressure(0.3, 0.2, 1.0).for_increment(np.zeros(3), duration)
 
 
-def test_bound_laws_can_be_bound_again():
+def test_law_of_an_increment_accepts_another_increment():
     gap, trial = np.array([[0.0, 2.0, 0.0]]), np.array([[30.0, 40.0, -10.0]])
     again = SlipWeakening(0.6, 0.2, 4.0).for_increment(np.array([9.0]), None).for_increment(np.array([1.0]), None)
     np.testing.assert_allclose(np.hypot(*again.resolve(trial, gap, (1.0, 1.0))[:, :2].T), 3.0)

@@ -1,4 +1,5 @@
-"""All laws of the interface: the kit, registration, tables, solvers that agree, prescribed forces, example cases."""
+"""Test all interface laws: conformance, registration, tables, agreement of solvers, prescribed
+forces, example cases."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +30,7 @@ NAMES = {
     "dugdale": Dugdale,
     "signorini-gap": SignoriniGap,
 }
-# of pressures near 1 MPa and gaps near 10 um
+# for pressures near 1 MPa and gaps near 10 um
 KIT = [
     Compliant(1e6, 1e-6, 2.0, mu=0.3),
     Compliant(1e6, 1e-5, 0.4),
@@ -41,7 +42,7 @@ KIT = [
     SignoriniGap(amplitude=1e-6, wavelength_1=1e-3, mu=0.4),
     SignoriniGap(surface=Sphere(0.1), phase_2=0.3, wavelength_2=2e-3),
 ]
-# of pressures near 1.5 GPa and approaches of 50 um, as under the sphere
+# for pressures near 1.5 GPa and approaches of 50 um, as under the sphere
 LARGE = {
     "compliant": Compliant(1e9, 5e-6, 2.0, mu=0.3),
     "dmt": DMT(100.0, 2e-5, mu=0.3),
@@ -52,13 +53,14 @@ LARGE = {
 
 
 def sphere(law: ContactLaw, cells: int = 10, kappa: float = 0.0):
-    """A sphere dragged over a medium with all fields coupled, the law's gap included; kappa: magnetic [H/m^2]."""
+    """Return a problem of a sphere dragged over a fully coupled medium with the initial gap of the law; `kappa` is
+    magnetic [H/m^2]."""
     medium = library_material("orthotropic-mee")
     problem = SphereCase(medium, law, Insulating(), StepConductivity(kappa), cells, 0.3).problem()
     return replace(problem, gap=problem.gap + law.initial_gap(problem.system.points))
 
 
-def test_registered_under_their_names():
+def test_registration():
     assert {record.name: record.factory for record in RECORDS} == NAMES
     ours = {entry.record.name for entry in load().entries if entry.provider.name == "meeframe-laws"}
     assert set(NAMES) <= ours
@@ -84,8 +86,9 @@ def test_solvers_agree(name):
 
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("name", LARGE)
-def test_solvers_agree_where_contact_conducts(name):
-    """Flux that is drawn where there is contact lifts the surface: several solutions, so start next to one."""
+def test_solvers_agree_with_conduction(name):
+    """Flux attracted by contact lifts the surface, which leads to several solutions, so each run starts near one of
+    them."""
     problem = sphere(LARGE[name], kappa=np.inf)
     solved = balanced_solution(problem, SemismoothNewton()).state
     assert np.abs(solved.load[:, 4]).max() > 0.0
@@ -96,18 +99,18 @@ def test_solvers_agree_where_contact_conducts(name):
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("name", LARGE)
-def test_prescribed_forces_lead_to_the_motions_that_cause_them(name):
+def test_prescribed_forces_recover_the_motion(name):
     given = sphere(LARGE[name], 8)
     state = balanced_solution(given, SemismoothNewton()).state
     problem, motion = released(given, state, "approach", "translation")
-    # what attracts may also be found elsewhere, or fly off
+    # with attraction there may be other solutions, also without contact
     near = replace(state, load=0.999 * state.load, motion=1.001 * motion)
-    # attraction at all distances and two free slips: gradient iterations do not settle
+    # gradient iterations do not converge with attraction at all distances and two free slips
     gradient = () if name == "dmt" else (Uzawa(),)
     for solver in (SemismoothNewton(), Auto(), *gradient):
-        found = balanced_solution(problem, solver, TIGHT, near).state
-        check_same(found, state)
-        np.testing.assert_allclose(found.motion, motion, rtol=1e-7)
+        computed = balanced_solution(problem, solver, TIGHT, near).state
+        check_same(computed, state)
+        np.testing.assert_allclose(computed.motion, motion, rtol=1e-7)
 
 
 @pytest.mark.full(except_for=3)
@@ -151,14 +154,14 @@ def test_tables_with_units():
         ("signorini-gap", {}, "wavelength_2", 0.0),
     ],
 )
-def test_bad_values_are_refused_with_their_key(name, good, key, bad):
+def test_invalid_values_name_their_key(name, good, key, bad):
     with pytest.raises(CaseError, match=key):
         load().create(Kind.CONTACT_LAW, {"name": name, **good, key: bad})
     with pytest.raises(CaseError, match=key):
         NAMES[name](**good, **{key: bad})
 
 
-def test_a_case_counts_the_gap_of_the_law_from_first_touch():
+def test_initial_gap_is_measured_from_first_contact():
     case = load_case(Path(__file__).parents[1] / "cases" / "signorini-gap.toml")
     points = 1e-3 * np.array([[x, y, 0.0] for x in (-2.0, -1.0, 0.0, 0.6, 2.0) for y in (-1.0, 0.0)])
     flat = replace(quarter_half_space(1e11, 1e-3, 2), points=points, frames=np.tile(np.eye(3), (len(points), 1, 1)))

@@ -1,4 +1,4 @@
-"""Adhesion against rigid bodies, the theory of Maugis and Dugdale, weak attraction, and the energy it has to have."""
+"""Adhesion agrees with rigid bodies, the theory of Maugis and Dugdale, weak attraction, and the balance of energy."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -24,8 +24,8 @@ def paraboloid(system, approach, law, radius=R):
     return indentation_problem(system, (system.points**2).sum(axis=1) / (2.0 * radius), approach, law)
 
 
-def pressing(problem, solver=None):
-    """Force on the indenter [N], positive where it presses."""
+def pressing_force(problem, solver=None):
+    """Return the force of the indenter on the body [N], positive in compression."""
     solution = solve(problem, solver or SemismoothNewton())
     assert solution.status is Status.CONVERGED, solution.message
     return -float(problem.system.weights @ solution.state.load[:, 2])
@@ -35,10 +35,10 @@ def range_of(law):
     return law.equilibrium_distance if isinstance(law, DMT) else 1.5 * law.work_of_adhesion / law.adhesive_stress
 
 
-def test_values_by_hand():
+def test_computed_values():
     dmt = DMT(0.06, 3e-10)
     np.testing.assert_allclose(dmt.adhesion(np.array([0.0, 3e-10, 6e-10, np.inf])), [4e8, 5e7, 4e8 / 27.0, 0.0])
-    dugdale = Dugdale(0.06, 2e8, transition=0.5)  # h_0 = 0.3 nm, drop from 0.225 to 0.375 nm
+    dugdale = Dugdale(0.06, 2e8, transition=0.5)  # h_0 = 0.3 nm; the drop extends from 0.225 to 0.375 nm
     gaps = 1e-9 * np.array([0.0, 0.22, 0.2625, 0.3, 0.38, np.inf])
     np.testing.assert_allclose(dugdale.adhesion(gaps), 2e8 * np.array([1.0, 1.0, 27.0 / 32.0, 0.5, 0.0, 0.0]))
 
@@ -54,22 +54,22 @@ def test_work_of_adhesion(law):
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("distance", [0.0, 0.5, 2.0])
-def test_between_rigid_bodies_dmt_is_bradleys_curve(distance):
-    """-2 pi R w / (1 + h / z_0)^2, but for what lies beyond the grid."""
+def test_dmt_between_rigid_bodies_matches_bradley(distance):
+    """The force is -2 pi R w / (1 + h / z_0)^2, up to the part beyond the grid."""
     z0 = 3e-10
-    rigid = np.sqrt(R * W**2 / (1e-5 * z0) ** 3)  # of Tabor parameter 1e-5
+    rigid = np.sqrt(R * W**2 / (1e-5 * z0) ** 3)  # Tabor parameter 1e-5
     errors = []
     for reach, cells in ((3.0, 8), (6.0, 16), (12.0, 32)):
         system = quarter_half_space(rigid, reach * np.sqrt(2.0 * R * z0), cells)
-        found = pressing(paraboloid(system, -distance * z0, DMT(W, z0)))
-        errors.append(found / bradley_force(W, R, distance * z0, z0) - 1.0)
+        computed = pressing_force(paraboloid(system, -distance * z0, DMT(W, z0)))
+        errors.append(computed / bradley_force(W, R, distance * z0, z0) - 1.0)
     assert abs(errors[2]) < 2e-3
     assert abs(errors[2]) < abs(errors[1]) / 4.0 < abs(errors[0]) / 16.0
 
 
 @pytest.mark.parametrize("parameter", [0.1, 0.3, 0.5])
-def test_dugdale_is_the_theory_of_maugis(parameter):
-    """Force and radii at given approach, on 48 x 48 cells."""
+def test_dugdale_matches_maugis(parameter):
+    """Force and radii at prescribed approach on 48 x 48 cells."""
     unit = Maugis(R, MODULUS, W, 1.0)
     theory = replace(unit, stress=parameter / unit.transition)
     assert theory.transition == pytest.approx(parameter, rel=1e-12)
@@ -85,7 +85,7 @@ def test_dugdale_is_the_theory_of_maugis(parameter):
     attracted = np.sqrt(system.weights @ (gap < W / theory.stress) / np.pi)
     assert touching == pytest.approx(contact, rel=0.03)
     assert attracted == pytest.approx(outer, rel=0.03)
-    # it pulls less than the pull-off of rigid bodies does, and where it does not touch the attraction is all there is
+    # the pull is below the pull-off force of rigid bodies; without contact it is the attraction alone
     assert force > -2.0 * theory.force_unit
     open_ = gap > 1e-6 * approach
     np.testing.assert_allclose(state.load[open_, 2], law.adhesion(gap[open_]), atol=1e-8 * theory.stress)
@@ -101,7 +101,7 @@ def test_forces_converge_to_those_of_maugis():
         off = []
         for radius in (1.2, 1.4, 1.6, 1.8):
             _, force, approach = theory.at(radius * theory.contact_unit)
-            off.append(pressing(paraboloid(system, approach, law), Auto()) - force)
+            off.append(pressing_force(paraboloid(system, approach, law), Auto()) - force)
         errors.append(np.sqrt(np.mean(np.square(off))) / theory.force_unit)
     assert errors[2] < 0.01
     assert errors[2] < errors[1] / 2.0 < errors[0] / 4.0
@@ -109,8 +109,9 @@ def test_forces_converge_to_those_of_maugis():
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", ["dmt", "dugdale"])
-def test_weak_attraction_adds_its_pull_to_hertz(name):
-    """To first order in the work of adhesion at given approach; scattered by where the edge falls among the cells."""
+def test_weak_attraction_reduces_the_hertz_force(name):
+    """The change at prescribed approach is of first order in the work of adhesion and scatters with the position of
+    the edge on the grid."""
     depth, pulls = 1e-8, []
     radius = np.sqrt(R * depth)
     peak = 2.0 * MODULUS / np.pi * np.sqrt(depth / R)
@@ -121,12 +122,14 @@ def test_weak_attraction_adds_its_pull_to_hertz(name):
     for approach in depth * np.linspace(0.8, 1.2, 7):
         contact = np.sqrt(R * approach)
         exact = weak_attraction(law.adhesion, contact, R, 2.0 / np.sqrt(np.pi) * half)
-        found = pressing(paraboloid(system, approach, None)) - pressing(paraboloid(system, approach, law))
-        pulls.append(found / exact)
+        computed = pressing_force(paraboloid(system, approach, None)) - pressing_force(
+            paraboloid(system, approach, law)
+        )
+        pulls.append(computed / exact)
     assert np.mean(pulls) == pytest.approx(1.0, abs=0.03)
 
 
-def test_the_gap_of_hertz_against_the_indentation_of_a_half_space():
+def test_hertz_gap_matches_indentation():
     xi = np.diag([1.0 / (np.pi * MODULUS), -1.0, -1.0])
     approach = 1e-8
     form = indent(xi, Sphere(R), approach)
@@ -137,8 +140,8 @@ def test_the_gap_of_hertz_against_the_indentation_of_a_half_space():
 
 @pytest.mark.parametrize("law", [DMT(W, 3e-9), Dugdale(W, 1e7, transition=1.0)], ids=repr)
 @pytest.mark.parametrize("approach", [-4e-9, 3e-9])
-def test_the_force_is_the_derivative_of_the_energy(law, approach):
-    """dE/d(approach) = P with the energies of the body and of adhesion, at any softness of the body."""
+def test_force_is_the_derivative_of_the_energy(law, approach):
+    """dE/d(approach) = P with the energies of the body and of adhesion, for bodies of any stiffness."""
     half = 12.0 * np.sqrt(2.0 * R * range_of(law))
     system = quarter_half_space(1e8, half, 8)
 
@@ -166,7 +169,7 @@ def test_the_force_is_the_derivative_of_the_energy(law, approach):
 
 
 @pytest.mark.parametrize("law", [DMT(600.0, 2e-5, mu=0.3), Dugdale(300.0, 3e7, mu=0.3)], ids=repr)
-def test_friction_bears_mu_of_pressure_and_attraction(law):
+def test_friction_limit_includes_attraction(law):
     system = elastic_half_space(1e11, 0.3, 5e-3, 12)
     problem = replace(paraboloid(system, 5e-5, law, 0.1), translation=np.tile([1e-3, 0.0], (144, 1)))
     state = balanced_solution(problem, SemismoothNewton()).state
@@ -179,7 +182,7 @@ def test_friction_bears_mu_of_pressure_and_attraction(law):
     assert state.load[touching, 2].max() > 0.0, "nowhere in contact is there tension, which friction could overlook"
 
 
-def test_offset_bears_mu_of_pressure_and_offset():
+def test_friction_limit_includes_the_offset():
     law = DMTCoulomb(0.3, 2e8)
     system = elastic_half_space(1e11, 0.3, 5e-3, 12)
     problem = replace(paraboloid(system, 5e-5, law, 0.1), translation=np.tile([1e-3, 0.0], (144, 1)))
@@ -191,8 +194,9 @@ def test_offset_bears_mu_of_pressure_and_offset():
 
 
 @pytest.mark.parametrize("law", [DMT(W, 3e-9), Dugdale(W, 3e7, transition=0.5)], ids=repr)
-def test_a_free_indenter_is_pulled_to_where_it_is_held(law):
-    """Forces that press, none, and 0.4 of the pull-off one of rigid bodies, from contact on."""
+def test_prescribed_force_recovers_the_approach(law):
+    """Compressive, zero and tensile forces, the latter 0.4 of the pull-off force of rigid bodies,
+    start from contact."""
     reach = 6.0 if isinstance(law, DMT) else 2.5
     system = quarter_half_space(MODULUS, reach * np.sqrt(2.0 * R * range_of(law)), 12)
     height = (system.points**2).sum(axis=1) / (2.0 * R)
@@ -208,12 +212,13 @@ def test_a_free_indenter_is_pulled_to_where_it_is_held(law):
         near = replace(start, load=0.999 * start.load, motion=1.001 * start.motion)
         check_same(balanced_solution(free, BarzilaiBorwein(), start=near).state, start)
         given = indentation_problem(system, height, float(start.motion[0]), law)
-        assert pressing(given) == pytest.approx(total * unit, abs=1e-8 * unit)
+        assert pressing_force(given) == pytest.approx(total * unit, abs=1e-8 * unit)
 
 
 @pytest.mark.parametrize("law", [DMT(W, 3e-10), Dugdale(W, 1e8)], ids=repr)
-def test_what_does_not_touch_is_attracted_nevertheless(law):
-    """Also where the body is so stiff that the overlap says nothing about the tractions."""
+def test_attraction_without_contact(law):
+    """Attraction is also computed where the body is so stiff that the overlap does not determine the scale of
+    tractions."""
     for modulus in (1e11, 1e17):
         system = quarter_half_space(modulus, 5.0 * np.sqrt(2.0 * R * range_of(law)), 8)
         problem = paraboloid(system, -0.3 * range_of(law), law)
@@ -223,9 +228,9 @@ def test_what_does_not_touch_is_attracted_nevertheless(law):
         assert states[0].load[:, 2].min() == 0.0 or isinstance(law, DMT)
 
 
-def test_two_tangential_fields_and_normal_one_on_a_full_grid_as_on_a_quarter():
-    """The quarter is the half space under a symmetric load."""
+def test_full_grid_matches_symmetric_quarter():
+    """A quarter of the grid represents the half space under a symmetric load."""
     half, law = 3e-8, Dugdale(W, 1e7)
-    quarter = pressing(paraboloid(quarter_half_space(MODULUS, half, 5), 1e-9, law))
+    quarter = pressing_force(paraboloid(quarter_half_space(MODULUS, half, 5), 1e-9, law))
     whole = half_space_system(np.diag([1.0 / (np.pi * MODULUS), -1.0, -1.0]), 2.0 * half, 10)
-    assert pressing(paraboloid(whole, 1e-9, law)) == pytest.approx(quarter, rel=1e-9)
+    assert pressing_force(paraboloid(whole, 1e-9, law)) == pytest.approx(quarter, rel=1e-9)

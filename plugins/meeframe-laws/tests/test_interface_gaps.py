@@ -1,4 +1,4 @@
-"""Initial gaps: waves by hand and against Westergaard's closed form, heights from files."""
+"""Test initial gaps: waves against computed values and Westergaard's closed form, heights from files."""
 
 from dataclasses import replace
 
@@ -15,14 +15,14 @@ from meeframe.testing.force_control import PRESS, balanced_solution, prescribe_r
 from meeframe.testing.half_space import indentation_problem
 
 
-def test_waves_by_hand():
+def test_waves_computed_values():
     law = SignoriniGap(amplitude=2e-6, wavelength_1=4e-3, wavelength_2=8e-3, phase_2=np.pi)
     points = 1e-3 * np.array([[0.0, 0.0, 5.0], [1.0, 0.0, 0.0], [2.0, 2.0, 0.0], [-4.0, 4.0, 1.0]])
     np.testing.assert_allclose(law.initial_gap(points), 1e-6 * np.array([4.0, 6.0, 6.0, 0.0]), atol=1e-20)
     assert not SignoriniGap(amplitude=2e-6).initial_gap(points).any()
 
 
-def test_heights_of_a_file_with_units(tmp_path):
+def test_heights_from_a_file_with_units(tmp_path):
     rows = [(x, y, 3.0 + x + 2.0 * y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 1.0)]
     np.savetxt(tmp_path / "rough.txt", rows)
     table = {
@@ -40,7 +40,7 @@ def test_heights_of_a_file_with_units(tmp_path):
 
 @pytest.mark.parametrize("share", [0.15, 0.4, 0.7])
 def test_waves_against_westergaard(share):
-    """Mean pressure (pi E* amplitude / wavelength) sin^2(pi a / wavelength) at contacts of half-width a."""
+    """Contacts of half-width a have the mean pressure (pi E* amplitude / wavelength) sin^2(pi a / wavelength)."""
     modulus, wavelength, amplitude, cells = 1e9, 1e-3, 1e-6, 256
     system = line_of_cells(modulus, wavelength, cells)
     law = SignoriniGap(amplitude=amplitude, wavelength_1=wavelength)
@@ -59,9 +59,10 @@ def test_waves_against_westergaard(share):
 
 
 def line_of_cells(modulus, wavelength, cells):
-    """A half space under loads that are uniform along x_2 and have one period in x_1: 2 / (E* |k|) for the wave k.
+    """Return a half space under loads that are uniform along x_2 with one period in x_1: 2 / (E* |k|) for wave number
+    k.
 
-    The mean load is given a compliance of its own, as the half plane gives it none that is finite.
+    The mean load has an arbitrary finite compliance, because that of the half plane is infinite.
     """
     k = 2.0 * np.pi * np.fft.fftfreq(cells, 1.0 / cells) / wavelength
     spectrum = 2.0 / (modulus * np.where(k == 0.0, 1.0 / wavelength, np.abs(k)))

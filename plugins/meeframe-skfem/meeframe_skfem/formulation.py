@@ -81,14 +81,14 @@ class FiniteElements(Formulation):
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Assemble, factorise once, condense to the contact zone.
 
-        Raises as check, and CaseError if the system is singular, or if nodes of the zone move towards the pressure that
-        is put on them, as corners of quad8 do under strong coupling, for then no contact law means anything there.
+        Raises as check, and CaseError if the system is singular, or if nodes of the zone move towards a pressure on
+        them, as corners of quad8 do under strong coupling; no contact law is meaningful there.
         """
         solution = self.solve(body, progress)
         zone = solution.matched.zone
         offset, compliance = solution.zone_relation()
-        parts = zone.points, zone.frames, zone.weights, zone.cells
-        system = in_local_frames(*parts, offset, compliance, solution.fields)
+        geometry = zone.points, zone.frames, zone.weights, zone.cells
+        system = in_local_frames(*geometry, offset, compliance, solution.fields)
         system = replace(system, interior=FiniteElementInterior(solution))
         _check_response(system, solution.matched.body.mesh.blocks[0].element.name)
         return system
@@ -99,7 +99,7 @@ class FiniteElements(Formulation):
         return solve_body(*self._prepare(body), self.linear_solver, progress)
 
     def _prepare(self, body: Body) -> tuple[MatchedBody, Layout, Units]:
-        uses_pardiso(self.linear_solver)  # says so if it is not there
+        uses_pardiso(self.linear_solver)  # raises CaseError if it is required but not installed
         check_mesh(body.mesh)
         matched = match(body, self._volume(body))
         units = Units(characteristic_length(matched.body), FieldScaling.of(body.stiffness))
@@ -113,10 +113,11 @@ class FiniteElements(Formulation):
 
 def _check_response(system: ReducedSystem, element: str) -> None:
     """Raise CaseError unless every node moves with the pressure on it."""
-    own = system.diagonal_blocks()[:, 2, 2]
-    if own.min() <= 0.0:
+    normal_compliance = system.diagonal_blocks()[:, 2, 2]
+    if normal_compliance.min() <= 0.0:
+        count = np.count_nonzero(normal_compliance <= 0.0)
         raise CaseError(
-            f"element = {element!r}: {np.count_nonzero(own <= 0.0)} of {len(own)} nodes of the contact zone move "
+            f"element = {element!r}: {count} of {len(normal_compliance)} nodes of the contact zone move "
             "towards a pressure on them: weights of its corners are negative, and this material's coupling is too "
             "strong for that; allowed: 'quad9' or 'quad4'"
         )

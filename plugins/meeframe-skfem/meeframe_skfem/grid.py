@@ -13,7 +13,7 @@ from meeframe_skfem.volume import VolumeMesh, check_memory
 
 Grid = Literal["tensor", "shells"]
 
-COORDINATE_TOLERANCE: Final = 1e-9  # coordinates within this part of the body's size are the same
+COORDINATE_TOLERANCE: Final = 1e-9  # coordinates that differ by less than this fraction of the body's size are the same
 _HEXAHEDRA: Final = {element.surface.name: element for element in (HEX8, HEX20, HEX27)}
 _NODES_PER_CELL: Final = {"hex8": 1, "hex20": 4, "hex27": 8}  # in a large grid
 _ALLOWED: Final = (

@@ -5,7 +5,17 @@ from typing import Final, final
 
 import numpy as np
 
-from meeframe.plugin import MECHANICAL, Array, CaseError, Indices, InteriorFields, PointFields
+from meeframe.plugin import (
+    INTERIOR_STAGE,
+    MECHANICAL,
+    Array,
+    CaseError,
+    Indices,
+    InteriorFields,
+    PointFields,
+    Progress,
+    silent,
+)
 from meeframe_skfem.elements import VolumeElement, tabulate
 from meeframe_skfem.system import FiniteElementSolution
 from meeframe_skfem.volume import VolumeMesh
@@ -38,7 +48,7 @@ class FiniteElementInterior(InteriorFields):
 
     solution: FiniteElementSolution
 
-    def evaluate(self, load: Array, points: Array) -> PointFields:
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) in the body, its surface included, for a load (n, fields).
 
         Raises
@@ -48,6 +58,7 @@ class FiniteElementInterior(InteriorFields):
         """
         matched, mesh = self.solution.matched, self.solution.matched.volume
         points = np.asarray(points, float)
+        progress(INTERIOR_STAGE, 0.0)
         cells, xi = locate(mesh, points)
         outside = np.flatnonzero(cells < 0)
         if outside.size:
@@ -63,6 +74,7 @@ class FiniteElementInterior(InteriorFields):
         derivatives = np.einsum("mxk,mnk->mnx", np.linalg.inv(maps), slopes)
         values = np.einsum("mn,mnj->mj", shapes, nodal)
         gradients = np.einsum("mnx,mnj->mjx", derivatives, nodal)
+        progress(INTERIOR_STAGE, 1.0)
         return PointFields.of(points, values, gradients, matched.body.stiffness)
 
 
@@ -86,7 +98,7 @@ def locate(mesh: VolumeMesh, points: Array) -> tuple[Indices, Array]:
     corners = mesh.points[mesh.cells]
     low, high = corners.min(axis=1), corners.max(axis=1)
     margin = _MARGIN * (high - low).max(axis=1, keepdims=True)
-    found, coordinates = np.full(len(points), -1), np.zeros((len(points), 3))
+    cells, coordinates = np.full(len(points), -1), np.zeros((len(points), 3))
     excess = np.full(len(points), OUTSIDE)
     step = max(1, _BATCH // len(corners))
     for start in range(0, len(points), step):
@@ -99,8 +111,8 @@ def locate(mesh: VolumeMesh, points: Array) -> tuple[Indices, Array]:
         order = np.lexsort((distances, point))
         first = order[np.unique(point[order], return_index=True)[1]]
         inside = first[distances[first] <= excess[point[first]]]
-        found[point[inside]], coordinates[point[inside]] = cell[inside], xi[inside]
-    return found, coordinates
+        cells[point[inside]], coordinates[point[inside]] = cell[inside], xi[inside]
+    return cells, coordinates
 
 
 def _reference_coordinates(element: VolumeElement, nodes: Array, points: Array) -> Array:
@@ -111,8 +123,8 @@ def _reference_coordinates(element: VolumeElement, nodes: Array, points: Array) 
         residual = points - np.einsum("mn,mnx->mx", shapes, nodes)
         maps = np.einsum("mnk,mnx->mxk", slopes, nodes)
         change = np.linalg.solve(maps, residual[..., None])[..., 0]
-        moved = np.clip(xi + change, -MAX_COORDINATE, MAX_COORDINATE)
-        largest, xi = np.abs(moved - xi).max(initial=0.0), moved
+        updated = np.clip(xi + change, -MAX_COORDINATE, MAX_COORDINATE)
+        largest, xi = np.abs(updated - xi).max(initial=0.0), updated
         if largest < MAX_CHANGE:
             break
     return xi

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import scipy  # submodules load on first use
+import scipy  # submodules are loaded on first use
 
 from meeframe.plugin import (
     Array,

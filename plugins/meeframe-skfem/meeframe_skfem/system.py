@@ -53,23 +53,23 @@ class FiniteElementSolution:
         return self.units.values_si(offset), compliance
 
     def values(self, load: Array) -> Array:
-        """Values (p, fields) at the volume's points [SI] for loads (n, fields) on the zone [SI, global axes]."""
+        """Return values (p, fields) at the points for loads (n, fields) on the zone, both in SI and global axes."""
         return self.units.values_si(self._values(load))
 
     def fields(self, load: Array) -> NodalFields:
-        """Fields on the boundary for loads (n, fields) on the zone [SI, global axes].
+        """Return the fields on the boundary for loads (n, fields) on the zone [SI, global axes].
 
-        Fluxes are what is prescribed; where values are, they follow from the gradients in the cells beneath, as means
-        over the faces of a patch.
+        Fluxes are the prescribed ones; where values are prescribed, they follow from the gradients in the cells beneath
+        as means over the faces of a patch.
         """
         layout, surface = self.layout, self.matched.body.mesh
         values = self._values(load)
         patches = layout.patches
         fluxes = np.where(layout.flux_column == NONE, layout.flux_data, self._patch_fluxes(values))
         loaded = (layout.load_column != NONE).all(axis=1)
-        place = np.full(len(surface.points), NONE)
-        place[self.matched.zone_points] = np.arange(len(load))
-        fluxes[loaded] = self.units.fluxes(load)[place[patches.point[loaded]]]
+        zone_index = np.full(len(surface.points), NONE)
+        zone_index[self.matched.zone_points] = np.arange(len(load))
+        fluxes[loaded] = self.units.fluxes(load)[zone_index[patches.point[loaded]]]
         return NodalFields(
             surface.points[patches.point],
             ((surface.blocks[0].element.meshio_type, patches.connectivity[0]),),
@@ -81,7 +81,7 @@ class FiniteElementSolution:
         return self.constant + self.respond(self.mass @ self.units.fluxes(load))
 
     def _patch_fluxes(self, values: Array) -> Array:
-        """Fluxes (m, fields) of the gradients at the patches."""
+        """Return the fluxes (m, fields) of the gradients at the patches."""
         connectivity = self.layout.patches.connectivity[0].ravel()
         total = np.zeros((len(self.layout.patches.point), values.shape[1]))
         np.add.at(total, connectivity, self._face_fluxes(values).reshape(-1, values.shape[1]))
@@ -89,18 +89,18 @@ class FiniteElementSolution:
         return means
 
     def _face_fluxes(self, values: Array) -> Array:
-        """n_i C_iJKm u_K,m at the nodes of each boundary face, (f, k, fields)."""
+        """Return n_i C_iJKm u_K,m at the nodes of each boundary face, (f, k, fields)."""
         mesh, faces = self.mesh, self.matched.faces
         fluxes = np.empty((*faces.nodes.shape, values.shape[1]))
         for local, nodes in enumerate(face_nodes(mesh.element)):
-            own = np.flatnonzero(faces.local == local)
-            cells = mesh.cells[faces.cell[own]]
+            selected = np.flatnonzero(faces.local == local)
+            cells = mesh.cells[faces.cell[selected]]
             slopes, _ = gradients(mesh.points[cells], tabulate(mesh.element, mesh.element.nodes[nodes])[1])
             gradient = np.einsum("fanm,fnk->fakm", slopes, values[cells])
             surface = mesh.element.surface
-            normals = normal_vectors(mesh.points, surface, faces.nodes[own], surface.nodes)
+            normals = normal_vectors(mesh.points, surface, faces.nodes[selected], surface.nodes)
             normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-            fluxes[own] = np.einsum("fai,ijkm,fakm->faj", normals, self.stiffness, gradient, optimize=True)
+            fluxes[selected] = np.einsum("fai,ijkm,fakm->faj", normals, self.stiffness, gradient, optimize=True)
         return fluxes
 
 

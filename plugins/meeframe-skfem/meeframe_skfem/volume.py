@@ -117,9 +117,9 @@ def check_volume(mesh: VolumeMesh) -> None:
         )
     cell = np.repeat(np.arange(len(mesh.cells)), mesh.cells.shape[1])
     graph = coo_array((np.ones(cell.size), (cell, len(mesh.cells) + mesh.cells.ravel())), shape=(_size(mesh),) * 2)
-    parts = connected_components(graph, directed=False)[0]
-    if parts > 1:
-        raise MeshError(f"the cells form {parts} separate parts; allowed: one")
+    n_components = connected_components(graph, directed=False)[0]
+    if n_components > 1:
+        raise MeshError(f"the cells form {n_components} separate parts; allowed: one")
 
 
 def check_memory(n_points: float) -> None:

@@ -1,4 +1,4 @@
-"""What several tests share: volume meshes with skewed cells, their surfaces as bodies, files of them."""
+"""Fixtures: volume meshes with skewed cells, their surfaces as bodies, and their files."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,23 +18,23 @@ GRIDS = {"hex8": HEX8, "hex20": HEX20, "hex27": HEX27}
 
 
 def hexahedra(element: VolumeElement, divisions: int, skew: float) -> VolumeMesh:
-    """The unit cube about the origin; corners inside are moved, nodes between them stay between them."""
+    """Return the unit cube about the origin; inner corners are displaced, and mid-side nodes remain midway."""
     axis = np.linspace(-0.5, 0.5, divisions + 1)
     corners = tensor_grid((axis, axis, axis), HEX8)
     moved = skewed(corners.points, skew)[corners.cells]
     shape = np.prod(np.where(HEX8.nodes[None], element.nodes[:, None], 1 - element.nodes[:, None]), axis=2)
-    return merged(np.einsum("nc,ecx->enx", shape, moved), element)
+    return merge_nodes(np.einsum("nc,ecx->enx", shape, moved), element)
 
 
 def tetrahedra(divisions: int, skew: float) -> VolumeMesh:
-    """The unit cube about the origin in tetrahedra."""
+    """Return the unit cube about the origin in tetrahedra."""
     axis = np.linspace(-0.5, 0.5, divisions + 1)
     mesh = MeshTet.init_tensor(axis, axis, axis)
     corners = skewed(mesh.p.T, skew)[mesh.t.T]
     inverted = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
     corners[inverted] = corners[inverted][:, [0, 2, 1, 3]]
     barycentric = np.column_stack([1 - TET10.nodes.sum(axis=1), TET10.nodes])
-    return merged(np.einsum("nc,ecx->enx", barycentric, corners), TET10)
+    return merge_nodes(np.einsum("nc,ecx->enx", barycentric, corners), TET10)
 
 
 def cube(name: str, divisions: int, skew: float = 0.0) -> VolumeMesh:
@@ -46,15 +46,15 @@ def skewed(points: np.ndarray, skew: float) -> np.ndarray:
     return points + skew * inside[:, None] * np.random.default_rng(7).uniform(-1, 1, points.shape)
 
 
-def merged(nodes: np.ndarray, element: VolumeElement) -> VolumeMesh:
-    """A mesh of cells given by their nodes' places (e, n, 3)."""
+def merge_nodes(nodes: np.ndarray, element: VolumeElement) -> VolumeMesh:
+    """Return a mesh of cells given by the positions of their nodes (e, n, 3)."""
     keys = np.rint(nodes.reshape(-1, 3) * 1e9).astype(np.int64)
     _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     return VolumeMesh(nodes.reshape(-1, 3)[first], number.reshape(nodes.shape[:2]).astype(np.int64), element)
 
 
 def surface_of(volume: VolumeMesh) -> SurfaceMesh:
-    """The sides of a cube as face groups."""
+    """Return the sides of a cube as face groups."""
     faces = boundary_faces(volume).nodes
     used, connectivity = np.unique(faces, return_inverse=True)
     middles = volume.points[faces].mean(axis=1)
@@ -66,13 +66,14 @@ def surface_of(volume: VolumeMesh) -> SurfaceMesh:
 
 @pytest.fixture
 def make_cube() -> Callable[..., VolumeMesh]:
-    """cube(name, divisions, skew)."""
+    """Return the function cube(name, divisions, skew)."""
     return cube
 
 
 @pytest.fixture
 def cube_file(tmp_path) -> Callable[..., tuple[SurfaceMesh, Path]]:
-    """Surface mesh, and file in millimetres, of cube(name, divisions, skew)."""
+    """Return a function that writes cube(name, divisions, skew) to a file in millimetres and returns the surface mesh
+    and the file."""
 
     def make(name: str, divisions: int, skew: float = 0.0) -> tuple[SurfaceMesh, Path]:
         volume = cube(name, divisions, skew)

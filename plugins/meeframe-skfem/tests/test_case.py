@@ -1,4 +1,4 @@
-"""The same case file by boundary elements and by finite elements."""
+"""Boundary elements and finite elements agree on the same case file."""
 
 from pathlib import Path
 
@@ -59,7 +59,7 @@ translation = ["5 um", 0]
 
 
 def totals(folder, element="quad9", **given):
-    """Tangential and normal force [N], charge [C] and magnetic flux [Wb]."""
+    """Return tangential and normal force [N], charge [C] and magnetic flux [Wb]."""
     path = folder / "case.toml"
     path.write_text(CASE.format(element=element, **given), encoding="utf-8")
     step = meeframe.solve_case(meeframe.load_case(path))
@@ -71,28 +71,28 @@ def totals(folder, element="quad9", **given):
 
 @pytest.mark.full
 @pytest.mark.parametrize("material", ["batio3-cofe2o4", "orthotropic-mee"])
-def test_boundary_and_finite_elements_come_together(tmp_path, material):
-    """All elements of both methods are halved; what is left on the finer mesh is the error of its size in each."""
+def test_boundary_and_finite_elements_converge(tmp_path, material):
+    """All elements of both methods are halved; the differences decrease accordingly."""
     coarse, fine = (differences(tmp_path, material, divisions, growth) for divisions, growth in ((2, 4.0), (4, 2.0)))
     assert (fine < 0.5 * coarse).all()
     assert (fine < [0.04, 0.01, 0.01, 0.02]).all()
 
 
 def differences(folder, material, divisions, growth):
-    """Of the totals by finite elements, relative to those by boundary elements."""
+    """Return the differences of the totals by finite elements, relative to those by boundary elements."""
     formulations = ('name = "dense-bem"', f'name = "skfem"\ngrowth = {growth}')
     bem, fem = (totals(folder, material=material, divisions=divisions, formulation=text) for text in formulations)
     return np.abs(fem / bem - 1)
 
 
-def test_eight_nodes_are_refused_where_they_would_mislead(tmp_path):
-    """The response of a corner to its own pressure, which under strong coupling alone is negative."""
+def test_eight_node_elements_are_rejected_under_strong_coupling(tmp_path):
+    """The response of a corner node to its pressure is negative under strong coupling only."""
     given = {"divisions": 2, "formulation": 'name = "skfem"\ngrid = "shells"\ngrowth = 3.0', "element": "quad8"}
     totals(tmp_path, material="batio3-cofe2o4", **given)
     with pytest.raises(CaseError, match=r"'quad8': 9 of 21 nodes .* towards a pressure.*allowed: 'quad9' or 'quad4'"):
         totals(tmp_path, material="orthotropic-mee", **given)
 
 
-def test_the_example_is_accepted():
+def test_example_is_accepted():
     example = Path(__file__).parents[1] / "examples" / "conducting_sphere.toml"
     assert isinstance(meeframe.load_case(example).formulation, FiniteElements)

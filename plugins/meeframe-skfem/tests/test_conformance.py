@@ -1,4 +1,4 @@
-"""The formulation keeps its contract, is found by its entry point and refuses what it cannot do."""
+"""The formulation satisfies its contract, is found by its entry point, and rejects unsupported bodies."""
 
 from dataclasses import replace
 
@@ -21,28 +21,28 @@ SIDES = ("top", "side_x-", "side_x+", "side_y-", "side_y+")
 ALLOWED = "volume mesh in the file `volume`"
 
 
-def held(mesh, zone, base):
+def clamped(mesh, zone, base):
     return Body(STIFFNESS, mesh, tuple(BoundaryCondition(base, field, "value") for field in range(5)), zone)
 
 
 def block(element, **changes):
     given = {"half_width": 0.5, "height": 0.8, "contact_width": 0.4, "divisions": 3, "rings": 1, "layers": 2}
-    return held(block_mesh(**(given | changes), element=element), "contact", "base")
+    return clamped(block_mesh(**(given | changes), element=element), "contact", "base")
 
 
 @pytest.mark.full
-def test_conforms():
+def test_conformance():
     check_formulation(FiniteElements(), tolerance=1e-10)
 
 
-def test_conforms_with_hex27():
+def test_conformance_with_hex27():
     field = LinearField.random(STIFFNESS, seed=5)
     kinds = {"base": "vvvvv", **dict.fromkeys(SIDES, "fffff")}
     body = replace(prescribe(block(Quad9()).mesh, field, STIFFNESS, kinds), contact_group="contact")
     check_formulation(FiniteElements(growth=2.0), body, field, tolerance=1e-10)
 
 
-def test_registered_with_checked_keys(tmp_path):
+def test_registration_and_keys(tmp_path):
     registry = replace(load(), folder=tmp_path)
     assert next(e for e in registry.entries if e.record.name == "skfem").provider.name == "meeframe-skfem"
     made = registry.create(Kind.FORMULATION, {"name": "skfem", "layers": 4, "volume": "a.vtu", "unit": "1 mm"})
@@ -64,8 +64,8 @@ def test_registered_with_checked_keys(tmp_path):
         FiniteElements(grid="shells", layers=3)
 
 
-def tilted():
-    """A block whose base is moved sideways: no box."""
+def sheared():
+    """Return a block whose base is moved sideways, so that it is not a box."""
     body = block(Quad4())
     points = body.mesh.points + np.outer(np.where(body.mesh.points[:, 2] < -0.7, 0.1, 0.0), [1.0, 0.0, 0.0])
     return replace(body, mesh=replace(body.mesh, points=points))
@@ -74,43 +74,43 @@ def tilted():
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (held(half_space_mesh(0.5, 0.2, 2, 2, Quad4()), "contact", "top"), "semi-infinite"),
-        (replace(held(sphere_mesh(1.0, 3, Quad4()), "surface", "surface"), contact_group=None), "no contact zone"),
-        (tilted(), "not a box, since its surface has a point at"),
+        (clamped(half_space_mesh(0.5, 0.2, 2, 2, Quad4()), "contact", "top"), "semi-infinite"),
+        (replace(clamped(sphere_mesh(1.0, 3, Quad4()), "surface", "surface"), contact_group=None), "no contact zone"),
+        (sheared(), "not a box, since its surface has a point at"),
         (block(Tri6()), "made of tri6"),
     ],
     ids=["half space", "no zone", "tilted block", "triangles"],
 )
-def test_bodies_without_a_grid_are_refused_before_anything_is_computed(body, message):
+def test_bodies_without_a_grid_are_rejected_early(body, message):
     body = replace(body, conditions=() if "surface" in body.mesh.group_names else body.conditions)
     with pytest.raises(MeshError, match=message) as caught:
         FiniteElements().check(body)
     assert ALLOWED in str(caught.value)
 
 
-def test_a_zone_that_is_no_grid_is_refused():
+def test_zone_that_is_no_grid_is_rejected():
     mesh = box_mesh((1.0, 1.0, 1.0), (3, 3, 3), Quad4())
-    blocks, place = [], mesh.points.copy()
+    blocks, position = [], mesh.points.copy()
     for b in mesh.blocks:
         top = b.groups == 5
-        middles = place[b.connectivity].mean(axis=1)
-        lower = top & ((middles[:, 0] < 0) | (middles[:, 1] < 0))  # an L
+        middles = position[b.connectivity].mean(axis=1)
+        lower = top & ((middles[:, 0] < 0) | (middles[:, 1] < 0))  # an L-shaped zone
         blocks.append(replace(b, groups=np.where(top & ~lower, 4, b.groups)))
     with pytest.raises(MeshError, match="not a rectangular grid"):
-        FiniteElements().check(held(replace(mesh, blocks=tuple(blocks)), "z+", "z-"))
+        FiniteElements().check(clamped(replace(mesh, blocks=tuple(blocks)), "z+", "z-"))
 
 
-def test_a_grid_too_large_for_the_machine_is_refused():
+def test_grid_too_large_for_memory_is_rejected():
     body = block(Quad4(), contact_width=0.001)
     with pytest.raises(MeshError, match=r"unknowns need about .* GB; this machine has"):
         FiniteElements(growth=1.0).check(body)
 
 
 def cube_body(mesh):
-    return held(mesh, "z+", "z-")
+    return clamped(mesh, "z+", "z-")
 
 
-def test_volume_files_that_do_not_serve_are_refused(cube_file, make_cube, tmp_path):
+def test_invalid_volume_files_are_rejected(cube_file, make_cube, tmp_path):
     mesh, file = cube_file("hex8", 2)
     FiniteElements(volume=file, unit=1e-3).check(cube_body(mesh))
     with pytest.raises(MeshError, match=r"missing\.vtu.*no such file"):
@@ -129,7 +129,7 @@ def test_volume_files_that_do_not_serve_are_refused(cube_file, make_cube, tmp_pa
 
 
 @pytest.mark.parametrize("number", [-1, 8, 10**9])
-def test_point_numbers_out_of_range_are_refused(make_cube, tmp_path, number):
+def test_point_numbers_out_of_range_are_rejected(make_cube, tmp_path, number):
     cube = make_cube("hex8", 1)
     cells = cube.cells.copy()
     cells[0, 3] = number
@@ -141,12 +141,12 @@ def test_point_numbers_out_of_range_are_refused(make_cube, tmp_path, number):
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1.5, 0, "two", True])
 @pytest.mark.parametrize("name", ["outside", "layers"])
-def test_numbers_of_elements_are_whole(name, value):
+def test_numbers_of_elements_are_integers(name, value):
     with pytest.raises(CaseError, match=f"{name} = .*whole number of at least 1"):
         FiniteElements(**{name: value})
 
 
-def test_parts_that_hang_apart_are_refused(make_cube, tmp_path):
+def test_disconnected_bodies_are_rejected(make_cube, tmp_path):
     cube = make_cube("hex8", 1)
     points = np.concatenate([cube.points, cube.points + np.array([3.0, 0.0, 0.0])])
     path = tmp_path / "two.vtu"
@@ -155,7 +155,7 @@ def test_parts_that_hang_apart_are_refused(make_cube, tmp_path):
         FiniteElements(volume=path).check(block(Quad4()))
 
 
-def test_face_groups_that_cut_faces_are_refused(cube_file, make_cube, tmp_path):
+def test_face_groups_that_cut_faces_are_rejected(cube_file, make_cube, tmp_path):
     fine, _ = cube_file("hex8", 4)
     _, coarse_file = cube_file("hex8", 2)
     (elements,) = fine.blocks
@@ -166,7 +166,7 @@ def test_face_groups_that_cut_faces_are_refused(cube_file, make_cube, tmp_path):
         FiniteElements(volume=coarse_file, unit=1e-3).check(cube_body(mesh))
 
 
-def test_conditions_that_contradict_or_touch_the_zone_are_refused():
+def test_contradictory_conditions_are_rejected():
     body = block(Quad4(), contact_width=0.4)
     one = BoundaryCondition("side_x+", 2, "value", 1e-3)
     with pytest.raises(CaseError, match="contradicts"):

@@ -1,4 +1,4 @@
-"""Exact fields: linear ones are met to round-off, others with the theoretical order."""
+"""Linear fields are exact to round-off; other fields converge with the theoretical order."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ SLACK = 0.2
 
 
 def loads_of(solution, field):
-    """The exact fluxes on the contact zone (n, 5)."""
+    """Return the exact fluxes on the contact zone (n, 5)."""
     zone = solution.matched.zone
     return field.fluxes(zone.points, zone.frames[:, 2])
 
@@ -41,7 +41,7 @@ def worst(computed, exact):
 
 
 def check_linear(formulation, body, field):
-    """Values at all points of the volume and fluxes on all of its boundary."""
+    """Check values at all points of the volume and fluxes on its whole boundary."""
     solution = formulation.solve(body)
     load = loads_of(solution, field)
     assert worst(solution.values(load), field.values(solution.matched.volume.points)) < 1e-10
@@ -70,7 +70,7 @@ def test_linear_fields_of_triclinic_media_in_a_graded_block(element, material, s
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("axis", "right_angles"), [(1, 1), (0, 1), (0, 2)], ids=["x+", "y-", "z-"])
 def test_shells_grow_from_any_side_of_a_box(axis, right_angles):
-    """The graded block turned, so that its zone looks another way."""
+    """The graded block is rotated so that its zone faces another direction."""
     stiffness = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
     block = block_mesh((0.5, 0.4), 0.6, (0.4, 0.3), (3, 2), 2, 2, Quad9())
     turn = rotation_about(np.eye(3)[axis], right_angles * np.pi / 2)
@@ -103,19 +103,19 @@ def test_the_zone_may_be_any_side_of_a_box(zone):
 
 
 def errors(solution, field):
-    """Errors of values and of fluxes through all planes in the L2 norm of the volume, worst field, relative."""
+    """Return the relative L2 errors of values, and of fluxes through all planes, of the worst field."""
     mesh, load = solution.matched.volume, loads_of(solution, field)
     values, stiffness = solution.values(load), solution.matched.body.stiffness
     xi, weights = cell_rule(mesh.element, mesh.element.quadrature + 2)
     shape, slopes = tabulate(mesh.element, xi)
     slopes, jacobians = gradients(mesh.points[mesh.cells], slopes)
     measures = (jacobians * weights).ravel()
-    places = np.einsum("mn,enx->emx", shape, mesh.points[mesh.cells]).reshape(-1, 3)
-    found = np.einsum("mn,enj->emj", shape, values[mesh.cells]).reshape(-1, 5)
+    positions = np.einsum("mn,enx->emx", shape, mesh.points[mesh.cells]).reshape(-1, 3)
+    computed_values = np.einsum("mn,enj->emj", shape, values[mesh.cells]).reshape(-1, 5)
     gradient = np.einsum("emnx,enk->emkx", slopes, values[mesh.cells]).reshape(-1, 5, 3)
     fluxes = np.einsum("ijkm,pkm->pij", stiffness, gradient)
-    exact_fluxes = np.stack([field.fluxes(places, np.broadcast_to(n, places.shape)) for n in np.eye(3)], axis=1)
-    pairs = ((found, field.values(places)), (fluxes.reshape(-1, 15), exact_fluxes.reshape(-1, 15)))
+    exact_fluxes = np.stack([field.fluxes(positions, np.broadcast_to(n, positions.shape)) for n in np.eye(3)], axis=1)
+    pairs = ((computed_values, field.values(positions)), (fluxes.reshape(-1, 15), exact_fluxes.reshape(-1, 15)))
     scales = (np.ones(5), np.tile(FieldScaling.of(stiffness).factors, 3))
     return [
         np.sqrt((measures @ (a * scale - b * scale) ** 2).reshape(-1, 5).sum(axis=0)
@@ -130,14 +130,15 @@ def errors(solution, field):
     ("name", "coarse", "order"), [("hex8", 4, 1), ("hex20", 2, 2), ("hex27", 2, 2), ("tet10", 3, 2)]
 )
 def test_order_of_convergence(cube_file, name, coarse, order, material):
-    """A source outside: values converge with the degree of the shape functions plus one, gradients with the degree."""
+    """For a source outside the body, values converge with the degree of the shape functions plus one, gradients with
+    the degree."""
     stiffness = library_material(material).stiffness
     field = PointSourceField(stiffness, np.array([1.9, 2.2, 1.7]), np.array([1.0, -0.5, 0.7, 0.8, -0.6]))
-    found = []
+    computed_values = []
     for divisions in (coarse, 2 * coarse):
         mesh, file = cube_file(name, divisions)
         body = replace(prescribe(mesh, field, stiffness, HELD_BELOW), contact_group="z+")
-        found.append(errors(FiniteElements(volume=file, unit=1e-3).solve(body), field))
-    value_order, flux_order = np.log2(np.divide(*found))
+        computed_values.append(errors(FiniteElements(volume=file, unit=1e-3).solve(body), field))
+    value_order, flux_order = np.log2(np.divide(*computed_values))
     assert value_order > order + 1 - SLACK
     assert flux_order > order - SLACK

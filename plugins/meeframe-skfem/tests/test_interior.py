@@ -1,4 +1,4 @@
-"""Fields in the finite elements: exact ones, points on faces and outside, and against boundary elements."""
+"""Test interior fields by finite elements: exact fields, points on faces and outside, boundary elements."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def inside(body, count=10):
 
 @pytest.mark.parametrize("element", [Quad4(), Quad9()], ids=lambda e: e.name)
 def test_linear_fields_are_exact(element):
-    """A linear state of a coupled block to round-off, also on the surface and at corners of elements."""
+    """A linear state of a coupled block is exact to round-off, also on the surface and at corners of elements."""
     field = LinearField.random(STIFFNESS, seed=3)
     body = make_body(field, element=element)
     system = FiniteElements(growth=2.0).reduce(body)
@@ -57,24 +57,24 @@ def test_linear_fields_are_exact(element):
 
 
 def test_against_boundary_elements():
-    """Finite and boundary elements agree within the errors of both, which are known from the exact field."""
+    """Finite and boundary elements agree within the errors of both, which the exact field determines."""
     field = PointSourceField(STIFFNESS, np.array([1.0, 0.9, 1.1]), np.array([1.0, -0.6, 0.8, 0.5, -0.9]))
     body = make_body(field, 4, Quad9())
     points = inside(body)
     steps = 1e-4 * np.eye(3)
     slopes = np.stack([(field.values(points + h) - field.values(points - h)) / 2e-4 for h in steps], axis=2)
     scale = FACTORS[:, None] * np.abs(slopes / FACTORS[:, None]).max()
-    found = []
+    computed = []
     for formulation, bound in ((FiniteElements(growth=1.5), 0.05), (DenseBEM(), 0.02)):
         system = formulation.reduce(body)
         gradients = system.capability(InteriorFields).evaluate(exact_load(field, system), points).gradients
         assert np.abs((gradients - slopes) / scale).max() < bound
-        found.append(gradients)
-    assert np.abs((found[1] - found[0]) / scale).max() < 0.07
+        computed.append(gradients)
+    assert np.abs((computed[1] - computed[0]) / scale).max() < 0.07
 
 
 @pytest.mark.parametrize("element", [HEX8, HEX27], ids=lambda e: e.name)
-def test_points_are_found_in_distorted_elements(element):
+def test_points_in_distorted_elements(element):
     grid = tensor_grid((np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, 3.0]), np.array([0.0, 0.5, 1.0])), element)
     x, y, z = grid.points.T
     bent = np.stack([x + 0.1 * y * z, y + 0.1 * np.sin(x), z + 0.05 * x * y], axis=1)
@@ -82,14 +82,14 @@ def test_points_are_found_in_distorted_elements(element):
     shapes = np.random.default_rng(0).dirichlet(np.ones(8), 20)
     cells = np.arange(20) % len(mesh.cells)
     points = np.einsum("mn,mnx->mx", shapes, mesh.points[mesh.cells[cells, :8]])
-    found, xi = locate(mesh, points)
-    assert (found >= 0).all()
+    computed, xi = locate(mesh, points)
+    assert (computed >= 0).all()
     values, _ = tabulate(element, xi)
-    np.testing.assert_allclose(np.einsum("mn,mnx->mx", values, mesh.points[mesh.cells[found]]), points, atol=1e-10)
+    np.testing.assert_allclose(np.einsum("mn,mnx->mx", values, mesh.points[mesh.cells[computed]]), points, atol=1e-10)
     assert locate(mesh, np.array([[10.0, 0.0, 0.0], [-0.5, 1.0, 0.5]]))[0].tolist() == [-1, -1]
 
 
-def test_points_outside_are_refused():
+def test_points_outside_are_rejected():
     field = LinearField.random(STIFFNESS, seed=3)
     body = make_body(field)
     system = FiniteElements(growth=2.0).reduce(body)

@@ -1,4 +1,4 @@
-"""Pieces against something independent: scikit-fem's own assembly, other solvers, closed forms."""
+"""Components agree with independent references: the assembly of scikit-fem, other solvers, closed forms."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def test_shape_functions_and_faces(element):
 
 
 @pytest.mark.parametrize("name", ["hex8", "tet10"])
-def test_stiffness_is_that_of_scikit_fem(name):
+def test_stiffness_matches_scikit_fem(name):
     random = np.random.default_rng(2)
     kind, element, own, mirror = {
         "hex8": (MeshHex, ElementHex1(), HEX8, [0, 3, 2, 1, 4, 7, 6, 5]),
@@ -78,7 +78,7 @@ def quasi_definite(seed=0, size=60):
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", ["pardiso", "splu"])
-def test_solvers_and_flexibility_against_dense_algebra(solver):
+def test_solvers_and_flexibility_match_dense_algebra(solver):
     if solver == "pardiso":
         pytest.importorskip("pypardiso")
     matrix = quasi_definite()
@@ -86,9 +86,9 @@ def test_solvers_and_flexibility_against_dense_algebra(solver):
     right = np.random.default_rng(1).normal(size=(matrix.shape[0], 3))
     np.testing.assert_allclose(factorise(matrix, solver)(right), inverse @ right, atol=1e-11)
     for unknowns in (np.arange(40, 60), np.array([300, 7, 181, 12, 90])):
-        solve, found = condense(matrix, unknowns, solver)
-        np.testing.assert_allclose(found, inverse[np.ix_(unknowns, unknowns)], atol=1e-11)
-        np.testing.assert_array_equal(found, found.T)
+        solve, computed = condense(matrix, unknowns, solver)
+        np.testing.assert_allclose(computed, inverse[np.ix_(unknowns, unknowns)], atol=1e-11)
+        np.testing.assert_array_equal(computed, computed.T)
         np.testing.assert_allclose(solve(right[:, 0]), inverse @ right[:, 0], atol=1e-11)
 
 
@@ -107,7 +107,7 @@ def test_pardiso_and_splu_give_the_same_system(element):
     np.testing.assert_allclose(first.offset / data, second.offset / data, atol=1e-9)
 
 
-def test_singular_systems_and_missing_pardiso_are_refused(monkeypatch):
+def test_singular_systems_and_missing_pardiso_are_rejected(monkeypatch):
     laplace = diags_array([2.0, -1.0, -1.0], offsets=[0, 1, -1], shape=(50, 50)).tolil()
     laplace[0, 0] = laplace[49, 49] = 1.0
     for solver in ("auto", "splu"):
@@ -122,7 +122,8 @@ def test_singular_systems_and_missing_pardiso_are_refused(monkeypatch):
 
 
 def test_mass_and_flexibility_of_the_zone_are_symmetric():
-    """The compliance is flexibility times mass; mass of a grid of equal squares from the closed form of one line."""
+    """The compliance is flexibility times mass; the mass of a uniform grid follows from that of a line in closed
+    form."""
     n, side = 4, 0.4
     mesh = block_mesh(0.5, 0.8, side, n, 1, 1, Quad4())
     conditions = tuple(BoundaryCondition("base", field, "value") for field in range(5))
@@ -150,7 +151,7 @@ def test_graded_widths(distance, first, growth):
     assert (ratios < growth * (1 + 1e-6) + 1e-9).all()
     if len(widths) > 1:
         assert np.ptp(ratios) < 1e-6 * ratios.max()
-        # one element fewer would have to grow faster
+        # with one element fewer the growth would have to be larger
         fewer = first * np.sum(growth ** np.arange(len(widths) - 1))
         assert fewer < distance * (1 + 1e-6)
     assert len(graded_positions(distance, first, growth, 4)) == 4
@@ -166,7 +167,7 @@ def test_tensor_grid_of_hex8():
 
 @pytest.mark.parametrize("element", [Quad4(), Quad8(), Quad9()], ids=lambda e: e.name)
 def test_shells_fill_a_box(element):
-    """Its volume, its boundary, the zone's own elements; no shell is thicker than `growth` times the one inside."""
+    """Volume, boundary and elements of the zone are correct; no shell is thicker than `growth` times the one inside."""
     body = Body(MATERIAL.stiffness, block_mesh((0.5, 0.4), 0.7, (0.2, 0.24), (4, 6), 2, 2, element), (), "contact")
     mesh = box_volume(body, 1.6, None, None, "shells")
     check_volume(mesh)
@@ -185,20 +186,20 @@ def test_shells_fill_a_box(element):
     assert len(np.unique(np.round(mesh.points, 12), axis=0)) == len(mesh.points), "cells share their nodes"
 
 
-def test_shells_need_room():
+def test_shells_require_space():
     body = Body(MATERIAL.stiffness, box_mesh((1.0, 1.0, 2.0), (2, 2, 2), Quad4()), (), "z+")
     with pytest.raises(MeshError, match=r'0 m of the box, less than an element of 0\.5 m.*allowed: grid = "tensor"'):
         FiniteElements(grid="shells").check(body)
 
 
 def gradients_of(mesh, xi):
-    """Derivatives of position by reference coordinates, (e, m, 3, 3)."""
+    """Return the derivatives of positions with respect to reference coordinates, (e, m, 3, 3)."""
     return np.einsum("mnk,enx->emkx", tabulate(mesh.element, xi)[1], mesh.points[mesh.cells])
 
 
 @pytest.mark.parametrize("element", [Quad4(), Quad9(), Tri6()], ids=lambda e: e.name)
-def test_places_on_a_curved_surface_are_found_again(element):
-    """Points made of reference coordinates are given back as combinations of nodes that lie where they do."""
+def test_points_on_a_curved_surface_are_located(element):
+    """Points computed from reference coordinates are located as combinations of nodes at the same positions."""
     mesh = sphere_mesh(1.0, 3, element)
     (block,) = mesh.blocks
     random = np.random.default_rng(3)
@@ -215,7 +216,8 @@ def test_places_on_a_curved_surface_are_found_again(element):
 
 
 def test_face_masses_of_a_triangle():
-    """Areas of a right triangle's quadratic shape functions: corners none, mid-sides a third each."""
+    """Quadratic shape functions of a right triangle integrate to zero at corners and a third of the area at mid-
+    sides."""
     points = np.array([[0, 0, 0], [2, 0, 0], [0, 1, 0], [1, 0, 0], [1, 0.5, 0], [0, 0.5, 0]], float)
     masses = face_masses(points, Tri6(), np.arange(6)[None])
     np.testing.assert_allclose(masses.sum(axis=(0, 1)), [0, 0, 0, 1 / 3, 1 / 3, 1 / 3], atol=1e-14)

@@ -1,4 +1,4 @@
-"""Observed orders of convergence of the dense boundary elements for the field of a source outside the body."""
+"""Dense boundary elements converge with the theoretical order for the field of a source outside the body."""
 
 from dataclasses import replace
 
@@ -37,10 +37,10 @@ def box(divisions: int, element: SurfaceElement) -> SurfaceMesh:
 @pytest.mark.parametrize(("mesh_of", "kinds"), [(box, BOX), (halved_sphere, SPHERE)], ids=["box", "sphere"])
 @pytest.mark.parametrize("element", [Quad4(), Quad8(), Quad9(), Tri3(), Tri6()], ids=lambda e: e.name)
 def test_order_of_convergence(mesh_of, kinds, element):
-    """Values converge with the order of the shape functions plus one, fluxes with the order of the shape functions.
+    """Values converge with the degree of the shape functions plus one, fluxes with their degree.
 
-    A flux where the value is prescribed solves an integral equation of the first kind: it loses one order against the
-    interpolated values.
+    Where the value is prescribed, the flux solves an integral equation of the first kind and loses one order compared
+    with the interpolated values.
     """
     coarse, fine = (4, 8) if element.order == 1 else (2, 4)
     formulation = DenseBEM(Tabulated(), quadrature_tolerance=1e-6)

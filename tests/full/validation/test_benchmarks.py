@@ -1,4 +1,4 @@
-"""docs/validation/performance.md agrees with the records of validation/benchmarks. Nothing is measured."""
+"""docs/validation/performance.md agrees with the records of validation/benchmarks; nothing is measured."""
 
 import json
 import shutil
@@ -14,8 +14,8 @@ MACHINE = {"date": "2026-11-23", "commit": "0d378ea+", "processor": "one", "core
 MACHINE |= {"versions": {"numpy": "2.4.6", "tamaas": "2.9.0"}}
 
 
-def said(script, folder) -> subprocess.CompletedProcess[str]:
-    """Run a script among the benchmarks in a new process."""
+def run_script(script, folder) -> subprocess.CompletedProcess[str]:
+    """Run a script of the benchmarks in a new process."""
     script = f"import sys; from pathlib import Path; folder = Path(sys.argv[1]); {script}"
     return subprocess.run([sys.executable, "-c", script, folder], cwd=BENCHMARKS, capture_output=True, text=True)
 
@@ -24,11 +24,11 @@ def page_of(folder, records) -> subprocess.CompletedProcess[str]:
     """Return the page of the given records."""
     for name, record in records.items():
         (folder / f"{name}.json").write_text(json.dumps(record))
-    return said("import report; report.RECORDS = folder; print(report.page(folder), end='')", folder)
+    return run_script("import report; report.RECORDS = folder; print(report.page(folder), end='')", folder)
 
 
-def test_performance_is_what_the_records_say(tmp_path):
-    done = said("import report; print(report.page(folder), end='')", tmp_path)
+def test_page_matches_the_records(tmp_path):
+    done = run_script("import report; print(report.page(folder), end='')", tmp_path)
     assert done.returncode == 0, done.stderr
     page = (ROOT / "docs" / "validation" / "performance.md").read_text(encoding="utf-8")
     assert page == done.stdout, "regenerate it: python validation/benchmarks/report.py --page"
@@ -36,7 +36,7 @@ def test_performance_is_what_the_records_say(tmp_path):
         assert (ROOT / "docs" / "images" / picture.name).exists(), picture.name
 
 
-def test_a_part_with_an_old_record_says_so_on_the_page_of_the_others(tmp_path):
+def test_outdated_record_is_marked_on_the_page(tmp_path):
     old = {"machine": {"cores": 2, "processor": "one", "load": 0.1}}
     whole = json.loads((BENCHMARKS / "records" / "start_up.json").read_text(encoding="utf-8"))
     done = page_of(tmp_path, {"kernels": old, "start_up": whole | {"machine": MACHINE}})
@@ -60,7 +60,7 @@ def test_commits_of_changed_code_are_marked(tmp_path, changed, mark):
         subprocess.run((*git, *words), check=True)
     head = subprocess.run((*git, "rev-parse", "HEAD"), check=True, capture_output=True, text=True).stdout
     (tmp_path / changed / "file").write_text("2")
-    done = said("import common; common.ROOT = folder; print(common.circumstances()['commit'])", tmp_path)
+    done = run_script("import common; common.ROOT = folder; print(common.circumstances()['commit'])", tmp_path)
     commit = done.stdout.strip()
     assert head.startswith(commit.removesuffix("+")), done.stderr
     assert commit.removesuffix("+")
@@ -85,12 +85,12 @@ def answer(solved, residual=5e-11, gap_difference=0.0) -> dict:
 
 
 def frictionless(**others) -> dict:
-    """Return a record of 512 x 512 nodes in which meeframe takes half a second to set up and half to solve."""
+    """Return a record on 512 x 512 nodes in which meeframe takes half a second each to set up and to solve."""
     row = {"meeframe": answer(0.5)} | others | {"meeframe, two threads": answer(0.4)}
     return {"machine": MACHINE} | {name: {"512": row} for name in ("sphere", "rough, periodic", "rough, free")}
 
 
-def test_the_faster_of_the_other_codes_counts(tmp_path):
+def test_factor_is_relative_to_the_faster_code(tmp_path):
     met = frictionless(Tamaas=answer(20.0), ContactMechanics=answer(6.0, gap_difference=1e-9))
     page = page_of(tmp_path, {"half_space": met}).stdout
     quantity = "sphere, 512 x 512: speed relative to the faster of the other codes"

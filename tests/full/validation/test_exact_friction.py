@@ -1,4 +1,4 @@
-"""Friction against closed forms on coarser grids than docs/validation/exact_friction.md: the short validation."""
+"""Friction agrees with closed forms on coarser grids than those of docs/validation/exact_friction.md."""
 
 import importlib
 import sys
@@ -12,7 +12,8 @@ EXACT, COUPLED = (0.0, True), (0.5, False)
 
 
 def load(*names):
-    """Modules of the folder that import each other; every validation has a study of its own, so no trace is left."""
+    """Return modules of the folder that import each other, and remove them from `sys.modules`: every validation has
+    a study.py."""
     sys.path.insert(0, str(FOLDER))
     try:
         return [importlib.import_module(name) for name in names]
@@ -27,9 +28,8 @@ study, elements = load("study", "elements")
 
 @pytest.mark.parametrize(("body", "shares"), [(EXACT, (0.3, 0.6, 0.8, 0.9)), (COUPLED, (0.6,))])
 def test_partial_slip_on_32_x_32_cells(body, shares):
-    """Bounds stated beforehand: stick radius within 2 %, traction within 3 % of its maximum but for a cell either side
-    of the two radii; everywhere its root mean square keeps to the 3 %. The area of the cells that stick, counted as
-    wholes, keeps to half a cell."""
+    """Bounds chosen beforehand: stick radius within 2 %, traction within 3 % of its maximum except within one cell
+    of the two radii, root mean square within 3 % everywhere, area of sticking cells within half a cell."""
     for row, _ in study.cattaneo(*body, 32, shares):
         assert abs(row.stick_moment) < 0.02
         assert abs(row.stick_radius) < study.ZONE / 32 / study.stick_share(row.share) / 2
@@ -38,8 +38,8 @@ def test_partial_slip_on_32_x_32_cells(body, shares):
         assert abs(row.load) < 0.003
 
 
-def test_the_reserve_of_traction_finds_the_stick_radius():
-    """Of exact tractions on cells; and finds that of another force where it is another."""
+def test_margin_to_the_limit_gives_the_stick_radius():
+    """Exact tractions on cells give the exact radius, and those of another force another radius."""
     exact = study.PartialSlip(study.HertzContact(study.YOUNG, 0.0, study.RADIUS, study.APPROACH), study.FRICTION)
     a, side = exact.hertz.contact_radius, study.ZONE / 64 * exact.hertz.contact_radius
     r = np.hypot(*np.meshgrid(*2 * [side * (np.arange(64) - 31.5)])).ravel()
@@ -52,7 +52,7 @@ def test_the_reserve_of_traction_finds_the_stick_radius():
         assert state.stick_moment_difference() == pytest.approx(expected, abs=0.005)
 
 
-def test_a_full_reversal_and_its_dissipation():
+def test_full_reversal_and_dissipation():
     coarse, fine = (study.hysteresis(*EXACT, cells, 0.9, 8) for cells in (8, 24))
     assert fine.curve < 0.01
     assert abs(fine.dissipation - 1) < 0.02
@@ -64,7 +64,7 @@ def test_a_full_reversal_and_its_dissipation():
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.2, 0.3, 0.4])
-def test_a_bonded_flat_punch_carries_c_times_the_load(poisson):
+def test_bonded_flat_punch_carries_c_times_the_load(poisson):
     coarse, fine = (study.bonded_punch(poisson, cells) for cells in (8, 16))
     assert fine.factor > 1.009
     assert abs(fine.difference) < 0.05 * (fine.factor - 1) + 1e-4
@@ -92,15 +92,15 @@ def test_torsion_of_a_sphere():
 
 
 def test_partial_slip_on_boundary_elements():
-    """From a case file, under prescribed forces. Nodal tractions swing about the exact ones: their r.m.s. is bounded,
-    and falls with the elements' size."""
+    """A case file prescribes forces. Nodal tractions oscillate about the exact ones; their root mean square error is
+    bounded and decreases with the element size."""
     drag, _ = elements.drag_on_elements(12)
     finer, _ = elements.drag_on_elements(16)
     assert finer.row.traction_rms < 0.06
     assert finer.row.traction_rms < drag.row.traction_rms
     assert abs(drag.approach) < 0.01
     assert abs(drag.row.load) < 0.01
-    assert abs(drag.turned) < 0.01
+    assert abs(drag.second_reversal) < 0.01
     assert abs(drag.row.stick_radius) < 0.03
     assert abs(drag.dissipation) < 0.03
 
@@ -111,6 +111,6 @@ def test_torsion_on_boundary_elements():
     assert abs(row.stick_radius) < 0.03
 
 
-def test_a_bonded_punch_on_boundary_elements():
+def test_bonded_punch_on_boundary_elements():
     row = elements.punch_on_elements(12)
     assert abs(row.difference) < 0.1 * (row.factor - 1)

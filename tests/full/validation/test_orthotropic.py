@@ -1,4 +1,4 @@
-"""Sections 7.2 to 7.4 of the paper: its main claims, and our numbers against independent ones, on a coarse mesh."""
+"""Sections 7.2 to 7.4 of the paper: main claims, and comparison with independent results, on a coarse mesh."""
 
 import importlib
 import sys
@@ -29,7 +29,7 @@ figures, claims = load_claims()
 
 @pytest.fixture(scope="module")
 def figure(tmp_path_factory):
-    """Solves a study of the three sections on 12 x 12 elements in the zone."""
+    """Return a function that solves a study of the three sections with 12 x 12 elements in the zone."""
     folder = tmp_path_factory.mktemp("orthotropic")
 
     def solved(name):
@@ -47,48 +47,51 @@ def figure(tmp_path_factory):
 
 
 def assert_claims(figure, differing=(), unresolved=()):
-    found = claims.claims(figure)
-    assert found
-    for claim in found:
-        said = {"differs": differing, "not resolved": unresolved}
-        expected = [verdict for verdict, named in said.items() if any(words in claim.paper for words in named)]
+    all_claims = claims.claims(figure)
+    assert all_claims
+    for claim in all_claims:
+        expected_verdicts = {"differs": differing, "not resolved": unresolved}
+        expected = [
+            verdict for verdict, named in expected_verdicts.items() if any(words in claim.paper for words in named)
+        ]
         assert claim.verdict == (expected or ["holds"])[0], claim
         assert claim.as_explained or claim.verdict != "differs", claim
 
 
-def test_magnetic_conduction_halves_the_force_and_electric_conduction_leaves_it(figure):
-    found = figure("fig-05")
-    assert_claims(found)
-    for panel, flux in zip(found.panels, ("charge", "magnetic_flux"), strict=True):
+def test_magnetic_conduction_halves_the_force(figure):
+    result = figure("fig-05")
+    assert_claims(result)
+    for panel, flux in zip(result.panels, ("charge", "magnetic_flux"), strict=True):
         assert np.all(np.diff(panel.quantities["force"]) < 0)
         assert np.all(np.diff(panel.quantities[flux]) > 0)
         assert panel.quantities[flux][-1] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_electric_conduction_leaves_the_other_fields(figure):
+def test_electric_conduction_does_not_affect_other_fields(figure):
     assert_claims(figure("fig-06"), differing=["all variables are clearly modified"])
 
 
-def test_friction_raises_the_potentials_where_nothing_conducts(figure):
-    """Independent half space: +59 % electric, +33 % magnetic, EMCI force +1.6 % (docs/explanation/theory.md)."""
-    found = figure("fig-07")
-    assert_claims(found)
-    insulating, conducting = (panel.quantities for panel in found.panels)
+def test_friction_increases_potentials_under_insulating_contact(figure):
+    """An independent half-space solver gives +59 % electric, +33 % magnetic, EMCI force +1.6 %
+    (docs/explanation/theory.md)."""
+    result = figure("fig-07")
+    assert_claims(result)
+    insulating, conducting = (panel.quantities for panel in result.panels)
     assert insulating["max_electric_potential"][-1] == pytest.approx(1.59, abs=0.04)
     assert insulating["max_magnetic_potential"][-1] == pytest.approx(1.33, abs=0.02)
     assert conducting["force"][-1] == pytest.approx(1.016, abs=0.006)
 
 
-def test_orthotropic_friction_shapes_the_potentials(figure):
+def test_orthotropic_friction_affects_the_potentials(figure):
     assert_claims(figure("fig-09"))
 
 
 def test_tangential_load(figure):
-    """The potentials' largest values move against the load, not with it: see the page and the next test."""
-    found = figure("fig-10")
+    """The maxima of the potentials move against the load: see the page and the next test."""
+    result = figure("fig-10")
     unresolved = ["μ = 0.1: the stick zone decreases", "μ = 0.1: the stick zone moves"]
-    assert_claims(found, differing=["moves in the direction of the load"], unresolved=unresolved)
-    for panel, mu in zip(found.panels, (0.1, 0.6), strict=True):
+    assert_claims(result, differing=["moves in the direction of the load"], unresolved=unresolved)
+    for panel, mu in zip(result.panels, (0.1, 0.6), strict=True):
         traction, pressure = (panel.quantities[name] @ panel.weights for name in ("traction_x", "pressure"))
         ratio = dict(zip(panel.runs, traction / (mu * pressure), strict=True))
         for run in ("0", "0.25", "0.5", "0.75", "0.9"):
@@ -100,8 +103,8 @@ def test_tangential_load(figure):
 
 
 @pytest.mark.parametrize(("factor", "verdict"), [(1.05, "holds"), (0.85, "differs"), (1.15, "differs")])
-def test_what_is_not_affected_neither_rises_nor_falls(factor, verdict):
-    """Fig. 7 (b): criterion by the size of the change, whatever its sign."""
+def test_unaffected_quantities_do_not_change(factor, verdict):
+    """The criterion of Fig. 7 (b) is the magnitude of the change, whatever its sign."""
 
     def panel(title, **ends):
         quantities = {name: np.array([1.0, end]) for name, end in ends.items()}
@@ -109,13 +112,13 @@ def test_what_is_not_affected_neither_rises_nor_falls(factor, verdict):
 
     insulating = panel("(a) EMII", force=1.1, max_electric_potential=1.6, max_magnetic_potential=1.3)
     conducting = panel("(b) EMCI", force=1.0, charge=factor, magnetic_flux=1.0)
-    found = claims.claims(figures.Figure("fig-07", "", "", (insulating, conducting), ()))
-    assert found[-1].verdict == verdict
+    all_claims = claims.claims(figures.Figure("fig-07", "", "", (insulating, conducting), ()))
+    assert all_claims[-1].verdict == verdict
 
 
 @pytest.mark.parametrize(("rise", "explained"), [(0.98, True), (1.2, False), (0.8, False)])
-def test_an_explanation_covers_what_it_leads_to_expect_and_no_more(rise, explained):
-    """Fig. 7 at 1e-12 s/m: an independent half space finds +102 % where the paper has +65 %."""
+def test_explanation_bounds_the_difference(rise, explained):
+    """Fig. 7 at 1e-12 s/m: an independent half-space solver gives +102 %, the paper +65 %."""
     quantities = {"max_electric_potential": np.array([1.0, 1.0 + rise]), "max_magnetic_potential": np.array([1.0, 1.3])}
     panel = figures.Panel("1e-12 s/m", ("0", "0.9"), np.array([0.0, 0.9]), quantities, np.array([]), np.array([]))
     (claim,) = claims.claims(figures.Figure("fig-07-scales", "", "", (panel,), ()))
@@ -125,10 +128,10 @@ def test_an_explanation_covers_what_it_leads_to_expect_and_no_more(rise, explain
 
 @pytest.mark.parametrize("name", ["orthotropic-mee", "batio3-cofe2o4"])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_a_dragged_surface_sinks_ahead_and_so_do_the_potentials_of_indentation(name, axis):
-    """The odd part of the surface compliance says where a load along an axis moves contact and potentials.
+def test_surface_sinks_ahead_of_a_tangential_load(name, axis):
+    """The odd part of the surface compliance determines where a load along an axis moves contact and potentials.
 
-    Y exp(ikx)/k with an odd imaginary part i c gives a response of the sign of -c ahead of a point force.
+    Y exp(ikx)/k with an odd imaginary part i c gives a response with the sign of -c ahead of a point force.
     """
     compliance = surface_compliance(library_material(name).stiffness, (0, 0, 1), np.eye(3)[[axis]])[0]
     pressed = -compliance[2:, 2].real
@@ -138,14 +141,14 @@ def test_a_dragged_surface_sinks_ahead_and_so_do_the_potentials_of_indentation(n
 
 
 @pytest.mark.parametrize("name", ["fig-13", "fig-14"])
-def test_direction_of_sliding_shapes_everything(figure, name):
-    found = figure(name)
-    assert_claims(found)
+def test_direction_of_sliding_affects_all_fields(figure, name):
+    result = figure(name)
+    assert_claims(result)
     law = {"fig-13": (0.1, 0.6), "fig-14": (0.6, 0.1)}[name]
-    for panel, angle in zip(found.panels, np.deg2rad([0.0, 45.0, 90.0]), strict=True):
+    for panel, angle in zip(result.panels, np.deg2rad([0.0, 45.0, 90.0]), strict=True):
         pressure = panel.of("pressure", "full slip")
         contact_fraction = pressure > 1e-3
-        # the associated rule: the traction is M^2 g over the norm of M g, g the direction of sliding
+        # the associated rule: the traction is M^2 g / |M g|, with g the direction of sliding
         slip = np.array([np.cos(angle), np.sin(angle)])
         expected = np.array(law) ** 2 * slip / np.linalg.norm(np.array(law) * slip)
         found_ratio = panel.of("tangential_traction", "full slip")[contact_fraction] / pressure[contact_fraction, None]

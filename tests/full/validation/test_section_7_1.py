@@ -1,4 +1,4 @@
-"""Section 7.1 of the paper on its own mesh against the closed forms of the half space: the short validation."""
+"""Section 7.1 of the paper on the paper's mesh agrees with the closed forms of the half space."""
 
 import importlib.util
 import sys
@@ -29,34 +29,34 @@ def case():
 
 @pytest.fixture(scope="module")
 def system(case):
-    """One reduced system serves all conditions: they differ in their laws only."""
+    """Return one reduced system for all conditions, which differ in their laws only."""
     return case.formulation.reduce(case.body)
 
 
-def test_the_mesh_is_the_papers(case):
+def test_mesh_matches_the_paper(case):
     assert case.mesh.n_elements == 1088
     assert len(case.mesh.points) == 1090
     assert len(case.mesh.group_points("contact")) == 17 * 17
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
-def test_totals_and_sections_of_the_four_conditions(condition, case, system):
+def test_totals_and_sections_under_the_four_conditions(condition, case, system):
     solved = study.solve(study.load(condition), system)
     exact = study.closed_form(case, condition)
-    found = study.differences(solved, exact)
-    assert len(found) == 1 + sum(potential is not None for potential in study.CONDITIONS[condition])
-    assert max(abs(value) for value in found.values()) < 0.015
+    computed = study.differences(solved, exact)
+    assert len(computed) == 1 + sum(potential is not None for potential in study.CONDITIONS[condition])
+    assert max(abs(value) for value in computed.values()) < 0.015
     on_section = study.section_differences(solved, exact, study.closed_form(case, "EMII"))
     assert max(on_section.values()) < 0.03
 
 
 @pytest.mark.parametrize("condition", ["ECMII", "EIMCI"])
-def test_force_and_flux_go_monotonically_from_limit_to_limit(condition, case, system):
-    """Fig. 3; with the printed sign of the conductivity law they would not (docs/explanation/theory.md)."""
-    found = study.sweep(case, system, condition, np.logspace(-3, 3, 7))
-    force = [-solved.totals.force[2] for solved in found.solved]
+def test_force_and_flux_are_monotone_in_conductivity(condition, case, system):
+    """Fig. 3; with the printed sign of the conductivity law they would not be (docs/explanation/theory.md)."""
+    computed = study.sweep(case, system, condition, np.logspace(-3, 3, 7))
+    force = [-solved.totals.force[2] for solved in computed.solved]
     name = "charge" if condition == "ECMII" else "magnetic_flux"
-    flux = [abs(study.totals(solved)[name]) for solved in found.solved]
+    flux = [abs(study.totals(solved)[name]) for solved in computed.solved]
     limits = [study.solve(study.load(name), system) for name in ("EMII", condition)]
     assert np.all(np.diff(force) < 0)
     assert np.all(np.diff(flux) > 0)
@@ -65,8 +65,8 @@ def test_force_and_flux_go_monotonically_from_limit_to_limit(condition, case, sy
     assert force[-1] == pytest.approx(-limits[1].totals.force[2], rel=1e-3)
 
 
-def test_the_block_is_all_that_separates_from_the_half_space(case, system):
-    """On a semi-infinite body with as many elements in the zone what remains is the discretisation."""
+def test_difference_from_half_space_is_due_to_the_block(case, system):
+    """On a semi-infinite body with as many elements in the zone, only the discretisation error remains."""
     (half_space,) = study.refinements(case, [(np.inf, 16)])
     for condition in CONDITIONS:
         exact = study.closed_form(case, condition)

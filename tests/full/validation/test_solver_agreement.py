@@ -1,4 +1,4 @@
-"""Every solver on the problems of sections 7.1 to 7.4, by boundary elements: the same forces to 1e-8."""
+"""All solvers give the same forces to 1e-8 on the problems of sections 7.1 to 7.4 by boundary elements."""
 
 from dataclasses import replace
 
@@ -61,7 +61,7 @@ def problem(system, law, kappa=(0.0, 0.0), translation=(0.0, 0.0)) -> ContactPro
     )
 
 
-def solved(case, solver):
+def solve_problem(case, solver):
     solution = solve(case, solver, LIMITS)
     assert solution.status is Status.CONVERGED, f"{solver}: {solution.message}"
     assert residual(case, solution.state) <= LIMITS.tolerance
@@ -69,14 +69,15 @@ def solved(case, solver):
 
 
 def assert_agree(case, *more):
-    """Forces and fluxes as of Newton's method, from zero: no case here has a second solution."""
+    """Assert that forces and fluxes agree with those of Newton's method, from zero load; no case here has a second
+    solution."""
     others = [Auto(), BarzilaiBorwein(), Nesterov(), Uzawa(), *more]
     if ProjectedCG().accepts(case):
         others.append(ProjectedCG())
-    reference = solved(case, SemismoothNewton())
+    reference = solve_problem(case, SemismoothNewton())
     resultants = case.system.weights @ reference.load
     for solver in others:
-        state = solved(case, solver)
+        state = solve_problem(case, solver)
         force, *fluxes = np.split(case.system.weights @ state.load - resultants, [3, 4])
         assert np.linalg.norm(force) <= 1e-8 * np.linalg.norm(resultants[:3]), solver
         for flux, column in zip(fluxes, (3, 4), strict=True):
@@ -86,27 +87,27 @@ def assert_agree(case, *more):
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("law", LAWS)
 def test_indentation(system, table, law, condition):
-    """Sections 7.1 and 7.2; orthotropic friction as in section 7.3."""
+    """Sections 7.1 and 7.2, with orthotropic friction as in section 7.3."""
     assert_agree(problem(system, LAWS[law], CONDITIONS[condition]), Uzawa(*PAPER_STEPS[table]))
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("law", ["isotropic", "orthotropic"])
 def test_tangential_load(system, table, law, condition):
-    """Section 7.4, by translation, short of full slip."""
-    more = [Uzawa(*PAPER_STEPS[table])] if law == "isotropic" else []  # thousands of steps with the other
+    """Section 7.4, by a prescribed translation below full slip."""
+    more = [Uzawa(*PAPER_STEPS[table])] if law == "isotropic" else []  # the other one takes thousands of steps
     assert_agree(problem(system, LAWS[law], CONDITIONS[condition], (1e-5, 5e-6)), *more)
 
 
 @pytest.mark.parametrize("translation", [(0.0, 0.0), (1e-5, 5e-6)])
 @pytest.mark.parametrize("law", LAWS)
 def test_finite_conductivity(system, table, law, translation):
-    """Between the limiting conditions, as in Fig. 4."""
+    """Conductivities between the limits, as in Fig. 4."""
     assert_agree(problem(system, LAWS[law], FINITE[table], translation))
 
 
-def pressed(case, force):
-    """PrescribedResultant of the approach, at a normal force [N]."""
+def normal_resultant(case, force):
+    """Return the PrescribedResultant of the approach at a normal force [N]."""
     press = np.zeros((len(case.gap), 5))
     press[:, 2] = -1.0
     return PrescribedResultant(press, case.system.weights[:, None] * press, force)
@@ -114,30 +115,32 @@ def pressed(case, force):
 
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_normal_force(system, condition):
-    """Without friction, P given: the same from the approach that it takes."""
+    """Without friction, a prescribed force recovers the approach that causes it."""
     given = problem(system, LAWS["no friction"], CONDITIONS[condition])
-    load = solved(given, SemismoothNewton()).load
+    load = solve_problem(given, SemismoothNewton()).load
     free = replace(
-        given, gap=given.gap + APPROACH, prescribed_resultants=(pressed(given, -float(system.weights @ load[:, 2])),)
+        given,
+        gap=given.gap + APPROACH,
+        prescribed_resultants=(normal_resultant(given, -float(system.weights @ load[:, 2])),),
     )
     assert_agree(free)
     for solver in (SemismoothNewton(), Nesterov()):
-        assert solved(free, solver).motion[0] == pytest.approx(APPROACH, rel=1e-8)
+        assert solve_problem(free, solver).motion[0] == pytest.approx(APPROACH, rel=1e-8)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.9])
-def test_tangential_force_as_a_share_of_friction(system, share):
-    """Section 7.4, F_x = share mu P at a given P: the same from its own motion prescribed."""
+def test_tangential_force_as_a_fraction_of_friction(system, share):
+    """Section 7.4: F_x = fraction mu P at prescribed P agrees with the prescribed motion that it causes."""
     case = problem(system, LAWS["isotropic"])
-    load = solved(case, SemismoothNewton()).load
-    push = pressed(case, -float(system.weights @ load[:, 2]))
+    load = solve_problem(case, SemismoothNewton()).load
+    push = normal_resultant(case, -float(system.weights @ load[:, 2]))
     slide = np.zeros_like(push.mode)
     slide[:, 0] = 1.0
     pull = PrescribedResultant(slide, system.weights[:, None] * (slide - share * 0.6 * push.mode), 0.0)
     free = replace(case, prescribed_resultants=(push, pull))
     assert_agree(free)
-    found = solved(free, SemismoothNewton())
-    approach, translation = found.motion
+    computed = solve_problem(free, SemismoothNewton())
+    approach, translation = computed.motion
     given = problem(system, LAWS["isotropic"], translation=(translation, 0.0))
-    again = solved(replace(given, gap=given.gap - approach), SemismoothNewton())
-    assert np.abs(again.load - found.load).max() <= 1e-8 * np.abs(found.load).max()
+    again = solve_problem(replace(given, gap=given.gap - approach), SemismoothNewton())
+    assert np.abs(again.load - computed.load).max() <= 1e-8 * np.abs(computed.load).max()

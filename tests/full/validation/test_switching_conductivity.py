@@ -1,4 +1,5 @@
-"""Table 3 under magnetic conduction: edge nodes that would open and close for ever (docs/explanation/solvers.md)."""
+"""Under magnetic conduction (Table 3), nodes at the contact edge would switch for ever
+(docs/explanation/solvers.md)."""
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ def force(system, kappa):
 
 
 @pytest.mark.parametrize("kappa", MODERATE)
-def test_nodes_that_flip_become_biactive(kappa, system):
+def test_switching_nodes_become_biactive(kappa, system):
     problem = indentation(system, kappa)
     solution = solve(problem, Uzawa(), StoppingCriteria())
     state = solution.state
@@ -51,8 +52,9 @@ def test_nodes_that_flip_become_biactive(kappa, system):
     np.testing.assert_allclose(contact_gap(problem, state.displacement)[biactive, 2], 0, atol=1e-9 * 5e-5)
 
 
-def test_force_falls_to_less_than_half_as_the_indenter_conducts_magnetically(system):
-    """0.43 of the insulated force (docs/explanation/theory.md, Half space); the paper says 'reduced by half'."""
+def test_magnetic_conduction_reduces_force_to_less_than_half(system):
+    """The force is 0.43 of the insulated one (docs/explanation/theory.md, Half space); the paper states 'reduced by
+    half'."""
     forces = [force(system, kappa) for kappa in (0.0, 0.01, *MODERATE, 10.0, np.inf)]
     assert np.all(np.diff(forces) < 0)
     assert forces[-1] / forces[0] == pytest.approx(0.43, abs=0.005)

@@ -1,4 +1,4 @@
-"""Springs whose reductions and solutions are written down, the latter held up if asked: to be stopped in the middle."""
+"""Springs that log reductions and solutions, and delay solutions on request so that tests can interrupt them."""
 
 import time
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ def note(log, text):
         file.write(text + "\n")
 
 
-def held(log, free):
-    """Returns once there is no file named held beside the log; at once where so few were solved, or if none ends it."""
+def wait_while_held(log, free):
+    """Return when there is no file named held beside the log; at once if few were solved, or if no log is open."""
     end = time.monotonic() + 600
     while Path(log).with_name("held").exists() and time.monotonic() < end:
         if not Path(log).exists() or Path(log).read_text().count("solved") < free:
@@ -62,7 +62,7 @@ class Slow(Solver):
     free: int
 
     def init(self, problem, start, tolerance=1e-10):
-        held(self.log, self.free)
+        wait_while_held(self.log, self.free)
         note(self.log, f"solved {problem.gap.min():.6e} {problem.system.diagonal_blocks()[0, 0, 0]:.6e}")
         note_threads(self.log, "a point")
         return SemismoothNewton().init(problem, start)

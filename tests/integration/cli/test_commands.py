@@ -1,4 +1,4 @@
-"""Commands of the command line: what they print, write and return."""
+"""Test commands: what they print and write, and their exit status."""
 
 import json
 from importlib import metadata
@@ -20,7 +20,7 @@ OUTPUT = [
 
 
 def meeframe_command(*arguments):
-    """Exit status, standard output, standard error."""
+    """Return exit status, standard output and standard error."""
     result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -40,8 +40,8 @@ def test_check(case_file):
 
 
 @pytest.mark.full
-def test_slender_bodies_are_warned_of(case_file, tmp_path):
-    """A block of 0.1 x 0.1 x 2 m on its base: by check, and by run at the end of the first step."""
+def test_slender_bodies_cause_a_warning(case_file, tmp_path):
+    """For a block of 0.1 x 0.1 x 2 m, `check` prints the warning and `run` adds it to the message of the first step."""
     case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))
     status, out, err = meeframe_command("check", case_file)
     assert status == 0
@@ -85,17 +85,18 @@ def test_warnings_of_libraries_are_shown_once(case_file, tmp_path):
         text.write('[contact]\nlaw = "noisy"\n')
     status, _, errors = meeframe_command("run", case_file, "--plugin", plugin, "--out", tmp_path / "out")
     assert status == 0
-    told = [line for line in errors.splitlines() if "Warning" in line or "lines" in line]
-    assert told == [f"warning: {plugin}, line 11: UserWarning: of two lines"]
+    warnings_printed = [line for line in errors.splitlines() if "Warning" in line or "lines" in line]
+    assert warnings_printed == [f"warning: {plugin}, line 11: UserWarning: of two lines"]
 
 
 @pytest.mark.full
 def test_studies_warn_once_for_each_body(case_file, tmp_path, monkeypatch):
-    """A sweep over two approaches and two widths of a slender block, and a comparison of two solvers on it."""
+    """A sweep over two approaches and two widths of a slender block, and a comparison of two solvers, print each
+    warning once."""
     case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))
-    asked = []
+    calls = []
     warnings = DenseBEM.warnings
-    monkeypatch.setattr(DenseBEM, "warnings", lambda *given: asked.append(given) or warnings(*given))
+    monkeypatch.setattr(DenseBEM, "warnings", lambda *given: calls.append(given) or warnings(*given))
     study = case_file.with_name("study.toml")
     axes = '"steps[1].approach" = ["10 um", "20 um"]\n"mesh.half_width" = ["50 mm", "60 mm"]'
     study.write_text(f'case = "{case_file.name}"\n[axes]\n{axes}\n')
@@ -105,14 +106,14 @@ def test_studies_warn_once_for_each_body(case_file, tmp_path, monkeypatch):
     ):
         status, _, err = meeframe_command(*command, "--out", tmp_path / command[0])
         assert status == 0
-        told = [line for line in err.splitlines() if line.startswith("warning: ")]
+        warnings_printed = [line for line in err.splitlines() if line.startswith("warning: ")]
         widths = ("0.1", "0.12") if command[0] == "sweep" else ("0.1",)
-        assert [line.split("thickness of ")[1].split(" m:")[0] for line in told] == list(widths)
-        assert len(asked) == len(widths)
-        asked.clear()
+        assert [line.split("thickness of ")[1].split(" m:")[0] for line in warnings_printed] == list(widths)
+        assert len(calls) == len(widths)
+        calls.clear()
 
 
-def test_run_show_and_refusal_to_overwrite(case_file, tmp_path):
+def test_run_show_and_no_overwriting(case_file, tmp_path):
     folder = tmp_path / "out"
     status, out, err = meeframe_command("run", case_file, "--out", folder)
     assert status == 0
@@ -130,7 +131,7 @@ def test_run_show_and_refusal_to_overwrite(case_file, tmp_path):
     assert "is not empty" in err
 
 
-def test_contact_that_its_zone_cuts_off_is_warned_of(case_file, tmp_path):
+def test_contact_at_zone_boundary_causes_a_warning(case_file, tmp_path):
     assert "edge of its zone" not in meeframe_command("run", case_file, "--out", tmp_path / "within")[2]
     case_file.write_text(case_file.read_text().replace('"40 um"', '"1 mm"').replace('"uzawa"', '"auto"'))
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "beyond")
@@ -138,7 +139,7 @@ def test_contact_that_its_zone_cuts_off_is_warned_of(case_file, tmp_path):
     assert "warning: the contact reaches the boundary of its zone and is cut off there" in err
 
 
-def test_figures_are_drawn_again_of_any_increment_in_any_format(case_file, tmp_path):
+def test_figures_of_any_increment_in_any_format(case_file, tmp_path):
     assert meeframe_command("run", case_file, "--out", tmp_path / "out")[0] == 0
     status, out, _ = meeframe_command("figures", tmp_path / "out", "--step", "1", "--format", "pdf", "--out", tmp_path)
     assert status == 0
@@ -158,7 +159,7 @@ def test_status_1_if_a_step_does_not_converge(case_file, tmp_path):
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [step["status"] for step in summary["steps"]] == ["iteration-limit"] * 2
     written = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert written == [name for name in OUTPUT if name != "history.png"]  # which shows what converged
+    assert written == [name for name in OUTPUT if name != "history.png"]  # shows the converged increments
 
 
 WRONG = {
@@ -187,7 +188,7 @@ WRONG = {
 
 @pytest.mark.parametrize("command", ["check", "run"])
 @pytest.mark.parametrize("kind", WRONG)
-def test_bad_input_is_one_message_and_status_2(case_file, tmp_path, command, kind):
+def test_invalid_input_gives_one_message_and_status_2(case_file, tmp_path, command, kind):
     old, new, expected = WRONG[kind]
     text = case_file.read_text()
     assert old in text
@@ -205,14 +206,14 @@ def test_bad_input_is_one_message_and_status_2(case_file, tmp_path, command, kin
 def test_files_of_the_wrong_kind_are_named(case_file, tmp_path):
     study = tmp_path / "study.toml"
     study.write_text('case = "case.toml"\n[axes]\n"steps[1].approach" = ["1 um"]\n', encoding="utf-8")
-    for arguments, told in (
+    for arguments, reported in (
         (["sweep", case_file, "--out", tmp_path / "out"], f"{case_file}: is a case file; allowed: a study"),
         (["check", study], f"{study}: is a study of the case file 'case.toml'"),
         (["show", case_file], f"no result in {case_file}: it is a file; name the folder of a run"),
     ):
         status, out, err = meeframe_command(*arguments)
         assert (status, out, len(err.splitlines())) == (2, "", 1)
-        assert err.startswith(f"error: {told}")
+        assert err.startswith(f"error: {reported}")
 
 
 def test_unwritable_output(case_file, tmp_path):
@@ -228,7 +229,7 @@ def test_unwritable_output(case_file, tmp_path):
     ("error", "status", "expected"),
     [(KeyboardInterrupt(), 130, "interrupted"), (MemoryError(), 1, "error: not enough memory")],
 )
-def test_stopped_in_a_run(case_file, tmp_path, monkeypatch, error, status, expected):
+def test_interrupted_run(case_file, tmp_path, monkeypatch, error, status, expected):
     def stop(*_):
         raise error
 
@@ -239,8 +240,9 @@ def test_stopped_in_a_run(case_file, tmp_path, monkeypatch, error, status, expec
     assert not (tmp_path / "out").exists()
 
 
-def test_interrupted_again_before_it_is_known_what_was_written(case_file, tmp_path, monkeypatch):
-    """As by a terminal and by what started the command: of the folder nothing is said that may be wrong."""
+def test_second_interruption_while_handling_the_first(case_file, tmp_path, monkeypatch):
+    """A terminal and a parent process may both send SIGINT; the message must not make wrong statements about the
+    folder."""
 
     def stop(*_):
         raise KeyboardInterrupt
@@ -268,7 +270,7 @@ def test_interrupted_again_before_it_is_known_what_was_written(case_file, tmp_pa
         ),
     ],
 )
-def test_stopped_while_reading(case_file, monkeypatch, command, error, status, expected):
+def test_interrupted_while_reading(case_file, monkeypatch, command, error, status, expected):
     def stop(*_):
         raise error
 
@@ -277,8 +279,8 @@ def test_stopped_while_reading(case_file, monkeypatch, command, error, status, e
     assert meeframe_command(command, case_file) == (status, "", expected)
 
 
-def test_what_a_system_refuses_of_no_path_is_a_defect(case_file, monkeypatch):
-    """As of a socket or a process: it keeps its traceback."""
+def test_os_error_without_a_path_is_a_defect(case_file, monkeypatch):
+    """An OSError of a socket or a process keeps its traceback."""
 
     def stop(*_):
         raise PermissionError(1, "Operation not permitted")
@@ -288,7 +290,7 @@ def test_what_a_system_refuses_of_no_path_is_a_defect(case_file, monkeypatch):
         meeframe_command("check", case_file)
 
 
-def test_stopped_before_the_run(case_file, tmp_path, monkeypatch):
+def test_interrupted_before_the_run(case_file, tmp_path, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
@@ -298,7 +300,7 @@ def test_stopped_before_the_run(case_file, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("command", ["check", "run"])
-def test_a_mesh_too_large_for_the_memory(case_file, tmp_path, monkeypatch, command):
+def test_mesh_too_large_for_memory(case_file, tmp_path, monkeypatch, command):
     monkeypatch.setattr("meeframe.model.load.block_mesh", lambda *_: np.empty(1 << 59))
     arguments = ["--out", tmp_path / "out"] if command == "run" else []
     status, _, err = meeframe_command(command, case_file, *arguments)
@@ -318,8 +320,8 @@ def test_missing_arguments_are_status_2(case_file):
     assert meeframe_command("run")[0] == 2
 
 
-def listed(*options):
-    """Names by kind, and all lines."""
+def list_plugins(*options):
+    """Return names by kind, and all lines."""
     status, out, err = meeframe_command("plugins", *options)
     assert (status, err) == (0, "")
     lines = out.splitlines()
@@ -335,12 +337,12 @@ def listed(*options):
 
 
 def test_plugins_lists_everything_by_kind():
-    names, lines = listed()
+    names, lines = list_plugins()
     assert "power-law" in names["conductivity laws"]
     assert any(line.split()[0] == "power-law" and line.endswith("(meeframe-laws)") for line in lines if line.strip())
     for kind, name in [("solver", "uzawa"), ("formulation", "dense-bem"), ("element", "quad4"), ("indenter", "cone")]:
         assert name in names[f"{kind}s"]
-    assert listed("--kind", "contact-law")[0] == {"contact laws": names["contact laws"]}
+    assert list_plugins("--kind", "contact-law")[0] == {"contact laws": names["contact laws"]}
     status, _, err = meeframe_command("plugins", "--kind", "law")
     assert status == 2
     assert "unknown kind 'law'" in err
@@ -363,7 +365,7 @@ def test_threads_of_a_run(case_file, tmp_path):
 
 
 def test_compilation_is_announced_once_for_cached_kernels(tmp_path, monkeypatch):
-    """Not of functions that are compiled in each run, plugin files' or generated ones."""
+    """Functions that are compiled in each run, such as those of plugin files, are not announced."""
 
     def kernel(x):
         return x + 1
@@ -373,14 +375,14 @@ def test_compilation_is_announced_once_for_cached_kernels(tmp_path, monkeypatch)
         monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / str(module)))
         numba.njit(kernel, cache=cache)(1)
 
-    told = []
-    with progress._report_compilation(told.append):
+    reported = []
+    with progress._report_compilation(reported.append):
         for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)
-        assert not told
+        assert not reported
         for module in ("meeframe_kernels", "meeframe.greens._kernels"):
             compile_it(module, cache=True)
-            assert len(told) == 1
+            assert len(reported) == 1
     compile_it("meeframe", cache=True)
-    assert len(told) == 1
+    assert len(reported) == 1

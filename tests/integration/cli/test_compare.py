@@ -1,4 +1,4 @@
-"""`meeframe compare`: all combinations on shared reduced systems, with the numbers that single runs have."""
+"""`meeframe compare` runs all combinations on shared reduced systems and gives the results of single runs."""
 
 import json
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ COULOMB = '{name = "isotropic-coulomb", mu = 0.2}'
 
 
 def invoke(*arguments):
-    """Exit status, standard output, standard error."""
+    """Return exit status, standard output and standard error."""
     result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -40,7 +40,7 @@ def invoke(*arguments):
 
 @pytest.fixture
 def dragged(case_file):
-    """The tiny case, dragged in its second step, with friction and a conducting contact."""
+    """Return the tiny case with friction and conduction, dragged in its second step."""
     text = case_file.read_text(encoding="utf-8")
     text += 'translation = ["2 um", 0]\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.1}\n'
     text += '[conductivity]\nelectric = {name = "step", kappa = 1e-3}\n'
@@ -50,16 +50,16 @@ def dragged(case_file):
 
 @pytest.fixture
 def reductions(monkeypatch):
-    """Counts reduced systems."""
-    seen = []
+    """Return a list that counts reduced systems."""
+    calls = []
     reduce = DenseBEM.reduce
 
     def counted(self, body, *rest):
-        seen.append(self)
+        calls.append(self)
         return reduce(self, body, *rest)
 
     monkeypatch.setattr(DenseBEM, "reduce", counted)
-    return seen
+    return calls
 
 
 def numbers(folder):
@@ -81,7 +81,7 @@ def test_combinations_have_the_numbers_of_single_runs(dragged, tmp_path, reducti
         for law in ("signorini", "isotropic-coulomb", "isotropic-coulomb mu=0.2")
         for solver in ("uzawa", "newton")
     ]
-    single = meeframe.solve_case(load_case(dragged))  # mu = 0.1 by uzawa, tolerance 1e-6, as the file says
+    single = meeframe.solve_case(load_case(dragged))  # mu = 0.1 by uzawa with tolerance 1e-6, as in the file
     for increment, step in zip(runs[2]["increments"], single.steps, strict=True):
         totals = meeframe.resultants(single.zone, step)
         assert increment["iterations"] == step.iterations
@@ -97,7 +97,9 @@ def test_combinations_have_the_numbers_of_single_runs(dragged, tmp_path, reducti
     force = np.array([run["increments"][-1]["force"] for run in runs])
     expected = np.linalg.norm(force - force[0], axis=1) / np.linalg.norm(force[0])
     np.testing.assert_allclose([run["differences"]["force"] for run in runs], expected, rtol=1e-9)
-    assert runs[2]["differences"]["traction_x"] is None  # nothing to measure it by in the first run
+    assert (
+        runs[2]["differences"]["traction_x"] is None
+    )  # the first run has no value to which the difference could be relative
     assert (tmp_path / "out" / "sections.png").stat().st_size > 10_000
     words = ("isotropic-coulomb", "mu=0.2", "newton", "difference in force", "iterations", "converged", "compilation")
     for word in words:
@@ -105,7 +107,7 @@ def test_combinations_have_the_numbers_of_single_runs(dragged, tmp_path, reducti
     assert "meeframe verify" not in out, "one formulation"
 
 
-def test_formulations_and_fundamental_solutions_have_a_system_each(dragged, tmp_path, reductions):
+def test_one_system_for_each_formulation_and_fundamental_solution(dragged, tmp_path, reductions):
     kernels = ["--fundamental-solution", "tabulated", "--fundamental-solution", '{name = "line-integral", points = 24}']
     status, _, _ = invoke(
         "compare", dragged, *kernels, "--solver", "newton", "--solver", "auto", "--out", tmp_path / "o"
@@ -123,7 +125,7 @@ def test_formulations_and_fundamental_solutions_have_a_system_each(dragged, tmp_
         assert run["differences"]["electric_potential"] < 1e-6
 
 
-def test_conductivity_laws_are_those_of_both_fields_or_of_each(dragged, tmp_path):
+def test_conductivity_laws_of_both_fields_or_of_each(dragged, tmp_path):
     each = '{magnetic = {name = "step", kappa = inf}}'
     laws = [
         "--conductivity-law",
@@ -139,7 +141,7 @@ def test_conductivity_laws_are_those_of_both_fields_or_of_each(dragged, tmp_path
     ]  # fmt: skip
 
 
-def test_a_rejected_solver_is_reported_and_the_others_run(dragged, tmp_path):
+def test_rejected_solver_is_reported_and_others_run(dragged, tmp_path):
     solvers = ["--solver", "projected-cg", "--solver", "newton"]
     status, out, _ = invoke("compare", dragged, *solvers, "--out", tmp_path / "out")
     assert status == 1
@@ -150,7 +152,7 @@ def test_a_rejected_solver_is_reported_and_the_others_run(dragged, tmp_path):
     assert "projected-cg: solver: solver 'projected-cg' takes frictionless contact only" in out
 
 
-def test_a_run_that_does_not_converge_is_status_1(dragged, tmp_path):
+def test_run_that_does_not_converge_gives_status_1(dragged, tmp_path):
     hasty = '{name = "uzawa", max_iterations = 1}'
     status, _, _ = invoke("compare", dragged, "--solver", "newton", "--solver", hasty, "--out", tmp_path / "out")
     assert status == 1
@@ -175,7 +177,7 @@ def test_a_run_that_does_not_converge_is_status_1(dragged, tmp_path):
         (["--solver", "newton", "--solver", "uzawa", "--contact-law", "tresca"], ": tresca, newton: contact.law.limit"),
     ],
 )
-def test_bad_choices_are_reported_before_anything_is_computed(dragged, tmp_path, reductions, arguments, message):
+def test_invalid_choices_are_reported_early(dragged, tmp_path, reductions, arguments, message):
     status, out, err = invoke("compare", dragged, *arguments, "--out", tmp_path / "out")
     assert (status, out) == (2, "")
     assert message in err
@@ -183,7 +185,7 @@ def test_bad_choices_are_reported_before_anything_is_computed(dragged, tmp_path,
     assert not (tmp_path / "out").exists()
 
 
-def test_results_are_not_overwritten_by_accident(dragged, tmp_path):
+def test_results_are_not_overwritten_without_option(dragged, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "compare.json").write_text("mine")
     status, _, err = invoke("compare", dragged, "--solver", "newton", "--out", tmp_path / "out")
@@ -193,7 +195,7 @@ def test_results_are_not_overwritten_by_accident(dragged, tmp_path):
     assert len(numbers(tmp_path / "out")) == 1
 
 
-def test_an_interrupted_comparison_saves_finished_runs(dragged, tmp_path, monkeypatch):
+def test_interrupted_comparison_saves_finished_runs(dragged, tmp_path, monkeypatch):
     def stop(_):
         raise KeyboardInterrupt
 
@@ -216,8 +218,8 @@ def test_labels_of_choices():
 
 
 @dataclass(frozen=True)
-class Sticky(Signorini):
-    """Surfaces without friction that attract each other."""
+class Adhesive(Signorini):
+    """Frictionless surfaces that attract each other."""
 
     strength: Annotated[float, Quantity("Pa", ge=0)] = 1e7
 
@@ -226,8 +228,8 @@ class Sticky(Signorini):
 
 
 @dataclass(frozen=True)
-class Soft(Signorini):
-    """A layer on the surface that gives way in proportion to the pressure."""
+class CompliantLayer(Signorini):
+    """A layer on the surface whose compression is proportional to the pressure."""
 
     stiffness: Annotated[float, Quantity("Pa/m", gt=0)] = 1e14
 
@@ -237,23 +239,23 @@ class Soft(Signorini):
 
 
 @dataclass(frozen=True)
-class Slowing(IsotropicCoulomb):
-    """Coulomb friction whose coefficient falls with the mean way slipped before the increment."""
+class Weakening(IsotropicCoulomb):
+    """Coulomb friction with a coefficient that decreases with the mean slip path before the increment."""
 
     def for_increment(self, slip_path, duration):
         return replace(self, mu=self.mu / (1.0 + slip_path.mean() / 1e-6))
 
 
 @dataclass(frozen=True)
-class Timed(Signorini):
-    """A law that needs to know how long a load step takes."""
+class RateDependent(Signorini):
+    """A law that requires the duration of a load step."""
 
     needs_duration: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
-class Unbounded(Formulation):
-    """A formulation for half spaces alone."""
+class HalfSpaceOnly(Formulation):
+    """A formulation that supports half spaces only."""
 
     def check(self, body):
         if not body.mesh.semi_infinite:
@@ -264,8 +266,8 @@ class Unbounded(Formulation):
 
 
 @dataclass(frozen=True)
-class Air(ConductivityLaw):
-    """A layer of air as thick as the gap, and a micrometre in contact."""
+class AirGap(ConductivityLaw):
+    """A layer of air as thick as the gap, or a micrometre in contact."""
 
     across_gap: ClassVar[bool] = True
     permittivity: Annotated[float, Quantity("F/m", "H/m", gt=0)] = 8.9e-12
@@ -276,28 +278,29 @@ class Air(ConductivityLaw):
 
 @pytest.fixture
 def laws(registry):
-    """All that is installed, springs, a law of each class, and a formulation that does not take finite bodies."""
-    contact = {"sticky": Sticky, "soft": Soft, "slowing": Slowing, "timed": Timed}
+    """Return the registry with installed plugins, springs, a law of each class, and a formulation that rejects
+    finite bodies."""
+    contact = {"sticky": Adhesive, "soft": CompliantLayer, "slowing": Weakening, "timed": RateDependent}
     new = [
         *((Kind.CONTACT_LAW, name, law) for name, law in contact.items()),
-        (Kind.CONDUCTIVITY_LAW, "air", Air),
-        (Kind.FORMULATION, "unbounded", Unbounded),
+        (Kind.CONDUCTIVITY_LAW, "air", AirGap),
+        (Kind.FORMULATION, "unbounded", HalfSpaceOnly),
     ]
     entries = [Entry(kind, Record(name, law, "for tests", "none"), Provider("tests", "0")) for kind, name, law in new]
     return replace(registry, entries=(*registry.entries, *entries))
 
 
-def compared(path, laws, out, **options):
-    """The runs of a comparison from Python, by their labels."""
+def compare_runs(path, laws, out, **options):
+    """Return the runs of a comparison from Python by label."""
     made = compare(path, {key.replace("_", "-"): value for key, value in options.items()}, out, registry=laws)
     return {run.label: run for run in made.runs}
 
 
 def test_laws_of_different_classes_share_a_system(write_case, laws, tmp_path):
-    """Springs, on which each law has its own closed form; the table tells attraction by its tension."""
+    """Each law has a closed form on springs; the table shows tension under attraction."""
     path = write_case(more='\n[[steps]]\ntranslation = ["9 um", 0]\nincrements = 2\n')
     table = '{name = "slowing", mu = 0.3}'
-    runs = compared(
+    runs = compare_runs(
         path, laws, tmp_path / "o", contact_law=["signorini", "sticky", "soft", table], solver=["auto", "uzawa"]
     )
     assert {run.status for run in runs.values()} == {"converged"}
@@ -324,15 +327,15 @@ def test_laws_of_different_classes_share_a_system(write_case, laws, tmp_path):
 
 def test_conductivities_across_the_gap_are_compared(write_case, laws, tmp_path):
     path = write_case(('"10 um"', '"10 um"\nelectric_potential = "1 kV"'))
-    runs = compared(path, laws, tmp_path / "o", conductivity_law=["insulating", "air"])
+    runs = compare_runs(path, laws, tmp_path / "o", conductivity_law=["insulating", "air"])
     charges = [resultants(run.zone, run.steps[-1]).charge for run in runs.values()]
     assert [run.status for run in runs.values()] == ["converged", "converged"]
     assert charges[0] == 0.0
     assert charges[1] < 0.0
 
 
-def test_formulations_are_those_of_both_bodies_or_of_each(write_case, laws, tmp_path, second_body):
-    """Beds of springs in series; the file has them 1e14 and 3e14 Pa/m stiff."""
+def test_formulations_of_both_bodies_or_of_each(write_case, laws, tmp_path, second_body):
+    """Beds of springs in series have the stiffnesses 1e14 and 3e14 Pa/m in the case file."""
     both = '{name = "winkler", stiffness = "2e14 Pa/m"}'
     each = '{body = {name = "winkler", stiffness = "4e14 Pa/m"}, second_body = {name = "winkler", stiffness = 4e14}}'
     one = '{second_body = {name = "winkler", stiffness = "1e14 Pa/m"}}'
@@ -343,8 +346,8 @@ def test_formulations_are_those_of_both_bodies_or_of_each(write_case, laws, tmp_
     np.testing.assert_allclose(np.array(forces) / forces[0], np.array([0.75, 1.0, 2.0, 0.5]) / 0.75, rtol=1e-9)
 
 
-def test_a_formulation_without_a_name_is_the_default_one(write_case, laws, tmp_path):
-    """As in a case file; which may begin with the mark of Windows' editors."""
+def test_formulation_without_a_name_is_the_default(write_case, laws, tmp_path):
+    """The case file may begin with a byte order mark."""
     file = write_case()
     file.write_text(file.read_text(encoding="utf-8"), encoding="utf-8-sig")
     made = compare(file, {"formulation": ["{quadrature_tolerance = 1e-3}"]}, tmp_path / "o", registry=laws)
@@ -354,17 +357,19 @@ def test_a_formulation_without_a_name_is_the_default_one(write_case, laws, tmp_p
     assert made.text == file.read_text(encoding="utf-8-sig")
 
 
-def test_bodies_that_are_none_are_refused(write_case, laws, tmp_path):
+def test_unknown_bodies_are_rejected(write_case, laws, tmp_path):
     with pytest.raises(CaseError, match="no body 'second_body'; allowed: a name, or body"):
         compare(write_case(), {"formulation": ['{second_body = "winkler"}']}, tmp_path / "o", registry=laws)
-    told = "formulation boddy=winkler: unknown key 'boddy'; did you mean 'body'[?] allowed: name, body, .*tolerance"
-    with pytest.raises(CaseError, match=told):
+    expected_message = (
+        "formulation boddy=winkler: unknown key 'boddy'; did you mean 'body'[?] allowed: name, body, .*tolerance"
+    )
+    with pytest.raises(CaseError, match=expected_message):
         compare(write_case(), {"formulation": ['{boddy = "winkler"}']}, tmp_path / "o", registry=laws)
 
 
 @pytest.mark.full
-def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write_case, laws, tmp_path):
-    """Springs have none: they appear once."""
+def test_fundamental_solutions_apply_where_supported(write_case, laws, tmp_path):
+    """Springs take no fundamental solution and therefore run once."""
     coarse = '{name = "dense-bem", quadrature_tolerance = 1e-2}'
     options = {"formulation": ["winkler", coarse], "fundamental-solution": ["tabulated", "residue"]}
     made = compare(write_case(), options, tmp_path / "both", registry=laws)
@@ -379,13 +384,17 @@ def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write
 @pytest.mark.parametrize(
     ("option", "values", "refusal"),
     [
-        ("contact-law", ["timed", "signorini"], "load step 1 has no duration, which the contact law Timed needs"),
+        (
+            "contact-law",
+            ["timed", "signorini"],
+            "load step 1 has no duration, which the contact law RateDependent needs",
+        ),
         ("formulation", ["winkler", "unbounded"], "mesh: the mesh bounds a finite body"),
         ("contact-law", ["signorini", "orthotropic-coulomb"], "contact.law.mu1: missing key"),
         ("contact-law", ["signorini", COULOMB.replace("0.2", "-1")], "contact.law.mu = -1: must be >= 0"),
     ],
 )
-def test_unsuitable_choices_are_reported_and_the_others_run(write_case, laws, tmp_path, option, values, refusal):
+def test_unsuitable_choices_are_reported_and_others_run(write_case, laws, tmp_path, option, values, refusal):
     made = compare(write_case(), {option: values, "solver": ["newton", "uzawa"]}, tmp_path / "o", registry=laws)
     refused = {"refused": 2, "converged": 2}
     assert {status: [run.status for run in made.runs].count(status) for status in refused} == refused
@@ -399,7 +408,7 @@ def test_unsuitable_choices_are_reported_and_the_others_run(write_case, laws, tm
             np.testing.assert_allclose(step.traction[:, 2], single.steps[0].traction[:, 2], rtol=1e-7, atol=1e-3)
 
 
-def test_a_rejected_formulation_is_reported_and_the_others_run(write_case, laws, tmp_path, monkeypatch):
+def test_rejected_formulation_is_reported_and_others_run(write_case, laws, tmp_path, monkeypatch):
     def refuse(*_):
         raise MaterialError("not this material")
 
@@ -409,7 +418,7 @@ def test_a_rejected_formulation_is_reported_and_the_others_run(write_case, laws,
     assert [run["status"] for run in numbers(tmp_path / "o")] == ["refused", "converged"]
 
 
-def test_an_interruption_says_where_the_finished_increments_are(case_file, tmp_path, monkeypatch):
+def test_interruption_names_the_folder_of_finished_increments(case_file, tmp_path, monkeypatch):
     def stopped(*arguments, **options):
         yield next(meeframe.model.solve.solve_steps(*arguments, **options))
         raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""What a shell that completes commands is told."""
+"""Shell completion offers commands and options."""
 
 import pytest
 from typer.testing import CliRunner

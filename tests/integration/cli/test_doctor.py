@@ -1,4 +1,4 @@
-"""The command doctor: versions, caches, plugins and optional packages, and the exit status for problems."""
+"""Test `meeframe doctor`: versions, caches, plugins, optional packages, exit status."""
 
 from importlib import metadata
 from pathlib import Path
@@ -14,12 +14,12 @@ from meeframe.plugin.sources import Broken, Provider
 ROOT = Path(__file__).parents[3]
 
 
-def found(plugins=None):
+def find_row(plugins=None):
     return {finding.name: finding for finding in doctor.findings(plugins or registry.load())}
 
 
 def test_versions_and_threads():
-    report = found()
+    report = find_row()
     assert report["meeframe"].text.startswith(meeframe.__version__)
     for name in ("numpy", "scipy", "numba"):
         assert report[name].text == metadata.version(name)
@@ -28,14 +28,14 @@ def test_versions_and_threads():
 
 
 def test_plugins_with_origin_and_names():
-    report = found()
+    report = find_row()
     name = next(key for key in report if key.startswith("meeframe-laws "))
     assert name == f"meeframe-laws {metadata.version('meeframe-laws')}"
     assert "tresca" in report[name].text
     assert str(Path(metadata.distribution("meeframe-laws").locate_file("")).resolve()) in report[name].text
 
 
-def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
+def test_missing_package_is_named_with_install_command(monkeypatch):
     version = metadata.version
 
     def without_xarray(name):
@@ -44,17 +44,17 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatc
         return version(name)
 
     monkeypatch.setattr(metadata, "version", without_xarray)
-    sweep = found()["sweep"]
+    sweep = find_row()["sweep"]
     assert "missing: xarray; pip install 'meeframe[sweep]'" in sweep.text
     assert not sweep.problem
 
 
-def test_a_missing_plugin_is_named_with_the_command_that_installs_it():
-    report = found(registry.Registry(()))
+def test_missing_plugin_is_named_with_install_command():
+    report = find_row(registry.Registry(()))
     assert report["meeframe-laws"].text == "not installed; pip install meeframe-laws"
 
 
-def test_a_broken_plugin_is_a_problem(monkeypatch):
+def test_broken_plugin_is_reported(monkeypatch):
     broken = Broken(Provider("meeframe-odd", "1.0"), "it does not load")
     monkeypatch.setattr(registry, "load", lambda: registry.Registry((), (broken,)))
     result = CliRunner().invoke(app, ["doctor"])
@@ -63,25 +63,25 @@ def test_a_broken_plugin_is_a_problem(monkeypatch):
     assert "1 problem" in result.stdout
 
 
-def test_a_folder_that_is_not_writable_is_a_problem(monkeypatch, tmp_path):
+def test_unwritable_cache_folder_is_reported(monkeypatch, tmp_path):
     from meeframe.greens._kernels import isotropic
 
     (tmp_path / "file").touch()
     kernel = next(value for value in vars(isotropic).values() if hasattr(value, "stats"))
     blocked = kernel.stats._replace(cache_path=str(tmp_path / "file" / "cache"))
     monkeypatch.setattr(type(kernel), "stats", property(lambda _: blocked))
-    cache = found()["kernels"]
+    cache = find_row()["kernels"]
     assert cache.problem
     assert "NUMBA_CACHE_DIR" in cache.text
 
 
-def test_the_command_succeeds_here():
+def test_command_succeeds():
     result = CliRunner().invoke(app, ["doctor"])
     assert result.exit_code == 0, result.stdout
     assert "0 problems" in result.stdout
 
 
-def test_version_is_in_one_place():
+def test_version_is_defined_once():
     assert metadata.version("meeframe") == meeframe.__version__
     texts = [path.read_text(encoding="utf-8") for path in (ROOT / "pyproject.toml", ROOT / "CITATION.cff")]
     assert all(meeframe.__version__ not in text for text in texts)
@@ -89,4 +89,4 @@ def test_version_is_in_one_place():
 
 def test_every_extra_is_reported():
     extras = set(metadata.metadata("meeframe").get_all("Provides-Extra")) - {"all"}
-    assert extras <= set(found())
+    assert extras <= set(find_row())

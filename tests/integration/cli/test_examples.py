@@ -1,4 +1,4 @@
-"""The command example: its cases are those of validation and plugins, are valid, and overwrite nothing."""
+"""Test `meeframe example`: its cases are validated elsewhere, load, and never overwrite files."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ SOURCES = {
 
 
 def test_every_example_is_validated():
-    """The case of contact resistance by its own test."""
+    """The case of contact resistance has its separate test."""
     assert set(example_texts()) == {*SOURCES, "contact-resistance"}
 
 
@@ -36,7 +36,7 @@ def test_examples_are_the_validated_cases(name):
 
 
 @pytest.mark.parametrize("name", example_texts())
-def test_an_example_is_written_and_valid(name, tmp_path, monkeypatch):
+def test_examples_are_written_and_valid(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     status, out, err = invoke("example", name)
     assert (status, err) == (0, "")
@@ -63,7 +63,7 @@ def test_files_are_not_overwritten(tmp_path, monkeypatch):
     assert load_case(Path("other.toml")).title.endswith("EMII")
 
 
-def test_unknown_example_is_refused_with_similar_names():
+def test_unknown_example_suggests_similar_names():
     status, _, err = invoke("example", "emi")
     assert status == 2
     assert "emii" in err

@@ -1,4 +1,4 @@
-"""meeframe fclib export and solve."""
+"""Test `meeframe fclib export` and `meeframe fclib solve`."""
 
 import shutil
 
@@ -12,7 +12,7 @@ from meeframe.results.fclib import LocalProblem, LocalSolution, read_local, read
 
 
 def fclib(*arguments):
-    """Exit status, standard output, standard error."""
+    """Return exit status, standard output and standard error."""
     result = CliRunner().invoke(app, ["fclib", *map(str, arguments)])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -26,7 +26,8 @@ def springs(monkeypatch, registry):
 
 @pytest.fixture
 def frictional(write_case, springs):
-    """Springs pressed by 10 um, then pulled by 1 um, then by 20 um, mu = 0.3: stick, then slip."""
+    """Return a case of springs with mu = 0.3 that are pressed by 10 um, then dragged by 1 um (stick) and by 20 um
+    (slip)."""
     law = '\n[[steps]]\ntranslation = ["1 um", 0]\n[[steps]]\ntranslation = ["20 um", 0]\n'
     return write_case(
         ("[indenter]", '[contact]\nlaw = { name = "isotropic-coulomb", mu = 0.3 }\n\n[indenter]'), more=law
@@ -34,7 +35,7 @@ def frictional(write_case, springs):
 
 
 def test_export_and_solve(frictional, tmp_path):
-    """On springs of 1e14 Pa/m each contact is alone: r_N = w k overlap, r_T = -min(w k slip, mu r_N)."""
+    """On springs of 1e14 Pa/m, contacts are independent: r_N = w k overlap, r_T = -min(w k slip, mu r_N)."""
     path = tmp_path / "springs.hdf5"
     status, out, _ = fclib("export", frictional, path, "--increment", 2)
     assert status == 0
@@ -57,7 +58,7 @@ def test_export_and_solve(frictional, tmp_path):
 
 
 def test_last_increment_is_the_default(frictional, tmp_path):
-    """Slips are those of the increment: the last one starts where the one before has ended."""
+    """Slips are measured from the end of the previous increment."""
     path = tmp_path / "springs.hdf5"
     assert fclib("export", frictional, path)[0] == 0
     solution = read_solution(path)
@@ -66,7 +67,7 @@ def test_last_increment_is_the_default(frictional, tmp_path):
     np.testing.assert_allclose(-solution.r[1::3], 0.3 * solution.r[::3], atol=1e-9 * solution.r.max())
 
 
-def test_prescribed_force_is_held_where_it_was_found(write_case, springs, tmp_path):
+def test_free_motion_is_fixed_at_its_solution(write_case, springs, tmp_path):
     path = tmp_path / "springs.hdf5"
     case = write_case(('approach = "10 um"', 'normal_force = "2 kN"'))
     status, out, _ = fclib("export", case, path)
@@ -77,7 +78,7 @@ def test_prescribed_force_is_held_where_it_was_found(write_case, springs, tmp_pa
     np.testing.assert_allclose(solution.r[::3], np.maximum(-local.q[::3], 0.0) / own, rtol=1e-8, atol=1e-9)
 
 
-def test_orthotropic_friction_is_refused(write_case, springs, tmp_path):
+def test_orthotropic_friction_is_rejected(write_case, springs, tmp_path):
     law = '[contact]\nlaw = { name = "orthotropic-coulomb", mu1 = 0.3, mu2 = 0.1 }\n\n[indenter]'
     status, _, err = fclib("export", write_case(("[indenter]", law)), tmp_path / "a.hdf5")
     assert status == 2
@@ -85,7 +86,7 @@ def test_orthotropic_friction_is_refused(write_case, springs, tmp_path):
     assert not (tmp_path / "a.hdf5").exists()
 
 
-def test_refusals(frictional, tmp_path):
+def test_invalid_files_are_rejected(frictional, tmp_path):
     path = tmp_path / "a.hdf5"
     assert "--increment 4; allowed: 1 to 3" in fclib("export", frictional, path, "--increment", 4)[2]
     path.write_text("something else")
@@ -102,7 +103,7 @@ def test_refusals(frictional, tmp_path):
     assert "did you mean 'newton'" in err
 
 
-def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(frictional, tmp_path, monkeypatch):
+def test_unwritable_path_is_rejected_early(frictional, tmp_path, monkeypatch):
     def computed(*_arguments, **_more):
         raise AssertionError("computed all the same")
 
@@ -115,7 +116,7 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(f
     assert f"{tmp_path} cannot be written" in err
 
 
-def test_a_solution_that_cannot_be_read_is_an_error_unless_it_is_replaced(tmp_path):
+def test_unreadable_solution_is_an_error_unless_replaced(tmp_path):
     path = tmp_path / "a.hdf5"
     bad = LocalSolution(np.full(3, np.nan), np.zeros(3))
     write_local(path, LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.array([0.3])), bad)
@@ -127,7 +128,7 @@ def test_a_solution_that_cannot_be_read_is_an_error_unless_it_is_replaced(tmp_pa
     np.testing.assert_allclose(read_solution(path).r, [1.0, 0, 0])
 
 
-def test_what_does_not_converge_is_not_written(tmp_path):
+def test_unconverged_increment_is_not_written(tmp_path):
     path = tmp_path / "a.hdf5"
     rng = np.random.default_rng(1)
     root = rng.normal(size=(9, 9))

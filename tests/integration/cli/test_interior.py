@@ -1,4 +1,4 @@
-"""Fields inside the body of a finished run: from the command line, from Python, and refusals."""
+"""Test interior fields of a finished run: command line, Python, rejected input."""
 
 import re
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 import meeframe
@@ -14,6 +15,7 @@ from meeframe.cli import app
 from meeframe.common.errors import CaseError, ResultError
 from meeframe.model.solve import reduce
 from meeframe.results.interior import interior, write_interior
+from meeframe.results.records import Region
 
 CASE = """
 title = "steel"
@@ -59,13 +61,16 @@ def invoke(*arguments):
 
 @pytest.mark.parametrize("named", [True, False])
 def test_show_interior(run, named):
-    """The default box holds the largest shear and von Mises stress of Hertz, near 0.310 and 0.620 p0."""
+    """The default box contains the largest shear and von Mises stress under Hertz's pressure, near 0.310 and 0.620
+    p0."""
     out = run / "out"
     status, text, err = invoke("show", out, "--interior", *(("--case", run / "case.toml") if named else ()))
     assert status == 0, err
     assert "steel" in text
-    assert "von mises" in text
-    assert f"fields: {out / 'interior.vtu'}" in text
+    assert "von Mises stress" in text
+    assert "electric" not in text, "no fields in a body that couples nothing"
+    assert f"fields: {out / 'interior.vtu'}, section: {out / 'interior.png'}" in text
+    assert (out / "interior.png").is_file()
     mesh = meshio.read(out / "interior.vtu")
     assert mesh.cells[0].type == "hexahedron"
     assert mesh.point_data["max_shear [Pa]"].max() / PRESSURE == pytest.approx(0.310, abs=0.01)
@@ -82,31 +87,153 @@ def test_interior_of_a_run_on_a_section(run, tmp_path):
     np.testing.assert_array_equal(from_folder.points, grid.points)
     case = meeframe.load_case(run / "case.toml")
     result = meeframe.read_result(run / "out")
-    in_memory = meeframe.interior(result, grid, case=case, increment=0)
+    in_memory = meeframe.interior(result, grid, case=case, step=(1, 1))
     np.testing.assert_array_equal(in_memory.stress, from_folder.stress)
     assert from_folder.grid.cells()[0] == "quad"
     write_interior(tmp_path / "section.vtu", from_folder)
     read = meshio.read(tmp_path / "section.vtu")
     np.testing.assert_allclose(read.point_data["stress [Pa]"][:, 2], from_folder.stress[:, 2, 2])
-    # no electric field in a body that couples nothing
+    # no electric field in an uncoupled body
     assert not from_folder.electric_field.any()
     np.testing.assert_allclose(from_folder.strain, np.swapaxes(from_folder.strain, 1, 2))
 
 
-def test_refusals(run, tmp_path):
+def test_picture_of_a_section(run):
+    """The picture shows the values at the points of the plane, on axes in the unit of its labels."""
+    section = PointGrid.along_global_axes(np.linspace(-5e-4, 5e-4, 5), 0.0, np.linspace(-1e-3, -1e-4, 4))
+    fields = meeframe.interior(run / "out", section)
+    axes = fields.plot("stress_zz", Figure().subplots())
+    (drawn,) = axes.collections
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) == ("x [mm]", "z [mm]", "stress zz, y = 0")
+    assert axes.figure.axes[1].get_ylabel() == "stress zz [MPa]"
+    np.testing.assert_allclose(drawn.get_array().T, fields.stress[:, 2, 2].reshape(5, 4) / 1e6)
+    np.testing.assert_allclose(drawn.get_coordinates()[0, :, 0], 1e3 * section.coordinates[0])
+    with pytest.raises(ResultError, match="unknown field 'von_misses'; did you mean 'von_mises'"):
+        fields.plot("von_misses")
+    box = meeframe.interior(run / "out")
+    assert [axes.get_title() for axes in box.figure("steel").axes[::2]] == ["steel\nvon Mises stress, y = 0"]
+    middle = box.plot(ax=Figure().subplots()).collections[0].get_array()
+    assert middle.max() * 1e6 / PRESSURE == pytest.approx(0.620, abs=0.02)
+
+
+def test_progress_of_a_request(run):
+    stages = []
+    meeframe.interior(run / "out", progress=lambda stage, fraction: stages.append((stage, fraction)))
+    fractions = [fraction for stage, fraction in stages if stage == "interior fields"]
+    assert fractions == sorted(fractions)
+    assert len(fractions) == 15, "one for each depth of the box"
+    assert fractions[-1] == 1.0
+
+
+PAIR = """
+title = "two piezoelectric bodies"
+formulation = "half-space"
+
+[material]
+name = "pzt-4"
+
+[mesh]
+type = "half-space"
+contact_width = "1.4 mm"
+divisions = 24
+rings = 1
+
+[second_body]
+formulation = "half-space"
+
+[second_body.material]
+name = "batio3-cofe2o4"
+
+[second_body.mesh]
+type = "half-space"
+contact_width = "1.4 mm"
+divisions = 24
+rings = 1
+
+[contact]
+law = { name = "isotropic-coulomb", mu = 0.3 }
+
+[conductivity.electric]
+name = "step"
+kappa = inf
+
+[indenter]
+name = "paraboloid"
+radius_x = "100 mm"
+radius_y = "100 mm"
+
+[[steps]]
+approach = "2.5 um"
+translation = ["0.2 um", "0.1 um"]
+"""
+
+
+def solve_case_text(text, folder):
+    (folder / "case.toml").write_text(text)
+    return meeframe.solve_case(meeframe.load_case(folder / "case.toml"))
+
+
+def test_tractions_and_fluxes_are_continuous_across_the_interface(tmp_path):
+    """At interface nodes well inside the contact, t = sigma.n and D.n agree in both bodies."""
+    result = solve_case_text(PAIR, tmp_path)
+    (step,) = result.steps
+    nodes = np.linalg.norm(result.zone.points, axis=1) < 0.25e-3
+    assert step.touching[nodes].all()
+    points = result.zone.points[nodes]
+    fields = {body: meeframe.interior(result, points, body=body) for body in ("first", "second")}
+    assert np.abs(step.fluxes[nodes, 0]).max() > 0.0
+    scale, largest = np.abs(step.traction).max(), np.abs(step.fluxes[:, 0]).max()
+    for one in fields.values():
+        np.testing.assert_allclose(one.stress[:, :, 2], step.traction[nodes], rtol=0.0, atol=0.02 * scale)
+        flux = one.electric_displacement[:, 2]
+        np.testing.assert_allclose(flux, step.fluxes[nodes, 0], rtol=0.0, atol=0.05 * largest)
+    # nodes stick: the first body moves relative to the second by the translation, and until the gap is closed
+    relative = fields["first"].displacement - fields["second"].displacement
+    overlap = 2.5e-6 - np.sum(points[:, :2] ** 2, axis=1) / 0.2
+    expected = np.stack([np.full(len(points), 0.2e-6), np.full(len(points), 0.1e-6), -overlap], axis=1)
+    np.testing.assert_allclose(fields["first"].displacement, step.displacement[nodes], rtol=0.0, atol=2.5e-9)
+    assert (step.region[nodes] == Region.STICK).all()
+    np.testing.assert_allclose(relative, expected, rtol=0.0, atol=2.5e-9)
+
+
+def test_equal_bodies_are_mirror_images(tmp_path):
+    """In bodies of the same piezoelectric material, the stress at +z in the second is the rotated stress at -z in
+    the first."""
+    text = PAIR.replace("batio3-cofe2o4", "pzt-4").replace('translation = ["0.2 um", "0.1 um"]', "")
+    result = solve_case_text(text, tmp_path)
+    points = np.array([[0.1, 0.2, -0.1], [-0.3, 0.05, -0.3], [0.0, 0.0, -0.2]]) * 1e-3
+    turn = np.array([1.0, -1.0, -1.0])
+    first = meeframe.interior(result, points)
+    second = meeframe.interior(result, points * turn, body="second")
+    scale = np.abs(first.stress).max()
+    np.testing.assert_allclose(second.stress, first.stress * turn[:, None] * turn, rtol=0.0, atol=1e-6 * scale)
+    with_load = PointGrid.below_contact(result.zone, result.steps[0], "second").points
+    assert (with_load[:, 2] > 0.0).all()
+
+
+def test_invalid_requests_are_rejected(run, tmp_path):
     result = meeframe.read_result(run / "out")
-    with pytest.raises(ResultError, match="increment 1 of a run with 1 increments; allowed: -1 to 0"):
-        meeframe.interior(result, increment=1)
+    with pytest.raises(ResultError, match=r"step 2: no such increment; allowed: .* 1 \(increments 1 to 1\)"):
+        meeframe.interior(result, step=2)
+    with pytest.raises(CaseError, match="there is no second body"):
+        meeframe.interior(result, body="second")
+    with pytest.raises(CaseError, match="body 'third': allowed: first, second"):
+        meeframe.interior(result, body="third")
     scattered = meeframe.interior(result, np.array([[0.0, 0.0, -1e-3]]))
     with pytest.raises(ResultError, match="not on a grid"):
         write_interior(tmp_path / "points.vtu", scattered)
+    with pytest.raises(ResultError, match="not on a grid"):
+        scattered.plot()
+    line = meeframe.interior(result, PointGrid.along_global_axes(0.0, 0.0, np.array([-1e-3, -5e-4])))
+    with pytest.raises(ResultError, match="on a line"):
+        line.plot()
     status, _, err = invoke("show", run / "out", "--interior", "--case", tmp_path / "none.toml")
     assert status == 2
     assert "none.toml" in err
 
 
-def test_a_formulation_without_interior_fields(write_case, registry):
-    """The formulation winkler of the tests knows nothing below the surface; the message says so."""
+def test_formulation_without_interior_fields(write_case, registry):
+    """The message states that the formulation `winkler` of the tests provides no interior fields."""
     case = meeframe.load_case(write_case(), registry)
     system = reduce(case)
     with pytest.raises(CaseError, match="has no fields inside the body"):
@@ -114,7 +241,7 @@ def test_a_formulation_without_interior_fields(write_case, registry):
 
 
 def test_example_of_the_page(tmp_path, monkeypatch, capsys):
-    """The case and the Python code of docs/howto/interior.md run as they stand, and find Hertz's largest shear."""
+    """The case and the Python code of docs/howto/interior.md run as printed and give Hertz's largest shear."""
     page = (Path(__file__).parents[3] / "docs" / "howto" / "interior.md").read_text(encoding="utf-8")
     case, code = (
         re.search(rf"^```{kind}\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[1] for kind in ("toml", "python")

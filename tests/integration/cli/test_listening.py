@@ -1,4 +1,4 @@
-"""Addresses on which local processes of a sweep listen."""
+"""Local processes of a sweep listen on the loopback interface only."""
 
 from ipaddress import ip_address
 
@@ -10,7 +10,7 @@ pytest.importorskip("distributed")
 psutil = pytest.importorskip("psutil")
 
 
-def test_local_processes_listen_on_the_loopback_interface_alone():
+def test_local_processes_listen_on_loopback_only():
     with pool_of(2, None, (), 2) as pool:
         pool.connect().wait_for_workers(2)
         this = psutil.Process()

@@ -1,4 +1,4 @@
-"""The commands materials and materials show."""
+"""Test `meeframe materials` and `meeframe materials show`."""
 
 from typer.testing import CliRunner
 
@@ -33,7 +33,7 @@ def test_page_of_each_material():
     assert "young_modulus [Pa] (required)" in invoke("materials", "show", "isotropic")[1]
 
 
-def test_unknown_material_is_refused_with_similar_names():
+def test_unknown_material_suggests_similar_names():
     status, out, err = invoke("materials", "show", "pzt5h")
     assert (status, out) == (2, "")
     assert "did you mean 'pzt-5h'?" in err

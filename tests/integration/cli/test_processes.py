@@ -1,4 +1,4 @@
-"""The command line as its own process: start, signals, sudden death."""
+"""Test the command line in separate processes: start, signals, kill."""
 
 import json
 import signal
@@ -48,7 +48,7 @@ def test_the_module_of_the_console_script_runs(case_file):
 
 
 END = "os.kill(os.getpid(), signal.{signal})"
-END_WHILE_LETTING_GO = "Kept(); time.sleep(1)"  # Python ignores what is raised there
+END_WHILE_LETTING_GO = "Kept(); time.sleep(1)"  # Python ignores exceptions raised there
 
 
 @pytest.mark.full(except_for=1)
@@ -108,8 +108,8 @@ def test_interruptions_in_compiled_code(name):
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
 
 
-def test_interrupted_while_modules_are_loaded():
-    """Before there is a command that could say more."""
+def test_interrupted_during_import():
+    """The command that would print a message does not exist yet."""
     script = "import sys\nclass Stop:\n def find_spec(self, name, *_):\n  if name == 'typer': raise KeyboardInterrupt\n"
     done = python("-c", f"{script}sys.meta_path.insert(0, Stop())\nfrom meeframe.cli import main")
     assert (done.returncode, done.stderr) == (130, "interrupted\n")

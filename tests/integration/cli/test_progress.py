@@ -1,11 +1,11 @@
-"""The bars of a command: each with the time of its own stage, and with names of stages as they are."""
+"""Progress bars show the time of their stage, and names of stages literally."""
 
 from types import SimpleNamespace
 
 from meeframe.api import progress
 
 
-def test_stages_that_take_turns_have_their_own_times(monkeypatch, capsys):
+def test_alternating_stages_have_separate_times(monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
     with progress.bars() as show:

@@ -1,4 +1,4 @@
-"""`meeframe reproduce`: a study end to end, its cache, and what is said of wrong names and folders."""
+"""Test `meeframe reproduce`: a complete study, its cache, messages about invalid names and folders."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ STUDIES = Path(__file__).parents[3] / "validation"
 
 @pytest.fixture
 def studies(tmp_path):
-    """Figs. 7 and 9 on a coarse mesh."""
+    """Return Figs. 7 and 9 on a coarse mesh."""
     folder = tmp_path / "studies" / "friction"
     folder.mkdir(parents=True)
     source = STUDIES / "orthotropic_friction"
@@ -30,18 +30,18 @@ def studies(tmp_path):
 
 
 def reproduce(*arguments):
-    """Exit status, standard output, standard error."""
+    """Return exit status, standard output and standard error."""
     result = CliRunner().invoke(app, ["reproduce", *(str(argument) for argument in arguments)])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result.exit_code, result.stdout, result.stderr
 
 
-def test_figures_end_to_end_and_one_reduction_for_all(studies, tmp_path, monkeypatch):
+def test_figures_share_one_reduced_system(studies, tmp_path, monkeypatch):
     out = tmp_path / "out"
-    status, told, _ = reproduce("fig-07", "--validation", studies, "--out", out)
+    status, output, _ = reproduce("fig-07", "--validation", studies, "--out", out)
     assert status == 0
-    assert told == f"fig-07: {out / 'fig-07.png'}, Influence of isotropic friction\n"
+    assert output == f"fig-07: {out / 'fig-07.png'}, Influence of isotropic friction\n"
     assert sorted(path.name for path in out.iterdir()) == ["cache", "fig-07.json", "fig-07.png", "points"]
     assert (out / "fig-07.png").read_bytes().startswith(b"\x89PNG")
     assert len(list((out / "cache").iterdir())) == 1
@@ -63,33 +63,33 @@ def test_figures_end_to_end_and_one_reduction_for_all(studies, tmp_path, monkeyp
     assert (out / "fig-09.png").is_file()
 
 
-def test_an_unknown_name_lists_those_that_are_known(studies, tmp_path):
-    status, told, complained = reproduce("fig-7", "--validation", studies, "--out", tmp_path / "out")
-    assert (status, told) == (2, "")
+def test_unknown_name_lists_known_names(studies, tmp_path):
+    status, output, complained = reproduce("fig-7", "--validation", studies, "--out", tmp_path / "out")
+    assert (status, output) == (2, "")
     assert complained.startswith("error: ")
     assert "error: unknown figure 'fig-7'; did you mean 'fig-07'? allowed: fig-07, fig-09, all" in complained
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("made", [False, True])
-def test_a_folder_without_studies(tmp_path, made):
+def test_folder_without_studies(tmp_path, made):
     folder = tmp_path / "absent"
     if made:
         folder.mkdir()
-    status, told, complained = reproduce("all", "--validation", folder, "--out", tmp_path / "out")
-    assert (status, told) == (2, "")
+    status, output, complained = reproduce("all", "--validation", folder, "--out", tmp_path / "out")
+    assert (status, output) == (2, "")
     assert f"error: folder of studies {folder}" in complained
     assert "--validation" in complained
 
 
-def test_an_unwritable_folder(studies, tmp_path):
+def test_unwritable_folder(studies, tmp_path):
     (tmp_path / "file").write_text("in the way")
     status, _, complained = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "file")
     assert status == 2
     assert "cannot be written" in complained
 
 
-def test_a_folder_in_use_is_refused_before_anything_is_solved(studies, tmp_path):
+def test_folder_in_use_is_rejected_early(studies, tmp_path):
     out = tmp_path / "out"
     with locked(out):
         status, _, complained = reproduce("fig-07", "--validation", studies, "--out", out)
@@ -99,7 +99,7 @@ def test_a_folder_in_use_is_refused_before_anything_is_solved(studies, tmp_path)
     assert not out.exists()
 
 
-def test_a_wrong_key_is_named_with_its_study_and_run(studies, tmp_path):
+def test_wrong_key_names_study_and_run(studies, tmp_path):
     study = studies / "friction" / "fig-07.toml"
     study.write_text(study.read_text(encoding="utf-8").replace("contact.law.mu", "contact.law.mue"), encoding="utf-8")
     status, _, complained = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "out")
@@ -111,7 +111,7 @@ def test_a_wrong_key_is_named_with_its_study_and_run(studies, tmp_path):
 def test_runs_that_do_not_converge_are_named(studies, tmp_path):
     case = studies / "friction" / "emii.toml"
     case.write_text(case.read_text().replace('name = "auto"', 'name = "auto"\nmax_iterations = 1'))
-    status, told, _ = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "out")
+    status, output, _ = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "out")
     assert status == 1
-    assert "fig-07: (a) EMII, 0.9: not converged" in told
+    assert "fig-07: (a) EMII, 0.9: not converged" in output
     assert json.loads((tmp_path / "out" / "fig-07.json").read_text())["panels"][0]["converged"][-1] is False

@@ -1,4 +1,4 @@
-"""What a command loads before it needs it, and that kernels are compiled once for all processes."""
+"""Commands load modules only when needed, and kernels are compiled once for all processes."""
 
 import gc
 import importlib
@@ -37,34 +37,34 @@ def python(*arguments, **variables):
     return done.stdout
 
 
-def loaded(*arguments):
+def loaded_modules(*arguments):
     return set(python("-c", LISTING, *arguments).splitlines()[-1].split()[1:])
 
 
 @pytest.mark.parametrize("option", ["--help", "--version"])
 def test_help_loads_nothing_heavy(option):
-    assert loaded(option).isdisjoint(HEAVY)
+    assert loaded_modules(option).isdisjoint(HEAVY)
 
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
-def test_neither_does_the_help_of_a_command(command):
-    """But for pydantic, by which typer itself reads arguments."""
-    assert loaded(command, "--help").isdisjoint({*HEAVY} - {"pydantic"})
+def test_help_of_a_command_loads_nothing_heavy(command):
+    """Only pydantic is loaded, because typer uses it to read arguments."""
+    assert loaded_modules(command, "--help").isdisjoint({*HEAVY} - {"pydantic"})
 
 
-def test_a_check_loads_nothing_that_only_results_or_other_cases_need(case_file):
-    found = loaded("check", case_file)
-    assert "numba" in found
-    assert found.isdisjoint(LATER)
+def test_check_loads_only_what_it_needs(case_file):
+    computed = loaded_modules("check", case_file)
+    assert "numba" in computed
+    assert computed.isdisjoint(LATER)
 
 
 @pytest.mark.full
-def test_a_run_without_figures_does_not_load_what_draws(case_file, tmp_path):
+def test_run_without_figures_does_not_load_plotting(case_file, tmp_path):
     case_file.write_text(case_file.read_text() + "\n[output]\nfigures = false\nvtu = false\n")
-    assert loaded("run", case_file, "--out", tmp_path / "out").isdisjoint(LATER)
+    assert loaded_modules("run", case_file, "--out", tmp_path / "out").isdisjoint(LATER)
 
 
-def test_garbage_is_looked_for_again_once_all_is_loaded():
+def test_garbage_collection_resumes_after_import():
     with console.loading():
         assert not gc.isenabled()
     assert gc.isenabled()
@@ -82,10 +82,10 @@ def test_garbage_is_looked_for_again_once_all_is_loaded():
 
 
 @pytest.mark.full
-def test_the_second_process_compiles_nothing(case_file, tmp_path):
-    """numba says what it takes from its cache and what it puts there."""
+def test_second_process_compiles_nothing(case_file, tmp_path):
+    """numba reports which functions it loads from its cache and which it saves."""
     run = "-m", "meeframe", "run", case_file, "--overwrite", "--out", tmp_path / "out"
     python(*run)
-    told = python(*run, NUMBA_DEBUG_CACHE="1")
-    assert told.count("[cache] data loaded") > 3
-    assert told.count("[cache] data saved") == 0
+    output = python(*run, NUMBA_DEBUG_CACHE="1")
+    assert output.count("[cache] data loaded") > 3
+    assert output.count("[cache] data saved") == 0

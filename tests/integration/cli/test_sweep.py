@@ -1,4 +1,4 @@
-"""`meeframe sweep`: grids and lists on springs, whose contact has a closed form; resumed after every kind of death."""
+"""Test `meeframe sweep`: grids and lists on springs with closed forms; resumption after interruptions and kills."""
 
 import json
 import os
@@ -20,10 +20,10 @@ from meeframe.cli import app
 
 PLUGIN = Path(__file__).with_name("slow_springs.py")
 DEPTHS = np.linspace(1e-5, 4e-5, 8)
-FREE = 4  # points of eight before the rest is held up; workers that ask at the same time solve one more
-PATIENCE = 240  # seconds until a test gives up; what it waits for takes a few
+FREE = 4  # points of eight before the others are delayed; workers that check at the same time solve one more
+PATIENCE = 240  # seconds until a test fails; usually it waits for a few seconds only
 
-# Dask's, where a disk, or the machine, halts for a second
+# timeout of Dask, for disks or machines that pause for a second
 pytestmark = pytest.mark.filterwarnings("ignore:Creating scratch directories is taking")
 
 GRID = """
@@ -58,9 +58,10 @@ case = "case.toml"
 
 @pytest.fixture
 def study(write_case, tmp_path):
-    """Writes a study of the springs beside their case; gives its path.
+    """Return a function that writes a study of the springs beside their case and returns its path.
 
-    free: so many points are solved, the others held up until the file is gone that is written here."""
+    `free` is the number of points that are solved before the others wait until the file written here is removed.
+    """
 
     def write(text, free=None):
         if free is not None:
@@ -78,14 +79,14 @@ def study(write_case, tmp_path):
 
 
 @pytest.fixture
-def go_on(tmp_path):
-    """Nothing is held up any more."""
+def release(tmp_path):
+    """Let delayed points continue."""
     return (tmp_path / "held").unlink
 
 
 @pytest.fixture
 def log(tmp_path):
-    """Lines of what was reduced or solved, since the beginning."""
+    """Return a function that returns the logged reductions or solutions since the beginning."""
 
     def lines(kind):
         path = tmp_path / "log"
@@ -99,7 +100,7 @@ def command(study, out, *options):
 
 
 def sweep(study, out, *options):
-    """Exit status, standard output, standard error, of a run in this process."""
+    """Return exit status, standard output and standard error of a sweep in this process."""
     workers = () if {"--workers", "--threads"} & set(options) else ("--workers", 1)
     result = CliRunner().invoke(app, command(study, out, *workers, *options))
     if result.exception is not None and not isinstance(result.exception, SystemExit):
@@ -107,44 +108,46 @@ def sweep(study, out, *options):
     return result.exit_code, result.stdout, result.stderr
 
 
-def opened(out):
-    with xarray.open_dataset(out / "sweep.h5", engine="h5netcdf") as found:
-        return found.load()
+def read_dataset(out):
+    with xarray.open_dataset(out / "sweep.h5", engine="h5netcdf") as dataset:
+        return dataset.load()
 
 
 def files(out):
-    """Result files of the points, each with what tells it from one written anew."""
+    """Return the result files of the points, each with properties that change if it is written again."""
     paths = (path for path in out.glob("points/*/result.h5") if not path.parent.name.startswith("."))
     return {path.parent.name: (path.stat().st_ino, path.stat().st_mtime_ns) for path in paths}
 
 
-def test_a_grid_end_to_end(study, tmp_path, log):
+def test_grid_end_to_end(study, tmp_path, log):
     out, file = tmp_path / "out", study(GRID)
-    status, told, _ = sweep(file, out)
+    status, output, _ = sweep(file, out)
     assert status == 0
-    assert told.count("converged") == 12
-    found = opened(out)
-    assert dict(found.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "y": 5, "x": 5}
-    assert found.zone_pressure.dims[-2:] == ("y", "x")
-    assert (found.x.units, found.y.units, found.z.ndim) == ("m", "m", 0)
-    np.testing.assert_allclose(found["steps[1].approach"], [1e-5, 2e-5, -1e-6])
-    assert found["steps[1].approach"].units == "m"
-    assert list(found["law"].values) == ["smooth", "rough"]
-    expected = found["formulation.stiffness"] * np.maximum(found["steps[1].approach"], 0.0)
-    np.testing.assert_allclose(found.max_pressure, expected.broadcast_like(found.max_pressure), rtol=1e-9)
-    assert (found.max_pressure.units, found.normal_force.units, found.zone_pressure.units) == ("Pa", "N", "Pa")
-    assert (found.max_pressure.long_name, found.zone_pressure.long_name) == ("largest pressure", "contact pressure")
-    depth = np.maximum(found["steps[1].approach"] - (found.x**2 + found.y**2) / 0.2, 0.0)
-    pressure = found["formulation.stiffness"] * depth
-    np.testing.assert_allclose(found.zone_pressure, pressure.broadcast_like(found.zone_pressure), rtol=1e-6, atol=1.0)
-    assert (found.status == "converged").all()
+    assert output.count("converged") == 12
+    dataset = read_dataset(out)
+    assert dict(dataset.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "y": 5, "x": 5}
+    assert dataset.zone_pressure.dims[-2:] == ("y", "x")
+    assert (dataset.x.units, dataset.y.units, dataset.z.ndim) == ("m", "m", 0)
+    np.testing.assert_allclose(dataset["steps[1].approach"], [1e-5, 2e-5, -1e-6])
+    assert dataset["steps[1].approach"].units == "m"
+    assert list(dataset["law"].values) == ["smooth", "rough"]
+    expected = dataset["formulation.stiffness"] * np.maximum(dataset["steps[1].approach"], 0.0)
+    np.testing.assert_allclose(dataset.max_pressure, expected.broadcast_like(dataset.max_pressure), rtol=1e-9)
+    assert (dataset.max_pressure.units, dataset.normal_force.units, dataset.zone_pressure.units) == ("Pa", "N", "Pa")
+    assert (dataset.max_pressure.long_name, dataset.zone_pressure.long_name) == ("largest pressure", "contact pressure")
+    depth = np.maximum(dataset["steps[1].approach"] - (dataset.x**2 + dataset.y**2) / 0.2, 0.0)
+    pressure = dataset["formulation.stiffness"] * depth
+    np.testing.assert_allclose(
+        dataset.zone_pressure, pressure.broadcast_like(dataset.zone_pressure), rtol=1e-6, atol=1.0
+    )
+    assert (dataset.status == "converged").all()
     assert len(log("reduced")) == 2, "points that differ in law and load share a reduced system"
     assert len(log("solved")) == 12
     assert (out / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
-    point = out / "points" / str(found.key[1, 1, 0].item())
+    point = out / "points" / str(dataset.key[1, 1, 0].item())
     result = meeframe.read_result(point)
-    assert meeframe.resultants(result.zone, result.steps[-1]).max_pressure == float(found.max_pressure[1, 1, 0])
+    assert meeframe.resultants(result.zone, result.steps[-1]).max_pressure == float(dataset.max_pressure[1, 1, 0])
     assert CliRunner().invoke(app, ["show", str(point)]).exit_code == 0
     (point / "case.toml").write_text(result.provenance.case_text)
     checked = CliRunner().invoke(app, ["check", str(point / "case.toml"), "--plugin", str(PLUGIN)])
@@ -154,11 +157,11 @@ def test_a_grid_end_to_end(study, tmp_path, log):
     assert sweep(file, out)[0] == 0
     assert files(out) == before
     assert len(log("solved")) == 12, "the second time nothing is computed"
-    xarray.testing.assert_identical(opened(out), found)
+    xarray.testing.assert_identical(read_dataset(out), dataset)
 
 
 @pytest.mark.full
-def test_a_longer_axis_keeps_what_is_there(study, tmp_path, log):
+def test_longer_axis_reuses_finished_points(study, tmp_path, log):
     out, shorter = tmp_path / "out", LINE.replace("4e-5, count = 8", "2e-5, count = 2")
     assert sweep(study(shorter), out)[0] == 0
     before = files(out)
@@ -170,13 +173,13 @@ def test_a_longer_axis_keeps_what_is_there(study, tmp_path, log):
     assert sweep(longer, out, "--overwrite")[0] == 0
     assert before.items() <= files(out).items()
     assert len(log("solved")) == 3
-    np.testing.assert_allclose(opened(out).max_pressure, [1e9, 2e9, 3e9])
+    np.testing.assert_allclose(read_dataset(out).max_pressure, [1e9, 2e9, 3e9])
     assert sweep(study(shorter), out, "--overwrite")[0] == 0
     assert files(out) == before, "what is no longer asked for is removed"
 
 
 @pytest.mark.full
-def test_a_changed_case_is_another_sweep(study, tmp_path, write_case):
+def test_changed_case_is_rejected(study, tmp_path, write_case):
     out, file = tmp_path / "out", study(LINE)
     assert sweep(file, out)[0] == 0
     case = tmp_path / "case.toml"
@@ -188,7 +191,7 @@ def test_a_changed_case_is_another_sweep(study, tmp_path, write_case):
     assert "0 of its 8 points are in this one of 8" in complained
 
 
-def test_a_folder_with_something_else_is_left_alone(study, tmp_path):
+def test_folder_with_other_files_is_left_unchanged(study, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / "thesis.tex").write_text("")
@@ -199,7 +202,7 @@ def test_a_folder_with_something_else_is_left_alone(study, tmp_path):
     assert (out / "thesis.tex").exists()
 
 
-def test_points_that_fail_do_not_stop_the_others(study, tmp_path, log):
+def test_failed_points_do_not_stop_the_others(study, tmp_path, log):
     text = """
         case = "case.toml"
         points = [
@@ -211,15 +214,15 @@ def test_points_that_fail_do_not_stop_the_others(study, tmp_path, log):
         ]
     """  # fmt: skip  # noqa: E501
     out, file = tmp_path / "out", study(text)
-    status, told, _ = sweep(file, out)
+    status, output, _ = sweep(file, out)
     assert status == 1
-    found = opened(out)
-    assert list(found.status.values) == ["converged", "refused", "not-converged", "refused", "converged"]
-    np.testing.assert_array_equal(found.point, [1.0, 2.0, 3.0, 4.0, 5.0])
-    assert np.isnan(found.max_pressure[[1, 3]]).all()
-    assert "indenter.radius" in str(found.message[1].item())
-    assert "frictionless" in str(found.message[3].item())
-    assert "no case: refused: indenter.radius" in told
+    dataset = read_dataset(out)
+    assert list(dataset.status.values) == ["converged", "refused", "not-converged", "refused", "converged"]
+    np.testing.assert_array_equal(dataset.point, [1.0, 2.0, 3.0, 4.0, 5.0])
+    assert np.isnan(dataset.max_pressure[[1, 3]]).all()
+    assert "indenter.radius" in str(dataset.message[1].item())
+    assert "frictionless" in str(dataset.message[3].item())
+    assert "no case: refused: indenter.radius" in output
     before = files(out)
     solved = len(log("solved"))
     assert sweep(file, out)[0] == 1
@@ -239,18 +242,19 @@ def test_zones_of_different_meshes_and_every_increment(study, tmp_path):
     """
     out = tmp_path / "out"
     assert sweep(study(text), out)[0] == 0
-    found = opened(out)
-    assert found.zone_pressure.dims == ("size", "node")
-    assert found.x.dims == ("size", "node")
-    np.testing.assert_array_equal(found["size"], [2, 4])
-    assert (~np.isnan(found.zone_pressure)).sum("node").values.tolist() == [9, 25]
-    np.testing.assert_allclose(found.max_pressure, [[5e8, 1e9]] * 2)
+    dataset = read_dataset(out)
+    assert dataset.zone_pressure.dims == ("size", "node")
+    assert dataset.x.dims == ("size", "node")
+    np.testing.assert_array_equal(dataset["size"], [2, 4])
+    assert (~np.isnan(dataset.zone_pressure)).sum("node").values.tolist() == [9, 25]
+    np.testing.assert_allclose(dataset.max_pressure, [[5e8, 1e9]] * 2)
 
 
 @contextmanager
-def started(*arguments, told=os.devnull):
-    """A process of its own, as its group, what it tells in a file; killed with its children if it is still there."""
-    with open(told, "w") as file:
+def start_process(*arguments, output_file=os.devnull):
+    """Yield a process in a separate process group that writes its output to a file; it is killed with its children
+    at the end."""
+    with open(output_file, "w") as file:
         process = psutil.Popen(
             [sys.executable, *map(str, arguments)], stdout=file, stderr=subprocess.STDOUT, start_new_session=True
         )
@@ -273,24 +277,24 @@ def wait_for(condition, process):
 
 
 def workers_of(process):
-    """Its processes at work; others come and go meanwhile."""
-    found = []
+    """Return the active worker processes; others may start and end meanwhile."""
+    computed = []
     for child in process.children():
-        with suppress(psutil.NoSuchProcess):  # zombies too
+        with suppress(psutil.NoSuchProcess):  # includes zombies
             if "multiprocessing.spawn" in " ".join(child.cmdline()):
-                found.append(child)
-    return found
+                computed.append(child)
+    return computed
 
 
 def assert_as_uninterrupted(study, out, tmp_path):
-    """Bit for bit, but for the seconds that it took."""
+    """Assert that results equal those of an uninterrupted sweep bit for bit, except for times."""
     assert_done(sweep(study, tmp_path / "whole"))
-    found, expected = opened(out).drop_vars("seconds"), opened(tmp_path / "whole").drop_vars("seconds")
-    xarray.testing.assert_identical(found, expected)
-    np.testing.assert_allclose(found.max_pressure, 1e14 * DEPTHS, rtol=1e-9)
+    dataset, expected = read_dataset(out).drop_vars("seconds"), read_dataset(tmp_path / "whole").drop_vars("seconds")
+    xarray.testing.assert_identical(dataset, expected)
+    np.testing.assert_allclose(dataset.max_pressure, 1e14 * DEPTHS, rtol=1e-9)
 
 
-# a shell's background job is born deaf to SIGINT, and so are its children
+# background jobs of a shell ignore SIGINT, and so do their children
 MAIN = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
     "from meeframe.cli import main; main()"
@@ -299,33 +303,33 @@ MAIN = (
 
 @pytest.mark.full
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
-def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, death, monkeypatch):
-    out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
+def test_resumes_after_its_process_ends(study, tmp_path, log, release, death, monkeypatch):
+    out, file, message = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
-    with started("-c", MAIN, *command(file, out, "--workers", 2), told=told) as process:
+    with start_process("-c", MAIN, *command(file, out, "--workers", 2), output_file=message) as process:
         wait_for(lambda: len(files(out)) >= 2, process)
         children = process.children(recursive=True)
         if death is signal.SIGINT:
-            os.killpg(process.pid, death)  # as from the terminal: to its workers too
+            os.killpg(process.pid, death)  # as from a terminal: also to its workers
         else:
             process.send_signal(death)
         status = process.wait(timeout=PATIENCE)
     psutil.wait_procs(children, timeout=PATIENCE)
     before, solved = files(out), log("solved")
-    go_on()
+    release()
     assert 2 <= len(before) < len(DEPTHS)
     assert (out / "sweep.h5").exists() == (death is not signal.SIGKILL)
     if death is not signal.SIGKILL:
-        partial = opened(out)
+        partial = read_dataset(out)
         assert (partial.status == "converged").sum() == len(before)
         assert (partial.status == "unfinished").sum() == len(DEPTHS) - len(before)
         assert (np.isnan(partial.max_pressure) == (partial.status == "unfinished")).all()
         assert not list(scratch.iterdir()), "nothing is left of the processes"
-        assert status == 130, told.read_text()
-        assert f"of 8 points are finished and in {out}; the same command continues" in told.read_text()
-        assert "Traceback" not in told.read_text()
+        assert status == 130, message.read_text()
+        assert f"of 8 points are finished and in {out}; the same command continues" in message.read_text()
+        assert "Traceback" not in message.read_text()
     assert_done(sweep(file, out))
     assert_nothing_twice(out, log, before, solved)
     assert_as_uninterrupted(file, out, tmp_path)
@@ -333,12 +337,12 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, 
 
 @pytest.mark.full
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
-def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatch):
-    out, file, told = tmp_path / "out", study(LINE, free=0), tmp_path / "told"
+def test_interrupted_while_processes_start(study, tmp_path, log, end, monkeypatch):
+    out, file, message = tmp_path / "out", study(LINE, free=0), tmp_path / "told"
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
-    with started("-c", MAIN, *command(file, out, "--workers", 2), told=told) as process:
+    with start_process("-c", MAIN, *command(file, out, "--workers", 2), output_file=message) as process:
         wait_for(lambda: workers_of(process), process)
         children = process.children(recursive=True)
         if end is signal.SIGINT:
@@ -348,11 +352,11 @@ def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatc
         status = process.wait(timeout=PATIENCE)
     psutil.wait_procs(children, timeout=PATIENCE)
     assert not any(child.is_running() for child in children)
-    assert status == 130, told.read_text()
-    assert told.read_text().splitlines()[-1] == (
+    assert status == 130, message.read_text()
+    assert message.read_text().splitlines()[-1] == (
         f"interrupted; 0 of 8 points are finished and in {out}; the same command continues"
     )
-    assert "Traceback" not in told.read_text()
+    assert "Traceback" not in message.read_text()
     assert not list(scratch.iterdir())
     assert not log("solved")
 
@@ -363,7 +367,8 @@ def assert_done(ended):
 
 
 def assert_nothing_twice(out, log, before, solved):
-    """before, solved: finished files and lines of solutions at the time of death."""
+    """Assert that nothing was solved twice; `before` and `solved` are finished files and logged solutions at the
+    kill."""
     assert before.items() <= files(out).items(), "finished points are not written again"
     again = [line for line in log("solved")[len(solved) :] if line in solved]
     assert len(again) <= len(solved) - len(before), "nor computed: only those in flight are"
@@ -371,19 +376,19 @@ def assert_nothing_twice(out, log, before, solved):
 
 
 @pytest.mark.full
-def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
-    out, file, told = tmp_path / "out", study(LINE, free=6), tmp_path / "told"
-    with started("-m", "meeframe", *command(file, out, "--workers", 2), told=told) as process:
-        wait_for(lambda: len(files(out)) >= 6, process)  # all are handed out, and the others held up
-        time.sleep(1)  # the scheduler is told in milliseconds that these are not wanted any more
+def test_survives_killed_workers(study, tmp_path, log, release):
+    out, file, message = tmp_path / "out", study(LINE, free=6), tmp_path / "told"
+    with start_process("-m", "meeframe", *command(file, out, "--workers", 2), output_file=message) as process:
+        wait_for(lambda: len(files(out)) >= 6, process)  # all points are assigned, and the others are delayed
+        time.sleep(1)  # within milliseconds, the scheduler learns that these are no longer needed
         before, solved = files(out), log("solved")
         workers = workers_of(process)
         assert len(workers) == 2
         for worker in workers:
             worker.kill()
-        go_on()
+        release()
         status = process.wait(timeout=PATIENCE)
-    assert status == 0, told.read_text()
+    assert status == 0, message.read_text()
     assert_nothing_twice(out, log, before, solved)
     assert_as_uninterrupted(file, out, tmp_path)
 
@@ -398,7 +403,7 @@ def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
     ],
     ids=["one shared by all", "the second beside points", "none shared"],
 )
-def test_the_first_reductions_have_the_threads_of_all_that_wait(study, tmp_path, log, axis, reductions):
+def test_first_reductions_use_the_threads_of_waiting_processes(study, tmp_path, log, axis, reductions):
     file = study(f"{LINE}{axis}\n" if "mesh" not in axis else LINE.partition('"steps')[0] + axis)
     assert sweep(file, tmp_path / "out", "--workers", 2)[0] == 0
     of_reductions = [line for line in log("threads") if "reduction" in line]
@@ -415,7 +420,7 @@ def test_the_first_reductions_have_the_threads_of_all_that_wait(study, tmp_path,
         (("--workers", 2, "--threads", 3), 3, 1),
     ],
 )
-def test_threads_of_all_processes_together(study, tmp_path, log, options, reduction, point):
+def test_total_number_of_threads(study, tmp_path, log, options, reduction, point):
     assert sweep(study(LINE), tmp_path / "out", *options)[0] == 0
     assert set(log("threads")) == {
         f"threads of a reduction: {reduction}, of libraries: {reduction}",
@@ -467,14 +472,14 @@ def test_warnings_of_plugins_are_shown_once_for_all_processes(study, tmp_path, w
     path = study(f'set = {{ "solver" = "noisy" }}\n{LINE}')
     status, _, errors = sweep(path, tmp_path / "out", "--workers", workers, "--plugin", plugin)
     assert status == 0
-    told = [line for line in errors.splitlines() if "Warning" in line or "step" in line]
-    assert told == [f"warning: {plugin}, line 14: UserWarning: of a step"]
+    warnings_printed = [line for line in errors.splitlines() if "Warning" in line or "step" in line]
+    assert warnings_printed == [f"warning: {plugin}, line 14: UserWarning: of a step"]
 
 
 @pytest.mark.full
-def test_one_at_a_time_writes_a_folder(study, tmp_path, go_on):
+def test_only_one_sweep_writes_to_a_folder(study, tmp_path, release):
     out, file = tmp_path / "out", study(LINE, free=FREE)
-    with started("-m", "meeframe", *command(file, out, "--workers", 2)) as process:
+    with start_process("-m", "meeframe", *command(file, out, "--workers", 2)) as process:
         wait_for(lambda: files(out), process)
         for options in ((), ("--overwrite",)):
             status, _, complained = sweep(file, out, *options)
@@ -483,39 +488,41 @@ def test_one_at_a_time_writes_a_folder(study, tmp_path, go_on):
         workers = process.children(recursive=True)
         process.kill()
         process.wait()
-    go_on()
-    assert_done(sweep(file, out))  # at once: neither the dead nor what is left of its workers keeps others out
+    release()
+    assert_done(sweep(file, out))  # at once: neither the killed process nor its remaining workers lock the folder
     psutil.wait_procs(workers, timeout=PATIENCE)
     assert_as_uninterrupted(file, out, tmp_path)
 
 
 @pytest.mark.full
-def test_on_a_cluster_whose_scheduler_dies(study, tmp_path, log, go_on):
-    out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
-    place = tmp_path / "scheduler.json"
-    cluster = ("--scheduler-file", place, "--no-dashboard")
+def test_killed_scheduler_of_a_cluster(study, tmp_path, log, release):
+    out, file, message = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
+    position = tmp_path / "scheduler.json"
+    cluster = ("--scheduler-file", position, "--no-dashboard")
     with (
-        started("-m", "distributed.cli.dask_scheduler", "--port", 0, *cluster) as scheduler,
-        started("-m", "distributed.cli.dask_worker", "--nthreads", 1, "--no-nanny", *cluster),
+        start_process("-m", "distributed.cli.dask_scheduler", "--port", 0, *cluster) as scheduler,
+        start_process("-m", "distributed.cli.dask_worker", "--nthreads", 1, "--no-nanny", *cluster),
     ):
-        wait_for(lambda: place.exists() and place.stat().st_size, scheduler)
-        address = json.loads(place.read_text())["address"]
-        with started("-m", "meeframe", *command(file, out, "--scheduler", address), told=told) as process:
+        wait_for(lambda: position.exists() and position.stat().st_size, scheduler)
+        address = json.loads(position.read_text())["address"]
+        with start_process(
+            "-m", "meeframe", *command(file, out, "--scheduler", address), output_file=message
+        ) as process:
             wait_for(lambda: len(files(out)) >= 2, process)
             scheduler.kill()
             status = process.wait(timeout=PATIENCE)
-    assert status == 2, told.read_text()
-    assert f"error: scheduler {address} was lost" in told.read_text()
-    assert "Traceback" not in told.read_text()
+    assert status == 2, message.read_text()
+    assert f"error: scheduler {address} was lost" in message.read_text()
+    assert "Traceback" not in message.read_text()
     before, solved = files(out), log("solved")
-    go_on()
+    release()
     assert 2 <= len(before) < len(DEPTHS)
     assert_done(sweep(file, out))
     assert_nothing_twice(out, log, before, solved)
     assert_as_uninterrupted(file, out, tmp_path)
 
 
-def test_a_scheduler_that_is_not_there(study, tmp_path):
+def test_unreachable_scheduler(study, tmp_path):
     out = tmp_path / "out"
     result = CliRunner().invoke(app, command(study(LINE), out, "--scheduler", "tcp://127.0.0.1:1"))
     assert result.exit_code == 2
@@ -531,7 +538,7 @@ def test_a_scheduler_that_is_not_there(study, tmp_path):
         (("--workers", 3, "--threads", 2), "threads = 2 and workers = 3: allowed: at least one thread for each worker"),
     ],
 )
-def test_workers_or_a_scheduler(study, tmp_path, options, text):
+def test_workers_and_scheduler_exclude_each_other(study, tmp_path, options, text):
     status, _, complained = sweep(study(LINE), tmp_path / "out", *options)
     assert status == 2
     assert text in complained
@@ -545,7 +552,7 @@ def test_without_the_extra(study, tmp_path, monkeypatch, missing, workers):
     monkeypatch.delitem(sys.modules, "meeframe.study.sweep.dask", raising=False)
     result = CliRunner().invoke(app, command(file, tmp_path / "out", "--workers", workers))
     assert result.exit_code == 2
-    told = " ".join(result.stderr.split())
-    assert missing in told
-    assert "install the extra: pip install 'meeframe[sweep]'" in told
+    message = " ".join(result.stderr.split())
+    assert missing in message
+    assert "install the extra: pip install 'meeframe[sweep]'" in message
     assert not (tmp_path / "out").exists()

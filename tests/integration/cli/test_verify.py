@@ -1,4 +1,4 @@
-"""`meeframe verify`: what agrees is found to agree, what is wrong by 2 % is found out, and what fails is told."""
+"""`meeframe verify` confirms agreement, detects an error of 2 %, and reports failed runs."""
 
 import json
 from dataclasses import dataclass, replace
@@ -66,7 +66,7 @@ def meeframe_formulations():
 
 
 def invoke(*arguments):
-    """Exit status, standard output, standard error."""
+    """Return exit status, standard output and standard error."""
     result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -85,34 +85,34 @@ def half_space(tmp_path):
 
 
 @pytest.mark.full
-def test_a_half_space_by_all_that_take_it(half_space, tmp_path):
-    """Boundary elements and Fourier transforms agree; finite elements refuse it; the limit is the closed form."""
+def test_half_space_by_all_supporting_formulations(half_space, tmp_path):
+    """Boundary elements and FFT agree, finite elements reject the case, and the limit is the closed form."""
     status, out, _ = invoke("verify", half_space, "--out", tmp_path / "out")
     assert status == 0
     assert "skfem refuses this case:  mesh: a semi-infinite body has no volume mesh" in out
     assert "result: agree" in out
-    found = numbers(tmp_path / "out")
-    assert found["verdict"] == "agree"
-    assert found["case"] == HALF_SPACE
-    assert list(found["refused"]) == ["skfem"]
-    assert [(run["formulation"], round(1 / run["size"])) for run in found["runs"]] == [
+    results = numbers(tmp_path / "out")
+    assert results["verdict"] == "agree"
+    assert results["case"] == HALF_SPACE
+    assert list(results["refused"]) == ["skfem"]
+    assert [(run["formulation"], round(1 / run["size"])) for run in results["runs"]] == [
         (name, divisions) for divisions in (5, 8, 12) for name in ("dense-bem", "half-space", "hmatrix-bem")
     ]
-    pairs = {pair["quantity"]: pair for pair in found["agreements"]}
+    pairs = {pair["quantity"]: pair for pair in results["agreements"]}
     assert {"force", "charge", "contact_area", "max_pressure", "max_magnetic_potential"} <= pairs.keys()
     assert not pairs.keys() & {"force_x", "torque", "magnetic_flux", "max_electric_potential"}, "zero, or nearly"
     for name in ("force", "charge"):
         assert abs(pairs[name]["difference"]) < 0.005 * pairs[name]["scale"]
         assert pairs[name]["verdict"] == "agree"
     exact = 21896.1  # docs/explanation/theory.md, Indentation in closed form
-    for estimate in found["estimates"]:
+    for estimate in results["estimates"]:
         if estimate["quantity"] == "force":
             assert estimate["extrapolated"] == pytest.approx(exact, abs=estimate["error"])
             assert estimate["error"] < 0.01 * exact
     assert (tmp_path / "out" / "convergence.png").stat().st_size > 10_000
 
 
-def test_a_formulation_that_is_2_per_cent_too_stiff_is_caught(half_space, tmp_path):
+def test_formulation_2_percent_too_stiff_is_detected(half_space, tmp_path):
     plugin = tmp_path / "stiffer.py"
     plugin.write_text(STIFFER, encoding="utf-8")
     both = ["--formulation", "half-space", "--formulation", "stiffer", "--plugin", plugin]
@@ -127,18 +127,18 @@ def test_a_formulation_that_is_2_per_cent_too_stiff_is_caught(half_space, tmp_pa
 
 
 @pytest.mark.full
-def test_fields_that_nothing_couples_are_not_compared(tmp_path):
-    """The magnetic field of a piezoelectric body: hierarchical matrices left noise in it, and were said to disagree."""
+def test_uncoupled_fields_are_not_compared(tmp_path):
+    """Noise in the magnetic field of a piezoelectric body must not count as disagreement."""
     case = tmp_path / "case.toml"
     case.write_text(HALF_SPACE.replace("batio3-cofe2o4", "pzt-4"), encoding="utf-8")
     both = ["--formulation", "half-space", "--formulation", "hmatrix-bem"]
     status, out, _ = invoke("verify", case, *both, "--out", tmp_path / "out")
     assert status == 0, out
-    found = numbers(tmp_path / "out")
-    pairs = {pair["quantity"] for pair in found["agreements"]}
+    results = numbers(tmp_path / "out")
+    pairs = {pair["quantity"] for pair in results["agreements"]}
     assert {"force", "charge"} <= pairs
     assert not pairs & {"magnetic_flux", "max_magnetic_potential"}
-    for run in found["runs"]:
+    for run in results["runs"]:
         assert run["steps"]["1"]["max_magnetic_potential"] == 0.0
 
 
@@ -146,38 +146,38 @@ SPRINGS = ("winkler", '{name = "winkler", stiffness = "1e14 Pa/m"}')
 FINE = ("divisions = 4", "divisions = 16")
 
 
-def verified(path, registry, out, formulations=SPRINGS, **options):
+def verify_case(path, registry, out, formulations=SPRINGS, **options):
     return verify(path, out, formulations, registry=registry, **options)
 
 
-def test_springs_have_their_closed_form(write_case, registry, tmp_path):
-    """Pressure k w on the overlap of a paraboloid: P = pi k R g^2, A = 2 pi R g."""
+def test_springs_match_closed_form(write_case, registry, tmp_path):
+    """With pressure k w on the overlap of a paraboloid, P = pi k R g^2 and A = 2 pi R g."""
     stiffer = '{name = "winkler", stiffness = "1.05e14 Pa/m"}'
-    found = verified(write_case(FINE), registry, tmp_path / "o", ("winkler", stiffer))
-    assert found.verdict is Verdict.DISAGREE
-    force = next(estimate for estimate in found.estimates if estimate.quantity == "force")
+    verification = verify_case(write_case(FINE), registry, tmp_path / "o", ("winkler", stiffer))
+    assert verification.verdict is Verdict.DISAGREE
+    force = next(estimate for estimate in verification.estimates if estimate.quantity == "force")
     assert force.limit.value == pytest.approx(np.pi * 1e14 * 0.1 * 1e-5**2, abs=force.limit.error)
-    area = next(estimate for estimate in found.estimates if estimate.quantity == "contact_area")
+    area = next(estimate for estimate in verification.estimates if estimate.quantity == "contact_area")
     assert area.limit.value == pytest.approx(2 * np.pi * 0.1 * 1e-5, abs=area.limit.error)
     assert area.limit.basis is Basis.FINEST
 
 
-def test_what_is_prescribed_is_not_compared_but_what_is_found(write_case, registry, tmp_path):
-    """A force that springs carry at 10 um; the approach follows."""
+def test_prescribed_quantities_are_not_compared(write_case, registry, tmp_path):
+    """A force is prescribed and the approach is compared."""
     force = f'normal_force = "{np.pi * 1e14 * 0.1 * 1e-5**2} N"'
-    found = verified(write_case(FINE, ('approach = "10 um"', force)), registry, tmp_path / "o")
-    names = {estimate.quantity for estimate in found.estimates}
+    verification = verify_case(write_case(FINE, ('approach = "10 um"', force)), registry, tmp_path / "o")
+    names = {estimate.quantity for estimate in verification.estimates}
     assert "approach" in names
     assert "force" not in names
-    approach = next(estimate for estimate in found.estimates if estimate.quantity == "approach")
+    approach = next(estimate for estimate in verification.estimates if estimate.quantity == "approach")
     assert approach.limit.value == pytest.approx(1e-5, abs=approach.limit.error)
     assert approach.limit.error < 5e-7
 
 
-def test_the_last_step_or_every_step(write_case, registry, tmp_path):
+def test_last_step_or_every_step(write_case, registry, tmp_path):
     path = write_case(FINE, more='\n[[steps]]\napproach = "5 um"\nincrements = 2\n')
-    last = verified(path, registry, tmp_path / "last")
-    every = verified(path, registry, tmp_path / "every", every_step=True)
+    last = verify_case(path, registry, tmp_path / "last")
+    every = verify_case(path, registry, tmp_path / "every", every_step=True)
     assert {estimate.step for estimate in last.estimates} == {2}
     assert {estimate.step for estimate in every.estimates} == {1, 2}
     forces = {e.step: e.limit.value for e in every.estimates if (e.quantity, e.formulation) == ("force", "winkler")}
@@ -185,34 +185,34 @@ def test_the_last_step_or_every_step(write_case, registry, tmp_path):
 
 
 def test_more_levels_and_other_factors(write_case, registry, tmp_path):
-    found = verified(write_case(FINE), registry, tmp_path / "o", meshes=Meshes(levels=4, factor=2.0))
-    assert [round(1 / size) for size in found.estimates[0].sizes] == [2, 4, 8, 16]
-    assert len(found.runs) == 8
+    verification = verify_case(write_case(FINE), registry, tmp_path / "o", meshes=Meshes(levels=4, factor=2.0))
+    assert [round(1 / size) for size in verification.estimates[0].sizes] == [2, 4, 8, 16]
+    assert len(verification.runs) == 8
 
 
 def test_runs_that_do_not_converge(write_case, registry, tmp_path):
     path = write_case(FINE, ("[[steps]]", '[solver]\nname = "uzawa"\nmax_iterations = 1\n\n[[steps]]'))
-    found = verified(path, registry, tmp_path / "o")
-    assert found.verdict is Verdict.NOT_CONVERGED
-    assert {run.status for run in found.runs} == {"iteration-limit"}
-    assert found.estimates == ()
-    assert verification_figure(found) is None
-    assert json.loads(verification_json(found))["verdict"] == "not-converged"
+    verification = verify_case(path, registry, tmp_path / "o")
+    assert verification.verdict is Verdict.NOT_CONVERGED
+    assert {run.status for run in verification.runs} == {"iteration-limit"}
+    assert verification.estimates == ()
+    assert verification_figure(verification) is None
+    assert json.loads(verification_json(verification))["verdict"] == "not-converged"
 
 
-def test_a_solver_rejects_a_case_before_anything_is_computed(write_case, registry, tmp_path):
+def test_solver_rejects_a_case_early(write_case, registry, tmp_path):
     path = write_case(
         FINE, ("[[steps]]", '[solver]\nname = "projected-cg"\n\n[[steps]]'),
         more='\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.1}\n',
     )  # fmt: skip
     with pytest.raises(CaseError, match=r"case\.toml: solver: .* takes frictionless contact only"):
-        verified(path, registry, tmp_path / "o")
+        verify_case(path, registry, tmp_path / "o")
     assert not (tmp_path / "o").exists()
 
 
 @dataclass(frozen=True)
-class Wearing(Signorini):
-    """Has no law for surfaces that have slipped."""
+class Failing(Signorini):
+    """A law that cannot provide a law for slipped surfaces."""
 
     def for_increment(self, slip_path, duration):
         if slip_path.any():
@@ -220,18 +220,18 @@ class Wearing(Signorini):
         return self
 
 
-def test_an_error_of_a_law_during_a_run_is_reported(write_case, registry, tmp_path):
-    entry = Entry(Kind.CONTACT_LAW, Record("wearing", Wearing, "for tests", "none"), Provider("tests", "0"))
+def test_error_of_a_law_is_reported(write_case, registry, tmp_path):
+    entry = Entry(Kind.CONTACT_LAW, Record("wearing", Failing, "for tests", "none"), Provider("tests", "0"))
     path = write_case(
         FINE, ('approach = "10 um"', 'approach = "10 um"\ntranslation = ["1 um", 0]\nincrements = 2'),
         more='\n[contact]\nlaw = "wearing"\n',
     )  # fmt: skip
-    found = verified(path, replace(registry, entries=(*registry.entries, entry)), tmp_path / "o")
-    assert found.verdict is Verdict.NOT_CONVERGED
-    assert {(run.status, run.message) for run in found.runs} == {("refused", "the surface is worn off")}
+    verification = verify_case(path, replace(registry, entries=(*registry.entries, entry)), tmp_path / "o")
+    assert verification.verdict is Verdict.NOT_CONVERGED
+    assert {(run.status, run.message) for run in verification.runs} == {("refused", "the surface is worn off")}
 
 
-def test_an_interrupted_verification_saves_its_numbers(write_case, registry, tmp_path, monkeypatch):
+def test_interrupted_verification_saves_its_results(write_case, registry, tmp_path, monkeypatch):
     solve, count = study.solve_steps, iter(range(10))
 
     def stopping(*arguments, **options):
@@ -241,17 +241,17 @@ def test_an_interrupted_verification_saves_its_numbers(write_case, registry, tmp
 
     monkeypatch.setattr(study, "solve_steps", stopping)
     with pytest.raises(KeyboardInterrupt) as stopped:
-        verified(write_case(FINE), registry, tmp_path / "o")
+        verify_case(write_case(FINE), registry, tmp_path / "o")
     assert stopped.value.__notes__ == [f"results so far are in {tmp_path / 'o' / 'verify.json'}"]
-    found = numbers(tmp_path / "o")
-    assert found["verdict"] == "unfinished"
-    assert [run["status"] for run in found["runs"]] == ["converged"] * 3
-    assert found["agreements"] == []
+    results = numbers(tmp_path / "o")
+    assert results["verdict"] == "unfinished"
+    assert [run["status"] for run in results["runs"]] == ["converged"] * 3
+    assert results["agreements"] == []
 
 
-def test_reduced_systems_are_found_again(write_case, registry, tmp_path):
+def test_reduced_systems_are_reused(write_case, registry, tmp_path):
     path = write_case(FINE)
-    one, other = (verified(path, registry, tmp_path / name, cache=tmp_path / "cache") for name in "ab")
+    one, other = (verify_case(path, registry, tmp_path / name, cache=tmp_path / "cache") for name in "ab")
     assert len(list((tmp_path / "cache").iterdir())) == 3
     assert one.estimates == other.estimates
 
@@ -265,10 +265,10 @@ def test_reduced_systems_are_found_again(write_case, registry, tmp_path):
         ([FINE, ("rings = 2", "rings = 0")], {}, "mesh.rings = 0"),
     ],
 )  # fmt: skip
-def test_bad_input_is_reported_before_anything_is_computed(write_case, registry, tmp_path, changes, options, message):
+def test_invalid_input_is_reported_early(write_case, registry, tmp_path, changes, options, message):
     meshes = Meshes(factor=1.1) if not changes else None
     with pytest.raises(CaseError, match=message):
-        verified(write_case(*changes), registry, tmp_path / "o", meshes=meshes, **options)
+        verify_case(write_case(*changes), registry, tmp_path / "o", meshes=meshes, **options)
     assert not (tmp_path / "o").exists()
 
 
@@ -282,13 +282,13 @@ def test_bad_input_is_reported_before_anything_is_computed(write_case, registry,
         (["--order", "9"], "order = 9: allowed: 0.5 to 4"),
     ],
 )
-def test_bad_options_are_status_2(half_space, tmp_path, arguments, message):
+def test_invalid_options_give_status_2(half_space, tmp_path, arguments, message):
     status, _, err = invoke("verify", half_space, *arguments, "--out", tmp_path / "o")
     assert status == 2
     assert message in err
 
 
-def test_results_are_not_overwritten_by_accident(half_space, tmp_path):
+def test_results_are_not_overwritten_without_option(half_space, tmp_path):
     (tmp_path / "o").mkdir()
     (tmp_path / "o" / "mine").write_text("mine")
     status, _, err = invoke("verify", half_space, "--out", tmp_path / "o")
@@ -296,9 +296,9 @@ def test_results_are_not_overwritten_by_accident(half_space, tmp_path):
     assert "is not empty" in err
 
 
-def test_units_are_units(write_case, registry, tmp_path):
-    found = verified(write_case(FINE), registry, tmp_path / "o")
-    for estimate in found.estimates:
+def test_units_in_output(write_case, registry, tmp_path):
+    verification = verify_case(write_case(FINE), registry, tmp_path / "o")
+    for estimate in verification.estimates:
         unit_registry().Unit(unit_of(estimate.quantity))
         assert unit_of(estimate.quantity)
-    assert replace(found, runs=()).verdict is Verdict.UNFINISHED
+    assert replace(verification, runs=()).verdict is Verdict.UNFINISHED

@@ -1,4 +1,4 @@
-"""Throw-away places to install packages into, and commands that see what is installed there."""
+"""Fixtures that install packages into temporary folders and run commands with them."""
 
 import os
 import shutil
@@ -13,9 +13,10 @@ import pytest
 
 
 def install_package(folder: Path, site: Path) -> None:
-    """Install a package into a folder of its own, without network.
+    """Install a package into a separate folder, without network.
 
-    By uv where that can build it with what it has; else unpacked as its wheel would be: module, metadata, entry points.
+    uv builds it if its build dependencies are available; otherwise it is unpacked as its wheel would be: module,
+    metadata, entry points.
     """
     uv = shutil.which("uv")
     command = [uv, "pip", "install", "--offline", "--no-deps", "--target", site, "--python", sys.executable, folder]
@@ -34,7 +35,7 @@ def install_package(folder: Path, site: Path) -> None:
 
 
 def run_python(*arguments: object, path: Path, cwd: Path | None = None) -> "subprocess.CompletedProcess[str]":
-    """Python with a folder of installed packages on its path."""
+    """Run Python with a folder of installed packages on its path."""
     return subprocess.run(
         [sys.executable, *map(str, arguments)],
         env={**os.environ, "PYTHONPATH": str(path)},
@@ -47,13 +48,13 @@ def run_python(*arguments: object, path: Path, cwd: Path | None = None) -> "subp
 
 @pytest.fixture(scope="session")
 def package_tools():
-    """The two functions above."""
+    """Return the two functions above."""
     return SimpleNamespace(install=install_package, python=run_python)
 
 
 @pytest.fixture
 def install(tmp_path):
-    """Installs a package of one module, version 1.2, that requires what is given."""
+    """Return a function that installs a package of one module, version 1.2, with given requirements."""
 
     def make(name, source, *requires):
         module = name.replace("-", "_")
@@ -74,7 +75,7 @@ def install(tmp_path):
 
 @pytest.fixture
 def command(tmp_path):
-    """Runs the command line where the installed packages are seen."""
+    """Return a function that runs the command line with the installed packages."""
 
     def run(*arguments):
         return run_python("-c", "from meeframe.cli import main; main()", *arguments, path=tmp_path / "site")

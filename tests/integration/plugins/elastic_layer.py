@@ -1,7 +1,7 @@
-"""A plugin with a formulation of its own: a layer on a rigid base, periodic in its plane, by fast Fourier transforms.
+"""A plugin with a formulation: a layer on a rigid base, periodic in its plane, by fast Fourier transforms.
 
-Waves t^ exp(i k m.x) of the surface load cause waves u^ = Y(k, m) t^ / k of the surface displacement. The load is
-interpolated by waves, so that the reduced system multiplies each wave with its 5 x 5 block.
+Waves t^ exp(i k m.x) of the surface load cause waves u^ = Y(k, m) t^ / k of the surface displacement. Waves
+interpolate the load, so the reduced system multiplies each wave by its 5 x 5 block.
 """
 
 from collections.abc import Callable, Sequence
@@ -47,8 +47,9 @@ MIN_COARSE: Final = 16
 def surface_symbol(stiffness: Array, thickness: float, waves: Array) -> Array:
     """Return u^ / t^ of a layer on a rigid, grounded base for wave vectors k m (w, 2), as (w, 5, 5), in SI units.
 
-    Displacements and tractions (u, t / k) of each wave follow a linear differential equation in k z with a constant
-    matrix A(m). Steps from the base to the surface keep their quotient, which stays bounded.
+    Displacements and tractions (u, t / k) of each wave satisfy a linear differential equation in k z with a constant
+    matrix A(m). It is integrated from the base to the surface in steps that preserve their quotient, which remains
+    bounded.
     """
     scaling = FieldScaling.of(stiffness)
     c = scaling.scale_stiffness(stiffness)
@@ -83,7 +84,7 @@ def grid_symbol(stiffness: Array, thickness: float, size: tuple[int, int], spaci
     blocks = np.empty((len(flat), N_FIELDS, N_FIELDS), complex)
     blocks[1:] = surface_symbol(stiffness, thickness, flat[1:])
     blocks[0] = thickness * np.linalg.inv(stiffness[2, :, :, 2])  # a uniform load
-    # the shortest waves of a grid with an even number of nodes run both ways
+    # on a grid with an even number of nodes, the shortest wave has both directions
     for axis in range(2):
         if size[axis] % 2 == 0:
             shortest = np.isclose(np.abs(flat[:, axis]), np.pi / spacing[axis])
@@ -109,7 +110,7 @@ class LayerSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid):
     symbol: Array
 
     def capability(self, kind: type[C]) -> C | None:
-        """Return the layer itself, but no coarser grid where that would be too coarse."""
+        """Return the layer itself, or None where a coarser grid would be too coarse."""
         coarsest = any(n % 2 or n < 2 * MIN_COARSE for n in self.size)
         return None if kind is Multigrid and coarsest else super().capability(kind)
 
@@ -127,7 +128,7 @@ class LayerSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid):
         return moved.reshape(len(moved), -1).T.astype(values.dtype, copy=False)
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5), the same at all nodes."""
+        """Return the response of each node to its load, (n, 5, 5), which is the same at all nodes."""
         blocks: Array = np.broadcast_to(self._response_to_first_node()[0, 0], (len(self.points), N_FIELDS, N_FIELDS))
         return blocks
 
@@ -161,7 +162,7 @@ class LayerSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid):
         nodes, coarse = lattice[::2, ::2].ravel(), (nx // 2, ny // 2)
         rows = np.r_[0 : nx // 4 + 1, nx - (nx // 2 - nx // 4) + 1 : nx]
         symbol = self.symbol[rows, : ny // 4 + 1]
-        if nx // 2 % 2 == 0:  # the shortest waves of the coarse grid run both ways
+        if nx // 2 % 2 == 0:  # on the coarse grid, the shortest wave has both directions
             symbol[nx // 4] = 0.5 * (symbol[nx // 4] + self.symbol[nx - nx // 4, : ny // 4 + 1])
         if ny // 2 % 2 == 0:
             symbol[:, -1] = 0.5 * (symbol[:, -1] + np.roll(symbol[::-1, -1], 1, axis=0).conj())

@@ -1,4 +1,4 @@
-"""The command plugins check: it runs the conformance checks of all that a file registers."""
+"""`meeframe plugins check` runs the conformance checks of everything that a file registers."""
 
 import textwrap
 
@@ -45,7 +45,7 @@ def write(tmp_path):
     return write
 
 
-def test_a_law_that_keeps_its_contract_conforms(write):
+def test_correct_law_conforms(write):
     status, out, err = invoke(
         "plugins", "check", write("OrthotropicCoulomb.tangential_scaling(self)"), "--with",
         '{name = "tested", mu1 = 0.1, mu2 = 0.4}',
@@ -54,14 +54,14 @@ def test_a_law_that_keeps_its_contract_conforms(write):
     assert "contact law tested (mu1 = 0.1, mu2 = 0.4): conforms" in out
 
 
-def test_a_wrong_metric_is_named(write):
+def test_wrong_metric_is_named(write):
     status, out, _ = invoke("plugins", "check", write("np.eye(2)"), "--with", '{name = "tested", mu1 = 0.1, mu2 = 0.4}')
     assert status == 1
     assert "tested (mu1 = 0.1, mu2 = 0.4): fails: " in out
     assert "tangential_scaling" in out.partition("fails: ")[2].splitlines()[0]
 
 
-def test_keys_without_default_get_a_value_and_bad_values_are_told(write):
+def test_keys_without_default_get_a_sample_value(write):
     status, out, _ = invoke("plugins", "check", write("np.eye(2)"))
     assert "tested (mu1 = 0.3, mu2 = 0.3): conforms" in out  # isotropic, with the metric of isotropic friction
     assert status == 0
@@ -71,7 +71,7 @@ def test_keys_without_default_get_a_value_and_bad_values_are_told(write):
 
 
 @pytest.mark.parametrize("table", ['{name = "other", mu = 1}', "tested", "{mu1 = 1}"])
-def test_tables_of_other_objects_are_refused(write, table):
+def test_tables_of_other_objects_are_rejected(write, table):
     status, out, err = invoke("plugins", "check", write("np.eye(2)"), "--with", table)
     assert (status, out) == (2, "")
     assert "needs an inline table whose name is one of tested" in err
@@ -89,19 +89,19 @@ def test_tables_of_other_objects_are_refused(write, table):
         Quantity("", gt=0, lt=float("inf")),
     ],
 )
-def test_samples_are_allowed_values(quantity):
+def test_sample_values_are_valid(quantity):
     assert np.isfinite(quantity.check(_sample(quantity)))
 
 
-def test_near_misses_are_answered():
+def test_misspelt_names_get_suggestions():
     status, _, err = invoke("plugins", "show", "jkr")
     assert status == 2
     assert "did you mean 'dugdale' or 'dmt'?" in err
     assert "did you mean 'dense-bem' or 'hmatrix-bem'?" in invoke("plugins", "show", "BEM")[2]
 
 
-def test_terms_lead_to_registered_names():
+def test_related_terms_suggest_registered_names():
     registry: Registry = load()
     names = {entry.record.name for entry in registry.entries}
-    assert {name for found in ALIASES.values() for name in found} <= names
+    assert {name for computed in ALIASES.values() for name in computed} <= names
     assert not names & set(ALIASES)

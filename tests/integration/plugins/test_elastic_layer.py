@@ -1,4 +1,4 @@
-"""A fast formulation written from `meeframe.plugin` alone: a layer on a rigid base, against closed forms."""
+"""A fast formulation that imports only `meeframe.plugin`, a layer on a rigid base, agrees with closed forms."""
 
 import re
 import sys
@@ -47,7 +47,7 @@ def layer(stiffness, width, thickness, divisions, base=(0.0,) * 5) -> Body:
     return Body(stiffness, mesh, held, "contact")
 
 
-def test_the_plugin_imports_the_public_modules_alone():
+def test_plugin_imports_public_modules_only():
     imported = re.findall(r"^(?:from|import) (meeframe[\w.]*)", FILE.read_text(encoding="utf-8"), re.MULTILINE)
     assert imported == ["meeframe.plugin"]
 
@@ -55,7 +55,7 @@ def test_the_plugin_imports_the_public_modules_alone():
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("divisions", "material"), [(48, "batio3-cofe2o4"), ((33, 36), "orthotropic-mee")])
 def test_conformance(formulation, divisions, material):
-    """All capabilities on even and odd grids, of media with and without symmetry about the normal."""
+    """All capabilities are tested on even and odd grids, for media with and without symmetry about the normal."""
     stiffness, thickness = library_material(material).stiffness, 0.01
     gradient = LinearField.random(stiffness, seed=3).gradient * [0.0, 0.0, 1.0]
     field = LinearField(stiffness, gradient, np.array([1e-5, -2e-5, 3e-5, 4.0, 5e-3]))
@@ -95,13 +95,13 @@ def surface_symbol_of(formulation):
     return sys.modules[type(formulation).__module__].surface_symbol
 
 
-def test_a_thick_layer_is_a_half_space(formulation):
+def test_thick_layer_approaches_half_space(formulation):
     stiffness = library_material("orthotropic-mee").stiffness
     m = np.array([[0.6, 0.8]])
-    found = surface_symbol_of(formulation)(stiffness, 100.0, m)[0]
+    computed = surface_symbol_of(formulation)(stiffness, 100.0, m)[0]
     expected = surface_compliance(stiffness, (0.0, 0.0, 1.0), np.array([[0.6, 0.8, 0.0]]))[0]
     scale = np.sqrt(np.abs(np.diag(expected)))
-    assert np.abs((found - expected) / np.outer(scale, scale)).max() < 1e-9
+    assert np.abs((computed - expected) / np.outer(scale, scale)).max() < 1e-9
 
 
 THICKNESS, RADIUS = 1.0, 100.0
@@ -113,8 +113,9 @@ def spherical(formulation, approach, divisions=96, width=4.0, law=None, translat
     return indentation_problem(system, height, approach, law or Signorini(), translation=translation)
 
 
-def test_a_sphere_on_a_thick_layer(formulation):
-    """Hertz with the series in sqrt(R g) / h that follows from the symbol; P = 1.4 times Hertz here."""
+def test_sphere_on_thick_layer(formulation):
+    """Hertz's force times the series in sqrt(R g) / h that follows from the symbol; P is 1.4 times Hertz's force
+    here."""
     approach = 2e-3
     problem = spherical(formulation, approach)
     solution = solve(problem, Auto())
@@ -134,8 +135,8 @@ def test_a_sphere_on_a_thick_layer(formulation):
     assert force / hertz == pytest.approx(series, rel=0.01)
 
 
-def test_capabilities_change_the_cost_and_not_the_answer(formulation):
-    """Friction under a drag, with all capabilities, without acceleration, and with nothing but apply."""
+def test_capabilities_do_not_change_the_solution(formulation):
+    """A frictional problem is solved with all capabilities, without acceleration, and with `apply` only."""
     problem = spherical(formulation, 2e-3, 64, law=IsotropicCoulomb(0.3), translation=(4e-4, 1e-4))
     loads, products = [], []
     for system in (

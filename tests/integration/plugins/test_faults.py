@@ -1,4 +1,5 @@
-"""Code of a plugin that fails wherever meeframe calls it is told as such, and the exception itself is at hand."""
+"""Exceptions in plugin code are reported as faults of the plugin, wherever meeframe calls it, with the original
+exception as cause."""
 
 import traceback
 from dataclasses import replace
@@ -91,7 +92,7 @@ WINKLER = ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "failing-springs
 
 @pytest.fixture
 def plugin(tmp_path):
-    """The file of the springs, and the registry with them."""
+    """Return the file of the springs, and the registry with them."""
     file = tmp_path / "springs.py"
     file.write_text(SPRINGS, encoding="utf-8")
     return file, load(file)
@@ -99,16 +100,16 @@ def plugin(tmp_path):
 
 @pytest.fixture
 def springs(plugin, write_case):
-    """Makes a case on springs that fail at a place."""
+    """Return a function that creates a case on springs that fail at a given place."""
     case = load_case(write_case(WINKLER), plugin[1])
     return lambda fails: replace(case, formulation=replace(case.formulation, fails=fails))
 
 
-def whole(case, _folder):
+def solve_whole(case, _folder):
     meeframe.solve_case(case)
 
 
-def turned_case(case, _folder):
+def rotated_case(case, _folder):
     joined(replace(case, axes=FrictionAxes(direction=(1.0, 1.0, 0.0))), [case.formulation.reduce(case.body)])
 
 
@@ -121,7 +122,7 @@ def cached(case, folder):
 
 
 def cached_twice(case, folder):
-    """Found again by its key, which does not depend on what the formulation fails at."""
+    """Solve a case whose system is found in the cache; the key does not depend on where the formulation fails."""
     cached_reduce(replace(case, formulation=replace(case.formulation, fails="")), folder)
     (file,) = folder.glob("*.h5")
     with pytest.MonkeyPatch.context() as patch:
@@ -129,49 +130,51 @@ def cached_twice(case, folder):
         cached_reduce(case, folder)
 
 
-def continued(case, folder):
-    """From where the same springs ended that did not fail."""
+def restarted(case, folder):
+    """Continue a run of the same springs without failure."""
     meeframe.run(replace(case, formulation=replace(case.formulation, fails="")), folder)
     later = replace(case, restart=read_restart(folder))
     next(solve_steps(later, case.formulation.reduce(case.body)))
 
 
-def warned(case, _folder):
+def check_warnings(case, _folder):
     warnings_of(bodies_of(case))
 
 
 @pytest.mark.parametrize(
     ("fails", "use"),
     [
-        ("warnings", warned),
-        ("reduce", whole),
-        ("apply", whole),
-        ("recover", whole),
-        ("dense", turned_case),
+        ("warnings", check_warnings),
+        ("reduce", solve_whole),
+        ("apply", solve_whole),
+        ("recover", solve_whole),
+        ("dense", rotated_case),
         ("to_arrays", for_contact),
         ("from_arrays", for_contact),
         ("dense", cached),
         ("from_arrays", cached_twice),
-        ("apply", continued),
+        ("apply", restarted),
     ],
 )
-def test_a_failing_formulation_is_reported_with_file_line_and_cause(plugin, springs, tmp_path, fails, use):
+def test_fault_of_a_formulation_names_file_line_and_cause(plugin, springs, tmp_path, fails, use):
     case = springs(fails)
     with pytest.raises(PluginFault) as raised:
         use(case, tmp_path / "out")
     check_fault(raised.value, plugin[0], fails)
 
 
-def check_fault(error, file, place):
-    """Its message names where, and the exception itself still knows all the way there."""
+def check_fault(error, file, position):
+    """Check that the message names the location and that the exception has the complete traceback."""
     lines = SPRINGS.splitlines()
-    assert f"plugin file {file}, line {1 + lines.index(RAISES)}, in reach: ZeroDivisionError: in {place}" in str(error)
+    assert f"plugin file {file}, line {1 + lines.index(RAISES)}, in reach: ZeroDivisionError: in {position}" in str(
+        error
+    )
     assert isinstance(error.__cause__, ZeroDivisionError)
     passed = {(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__cause__.__traceback__)}
-    assert (str(file), 1 + lines.index(f'        reach("{place}", self.fails)')) in passed
+    assert (str(file), 1 + lines.index(f'        reach("{position}", self.fails)')) in passed
 
 
-def test_so_is_a_counter_body(plugin, springs):
+def test_fault_of_the_formulation_of_the_second_body(plugin, springs):
     case = springs("")
     parts = case.material, case.mesh, case.conditions, case.zone
     with pytest.raises(PluginFault) as raised:
@@ -180,8 +183,8 @@ def test_so_is_a_counter_body(plugin, springs):
 
 
 @pytest.mark.parametrize("table", ["", "second_body."])
-def test_what_fails_while_a_case_is_read_has_its_cause(plugin, write_case, second_body, table):
-    """At its key."""
+def test_fault_while_reading_a_case(plugin, write_case, second_body, table):
+    """The message names the key."""
     failing = ('name = "failing-springs"', 'name = "failing-springs"\nfails = "check"')
     if table:
         second_body = second_body.replace(
@@ -223,16 +226,16 @@ def meeframe_contact_laws():
 
 
 @pytest.fixture
-def refusing(tmp_path):
+def rejecting(tmp_path):
     file = tmp_path / "refusing.py"
     file.write_text(REFUSING, encoding="utf-8")
     return load(file)
 
 
-def test_so_have_objects_that_cannot_be_made(refusing, write_case):
+def test_fault_in_a_constructor(rejecting, write_case):
     path = write_case((WINKLER[0], 'name = "dense-bem"'), more='[contact]\nlaw = { name = "refusing", mu = 0.0 }\n')
     with pytest.raises(CaseError, match=rf"{path}: contact\.law: plugin file .*, in __post_init__: ZeroD") as raised:
-        load_case(path, refusing)
+        load_case(path, rejecting)
     assert isinstance(raised.value.__cause__, ZeroDivisionError)
 
 
@@ -261,23 +264,23 @@ def meeframe_conductivity_laws():
 
 
 @pytest.mark.parametrize("field", ["electric", "magnetic"])
-def test_so_has_a_law_that_fails_where_it_is_asked_what_it_conducts(write_case, tmp_path, field):
+def test_fault_of_a_conductivity_law(write_case, tmp_path, field):
     file = tmp_path / "across.py"
     file.write_text(ACROSS, encoding="utf-8")
     path = write_case((WINKLER[0], 'name = "dense-bem"'), more=f'[conductivity]\n{field} = "across"\n')
-    told = rf"{path}: conductivity\.{field}: plugin file .*, in across_gap: ZeroD"
-    with pytest.raises(CaseError, match=told) as raised:
+    message = rf"{path}: conductivity\.{field}: plugin file .*, in across_gap: ZeroD"
+    with pytest.raises(CaseError, match=message) as raised:
         load_case(path, load(file))
     assert isinstance(raised.value.__cause__, ZeroDivisionError)
 
 
-def test_points_of_a_sweep_that_a_plugin_cannot_make_have_failed(plugin, write_case, tmp_path):
-    """And are tried again; if none can be made, the cause is at hand."""
+def test_fault_of_a_plugin_fails_the_points_of_a_sweep(plugin, write_case, tmp_path):
+    """Failed points are tried again; if none can be created, the error has the cause."""
     write_case(WINKLER)
     study = tmp_path / "study.toml"
     study.write_text('case = "case.toml"\n[axes]\n"formulation.fails" = ["", "check", "apply"]\n', encoding="utf-8")
-    found = sweep(study, tmp_path / "out", registry=plugin[1])
-    assert found.status.tolist() == ["converged", "failed", "failed"]
+    computed = sweep(study, tmp_path / "out", registry=plugin[1])
+    assert computed.status.tolist() == ["converged", "failed", "failed"]
     assert len(list((tmp_path / "out" / "points").iterdir())) == 1
     study.write_text('case = "case.toml"\n[axes]\n"formulation.fails" = ["check"]\n', encoding="utf-8")
     with pytest.raises(CaseError) as raised:
@@ -285,7 +288,7 @@ def test_points_of_a_sweep_that_a_plugin_cannot_make_have_failed(plugin, write_c
     check_fault(raised.value, plugin[0], "check")
 
 
-def test_a_comparison_none_of_which_can_be_made_has_its_cause(plugin, write_case, tmp_path):
+def test_comparison_without_valid_runs_has_the_cause(plugin, write_case, tmp_path):
     with pytest.raises(CaseError) as raised:
         compare(
             write_case(WINKLER),
@@ -321,8 +324,8 @@ def meeframe_contact_laws():
 """
 
 
-def test_a_law_that_fails_in_a_later_step_is_reported_there(write_case, tmp_path):
-    """Warnings ask what the steps lead to."""
+def test_fault_of_a_law_in_a_later_step(write_case, tmp_path):
+    """Preflight checks evaluate the later steps, too."""
     file = tmp_path / "lasting.py"
     file.write_text(LASTING, encoding="utf-8")
     law = '\nduration = 1.0\n[[steps]]\napproach = "-1 um"\nduration = 2.0\n[contact]\nlaw = "lasting"\n'
@@ -345,14 +348,14 @@ def run(quick):
 """
 
 
-@pytest.mark.parametrize(("fails", "told"), [("apply", True), ("check", False)])
-def test_published_cases_show_the_way_to_a_fault(plugin, write_case, tmp_path, fails, told):
-    """Of a case that is none they tell what it is."""
+@pytest.mark.parametrize(("fails", "message"), [("apply", True), ("check", False)])
+def test_fault_in_a_validation_case(plugin, write_case, tmp_path, fails, message):
+    """If an item of a case has a wrong type, the message names the type."""
     case = write_case((WINKLER[0], f'name = "failing-springs"\nfails = "{fails}"'))
-    place = tmp_path / "cases" / "springs"
-    place.mkdir(parents=True)
-    (place / "checks.py").write_text(CHECKS.format(case=case, file=plugin[0]), encoding="utf-8")
+    position = tmp_path / "cases" / "springs"
+    position.mkdir(parents=True)
+    (position / "checks.py").write_text(CHECKS.format(case=case, file=plugin[0]), encoding="utf-8")
     (report,) = validate(tmp_path / "cases", tmp_path / "out").cases
     assert f"in reach: ZeroDivisionError: in {fails}" in report.error
-    assert ("Traceback (most recent call last)" in report.error) is told
-    assert (f'reach("{fails}", self.fails)' in report.error) is told
+    assert ("Traceback (most recent call last)" in report.error) is message
+    assert (f'reach("{fails}", self.fails)' in report.error) is message

@@ -1,4 +1,5 @@
-"""The conformance kits name what fails, for which input, and why; wrong formulations and indenters are caught."""
+"""The conformance kits name the violated property, the input and the reason; wrong formulations and indenters are
+detected."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -28,7 +29,7 @@ from meeframe.system.reduced import ReducedSystem, silent
 from meeframe.testing.manufactured import LinearField
 
 
-def test_all_kits_are_there():
+def test_all_kits_exist():
     for name in kits.__all__:
         assert getattr(kits, name).__name__ == name
     with pytest.raises(AttributeError, match="check_nothing"):
@@ -53,7 +54,7 @@ def _return_to_cone(trial, mu):
 
 @dataclass(frozen=True)
 class CompiledCoulomb(ContactLaw):
-    """Compiled laws work as docs/howto/plugins.md says."""
+    """Compiled Coulomb friction as described on docs/howto/plugins.md."""
 
     mu: float
 
@@ -64,7 +65,7 @@ class CompiledCoulomb(ContactLaw):
         return np.eye(2)
 
 
-def test_a_compiled_law_agrees_with_the_plain_one():
+def test_compiled_law_agrees_with_plain_law():
     kits.check_contact_law(CompiledCoulomb(0.3), reference=IsotropicCoulomb(0.3))
     with pytest.raises(AssertionError, match="differs from the reference law") as caught:
         kits.check_contact_law(CompiledCoulomb(0.3), reference=IsotropicCoulomb(0.3001))
@@ -73,7 +74,7 @@ def test_a_compiled_law_agrees_with_the_plain_one():
 
 @dataclass(frozen=True)
 class ZeroOverZero(ContactLaw):
-    """Right but at trials without tangential part."""
+    """Correct except for trials without tangential component."""
 
     def project(self, trial):
         normal = np.minimum(trial[:, 2:], 0.0)
@@ -95,8 +96,8 @@ def test_hypothesis_finds_the_simplest_trial():
 
 
 @dataclass(frozen=True)
-class Sticky(Indenter):
-    """Heights counted from nowhere."""
+class Raised(Indenter):
+    """Heights that are raised by a constant."""
 
     drop: float = 0.0
 
@@ -105,8 +106,8 @@ class Sticky(Indenter):
 
 
 @dataclass(frozen=True)
-class Meshed(Indenter):
-    """Depends on what else is asked for."""
+class NonlocalHeights(Indenter):
+    """Heights that depend on the other requested points."""
 
     def height(self, x, y):
         return x**2 - (x**2).min() + y**2 * (1 + len(x))
@@ -115,14 +116,14 @@ class Meshed(Indenter):
 @pytest.mark.parametrize(
     ("indenter", "message"),
     [
-        (Sticky(-1e-9), "negative or NaN, though approaches count from the lowest point: -1e-09 at x, y = 0, 0 m"),
-        (Sticky(1.0), "no height near zero"),
-        (Sticky(float("nan")), "height is negative or NaN"),
-        (Meshed(), "height depends on other points"),
+        (Raised(-1e-9), "negative or NaN, though approaches count from the lowest point: -1e-09 at x, y = 0, 0 m"),
+        (Raised(1.0), "no height near zero"),
+        (Raised(float("nan")), "height is negative or NaN"),
+        (NonlocalHeights(), "height depends on other points"),
     ],
 )  # fmt: skip
-def test_wrong_indenters_are_caught(indenter, message):
-    kits.check_indenter(Sticky())
+def test_wrong_indenters_are_detected(indenter, message):
+    kits.check_indenter(Raised())
     with pytest.raises(AssertionError, match=message):
         kits.check_indenter(indenter)
 
@@ -132,7 +133,7 @@ THICKNESS = 0.02
 
 @pytest.fixture(scope="module")
 def layer(tmp_path_factory):
-    """A formulation to spoil, a body, and the field that it has to meet: those of a new package."""
+    """Return a formulation, a body and an exact field, as in a new package."""
     folder = new_plugin(Kind.FORMULATION, "layer", load(), tmp_path_factory.mktemp("layer"))
     formulation = load(folder / "meeframe_layer.py").create(Kind.FORMULATION, {"name": "layer", "thickness": THICKNESS})
     stiffness = library_material("batio3-cofe2o4").stiffness
@@ -148,8 +149,8 @@ def rotated(frames):
 
 
 @dataclass(frozen=True)
-class Growing(ReducedSystem):
-    """A compliance that is none."""
+class Indefinite(ReducedSystem):
+    """A system whose compliance is not positive definite."""
 
     inner: ReducedSystem
 
@@ -167,18 +168,18 @@ class Growing(ReducedSystem):
         return self.inner.recover(load)
 
 
-def growing(system):
+def indefinite(system):
     parts = {name: getattr(system, name) for name in ("points", "frames", "weights", "cells", "offset")}
-    return Growing(**parts, inner=replace(system, matrix=1e3 * system.matrix))
+    return Indefinite(**parts, inner=replace(system, matrix=1e3 * system.matrix))
 
 
 def shifted(system):
-    """Recovers what another load causes."""
+    """Return a system that recovers the fields of another load."""
     return replace(system, recovery=lambda load: system.recover(1.01 * load))
 
 
-def twisted(matrix):
-    """Node by node a load along e1 answers one along e2 otherwise than the other way round."""
+def unsymmetric(matrix):
+    """Return a system in which reciprocity between e1 and e2 fails at each node."""
     matrix = matrix.copy()
     nodes = range(len(matrix))
     matrix[nodes, 0, nodes, 1] += 0.5 * matrix[nodes, 0, nodes, 0]
@@ -191,7 +192,7 @@ SPOILT = {
     "weights do not add up": lambda s, _: replace(s, weights=2 * s.weights),
     "lies outside the contact zone": lambda s, _: replace(s, points=s.points + np.array([0.0, 0.0, 1e-3])),
     "offset is not finite": lambda s, _: replace(s, offset=s.offset[:, :3]),
-    "apply is not linear": lambda s, _: growing(s),
+    "apply is not linear": lambda s, _: indefinite(s),
     "the offset is not zero though": lambda s, _: replace(s, offset=s.offset + 1e-6),
     "the compliance depends on the prescribed data": lambda s, b: replace(
         s, matrix=s.matrix * (1 + b.conditions[3].data)
@@ -201,14 +202,14 @@ SPOILT = {
     ),
     "is not reproduced in -phi": lambda s, _: replace(s, offset=s.offset * [1.0, 1, 1, -1, 1]),
     "a load gains energy": lambda s, _: replace(s, matrix=-s.matrix),
-    "reciprocal theorem": lambda s, _: replace(s, matrix=twisted(s.matrix)),
+    "reciprocal theorem": lambda s, _: replace(s, matrix=unsymmetric(s.matrix)),
     "recover has other values on the zone": lambda s, _: shifted(s),
 }
 
 
 @dataclass(frozen=True)
 class Altered(PersistentFormulation):
-    """A right formulation whose system is changed, and made from arrays otherwise."""
+    """A correct formulation whose system, or system from arrays, is modified."""
 
     inner: Formulation
     change: Callable[[DenseSystem, Body], ReducedSystem]
@@ -226,7 +227,7 @@ class Altered(PersistentFormulation):
 
 @pytest.mark.full(except_for=9)
 @pytest.mark.parametrize("fault", SPOILT)
-def test_wrong_formulations_are_caught(layer, fault):
+def test_wrong_formulations_are_detected(layer, fault):
     formulation, body, field = layer
     loose = fault in ("a load gains energy", "reciprocal theorem")
     kits.check_formulation(formulation, body, field, tolerance=1e-9)
@@ -236,7 +237,7 @@ def test_wrong_formulations_are_caught(layer, fault):
 
 @dataclass(frozen=True, eq=False)
 class Stored(ReducedSystem, Persistence):
-    """Stores its offset, and shows no matrix."""
+    """A system that stores its offset and has no matrix."""
 
     inner: DenseSystem
 
@@ -267,7 +268,7 @@ FROM_ARRAYS = {
 
 
 @pytest.mark.parametrize("fault", FROM_ARRAYS)
-def test_systems_wrongly_made_from_arrays_are_caught(layer, fault):
+def test_systems_wrongly_restored_from_arrays_are_detected(layer, fault):
     formulation, body, field = layer
     right = Altered(formulation, lambda s, _: stored(s), lambda s, k: stored(replace(s, offset=k["offset"])))
     kits.check_formulation(right, body, field, tolerance=1e-9)
@@ -276,8 +277,8 @@ def test_systems_wrongly_made_from_arrays_are_caught(layer, fault):
 
 
 @dataclass(frozen=True)
-class Careless(Formulation):
-    """Accepts whatever it is given."""
+class AcceptsEverything(Formulation):
+    """A formulation that rejects nothing."""
 
     inner: Formulation
 
@@ -288,31 +289,31 @@ class Careless(Formulation):
         return self.inner.reduce(body, progress)
 
 
-def test_a_formulation_has_to_refuse_what_it_cannot_do(layer):
+def test_formulation_must_reject_unsupported_bodies(layer):
     formulation, body, field = layer
     with pytest.raises(AssertionError, match="check accepts an unknown face group"):
-        kits.check_formulation(Careless(formulation), body, field)
+        kits.check_formulation(AcceptsEverything(formulation), body, field)
 
 
-def test_a_layer_is_no_half_space(layer):
+def test_layer_fails_the_half_space_check(layer):
     formulation, body, _ = layer
     with pytest.raises(AssertionError, match=r"a sphere pressed 3e-05 m deep needs .* in closed form"):
         kits.check_indentation(formulation, body)
 
 
-def test_arrays_of_the_wrong_shape_are_reported_before_contact_is_solved(layer):
+def test_wrong_shapes_are_reported_before_contact_is_solved(layer):
     formulation, body, _ = layer
     with pytest.raises(AssertionError, match="offset is not finite"):
         kits.check_indentation(Altered(formulation, SPOILT["offset is not finite"]), body)
 
 
-def test_frictionless_contact_is_a_law_too():
+def test_frictionless_law_conforms():
     kits.check_contact_law(Signorini(), reference=IsotropicCoulomb(0.0))
 
 
 @dataclass(frozen=True)
 class Notched(Indenter):
-    """No height on one line, which no random point meets."""
+    """An indenter without height on a single line, which random points miss."""
 
     def height(self, x, y):
         return np.where((x == y) & (x != 0.0), np.nan, x**2 + y**2)
@@ -324,8 +325,8 @@ def test_hypothesis_finds_the_line_without_height():
 
 
 @dataclass(frozen=True)
-class AfraidOfTheVoid(Solver):
-    """Right, but for contact that does not come about."""
+class FailsWithoutContact(Solver):
+    """A solver that fails only where there is no contact."""
 
     inner: Solver = field(default_factory=SemismoothNewton)
 
@@ -340,16 +341,16 @@ class AfraidOfTheVoid(Solver):
 
 
 @pytest.mark.full
-def test_hypothesis_finds_the_contact_that_a_solver_fails_on():
+def test_hypothesis_finds_the_problem_that_a_solver_fails_on():
     with pytest.raises(
         AssertionError, match=r"(?s)indentation .*'approach': (-1e-05|0\.0|1e-06).*the worst condition is"
     ):
-        kits.check_solver(AfraidOfTheVoid())
+        kits.check_solver(FailsWithoutContact())
 
 
 @dataclass(frozen=True)
-class Picky(Solver):
-    """Solves everything, but its check refuses conduction, or takes no rigid body."""
+class RejectsTooMuch(Solver):
+    """A solver that solves everything, but rejects conduction or rigid bodies."""
 
     refuses: str
     inner: Solver = field(default_factory=SemismoothNewton)
@@ -368,21 +369,21 @@ class Picky(Solver):
 
 
 @pytest.mark.parametrize(
-    ("refuses", "told"),
+    ("refuses", "reported"),
     [
         ("conduction", "conducting: check refuses it: CaseError: solver 'picky' is for insulated contact"),
         ("rigid bodies", "insulated on a rigid body: check refuses it: ZeroDivisionError: no compliance"),
     ],
 )
-def test_checks_that_refuse_ordinary_problems_are_found(refuses, told):
-    with pytest.raises(AssertionError, match=f"{told}\nwhy it matters: check runs before the body is reduced"):
-        kits.check_solver(Picky(refuses))
+def test_overly_strict_checks_are_detected(refuses, reported):
+    with pytest.raises(AssertionError, match=f"{reported}\nwhy it matters: check runs before the body is reduced"):
+        kits.check_solver(RejectsTooMuch(refuses))
 
 
-def gaining(system, _body):
-    """Gains energy by electric charge that is the same everywhere, and by that alone."""
+def gains_energy(system, _body):
+    """Return a system that gains energy from uniform electric charges only."""
     matrix = system.matrix.copy()
-    # along charges of one sign the response turns round; Betti still holds
+    # the response to charges of one sign is reversed; reciprocity still holds
     own = np.einsum("n,nm->", system.weights, matrix[:, 3, :, 3]) / system.weights.sum() ** 2
     matrix[:, 3, :, 3] -= 1.01 * own * system.weights
     return replace(system, matrix=matrix)
@@ -393,4 +394,4 @@ def test_hypothesis_finds_a_load_that_gains_energy(layer):
     with pytest.raises(
         AssertionError, match=r"(?s)a load gains energy.*fields \(0\.0, 0\.0, 0\.0, -?1\.0, 0\.0\), shape 0: work -"
     ):
-        kits.check_formulation(Altered(formulation, gaining), body, field, tolerance=10.0)
+        kits.check_formulation(Altered(formulation, gains_energy), body, field, tolerance=10.0)

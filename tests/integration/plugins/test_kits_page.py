@@ -1,4 +1,4 @@
-"""The law with a compliance on docs/howto/plugins.md is registered, conforms, and does what the page says."""
+"""The compliant law on docs/howto/plugins.md is registered, conforms, and behaves as described."""
 
 import re
 from dataclasses import replace
@@ -31,17 +31,17 @@ def law(source, tmp_path_factory) -> ContactLaw:
     return load(file).create(Kind.CONTACT_LAW, {"name": "spring-layer", "stiffness": "1e6 MPa/m", "mu": 0.3})
 
 
-def test_the_class_takes_less_than_thirty_lines(source):
+def test_law_has_fewer_than_thirty_lines(source):
     body = source[source.index("@dataclass") : source.index("@hookimpl")].strip()
     assert len(body.splitlines()) < 30
 
 
-def test_it_conforms(law):
+def test_conformance(law):
     check_contact_law(law)
     check_monotone(law)
 
 
-def test_surfaces_overlap_in_proportion_to_the_pressure(law):
+def test_overlap_is_proportional_to_pressure(law):
     system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3]), 5e-3, 10)
     x, y, _ = system.points.T
     problem = indentation_problem(system, (x**2 + y**2) / 0.2, 5e-5, law, translation=(3e-6, 0.0))
@@ -52,7 +52,7 @@ def test_surfaces_overlap_in_proportion_to_the_pressure(law):
     np.testing.assert_allclose(newton.load[:, 2], expected, atol=1e-7 * np.abs(expected).max())
 
 
-def test_stiff_springs_are_none(law):
+def test_stiff_springs_approach_hard_contact(law):
     trial, gap = np.random.default_rng(0).normal(size=(2, 50, 3))
     stiff = replace(law, stiffness=1e30)
     hard = IsotropicCoulomb(0.3).project(trial)

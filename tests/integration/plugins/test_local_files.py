@@ -1,4 +1,4 @@
-"""Plugins from files: found by --plugin only; whatever is wrong with one is told with file, line and cause."""
+"""Plugin files are loaded by --plugin only; errors in them are reported with file, line and cause."""
 
 import hashlib
 import json
@@ -59,7 +59,7 @@ def write(tmp_path):
     return make
 
 
-def test_a_file_registers_by_the_same_hooks_and_only_where_it_is_named(write):
+def test_file_registers_only_where_it_is_named(write):
     registry = load(write(LAW))
     law = registry.create(Kind.CONDUCTIVITY_LAW, {"name": "linear", "slope": 2})
     np.testing.assert_allclose(contact_conductivity(law, np.array([-3.0, 1.0])), [6.0, 0.0])
@@ -69,14 +69,14 @@ def test_a_file_registers_by_the_same_hooks_and_only_where_it_is_named(write):
     assert entry.provider.version.startswith("sha256:")
 
 
-def test_a_file_that_has_changed_is_read_again(write):
+def test_changed_file_is_read_again(write):
     assert load(write(LAW)).names(Kind.CONDUCTIVITY_LAW).count("linear") == 1
     changed = load(write(LAW.replace('Record("linear"', 'Record("straight"')))
     assert "straight" in changed.names(Kind.CONDUCTIVITY_LAW)
     assert "linear" not in changed.names(Kind.CONDUCTIVITY_LAW)
 
 
-def test_parameters_in_words(write):
+def test_description_of_parameters(write):
     registry = load(write(LAW))
     shown = {p.name: (p.unit, p.allowed, p.default) for p in parameters(find(registry, "linear")[0], registry)}
     assert shown == {
@@ -90,7 +90,7 @@ def test_parameters_in_words(write):
     assert [p.default for p in parameters(built_in, registry)] == ["tabulated", "1e-05", "0.523599"]
 
 
-def test_a_result_says_which_file_made_it(write, case_file, tmp_path):
+def test_result_records_the_plugin_file(write, case_file, tmp_path):
     file = write(LAW)
     with case_file.open("a", encoding="utf-8") as text:
         text.write('[conductivity]\nelectric = {name = "linear", slope = 1e-12}\n')
@@ -116,12 +116,12 @@ def test_a_result_says_which_file_made_it(write, case_file, tmp_path):
         (LAW.replace("def conductivity", "def kappa"), "class Linear lacks conductivity, which meeframe"),
     ],
 )  # fmt: skip
-def test_a_bad_file_is_reported_with_line_and_cause(write, text, message):
+def test_invalid_file_is_reported_with_line_and_cause(write, text, message):
     with pytest.raises(PluginError, match=f"plugin file .*laws.py.*{message}"):
         load(write(text))
 
 
-def test_the_command_line_says_so_without_a_traceback(write, tmp_path):
+def test_command_line_reports_without_traceback(write, tmp_path):
     for arguments in (["plugins"], ["check", "case.toml"], ["run", "case.toml", "--out", str(tmp_path / "out")]):
         for file, message in ((tmp_path / "missing.py", "cannot be read"), (write("1 / 0\n"), "line 1: ZeroDivisionE")):
             done = CliRunner().invoke(app, [*arguments, "--plugin", str(file)])
@@ -159,8 +159,9 @@ WORN = """
 """
 
 
-def test_a_failing_law_is_reported_with_line_and_cause_and_finished_steps_stay(write, case_file, tmp_path):
-    """In its second increment here; and before anything is computed, at its key, where it fails at once."""
+def test_failing_law_is_reported_and_finished_steps_are_saved(write, case_file, tmp_path):
+    """The law fails in the second increment; a law that fails at once is reported at its key before anything is
+    computed."""
     file, case, out = write(WORN), case_file.read_text(encoding="utf-8"), tmp_path / "out"
     drag = '\n[[steps]]\ntranslation = ["1 um", 0]\nincrements = 2\n'
     case_file.write_text(case + drag + '[contact]\nlaw = "worn"\n', encoding="utf-8")
@@ -208,11 +209,11 @@ PASSING = """
 
 @pytest.mark.full
 @pytest.mark.parametrize(
-    ("fault", "told", "status"),
+    ("fault", "reported", "status"),
     [("1 / 0", "ZeroDivisionError: division by zero", 1), ("raise OSError(28, 'No room')", "[Errno 28] No room", 2)],
 )
-def test_a_sweep_tries_a_law_again_that_failed(write, write_case, tmp_path, fault, told, status):
-    """And a full disk ends it."""
+def test_sweep_retries_failed_laws(write, write_case, tmp_path, fault, reported, status):
+    """A full disk ends the sweep."""
     flag, out, study = tmp_path / "flag", tmp_path / "out", tmp_path / "study.toml"
     flag.touch()
     file = write(PASSING.replace("FAULT", fault))
@@ -224,14 +225,14 @@ def test_a_sweep_tries_a_law_again_that_failed(write, write_case, tmp_path, faul
     arguments = ["sweep", str(study), "--out", str(out), "--workers", "1", "--plugin", str(file)]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == status, done.stdout + done.stderr
-    assert told in done.stdout + done.stderr
+    assert reported in done.stdout + done.stderr
     flag.unlink()
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.stdout + done.stderr
     assert "converged" in done.stdout
 
 
-def test_a_law_that_fails_where_it_is_asked_first_fails_at_its_key(write, case_file):
+def test_law_that_fails_at_first_use_is_reported_at_its_key(write, case_file):
     file = write(LAW.replace("np.maximum", "np.maxinum"))
     with case_file.open("a", encoding="utf-8") as text:
         text.write('[conductivity]\nelectric = {name = "linear", slope = 1e-12}\n')
@@ -241,7 +242,7 @@ def test_a_law_that_fails_where_it_is_asked_first_fails_at_its_key(write, case_f
     assert "in conductivity: AttributeError: module 'numpy' has no attribute 'maxinum'" in done.stderr
 
 
-def test_defects_of_others_are_not_laid_to_plugins():
+def test_defects_elsewhere_are_not_attributed_to_plugins():
     with pytest.raises(ZeroDivisionError), faults_of_plugins():
         1 / 0  # noqa: B018
 
@@ -261,7 +262,7 @@ def called_from_a_plugin(file, call):
         load_file(file)[1].Callers(call).reduce()
 
 
-def test_what_a_caller_raises_in_a_callback_passes(write, tmp_path):
+def test_exceptions_of_callbacks_propagate(write, tmp_path):
     (tmp_path / "plugin").mkdir()
     file = write(CALLING, "plugin/calling.py")
     with pytest.raises(ZeroDivisionError):
@@ -269,35 +270,35 @@ def test_what_a_caller_raises_in_a_callback_passes(write, tmp_path):
 
 
 def test_faults_name_the_innermost_frame_too(write, tmp_path):
-    """Of a library, or of meeframe, which the plugin called."""
+    """The innermost frame may be in a library, or in meeframe code that the plugin called."""
     file = write(CALLING)
-    told = rf"plugin file {file}, line 7, in reduce: LinAlgError: .*; raised in .*linalg.*\.py, line \d+, in \w+"
-    with pytest.raises(PluginFault, match=told) as caught:
+    reported = rf"plugin file {file}, line 7, in reduce: LinAlgError: .*; raised in .*linalg.*\.py, line \d+, in \w+"
+    with pytest.raises(PluginFault, match=reported) as caught:
         called_from_a_plugin(file, partial(np.linalg.inv, np.zeros((2, 2))))
     assert isinstance(caught.value.__cause__, np.linalg.LinAlgError)
 
 
-def test_what_a_class_says_of_its_keys_is_said_at_them(write, case_file):
-    """A ValueError of its __post_init__ is no defect of the plugin; another error is one."""
+def test_value_error_of_a_constructor_is_reported_at_the_key(write, case_file):
+    """A ValueError of __post_init__ is no defect of the plugin; any other error is."""
     method = "def __post_init__(self):\n            CHECK\n\n        def conductivity"
     refusing = LAW.replace("def conductivity", method)
     with case_file.open("a", encoding="utf-8") as text:
         text.write('[conductivity]\nelectric = {name = "linear", slope = 1e-12}\n')
-    for number, (check, told) in enumerate(
+    for number, (check, reported) in enumerate(
         [("raise ValueError('slope is too small')", "slope is too small\n"), ("1 / 0", "plugin file ")]
     ):
         file = write(refusing.replace("CHECK", check), f"laws_{number}.py")
         done = CliRunner().invoke(app, ["check", str(case_file), "--plugin", str(file)])
         assert done.exit_code == 2
-        assert f"error: {case_file}: conductivity.electric: {told}" in done.stderr
+        assert f"error: {case_file}: conductivity.electric: {reported}" in done.stderr
 
 
-def test_files_that_register_one_name_twice_are_refused(write):
+def test_duplicate_names_in_a_file_are_rejected(write):
     with pytest.raises(PluginError, match=r"conductivity law 'linear' is provided twice: by .*a.py .*and by .*b.py "):
         load(write(LAW, "a.py"), write(LAW, "b.py"))
 
 
-def test_show_lists_near_names():
+def test_show_suggests_similar_names():
     done = CliRunner().invoke(app, ["plugins", "show", "orthotropic-colomb"])
     assert (done.exit_code, done.stdout) == (2, "")
     assert "unknown name 'orthotropic-colomb'; did you mean 'orthotropic-coulomb'? allowed: " in done.stderr

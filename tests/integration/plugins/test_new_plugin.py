@@ -1,4 +1,4 @@
-"""Packages written by `meeframe new-plugin` install, pass their own tests as they are, and work in cases."""
+"""Packages created by `meeframe new-plugin` install, pass their tests, and work in cases."""
 
 import re
 from xml.etree import ElementTree
@@ -15,7 +15,7 @@ KINDS = [kind.value.replace(" ", "-") for kind in Kind]
 
 
 def invoke(*arguments):
-    """Exit status, standard output, standard error."""
+    """Return exit status, standard output and standard error."""
     result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -24,7 +24,7 @@ def invoke(*arguments):
 
 @pytest.fixture(scope="session")
 def packages(tmp_path_factory):
-    """A package of each kind, as written."""
+    """Return a package of each kind, as created."""
     folder = tmp_path_factory.mktemp("packages")
     for kind in KINDS:
         status, out, err = invoke("new-plugin", kind, f"new-{kind}", "--out", folder / kind)
@@ -35,7 +35,7 @@ def packages(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def results(packages, package_tools, tmp_path_factory):
-    """Results of the packages' own tests, installed into a folder of their own: name of the test -> what failed."""
+    """Return results of the packages' tests after installation into a separate folder: name of the test -> failure."""
     site = tmp_path_factory.mktemp("site")
     for kind in KINDS:
         package_tools.install(packages / kind, site)
@@ -49,7 +49,7 @@ def results(packages, package_tools, tmp_path_factory):
 
 @pytest.mark.full
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_new_package_passes_its_own_tests_as_it_is(results, kind):
+def test_new_package_passes_its_tests(results, kind):
     module = f"test_meeframe_new_{kind.replace('-', '_')}"
     own = {key: failed for key, failed in results.items() if key[0].split(".")[-1] in (module, f"{module}_example")}
     assert len(own) >= 5
@@ -58,7 +58,7 @@ def test_a_new_package_passes_its_own_tests_as_it_is(results, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_new_module_works_as_a_local_file(packages, kind):
+def test_new_module_works_as_local_file(packages, kind):
     module = packages / kind / f"meeframe_new_{kind.replace('-', '_')}.py"
     status, out, _ = invoke("plugins", "show", f"new-{kind}", "--plugin", module)
     assert status == 0
@@ -69,7 +69,7 @@ def test_a_new_module_works_as_a_local_file(packages, kind):
 
 
 @pytest.mark.full
-def test_elements_that_vtk_does_not_have_are_shown_by_their_corners(packages, tmp_path):
+def test_elements_unknown_to_vtk_are_written_by_their_corners(packages, tmp_path):
     module = packages / "element" / "meeframe_new_element.py"
     case = packages / "element" / "example.toml"
     status, out, err = invoke("run", case, "--plugin", module, "--out", tmp_path / "out")
@@ -80,12 +80,12 @@ def test_elements_that_vtk_does_not_have_are_shown_by_their_corners(packages, tm
     assert sum(len(block.data) for block in fields.cells) == load_case(case, load(module)).mesh.n_elements
 
 
-def test_a_friction_law_is_short(packages):
+def test_friction_law_is_short(packages):
     lines = (packages / "contact-law" / "meeframe_new_contact_law.py").read_text(encoding="utf-8").splitlines()
     assert len([line for line in lines if line.strip()]) < 30
 
 
-def test_the_readme_runs_a_case_under_several_solvers(packages):
+def test_readme_runs_a_case_with_several_solvers(packages):
     text = (packages / "contact-law" / "README.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"^meeframe compare .*$", text, re.MULTILINE)
     assert line.count("--solver") >= 2
@@ -106,7 +106,7 @@ def test_the_readme_runs_a_case_under_several_solvers(packages):
         ("contact-law", "contact-law", "needs a class ContactLaw, a name that Python or meeframe uses"),
     ],
 )
-def test_bad_names_are_refused(tmp_path, kind, name, message):
+def test_invalid_names_are_rejected(tmp_path, kind, name, message):
     status, out, err = invoke("new-plugin", kind, name, "--out", tmp_path / "new")
     assert (status, out) == (2, "")
     assert err.startswith("error: ")
@@ -114,18 +114,18 @@ def test_bad_names_are_refused(tmp_path, kind, name, message):
     assert not (tmp_path / "new").exists()
 
 
-def test_folders_that_hold_files_are_refused(tmp_path):
+def test_occupied_folders_are_rejected(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    told = f"folder {tmp_path} is not empty; name another one with --out, such as {tmp_path / 'meeframe-mine'}"
+    reported = f"folder {tmp_path} is not empty; name another one with --out, such as {tmp_path / 'meeframe-mine'}"
     status, _, err = invoke("new-plugin", "solver", "mine", "--out", tmp_path)
-    assert (status, err) == (2, f"error: {told}\n")
+    assert (status, err) == (2, f"error: {reported}\n")
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
     status, _, err = invoke("new-plugin", "solver", "mine", "--out", tmp_path / "notes.txt")
     assert status == 2
     assert "cannot be written" in err
 
 
-def test_an_existing_folder_is_not_overwritten_without_out(tmp_path, monkeypatch):
+def test_existing_folder_is_not_overwritten_without_out(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "meeframe-mine").mkdir()
     (tmp_path / "meeframe-mine" / "notes.txt").write_text("mine")
@@ -134,14 +134,14 @@ def test_an_existing_folder_is_not_overwritten_without_out(tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_new_module_needs_nothing_but_the_contract(packages, kind):
-    """A generated module imports meeframe.plugin alone, as docs/howto/plugins.md says."""
+def test_new_module_imports_the_contract_only(packages, kind):
+    """A generated module imports only meeframe.plugin, as stated on docs/howto/plugins.md."""
     text = (packages / kind / f"meeframe_new_{kind.replace('-', '_')}.py").read_text(encoding="utf-8")
     assert set(re.findall(r"^(?:from|import) (meeframe[\w.]*)", text, re.MULTILINE)) == {"meeframe.plugin"}
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_tests_of_a_new_package_need_nothing_but_the_contract_and_the_kits(packages, kind):
+def test_tests_of_new_package_import_contract_and_kits_only(packages, kind):
     for file in (packages / kind / "tests").glob("*.py"):
         text = file.read_text(encoding="utf-8")
         modules = {
@@ -150,7 +150,7 @@ def test_tests_of_a_new_package_need_nothing_but_the_contract_and_the_kits(packa
         assert modules <= {"meeframe.plugin", "meeframe.testing"}
 
 
-def test_the_example_of_a_formulation_has_one_thickness(packages, tmp_path):
+def test_example_formulation_has_one_thickness(packages, tmp_path):
     module, example = (packages / "formulation" / name for name in ("meeframe_new_formulation.py", "example.toml"))
     text = example.read_text(encoding="utf-8")
     (tmp_path / "case.toml").write_text(text.replace('thickness = "0.5 mm"', 'thickness = "1 mm"'), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""docs/tutorials/first-friction-law.md, run from top to bottom."""
+"""The tutorial docs/tutorials/first-friction-law.md works from top to bottom."""
 
 import re
 import shlex
@@ -16,7 +16,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "tutorials" / "first-friction-law.md
 
 
 def run_block(language: str, text: str) -> None:
-    """Save a block that begins with its file's name, run a Python block here, run commands line by line."""
+    """Save a block that begins with a file name, run a Python block, or run commands line by line."""
     name = re.match(r"# ([\w.]+)\n", text)
     if name:
         Path(name[1]).write_text(text, encoding="utf-8")
@@ -30,7 +30,7 @@ def run_block(language: str, text: str) -> None:
 
 
 @pytest.mark.full
-def test_the_tour(tmp_path, monkeypatch):
+def test_tutorial(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```(python|toml|sh)\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     assert [language for language, _ in blocks] == ["python", "python", "toml", "sh", "sh", "python", "sh"]
@@ -40,7 +40,7 @@ def test_the_tour(tmp_path, monkeypatch):
     assert Path("meeframe-shear-limit/meeframe_shear_limit.py").exists()
 
 
-def test_the_message_that_it_shows(tmp_path):
+def test_message_shown_on_the_page(tmp_path):
     text = PAGE.read_text(encoding="utf-8")
     source = re.search(r"^```python\n(# shear_limited.py.*?)^```", text, re.DOTALL | re.MULTILINE)[1]
     wrong = tmp_path / "wrong.py"

@@ -1,4 +1,4 @@
-"""The paraboloid of the elliptic contact, given as heights."""
+"""The paraboloid of the elliptic contact can be given as heights."""
 
 from pathlib import Path
 
@@ -12,8 +12,8 @@ RADII = 'name = "paraboloid"\nradius_x = "200 mm"\nradius_y = "20 mm"'
 HEIGHTS = 'name = "heights"\nfile = "paraboloid.csv"\ninterpolation = "cubic"'
 
 
-def test_cubic_heights_of_a_paraboloid_press_as_it_does(tmp_path: Path) -> None:
-    """Five by five of them: cubics give it exactly."""
+def test_cubic_heights_match_the_paraboloid(tmp_path: Path) -> None:
+    """Cubic interpolation of 5 x 5 heights represents the paraboloid exactly."""
     text = CASE.read_text(encoding="utf-8").replace("divisions = 76", "divisions = 20")
     assert RADII in text
     x, y = np.meshgrid(np.linspace(-5e-3, 5e-3, 5), np.linspace(-1.2e-3, 1.2e-3, 5), indexing="ij")

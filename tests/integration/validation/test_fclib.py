@@ -1,4 +1,4 @@
-"""Siconos on the quick cases of validation/fclib; without Siconos, that its absence is said."""
+"""Siconos agrees on the quick cases of validation/fclib; without Siconos, its absence is reported."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ FOLDER = Path(__file__).parents[3] / "validation" / "fclib"
 
 @contextmanager
 def modules_of(folder: Path, *names: str) -> Iterator[list[ModuleType]]:
-    """Modules of a folder by their plain names, of which no trace is left: other cases have a study.py too."""
+    """Return modules of a folder by name and remove them from `sys.modules`: other cases have a study.py, too."""
     sys.path.insert(0, str(folder))
     try:
         yield [__import__(name) for name in names]
@@ -54,22 +54,22 @@ def test_siconos_agrees_in_every_regime(rows):
 
 
 @needs_siconos
-def test_siconos_is_handed_the_file(tmp_path):
-    """One contact by hand; a file with another coefficient gives another answer."""
+def test_siconos_reads_the_file(tmp_path):
+    """A single contact has a closed form, and a file with another coefficient gives another solution."""
     local = LocalProblem(np.diag([2e-9, 1e-9, 1e-9]), np.array([-1e-5, 6e-6, 8e-6]), np.array([0.3]))
     path = tmp_path / "a.hdf5"
     for mu in (0.3, 0.5):
         write_local(path, replace(local, mu=np.array([mu])))
         for solver in siconos_reference.SOLVERS:
-            found = siconos_reference.siconos_solves(path, solver)
-            assert found.converged
-            np.testing.assert_allclose(found.r, 5000.0 * np.array([1.0, -0.6 * mu, -0.8 * mu]), rtol=1e-11)
+            computed = siconos_reference.siconos_solves(path, solver)
+            assert computed.converged
+            np.testing.assert_allclose(computed.r, 5000.0 * np.array([1.0, -0.6 * mu, -0.8 * mu]), rtol=1e-11)
             expected = (1e-5 - 5e-6 * mu) * np.array([0.0, 0.6, 0.8])
-            np.testing.assert_allclose(found.u, expected, rtol=1e-11, atol=1e-18)
+            np.testing.assert_allclose(computed.u, expected, rtol=1e-11, atol=1e-18)
 
 
-def test_without_siconos_the_check_is_skipped_and_says_so(monkeypatch):
-    # no Python finds Siconos
+def test_check_is_skipped_without_siconos(monkeypatch):
+    # Siconos is not found by any Python
     monkeypatch.setattr(subprocess, "run", lambda *given, **_options: subprocess.CompletedProcess(given, 1))
     with modules_of(FOLDER, "siconos_reference") as (fresh,):
         (item,) = load_validation(FOLDER).items(True)

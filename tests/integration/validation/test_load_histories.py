@@ -1,4 +1,4 @@
-"""The hysteresis loop of validation/load_histories on a coarser mesh, by boundary elements from its case file."""
+"""Test the hysteresis loop of validation/load_histories on a coarser mesh by boundary elements."""
 
 import tomllib
 from pathlib import Path
@@ -21,7 +21,7 @@ def loop():
     return solve_case(case_from_tables(tables))
 
 
-def test_every_increment_converges_and_friction_takes_energy(loop):
+def test_all_increments_converge_and_dissipate(loop):
     assert loop.status is RunStatus.CONVERGED
     totals = [resultants(loop.zone, step) for step in loop.steps]
     assert min(total.dissipated_energy for total in totals) >= 0.0
@@ -29,10 +29,10 @@ def test_every_increment_converges_and_friction_takes_energy(loop):
     assert not loop.steps[-1].traction.any()
 
 
-def test_area_of_the_loop_is_the_dissipated_energy(loop):
-    """From the turn on, forth and back: work of the indenter, less what is stored, is what friction took.
+def test_loop_area_equals_dissipated_energy(loop):
+    """Over a closed loop, the work of the indenter less the stored energy equals the work of friction.
 
-    Up to terms of second order in the increments, and the compliance that collocation leaves slightly unsymmetric.
+    The equality holds to second order in the increments, up to the slight asymmetry of the collocation compliance.
     """
     turn = [(step.step, step.increment) for step in loop.steps].index((2, 6))
     steps = [step for step in loop.steps[turn:] if step.step < 5]

@@ -1,4 +1,4 @@
-"""Two deformable bodies from their case files: Hertz at 16 x 16, closed forms and exchanged roles on coarser meshes."""
+"""Two deformable bodies from case files agree with Hertz (16 x 16), closed forms, and exchanged roles."""
 
 import importlib.util
 import sys
@@ -28,37 +28,37 @@ COARSE = half_space_mesh(0.1, 0.005, 10, 5, Quad4())
 
 
 @pytest.mark.full
-def test_equal_elastic_bodies_against_hertz():
-    found = study.hertz("equal")
-    assert found.force == pytest.approx(found.exact, rel=0.015)
-    assert found.exact == pytest.approx(2 / 3 * 210e9 / (1 - 0.3**2) * np.sqrt(0.1 * 5e-5**3), rel=1e-9)
-    assert found.pressure < 0.03
-    assert found.tangential < 1e-6
+def test_equal_elastic_bodies_match_hertz():
+    result = study.hertz("equal")
+    assert result.force == pytest.approx(result.exact, rel=0.015)
+    assert result.exact == pytest.approx(2 / 3 * 210e9 / (1 - 0.3**2) * np.sqrt(0.1 * 5e-5**3), rel=1e-9)
+    assert result.pressure < 0.03
+    assert result.tangential < 1e-6
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("condition", ["EMII", "EMCI"])
-def test_opposite_poling_against_the_joined_half_space(condition):
+def test_opposite_poling_matches_joined_half_space(condition):
     case = study.load("poled")
     other = study.second_body(case)
     opposite = replace(other, mesh=COARSE, material=other.material.rotated(study.TURN))
     case = replace(study.conducting(case, condition), mesh=COARSE, second_body=opposite)
     exact = study.closed_form(case, condition)
-    found = study.solve(case, reduce(case)).totals
-    assert -found.force[2] == pytest.approx(exact.force, rel=0.015)
-    assert found.charge == pytest.approx(exact.charge, rel=0.015, abs=0.0)
-    assert found.magnetic_flux == pytest.approx(exact.magnetic_flux, rel=0.015, abs=0.0)
+    solution = study.solve(case, reduce(case)).totals
+    assert -solution.force[2] == pytest.approx(exact.force, rel=0.015)
+    assert solution.charge == pytest.approx(exact.charge, rel=0.015, abs=0.0)
+    assert solution.magnetic_flux == pytest.approx(exact.magnetic_flux, rel=0.015, abs=0.0)
 
 
 @pytest.mark.full
 def test_exchanged_roles():
     case = study.load("roles")
     block = block_mesh(0.05, 0.12, 0.005, 10, 4, 2, Quad4())
-    found = study.roles(replace(case, mesh=COARSE, second_body=replace(study.second_body(case), mesh=block)))
-    assert 0 < found.stuck < found.pressed
-    assert found.alike
-    assert found.differences.max() < 1e-8
-    one, two = found.totals
+    result = study.roles(replace(case, mesh=COARSE, second_body=replace(study.second_body(case), mesh=block)))
+    assert 0 < result.stuck < result.pressed
+    assert result.alike
+    assert result.differences.max() < 1e-8
+    one, two = result.totals
     np.testing.assert_allclose(two.force, one.force * [-1, 1, 1], rtol=1e-9)
     assert two.charge == pytest.approx(-one.charge, rel=1e-8)
     assert two.magnetic_flux == pytest.approx(-one.magnetic_flux, rel=1e-8)

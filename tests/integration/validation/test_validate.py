@@ -1,4 +1,4 @@
-"""`meeframe validate`: verdicts, what is written and when, broken cases, and the report in a browser."""
+"""Test `meeframe validate`: outcomes, written files, broken cases, and the report in a browser."""
 
 import importlib.util
 import io
@@ -46,16 +46,16 @@ def run(quick):
 
 
 def make_case(folder, name="one", more="", value="1.005"):
-    place = folder / name
-    place.mkdir(parents=True)
+    position = folder / name
+    position.mkdir(parents=True)
     (folder / "shared.py").write_text("VALUE = 1.0\n")
-    (place / "beside.py").write_text(f"VALUE = {value}\n")
-    (place / "checks.py").write_text(CHECKS.replace("{more}", more))
+    (position / "beside.py").write_text(f"VALUE = {value}\n")
+    (position / "checks.py").write_text(CHECKS.replace("{more}", more))
     return folder
 
 
 def command(*arguments):
-    """Exit status, standard output, standard error."""
+    """Return exit status, standard output and standard error."""
     result = CliRunner().invoke(app, ["validate", *map(str, arguments)])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -63,7 +63,7 @@ def command(*arguments):
 
 
 @pytest.mark.parametrize(
-    ("found", "verdict"),
+    ("computed", "verdict"),
     [
         (Check("", 1.009, 1.0, 0.01), "pass"),
         (Check("", 1.011, 1.0, 0.01), "fail"),
@@ -87,9 +87,9 @@ def command(*arguments):
         (Skip("", "not there"), "skipped"),
     ],
 )
-def test_verdicts(found, verdict):
-    assert found.verdict == verdict
-    case = CaseReport("case", "Case", "Source", (Row(found, 0.1),), finished=True)
+def test_outcomes(computed, verdict):
+    assert computed.verdict == verdict
+    case = CaseReport("case", "Case", "Source", (Row(computed, 0.1),), finished=True)
     assert Validation(True, {}, (case,), planned=1).passed is (verdict != "fail")
     assert not Validation(True, {}, (case,), planned=2).passed
     assert not Validation(True, {}, (replace(case, finished=False),), planned=1).passed
@@ -107,13 +107,13 @@ def test_verdicts(found, verdict):
         ((1.0, "1", 0.1), "reference = '1'; allowed: a real number"),
     ],
 )
-def test_what_cannot_be_compared_is_refused(numbers, words):
+def test_incomparable_values_are_rejected(numbers, words):
     with pytest.raises(CaseError, match=f"check 'name': .*{words}"):
         Check("name", *numbers)
 
 
 @pytest.mark.parametrize("bound", [0.0, 0.1, np.inf, np.nan])
-def test_an_explanation_has_a_bound(bound):
+def test_explanation_has_a_bound(bound):
     with pytest.raises(CaseError, match=r"explained_up_to = .* finite numbers above the tolerance 0.1"):
         Check("name", 1.0, 1.0, 0.1, explained="known", explained_up_to=bound)
     with pytest.raises(CaseError, match="explained = 3; allowed: a text"):
@@ -142,12 +142,12 @@ def test_an_explanation_has_a_bound(bound):
         (lambda: Map("m", "x", "y", "u", [0, 1], [0, 1], {"f": [[1, 2], [3]]}), r"is object \(2,\)"),
     ],
 )
-def test_items_of_other_kinds_or_shapes_are_refused(make, words):
+def test_items_of_other_kinds_or_shapes_are_rejected(make, words):
     with pytest.raises(CaseError, match=words):
         make()
 
 
-def test_passing_case_and_what_it_writes(tmp_path):
+def test_passing_case_and_its_files(tmp_path):
     cases = make_case(tmp_path / "cases")
     status, out, _ = command("--validation", cases, "--out", tmp_path / "out", "--quick")
     assert status == 0
@@ -162,7 +162,7 @@ def test_passing_case_and_what_it_writes(tmp_path):
     assert "meeframe" in data["versions"]
 
 
-def test_one_failing_check_is_status_1_and_the_others_run(tmp_path):
+def test_failing_check_gives_status_1_and_others_run(tmp_path):
     cases = make_case(tmp_path / "cases", "a", value="1.02")
     make_case(cases, "b")
     status, out, _ = command("--validation", cases, "--out", tmp_path / "out")
@@ -192,7 +192,7 @@ NAMES = "from meeframe.study.validate import Check, Curve\nTITLE = SOURCE = 'x'\
         (f"{NAMES}def run(quick):\n    yield Curve('c', [1, 2, 3], [1, 2, 3, 4])", "curve 'c': y is"),
     ],
 )
-def test_a_broken_case_is_an_error_and_the_others_run(tmp_path, source, words):
+def test_broken_case_is_an_error_and_others_run(tmp_path, source, words):
     cases = make_case(tmp_path / "cases", "b")
     (cases / "a").mkdir()
     (cases / "a" / "checks.py").write_text(source)
@@ -205,7 +205,7 @@ def test_a_broken_case_is_an_error_and_the_others_run(tmp_path, source, words):
     assert escape(words) in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_what_was_done_before_an_interruption_is_there(tmp_path):
+def test_finished_checks_survive_an_interruption(tmp_path):
     cases, out = make_case(tmp_path / "cases", more="raise KeyboardInterrupt"), tmp_path / "out"
     out.mkdir()
     (out / "report.html").write_text("of an earlier run")
@@ -220,7 +220,7 @@ def test_what_was_done_before_an_interruption_is_there(tmp_path):
 KILLED = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
 
 
-def test_what_a_kill_leaves_has_not_passed(tmp_path):
+def test_killed_validation_has_not_passed(tmp_path):
     cases, out = make_case(tmp_path / "cases", "a"), tmp_path / "out"
     make_case(cases, "b", more=KILLED)
     words = [sys.executable, "-m", "meeframe", "validate", "--validation", str(cases), "--out", str(out)]
@@ -233,40 +233,40 @@ def test_what_a_kill_leaves_has_not_passed(tmp_path):
         trust.joined([trust.read(data)])
 
 
-def test_the_page_names_what_was_not_run(tmp_path):
+def test_report_names_cases_that_were_not_run(tmp_path):
     cases = make_case(tmp_path / "cases", "hertz")
     assert command("--validation", cases, "--out", tmp_path / "out")[0] == 0
-    found = trust.joined([trust.read(json.loads((tmp_path / "out" / "validation.json").read_text()))])
-    assert not found.passed
-    head = trust.pages(found)["trust.md"].partition("|")[0]
+    validation = trust.joined([trust.read(json.loads((tmp_path / "out" / "validation.json").read_text()))])
+    assert not validation.passed
+    head = trust.pages(validation)["trust.md"].partition("|")[0]
     assert f"Full validation, 1 of {len(trust.known_cases(FOLDER))} cases" in head
     assert "Not run: cone, " in head
     assert " hertz" not in head.partition("Not run")[2]
 
 
-def test_the_example_of_the_page_is_a_case(tmp_path):
+def test_example_of_the_page_runs(tmp_path):
     text = (Path(__file__).parents[3] / "docs" / "validation" / "trust.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     make_case(tmp_path / "cases")
     (tmp_path / "cases" / "one" / "checks.py").write_text(example)
-    found = validate(tmp_path / "cases", tmp_path / "out")
-    assert found.passed
-    assert len(found.cases[0].figures) == 1
+    validation = validate(tmp_path / "cases", tmp_path / "out")
+    assert validation.passed
+    assert len(validation.cases[0].figures) == 1
 
 
-def test_modules_of_one_case_are_not_those_of_another(tmp_path, monkeypatch):
+def test_modules_of_cases_are_separate(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "beside", "of somebody else")
     path = list(sys.path)
     cases = make_case(tmp_path / "cases", "a", value="1.001")
     make_case(cases, "b", value="1.002")
-    found = validate(cases, tmp_path / "out")
-    assert [case.rows[0].item.computed for case in found.cases] == [1.001, 1.002]
+    validation = validate(cases, tmp_path / "out")
+    assert [case.rows[0].item.computed for case in validation.cases] == [1.001, 1.002]
     assert sys.modules["beside"] == "of somebody else"
     assert "shared" not in sys.modules
     assert sys.path == path
 
 
-def test_bad_input_names_what_is_allowed(tmp_path):
+def test_invalid_input_names_allowed_values(tmp_path):
     cases = make_case(tmp_path / "cases", "hertz")
     with pytest.raises(CaseError, match=r"unknown case 'herz'; .*hertz"):
         validate(cases, tmp_path / "out", ["herz"])
@@ -277,7 +277,7 @@ def test_bad_input_names_what_is_allowed(tmp_path):
     assert command("--validation", cases, "--only", "herz", "--out", tmp_path / "out")[0] == 2
 
 
-def test_a_folder_in_use_is_refused_and_its_files_stay(tmp_path):
+def test_folder_in_use_is_rejected(tmp_path):
     cases, out = make_case(tmp_path / "cases"), tmp_path / "out"
     validate(cases, out)
     before = {path.name: path.read_bytes() for path in out.iterdir()}
@@ -286,7 +286,7 @@ def test_a_folder_in_use_is_refused_and_its_files_stay(tmp_path):
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
-def test_without_plotly_the_message_says_what_to_install(tmp_path, monkeypatch):
+def test_missing_plotly_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     status, _, err = command("--validation", make_case(tmp_path / "cases"), "--out", tmp_path / "out")
     assert status == 2
@@ -294,7 +294,7 @@ def test_without_plotly_the_message_says_what_to_install(tmp_path, monkeypatch):
 
 
 def report():
-    """A validation with everything that can be in one."""
+    """Return the report of a validation with items of all kinds."""
     plot = Plot("a plot </script>", "x", "y", (Curve("c", np.array([1.0, 2.0]), np.array([np.nan, 1.0]), True),))
     field = Map("m", "x", "y", "u", np.arange(2.0), np.arange(3.0), {"f": np.ones((3, 2)), "g": np.zeros((3, 2))})
     rows = [
@@ -319,8 +319,8 @@ def test_reasons_are_reported_and_missing_numbers_are_null():
     assert [check["verdict"] for check in checks] == ["fail", "differs", "skipped"]
 
 
-class Loaded(HTMLParser):
-    """What a page would load from elsewhere, the text of its elements, and its plots."""
+class PageContent(HTMLParser):
+    """Collects the external resources of a page, the text of its elements, and its plots."""
 
     def __init__(self):
         super().__init__()
@@ -338,9 +338,9 @@ class Loaded(HTMLParser):
             self._open = False
 
 
-def test_the_page_is_whole_and_loads_nothing():
+def test_page_is_complete_and_loads_nothing():
     html = page(report(), "/* library */")
-    parsed = Loaded()
+    parsed = PageContent()
     parsed.feed(html)
     assert parsed.links == ["#name"]
     assert parsed.plots == len(parsed.data) == 2

@@ -1,4 +1,4 @@
-"""Cases built in Python: the same as those of case files, there and back, with messages that name the arguments."""
+"""Cases built in Python equal those of case files, convert to and from TOML, and report problems by argument."""
 
 import dataclasses
 import inspect
@@ -71,7 +71,7 @@ charge = 0
 
 
 def assert_same_model(one, other) -> None:
-    """Checked cases are the same to the last digit."""
+    """Assert that two checked cases are identical."""
     np.testing.assert_array_equal(one.material.stiffness, other.material.stiffness)
     np.testing.assert_array_equal(one.mesh.points, other.mesh.points)
     for name in ("steps", "placement", "potentials", "zone", "axes", "limits", "title"):
@@ -89,8 +89,8 @@ def assert_same_model(one, other) -> None:
 
 
 @pytest.mark.parametrize("file", CASES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_there_and_back(file, tmp_path, monkeypatch):
-    """A case file, the case, another case file in another folder: the same model."""
+def test_round_trip(file, tmp_path, monkeypatch):
+    """A case file, its case, and another case file in another folder give the same model."""
     case = meeframe.Case.from_toml(file)
     assert_same_model(case.checked, meeframe.load_case(file))
     (tmp_path / "inner").mkdir()
@@ -110,14 +110,14 @@ def test_python_and_file_give_the_same_result():
             np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-12, atol=1e-12 * scale)
 
 
-def test_a_case_is_shown_in_a_line():
+def test_repr_of_a_case():
     elements = build().checked.mesh.n_elements
     assert repr(build(title="a title")) == (
         f"Case('a title': batio3-cofe2o4, {elements} elements, 2 load steps, 3 increments)"
     )
 
 
-def test_the_result_holds_the_case():
+def test_result_contains_the_case():
     case = build()
     assert meeframe.Case.from_toml(case.solve().provenance.case_text).to_toml() == case.to_toml()
 
@@ -130,7 +130,7 @@ def test_the_result_holds_the_case():
         (meeframe.SecondBody, SecondBodyTable),
     ],
 )
-def test_parts_have_the_keys_of_case_files(part, table):
+def test_classes_have_the_keys_of_case_files(part, table):
     names = {field.name for field in dataclasses.fields(part)} - {"scalars"}
     assert names == set(table.model_fields)
 
@@ -172,13 +172,13 @@ def test_meshes_have_the_keys_and_defaults_of_case_files(recipe, table):
         (lambda: meeframe.Case.from_toml("a = 1\nb ="), "the text is no case file"),
     ],
 )  # fmt: skip
-def test_messages_name_argument_value_and_what_is_allowed(make, message):
+def test_messages_name_argument_value_and_allowed_values(make, message):
     with pytest.raises(meeframe.MeeframeError, match=message):
         make()
 
 
 def test_objects_of_every_registered_name():
-    """Objects without keys can be made by name and equal those that case files make."""
+    """Objects without keys can be created by name and equal those of case files."""
     registry = load()
     for maker, kind in (
         (meeframe.law, "contact law"),
@@ -199,7 +199,7 @@ def test_objects_of_every_registered_name():
                 assert type(maker(entry.record.name)) is entry.record.factory
 
 
-def test_material_mesh_and_parts_as_objects(tmp_path):
+def test_arguments_as_objects(tmp_path):
     from meeframe.material import library_material
 
     case = build(material=library_material("pzt-4"), placement=meeframe.Placement(x="1 mm"), title="objects")
@@ -207,7 +207,7 @@ def test_material_mesh_and_parts_as_objects(tmp_path):
     assert_same_model(meeframe.load_case(tmp_path / "case.toml"), case.checked)
 
 
-def test_a_mesh_as_an_object_gives_the_same_model_but_no_case_file():
+def test_mesh_object_cannot_be_written():
     case = build(mesh=build().checked.mesh)
     assert_same_model(case.checked, build().checked)
     with pytest.raises(meeframe.CaseError, match=r"mesh: case files do not hold points; allowed: meeframe.mesh.block"):
@@ -216,7 +216,7 @@ def test_a_mesh_as_an_object_gives_the_same_model_but_no_case_file():
         build(mesh=5)
 
 
-def test_an_unregistered_law_solves_but_has_no_case_file():
+def test_unregistered_law_cannot_be_written():
     @dataclasses.dataclass(frozen=True)
     class Mine(type(meeframe.Signorini()).__mro__[1]):
         def project(self, trial):
@@ -236,8 +236,8 @@ def test_an_unregistered_law_solves_but_has_no_case_file():
     )
 
 
-def interrupting(after: int):
-    """Progress that sends SIGINT to this process during the increment after so many."""
+def interrupt_after(after: int):
+    """Return a progress callback that sends SIGINT to this process after a number of increments."""
     state = {"sent": False}
 
     def report(stage: str, fraction: float) -> None:
@@ -249,24 +249,24 @@ def interrupting(after: int):
 
 
 @pytest.fixture
-def ctrl_c_raises():
-    """Handle SIGINT as a program of its own does: asyncio or Dask may have changed that in this process."""
+def default_sigint():
+    """Handle SIGINT by default; asyncio or Dask may have replaced the handler in this process."""
     previous = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, previous if previous is not None else signal.default_int_handler)
 
 
-@pytest.mark.usefixtures("ctrl_c_raises")
-def test_interruption_keeps_what_is_finished(tmp_path):
+@pytest.mark.usefixtures("default_sigint")
+def test_interruption_returns_finished_increments(tmp_path):
     case = build()
     whole = case.solve()
     with pytest.raises(KeyboardInterrupt) as caught:
-        case.solve(progress=interrupting(2))
+        case.solve(progress=interrupt_after(2))
     assert isinstance(caught.value, meeframe.Interrupted)
     assert len(caught.value.result) == 2
     assert caught.value.result.status == "unfinished"
     with pytest.raises(meeframe.Interrupted) as caught:
-        case.solve(tmp_path / "out", progress=interrupting(2))
+        case.solve(tmp_path / "out", progress=interrupt_after(2))
     assert "2 of 3 increments are finished" in caught.value.__notes__[0]
     for result in (caught.value.result, meeframe.Result.load(tmp_path / "out")):
         assert len(result) == 2
@@ -275,7 +275,7 @@ def test_interruption_keeps_what_is_finished(tmp_path):
 
 
 def test_import_is_light():
-    """`import meeframe` imports neither numpy nor pydantic; names are completed all the same."""
+    """`import meeframe` imports neither numpy nor pydantic; completion still offers all names."""
     import subprocess
     import sys
 
@@ -286,7 +286,7 @@ def test_import_is_light():
     assert {"Case", "Sphere", "mesh", "law", "Result"} <= set(dir(meeframe))
 
 
-def test_bars_are_shown_where_they_are_wanted(capsys):
+def test_progress_bars_in_terminals_and_notebooks(capsys):
     case = build(steps=STEPS[:1])
     case.solve()
     case.solve(progress=False)

@@ -1,4 +1,4 @@
-"""docs/tutorials/python.md from top to bottom works as printed."""
+"""The tutorial docs/tutorials/python.md works as printed."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 PAGE = (Path(__file__).parents[3] / "docs" / "tutorials" / "python.md").read_text(encoding="utf-8")
 
 
-def test_the_page_from_top_to_bottom(tmp_path, monkeypatch):
+def test_page_runs(tmp_path, monkeypatch):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
     monkeypatch.chdir(tmp_path)
@@ -26,7 +26,7 @@ def test_the_page_from_top_to_bottom(tmp_path, monkeypatch):
     assert names["again"].to_toml() == names["text"] == result.provenance.case_text
 
 
-def test_the_message_of_the_page():
+def test_message_of_the_page():
     import meeframe
 
     message = re.search(r"`(Case: mesh\.half_width = .*?)`", PAGE, re.DOTALL)[1]

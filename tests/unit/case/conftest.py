@@ -1,4 +1,4 @@
-"""Load steps on an elastic half space with all couplings."""
+"""Fixtures: load steps on an elastic half space with all couplings."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ YOUNG, POISSON, RADIUS, SIDE = 100e9, 0.3, 0.1, 4e-3
 
 
 def half_space(cells=10, poisson=POISSON):
-    """A half space whose grid of cells also serves as mesh of the zone."""
+    """Return a half space whose grid of cells is also the mesh of the zone."""
     corner = (np.arange(cells - 1)[:, None] * cells + np.arange(cells - 1)).ravel()
     quads = np.stack([corner, corner + 1, corner + cells + 1, corner + cells], axis=1)
     return replace(elastic_half_space(YOUNG, poisson, SIDE, cells), cells=(("quad", quads),))
@@ -32,19 +32,19 @@ def system():
 
 @pytest.fixture(scope="session")
 def bed():
-    """The half space: its maker, Young's modulus [Pa], Poisson's ratio, side [m]; radius of the sphere [m]; follower
-    of paths."""
+    """Return the half space: its factory, Young's modulus [Pa], Poisson's ratio, side [m], radius of the sphere [m],
+    and a function that solves paths."""
     return SimpleNamespace(half_space=half_space, young=YOUNG, poisson=POISSON, side=SIDE, radius=RADIUS, follow=Path)
 
 
 @pytest.fixture
-def rubbing(write_case, registry):
-    """A sphere with friction in place of the tiny case's; on another reduced system, which its steps do not mind."""
+def frictional(write_case, registry):
+    """Return a frictional sphere in place of that of the tiny case, for another reduced system."""
     return replace(load_case(write_case(), registry), indenter=Sphere(RADIUS), contact_law=IsotropicCoulomb(0.3))
 
 
 class Path:
-    """What a case's steps lead to on a reduced system."""
+    """The results of the load steps of a case on a reduced system."""
 
     def __init__(self, case, system, *steps, **changes):
         self.case = replace(case, steps=steps, **changes)
@@ -58,6 +58,6 @@ class Path:
         )
 
     def total(self, key, number=-1):
-        """A resultant as a step takes it."""
+        """Return a resultant in the form that a step prescribes."""
         value = getattr(self.totals[number], key)
         return value if isinstance(value, float) else tuple(value.tolist())

@@ -1,4 +1,4 @@
-"""Surfaces that attract each other: what touches and what does not, tension in results, pulling."""
+"""Test attractive surfaces: contact and open nodes, tension in results, pulling forces."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -24,8 +24,8 @@ FARTHEST = STRENGTH / STIFFNESS
 
 
 @dataclass(frozen=True)
-class Sticky(ContactLaw):
-    """Coulomb friction under an attraction that falls with the cube of the gap."""
+class Attractive(ContactLaw):
+    """Coulomb friction under an attraction that decreases with the cube of the gap."""
 
     mu: float = MU
 
@@ -41,29 +41,31 @@ class Sticky(ContactLaw):
 
 @pytest.fixture
 def case(write_case, registry):
-    """The sphere on springs under the sticky law; three nodes in a row are 0, 1.25 and 2.5 mm from its axis."""
-    return replace(load_case(write_case(), registry), contact_law=Sticky())
+    """Return the sphere on springs under the attractive law; three nodes in a row are 0, 1.25 and 2.5 mm from its
+    axis."""
+    return replace(load_case(write_case(), registry), contact_law=Attractive())
 
 
 def height(case):
-    """Gap of the undeformed body at its nodes when the indenter touches, (n,) [m]."""
+    """Return the gap of the undeformed body at its nodes at first contact, (n,) [m]."""
     x, y, _ = meeframe.solve_case(replace(case, contact_law=IsotropicCoulomb(MU))).zone.points.T
     return (x**2 + y**2) / (2 * RADIUS)
 
 
 def tractions_on_springs(gap, stiffness=STIFFNESS):
-    """Normal tractions (n,) of independent springs under an indenter at gaps (n,), by bisection in the open."""
+    """Return the normal tractions (n,) of independent springs under an indenter at gaps (n,), by bisection where
+    open."""
     low, high = np.zeros_like(gap), np.maximum(gap, 0.0)
     for _ in range(200):
-        middle = (low + high) / 2  # the gap that is left
-        pulled = Sticky().adhesion(middle) > stiffness * (gap - middle)
+        middle = (low + high) / 2  # the remaining gap
+        pulled = Attractive().adhesion(middle) > stiffness * (gap - middle)
         low, high = np.where(pulled, low, middle), np.where(pulled, middle, high)
-    return np.where(gap <= STRENGTH / stiffness, stiffness * gap, Sticky().adhesion((low + high) / 2))
+    return np.where(gap <= STRENGTH / stiffness, stiffness * gap, Attractive().adhesion((low + high) / 2))
 
 
 @pytest.mark.parametrize("solver", ["auto", "newton"])
-def test_touching_differs_from_attracted(case, solver, registry):
-    """Four nodes are pulled to the indenter and touch it, under tension; those farther away are attracted and open."""
+def test_contact_differs_from_attraction(case, solver, registry):
+    """Four nodes are in contact under tension; nodes farther away are attracted and open."""
     from meeframe.plugin.registry import Kind
 
     case = replace(case, steps=(Step(approach=7.3e-6),), solver=registry.create(Kind.SOLVER, solver))
@@ -83,9 +85,9 @@ def test_touching_differs_from_attracted(case, solver, registry):
 
 
 def test_two_bodies_attract_each_other(case, write_case, registry, second_body):
-    """Springs in series: three quarters as stiff, so that nodes farther apart touch; both bodies are pulled."""
+    """Springs in series have three quarters of the stiffness, so more nodes are in contact; both bodies are pulled."""
     pair = replace(
-        load_case(write_case(more=second_body), registry), contact_law=Sticky(), steps=(Step(approach=7e-6),)
+        load_case(write_case(more=second_body), registry), contact_law=Attractive(), steps=(Step(approach=7e-6),)
     )
     (step,) = meeframe.solve_case(pair).steps
     assert step.status is Status.CONVERGED
@@ -98,24 +100,24 @@ def test_two_bodies_attract_each_other(case, write_case, registry, second_body):
     np.testing.assert_allclose(step.second_body.displacement[:, 2], -expected / (3 * STIFFNESS), rtol=1e-8)
 
 
-def told(result):
+def summary_of(result):
     console = Console(width=200)
     with console.capture() as caught:
         console.print(summary_table(result))
     return caught.get()
 
 
-def test_tension_is_in_the_summary_where_there_is_some(case):
+def test_tension_in_the_summary(case):
     result = meeframe.solve_case(case)
     (step,) = summary(result)["steps"]
     assert 0.0 < step["max_tension"] < STRENGTH
-    assert f"{step['max_tension']:.6g}" in told(result)
+    assert f"{step['max_tension']:.6g}" in summary_of(result)
     pressed = meeframe.solve_case(replace(case, contact_law=IsotropicCoulomb(MU)))
     assert str(summary(pressed)["steps"][0]["max_tension"]) == "0.0"
-    assert "tension" not in told(pressed)
+    assert "tension" not in summary_of(pressed)
 
 
-def test_an_indenter_may_come_near_without_touching(case):
+def test_attraction_without_contact(case):
     result = meeframe.solve_case(
         replace(case, steps=(Step(approach=-2e-6), Step(approach=-2e-6, translation=(1e-6, 0.0))))
     )
@@ -130,7 +132,7 @@ def test_an_indenter_may_come_near_without_touching(case):
         assert (step.slip_path == 0.0).all()
 
 
-def test_a_pulling_force_gives_the_approach_back(case):
+def test_pulling_force_recovers_the_approach(case):
     first = meeframe.solve_case(replace(case, steps=(Step(approach=3e-7),)))
     force = meeframe.resultants(first.zone, first.steps[0]).normal_force
     assert force < 0.0
@@ -141,8 +143,8 @@ def test_a_pulling_force_gives_the_approach_back(case):
     np.testing.assert_array_equal(pulled.steps[1].touching, first.steps[0].touching)
 
 
-def test_friction_is_that_of_the_contact_under_tension(case):
-    """The limit is that of the traction less the attraction: nodes under tension that touch hold too."""
+def test_friction_limit_under_tension(case):
+    """The limit uses the traction less the attraction, so nodes in contact under tension carry friction, too."""
     result = meeframe.solve_case(replace(case, steps=(Step(approach=7.3e-6, translation=(1e-4, 0.0)),)))
     (step,) = result.steps
     gap = height(case) - 7.3e-6
@@ -152,7 +154,7 @@ def test_friction_is_that_of_the_contact_under_tension(case):
     np.testing.assert_array_equal(step.slip_path > 0.0, step.touching)
 
 
-def test_everything_slips_under_a_force_that_the_pulled_contact_can_just_bear(case):
+def test_full_slip_at_the_friction_limit_under_tension(case):
     first = meeframe.solve_case(replace(case, steps=(Step(approach=7.3e-6, translation=(1e-4, 0.0)),)))
     force = meeframe.resultants(first.zone, first.steps[0]).tangential_force[0]
     for share, slides in ((0.95, False), (1.0, True)):
@@ -162,7 +164,7 @@ def test_everything_slips_under_a_force_that_the_pulled_contact_can_just_bear(ca
         assert ("the whole contact slips" in step.message) == slides
 
 
-def test_only_laws_that_attract_can_be_pulled(case, write_case, registry):
+def test_pulling_requires_an_attractive_law(case, write_case, registry):
     with pytest.raises(
         CaseError, match=r"^normal_force = -1.0: allowed: numbers >= 0 \[N\], pressing on the body, unless"
     ):
@@ -173,7 +175,7 @@ def test_only_laws_that_attract_can_be_pulled(case, write_case, registry):
 
 @dataclass(frozen=True)
 class Spark(ConductivityLaw):
-    """Conducts across a gap alone, and beyond a drop of a threshold; the size of kappa says how well."""
+    """A law that conducts across a gap only, above a threshold of the drop."""
 
     across_gap: ClassVar[bool] = True
     kappa: float = 1e-6
@@ -183,8 +185,9 @@ class Spark(ConductivityLaw):
         return np.where((gap > 0.0) & (np.abs(drop) >= self.threshold), self.kappa, 0.0)
 
 
-def test_what_charges_across_the_gap_hold_and_what_nothing_holds(case):
-    """In the air the charge finds its potential; the tangential motion stays where it is for want of contact."""
+def test_charge_across_the_gap_determines_the_potential(case):
+    """The charge determines the potential without contact; the tangential motion is undetermined and keeps its
+    value."""
     steps = (
         Step(approach=-2e-6, scalars={"charge": 1e-8}),
         Step(translation=(1e-6, 0.0)),
@@ -202,7 +205,7 @@ def test_what_charges_across_the_gap_hold_and_what_nothing_holds(case):
     assert last.loading.translation.tolist() == [1e-6, 0.0]
 
 
-def test_charges_are_refused_only_by_laws_that_conduct_nowhere(case):
+def test_charges_are_rejected_by_insulating_laws_only(case):
     steps = (Step(approach=1e-5, scalars={"charge": 1e-9}),)
     replace(case, conductivity={"electric": Spark(threshold=1e4)}, steps=steps)
     with pytest.raises(CaseError, match="the laws of the contact insulate"):

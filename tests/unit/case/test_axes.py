@@ -1,4 +1,4 @@
-"""Friction axes of a case: what files may say, and what becomes of it on independent springs."""
+"""Test friction axes of cases: keys, and results on independent springs."""
 
 import dataclasses
 
@@ -47,13 +47,13 @@ def test_axes_of_a_file(write_case, registry, text, expected):
         ("[1, 0, 0]", "contact.axes"),
     ],
 )
-def test_axes_that_are_none_are_refused(write_case, registry, text, message):
+def test_invalid_axes_are_rejected(write_case, registry, text, message):
     with pytest.raises(CaseError, match=message):
         load_case(write_case(more=CONTACT.format(text)), registry)
 
 
-def pulled(case, law, axes=None, **step):
-    """Points, pressures (n,), and tangential tractions (n, 2) along global x1, x2, of the last step."""
+def solve_tangential(case, law, axes=None, **step):
+    """Return points, pressures (n,), and tangential tractions (n, 2) along global x1, x2, of the last step."""
     steps = (dataclasses.replace(case.steps[0], **step),)
     result = meeframe.solve_case(dataclasses.replace(case, contact_law=law, axes=axes, steps=steps))
     assert result.status is RunStatus.CONVERGED
@@ -62,21 +62,21 @@ def pulled(case, law, axes=None, **step):
     return result.zone.points, -traction[:, 2], tangential
 
 
-def test_one_direction_is_the_angle_of_the_law_on_a_flat_zone(case):
+def test_direction_equals_angle_on_flat_zone(case):
     angle, drag = 0.7, (2e-4, -1e-4)
-    _, _, expected = pulled(case, OrthotropicCoulomb(0.1, 0.4, angle), translation=drag)
+    _, _, expected = solve_tangential(case, OrthotropicCoulomb(0.1, 0.4, angle), translation=drag)
     axes = FrictionAxes(direction=(np.cos(angle), np.sin(angle), 3.0))
-    _, _, found = pulled(case, OrthotropicCoulomb(0.1, 0.4), axes, translation=drag)
-    np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
-    _, _, other = pulled(case, OrthotropicCoulomb(0.1, 0.4), translation=drag)
+    _, _, solution = solve_tangential(case, OrthotropicCoulomb(0.1, 0.4), axes, translation=drag)
+    np.testing.assert_allclose(solution, expected, atol=1e-7 * np.abs(expected).max())
+    _, _, other = solve_tangential(case, OrthotropicCoulomb(0.1, 0.4), translation=drag)
     assert np.abs(other - expected).max() > 0.1 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize(("axes", "coefficient"), [((0.0, 0.0, 1.0), 0.4), (None, None)])
-def test_around_an_axis_a_twist_meets_the_second_coefficient(case, axes, coefficient):
-    """Far beyond the limit each spring carries mu2 p across its arm."""
+def test_twist_about_an_axis_has_the_second_coefficient(case, axes, coefficient):
+    """Far above the limit, each spring carries mu2 p in the circumferential direction."""
     field = None if axes is None else FrictionAxes(around=axes)
-    points, pressure, traction = pulled(case, OrthotropicCoulomb(0.1, 0.4), field, twist=50.0)
+    points, pressure, traction = solve_tangential(case, OrthotropicCoulomb(0.1, 0.4), field, twist=50.0)
     firm = (pressure > 0.0) & (np.linalg.norm(points, axis=1) > 1e-9)
     arms = points[firm, :2] / np.linalg.norm(points[firm], axis=1, keepdims=True)
     across = np.column_stack([-arms[:, 1], arms[:, 0]])
@@ -89,24 +89,24 @@ def test_around_an_axis_a_twist_meets_the_second_coefficient(case, axes, coeffic
 
 
 def test_reduced_systems_from_the_cache_are_rotated(case, tmp_path):
-    turned = dataclasses.replace(case, axes=FrictionAxes(around=(0.0, 0.0, 1.0)))
-    for again in (turned, case, turned):
-        expected, found = reduce(again), cached_reduce(again, tmp_path)
-        np.testing.assert_array_equal(found.frames, expected.frames)
-        np.testing.assert_array_equal(found.dense(), expected.dense())
+    rotated = dataclasses.replace(case, axes=FrictionAxes(around=(0.0, 0.0, 1.0)))
+    for again in (rotated, case, rotated):
+        expected, cached = reduce(again), cached_reduce(again, tmp_path)
+        np.testing.assert_array_equal(cached.frames, expected.frames)
+        np.testing.assert_array_equal(cached.dense(), expected.dense())
     assert len(list(tmp_path.glob("*.h5"))) == 1
 
 
 @pytest.mark.parametrize(("axes", "held"), [(None, 1), (FrictionAxes(direction=(0.0, 1.0, 0.0)), 0)])
-def test_forces_along_the_axis_without_friction_are_refused(case, axes, held):
-    """A force along the other one is met by friction, whichever global axis that is."""
+def test_forces_along_a_frictionless_axis_are_rejected(case, axes, held):
+    """A force along the other axis is accepted, whatever its global direction."""
     law, (along, across) = OrthotropicCoulomb(0.0, 0.4), np.eye(2)[[held, 1 - held]]
     first, force = dataclasses.replace(case.steps[0], increments=4), 0.1 * np.pi * 1e14 * 0.1 * 1e-5**2
-    turned = dataclasses.replace(case, contact_law=law, axes=axes)
-    solved = dataclasses.replace(turned, steps=(first, Step(tangential_force=tuple(force * along))))
+    rotated = dataclasses.replace(case, contact_law=law, axes=axes)
+    solved = dataclasses.replace(rotated, steps=(first, Step(tangential_force=tuple(force * along))))
     result = meeframe.solve_case(solved)
     assert result.status is RunStatus.CONVERGED
     totals = meeframe.resultants(result.zone, result.steps[-1])
     np.testing.assert_allclose(totals.force[:2], force * along, atol=1e-9 * force)
     with pytest.raises(CaseError, match=r"tangential_force = .*the laws of the contact admit no traction that resists"):
-        dataclasses.replace(turned, steps=(first, Step(tangential_force=tuple(force * across))))
+        dataclasses.replace(rotated, steps=(first, Step(tangential_force=tuple(force * across))))

@@ -1,4 +1,4 @@
-"""Reduced systems are found again by content: bit for bit, by nothing else, and never from a damaged file."""
+"""Reduced systems are cached by content, bit for bit, and damaged files are replaced."""
 
 from dataclasses import dataclass, replace
 
@@ -36,7 +36,7 @@ def case(write_case, registry):
 
 @pytest.fixture
 def reductions(monkeypatch):
-    """Counts them."""
+    """Return a list that counts reductions."""
     made = []
     original = solve.reduce_body
     monkeypatch.setattr(solve, "reduce_body", lambda *given: made.append(1) or original(*given))
@@ -47,33 +47,35 @@ def key(case):
     return system_key(case.formulation, case.body)
 
 
-def assert_same(found, expected):
+def assert_same(computed, expected):
     for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), strict=True)
-    np.testing.assert_array_equal(found.dense(), expected.dense(), strict=True)
-    assert [name for name, _ in found.cells] == [name for name, _ in expected.cells]
-    for (_, nodes), (_, others) in zip(found.cells, expected.cells, strict=True):
+        np.testing.assert_array_equal(getattr(computed, name), getattr(expected, name), strict=True)
+    np.testing.assert_array_equal(computed.dense(), expected.dense(), strict=True)
+    assert [name for name, _ in computed.cells] == [name for name, _ in expected.cells]
+    for (_, nodes), (_, others) in zip(computed.cells, expected.cells, strict=True):
         np.testing.assert_array_equal(nodes, others, strict=True)
 
 
-def test_the_second_time_it_is_read_bit_for_bit(case, tmp_path, reductions):
+def test_cached_system_is_bitwise_identical(case, tmp_path, reductions):
     case = replace(case, formulation=DenseBEM(quadrature_tolerance=1e-2))
     made = cached_reduce(case, tmp_path / "cache")
     assert len(reductions) == 1
-    found = cached_reduce(case, tmp_path / "cache")
+    cached = cached_reduce(case, tmp_path / "cache")
     assert len(reductions) == 1
-    assert_same(found, made)
+    assert_same(cached, made)
     assert [path.name for path in (tmp_path / "cache").iterdir()] == [f"{key(case)}.h5"]
 
 
-def test_recovery_reduces_again_once_and_gives_the_same_fields(case, tmp_path, reductions):
+def test_recovery_reduces_once_more_and_gives_same_fields(case, tmp_path, reductions):
     system = reduce(case)
     load = np.random.default_rng(1).normal(size=system.offset.shape)
     expected = system.recover(load)
-    for begun, found in enumerate([cached_reduce(case, tmp_path), cached_reduce(case, tmp_path)]):  # made, and read
+    for begun, cached in enumerate(
+        [cached_reduce(case, tmp_path), cached_reduce(case, tmp_path)]
+    ):  # computed, and read
         assert len(reductions) == 2 + begun
         for _ in range(2):
-            fields = found.recover(load)
+            fields = cached.recover(load)
             np.testing.assert_array_equal(fields.values, expected.values)
             np.testing.assert_array_equal(fields.fluxes, expected.fluxes)
         assert len(reductions) == 3 + begun
@@ -112,11 +114,11 @@ INGREDIENTS = {
 
 
 @pytest.mark.parametrize("ingredient", INGREDIENTS)
-def test_a_changed_ingredient_is_another_key(case, ingredient):
+def test_changed_input_changes_the_key(case, ingredient):
     assert key(replace(case, **INGREDIENTS[ingredient](case))) != key(case)
 
 
-def test_zone_tolerance_and_fundamental_solution_are_in_the_key(case):
+def test_key_includes_zone_tolerance_and_fundamental_solution(case):
     variants = [
         replace(case, formulation=formulation)
         for formulation in (
@@ -129,11 +131,11 @@ def test_zone_tolerance_and_fundamental_solution_are_in_the_key(case):
     free = replace(case, conditions=tuple(c for c in case.conditions if c.group == "base"))
     variants += [free, replace(free, zone="top")]
     keys = [key(variant) for variant in variants]
-    assert keys[-2] == key(case)  # the same conditions, made anew
+    assert keys[-2] == key(case)  # the same conditions in new objects
     assert len(set(keys)) == len(keys)
 
 
-def test_a_file_counts_by_its_content(tmp_path):
+def test_key_includes_the_content_of_files(tmp_path):
     file = tmp_path / "volume.vtu"
     keys = []
     for text in ("one", "two", "one"):
@@ -142,7 +144,7 @@ def test_a_file_counts_by_its_content(tmp_path):
     assert keys[0] == keys[2] != keys[1]
 
 
-def test_versions_are_in_the_key(case, monkeypatch):
+def test_key_includes_versions(case, monkeypatch):
     before = key(case)
     monkeypatch.setattr(cache.metadata, "version", lambda _: "99")
     cache._sources.cache_clear()
@@ -168,7 +170,7 @@ def test_loads_laws_and_solvers_share_one_system(case):
 
 
 def flipped(path):
-    """One bit of the matrix."""
+    """Flip one bit of the matrix."""
     with h5py.File(path) as file:
         offset = file["matrix"].id.get_chunk_info(0).byte_offset
     data = bytearray(path.read_bytes())
@@ -187,7 +189,7 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_file_is_made_anew(case, tmp_path, reductions, damage):
+def test_damaged_file_is_replaced(case, tmp_path, reductions, damage):
     made = cached_reduce(case, tmp_path)
     (path,) = tmp_path.glob("*.h5")
     DAMAGES[damage](path)
@@ -196,7 +198,7 @@ def test_a_damaged_file_is_made_anew(case, tmp_path, reductions, damage):
     assert len(reductions) == 2
 
 
-def test_an_interrupted_write_leaves_nothing(case, tmp_path, monkeypatch):
+def test_interrupted_write_leaves_no_file(case, tmp_path, monkeypatch):
     def stop(*_, **__):
         raise KeyboardInterrupt
 
@@ -208,7 +210,7 @@ def test_an_interrupted_write_leaves_nothing(case, tmp_path, monkeypatch):
     assert not list(tmp_path.glob(".*.h5"))
 
 
-def test_a_folder_that_cannot_be_made(case, tmp_path):
+def test_folder_that_cannot_be_created(case, tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ResultError, match="cannot be made"):
         cached_reduce(case, tmp_path / "file")
@@ -241,52 +243,52 @@ class OperatorOnly(ReducedSystem):
 
 
 @dataclass(frozen=True)
-class Keeping(WithoutMatrix, PersistentFormulation):
+class PersistentFormulationStub(WithoutMatrix, PersistentFormulation):
     def reduce(self, body, progress=lambda *_: None):
         system = super().reduce(body, progress)
-        return KeepingOperator(system.points, system.frames, system.weights, system.cells, system.offset)
+        return PersistentOperator(system.points, system.frames, system.weights, system.cells, system.offset)
 
     def from_arrays(self, body, arrays):
         if arrays["whole"].shape != (3,):
             raise ValueError("another system")
         zone = find_contact_zone(body.mesh, body.contact_group)
-        return KeepingOperator(zone.points, zone.frames, zone.weights, zone.cells, arrays["offset"])
+        return PersistentOperator(zone.points, zone.frames, zone.weights, zone.cells, arrays["offset"])
 
 
-class KeepingOperator(OperatorOnly, Persistence):
+class PersistentOperator(OperatorOnly, Persistence):
     def to_arrays(self):
         return {"offset": self.offset, "whole": np.arange(3)}
 
 
-def test_what_a_system_without_a_matrix_keeps_is_read_bit_for_bit(case, tmp_path, reductions):
-    case = replace(case, formulation=Keeping(case.formulation))
+def test_arrays_of_matrix_free_system_are_bitwise_identical(case, tmp_path, reductions):
+    case = replace(case, formulation=PersistentFormulationStub(case.formulation))
     made = cached_reduce(case, tmp_path)
-    found = cached_reduce(case, tmp_path)
+    cached = cached_reduce(case, tmp_path)
     assert len(reductions) == 1
-    np.testing.assert_array_equal(found.offset, made.offset, strict=True)
+    np.testing.assert_array_equal(cached.offset, made.offset, strict=True)
     assert read_arrays(tmp_path / f"{key(case)}.h5", key(case))["whole"].dtype == np.arange(3).dtype
     assert read_arrays(tmp_path / f"{key(case)}.h5", "another key") is None
 
 
 @pytest.mark.parametrize("damage", ["shortened", "changed"])
-def test_damaged_arrays_of_a_system_without_a_matrix_are_made_anew(case, tmp_path, reductions, damage):
-    case = replace(case, formulation=Keeping(case.formulation))
+def test_damaged_arrays_are_replaced(case, tmp_path, reductions, damage):
+    case = replace(case, formulation=PersistentFormulationStub(case.formulation))
     made = cached_reduce(case, tmp_path)
     path = tmp_path / f"{key(case)}.h5"
     content = bytearray(path.read_bytes())
     if damage == "shortened":
         del content[len(content) // 2 :]
     else:
-        place = content.find(made.offset.tobytes()[:64])
-        assert place > 0
-        content[place] ^= 1
+        position = content.find(made.offset.tobytes()[:64])
+        assert position > 0
+        content[position] ^= 1
     path.write_bytes(content)
     np.testing.assert_array_equal(cached_reduce(case, tmp_path).offset, made.offset, strict=True)
     assert len(reductions) == 2
 
 
-def test_arrays_that_are_refused_are_replaced(case, tmp_path, reductions):
-    case = replace(case, formulation=Keeping(case.formulation))
+def test_rejected_arrays_are_replaced(case, tmp_path, reductions):
+    case = replace(case, formulation=PersistentFormulationStub(case.formulation))
     path = tmp_path / f"{key(case)}.h5"
     write_arrays(path, key(case), {"whole": np.array(1.0)})
     cached_reduce(case, tmp_path)
@@ -294,10 +296,10 @@ def test_arrays_that_are_refused_are_replaced(case, tmp_path, reductions):
     assert read_arrays(path, key(case))["whole"].shape == (3,)
 
 
-def test_a_system_that_cannot_be_loaded_is_not_stored(case, tmp_path, reductions):
-    case = replace(case, formulation=Wrapping(Keeping(case.formulation)))
+def test_system_that_cannot_be_loaded_is_not_stored(case, tmp_path, reductions):
+    case = replace(case, formulation=Wrapping(PersistentFormulationStub(case.formulation)))
     for _ in range(2):
-        assert isinstance(cached_reduce(case, tmp_path / "cache"), KeepingOperator)
+        assert isinstance(cached_reduce(case, tmp_path / "cache"), PersistentOperator)
     assert len(reductions) == 2
     assert not list(tmp_path.glob("cache/*"))
 
@@ -308,7 +310,7 @@ class Wrapping(WithoutMatrix):
         return self.inner.reduce(body, progress)
 
 
-def test_a_system_without_a_matrix_is_computed_each_time(case, tmp_path, reductions):
+def test_matrix_free_system_is_computed_each_time(case, tmp_path, reductions):
     case = replace(case, formulation=WithoutMatrix(case.formulation))
     for _ in range(2):
         assert cached_reduce(case, tmp_path / "cache").dense() is None

@@ -1,4 +1,4 @@
-"""Diagnostics of an increment: motions that are large, and sliding that nothing determines."""
+"""Test diagnostics of an increment: large motions, undetermined sliding, coarse contact."""
 
 import re
 from dataclasses import replace
@@ -38,8 +38,8 @@ def test_motions_that_are_not_small(write_case, registry, motion, text):
 
 
 @pytest.mark.parametrize(("share", "slides"), [(0.9, False), (0.999, False), (1.0, True)])
-def test_a_force_that_friction_can_just_bear(write_case, registry, share, slides):
-    """Springs: all tangential tractions are along the force, so that all of mu P is borne."""
+def test_force_equal_to_the_friction_limit(write_case, registry, share, slides):
+    """On springs, all tangential tractions are parallel to the force, so the contact carries mu P."""
     more = f'{LAW}[[steps]]\nforce_ratio = {0.3 * share}\ndirection = "30 deg"\n'
     *_, step = meeframe.solve_case(load_case(write_case(more=more), registry)).steps
     assert step.status is Status.CONVERGED
@@ -51,8 +51,8 @@ def test_a_force_that_friction_can_just_bear(write_case, registry, share, slides
     "prescribed",
     [{"torque": 0.0}, {"torque": 0.0, "force_ratio": (0.0, 0.0)}, {"tangential_force": (0.0, 0.0), "torque": 0.0}],
 )
-def test_nothing_slides_where_nothing_pulls(write_case, registry, law, prescribed):
-    """Without friction all nodes in contact are free to slip, and without a force none does."""
+def test_no_sliding_without_tangential_force(write_case, registry, law, prescribed):
+    """Without friction all nodes in contact may slip, but none does without a force."""
     step = Step(approach=1e-5, **prescribed)
     case = replace(load_case(write_case(), registry), contact_law=law, steps=(step,))
     (result,) = meeframe.solve_case(case).steps
@@ -62,8 +62,9 @@ def test_nothing_slides_where_nothing_pulls(write_case, registry, law, prescribe
     assert SLIDING not in result.message
 
 
-def slid(synthetic, law, motion, prescribed):
-    """The made-up step with the slip of a rigid motion (two translations, twist) and the tractions that it has."""
+def with_rigid_slip(synthetic, law, motion, prescribed):
+    """Return the synthetic step with the slip of a rigid motion (two translations, twist) and the corresponding
+    tractions."""
     zone, step = synthetic.zone(), synthetic.step(1e-6)
     x, y, _ = zone.points.T
     slip = np.column_stack([motion[0] - motion[2] * y, motion[1] + motion[2] * x])
@@ -84,7 +85,7 @@ LAWS = [IsotropicCoulomb(mu=0.3), OrthotropicCoulomb(mu1=0.1, mu2=0.6, angle=0.4
     ("motion", "prescribed", "slides"),
     [
         ((1e-6, 2e-6, 0.0), FORCE, True),
-        ((1e-6, 2e-6, 0.0), TORQUE, False),  # translations are given
+        ((1e-6, 2e-6, 0.0), TORQUE, False),  # translations are prescribed
         ((0.0, 0.0, 1e-3), TORQUE, True),  # the node on the axis does not move
         ((0.0, 0.0, 1e-3), FORCE, False),
         ((1e-6, 0.0, 1e-3), FORCE | TORQUE, True),
@@ -92,14 +93,14 @@ LAWS = [IsotropicCoulomb(mu=0.3), OrthotropicCoulomb(mu1=0.1, mu2=0.6, angle=0.4
         ((1e-6, 2e-6, 0.0), {"normal_force": np.zeros(1)}, False),
     ],
 )
-def test_rigid_slip_along_what_is_free(synthetic, law, motion, prescribed, slides):
-    zone, step = slid(synthetic, law, motion, prescribed)
+def test_rigid_slip_along_free_motions(synthetic, law, motion, prescribed, slides):
+    zone, step = with_rigid_slip(synthetic, law, motion, prescribed)
     assert (SLIDING in " ".join(diagnostics(zone, step, law))) == slides
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_node_that_could_bear_more_holds(synthetic, law):
-    zone, step = slid(synthetic, law, (1e-6, 0.0, 0.0), FORCE)
+def test_node_below_its_limit_prevents_sliding(synthetic, law):
+    zone, step = with_rigid_slip(synthetic, law, (1e-6, 0.0, 0.0), FORCE)
     node = int(np.flatnonzero(step.region == Region.SLIP)[0])
     traction, region = step.traction.copy(), step.region.copy()
     traction[node, :2] *= 0.5
@@ -107,62 +108,62 @@ def test_a_node_that_could_bear_more_holds(synthetic, law):
     assert SLIDING not in " ".join(diagnostics(zone, replace(step, traction=traction, region=region), law))
 
 
-def test_slip_apart_on_both_sides_is_no_sliding(synthetic):
-    """Lines of slip as of a translation, senses as of spreading: the force is far from its limit."""
+def test_opposite_slip_is_no_sliding(synthetic):
+    """Slip directions are parallel, but slip is opposite on both sides: the force is far below its limit."""
     law = LAWS[0]
-    zone, step = slid(synthetic, law, (1e-6, 0.0, 0.0), FORCE)
+    zone, step = with_rigid_slip(synthetic, law, (1e-6, 0.0, 0.0), FORCE)
     sense = np.where(zone.points[:, 0] < 0, -1.0, 1.0)[:, None]
     traction = step.traction * np.hstack([sense, sense, np.ones_like(sense)])
     assert not list(diagnostics(zone, replace(step, slip=sense * step.slip, traction=traction), law))
 
 
-def test_sides_at_the_edge_are_counted_in_the_right_number(synthetic):
+def test_message_about_sides_has_correct_number(synthetic):
     zone, step = synthetic.zone(), synthetic.step(1e-6)
     region = np.zeros(25, int)
     region[[0, 1]] = Region.STICK
     step = replace(step, region=region)
-    (told,) = diagnostics(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
-    assert re.fullmatch(r"the contact reaches the boundary of its zone at 1 element side", told)
+    (reported,) = diagnostics(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
+    assert re.fullmatch(r"the contact reaches the boundary of its zone at 1 element side", reported)
 
 
 ONE_INCREMENT = "of the contact formed in one increment"
 AREA = "its area is uncertain by about"
 
 
-def pressed(bed, rubbing, *steps, poisson=0.3, cells=24, **changes):
-    """Remarks of the last increment of each load step on an elastic half space, and the path."""
-    path = bed.follow(rubbing, bed.half_space(cells, poisson), *steps, **changes)
+def solve_steps(bed, frictional, *steps, poisson=0.3, cells=24, **changes):
+    """Return the messages of the last increment of each load step on an elastic half space, and the path."""
+    path = bed.follow(frictional, bed.half_space(cells, poisson), *steps, **changes)
     return [step.message for step in path.steps if step.increment == path.case.steps[step.step - 1].increments], path
 
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
-    ("steps", "poisson", "changes", "told"),
+    ("steps", "poisson", "changes", "reported"),
     [
         ([Step(approach=2e-5)], 0.3, {}, ["100%"]),
         ([Step(approach=2e-5, increments=2)], 0.3, {}, ["50%"]),
         ([Step(approach=2e-5, increments=10)], 0.3, {}, [""]),
-        ([Step(approach=2e-5)], 0.5, {}, [""]),  # nothing moves along the surface
+        ([Step(approach=2e-5)], 0.5, {}, [""]),  # no tangential motion
         ([Step(approach=2e-5)], 0.3, {"contact_law": Signorini()}, [""]),
-        ([Step(approach=2e-5)], 0.3, {"indenter": FlatPunch(radius=1e-3)}, [""]),  # touches from the beginning
+        ([Step(approach=2e-5)], 0.3, {"indenter": FlatPunch(radius=1e-3)}, [""]),  # in contact from the beginning
         ([Step(approach=2e-5), Step(translation=(1e-6, 0.0))], 0.3, {}, ["100%", ""]),
         ([Step(approach=1e-5, increments=8), Step(approach=2e-5)], 0.3, {}, ["", "46%"]),
     ],
 )
-def test_contact_that_comes_about_at_once(bed, rubbing, steps, poisson, changes, told):
-    messages, _ = pressed(bed, rubbing, *steps, poisson=poisson, **changes)
-    for message, share in zip(messages, told, strict=True):
+def test_contact_formed_in_one_increment(bed, frictional, steps, poisson, changes, reported):
+    messages, _ = solve_steps(bed, frictional, *steps, poisson=poisson, **changes)
+    for message, share in zip(messages, reported, strict=True):
         assert (ONE_INCREMENT in message) == bool(share)
         assert f"{share} {ONE_INCREMENT}" in message or not share
 
 
 @pytest.mark.full
-def test_diagnostics_of_one_increment_are_true(bed, rubbing):
-    """Spence: the stick radius is 0.73 of the contact radius at every load for mu = 0.2, tractions along the surface
-    taken not to move it along the normal, which changes it little."""
+def test_single_increment_is_inaccurate(bed, frictional):
+    """Spence: for mu = 0.2 the stick radius is 0.73 of the contact radius at every load, if tangential tractions
+    cause no normal displacement."""
     exact, law = 0.7334, IsotropicCoulomb(0.2)
     once, often = (
-        pressed(bed, rubbing, Step(approach=2e-5, increments=count), contact_law=law)[1] for count in (1, 20)
+        solve_steps(bed, frictional, Step(approach=2e-5, increments=count), contact_law=law)[1] for count in (1, 20)
     )
     ratio = [(path.totals[-1].stick_area / path.totals[-1].contact_area) ** 0.5 for path in (once, often)]
     assert ratio[1] == pytest.approx(exact, abs=0.08)
@@ -172,32 +173,32 @@ def test_diagnostics_of_one_increment_are_true(bed, rubbing):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(("cells", "told"), [(8, 25), (12, 16), (16, 12), (24, 0), (40, 0)])
-def test_the_area_of_a_coarse_contact_is_as_uncertain_as_reported(bed, rubbing, cells, told):
-    """Hertz: a circle of radius sqrt(R g), each node for one cell; 0: nothing is told, it is less than a tenth."""
-    (message,), path = pressed(bed, rubbing, Step(approach=2e-5), cells=cells, contact_law=Signorini())
-    found = re.search(rf"{AREA} (\d+)%", message)
-    assert (int(found[1]) if found else 0) == told
+@pytest.mark.parametrize(("cells", "reported"), [(8, 25), (12, 16), (16, 12), (24, 0), (40, 0)])
+def test_reported_uncertainty_of_area(bed, frictional, cells, reported):
+    """Hertz: the contact is a circle of radius sqrt(R g); 0 stands for no message, below a tenth."""
+    (message,), path = solve_steps(bed, frictional, Step(approach=2e-5), cells=cells, contact_law=Signorini())
+    match = re.search(rf"{AREA} (\d+)%", message)
+    assert (int(match[1]) if match else 0) == reported
     error = path.zone.weights[path.steps[-1].touching].sum() / (np.pi * bed.radius * 2e-5) - 1.0
-    assert abs(error) < (1.15 * told / 100.0 or 0.1)
+    assert abs(error) < (1.15 * reported / 100.0 or 0.1)
 
 
-def test_a_single_node_in_contact(bed, rubbing):
-    (message,), _ = pressed(bed, rubbing, Step(approach=1e-6), cells=9)
+def test_single_node_in_contact(bed, frictional):
+    (message,), _ = solve_steps(bed, frictional, Step(approach=1e-6), cells=9)
     assert "the contact has one node: its area is uncertain by about 50%" in message
 
 
-def test_a_system_without_cells_has_no_rim(bed, rubbing):
+def test_system_without_cells_has_no_boundary(bed, frictional):
     system = replace(bed.half_space(8), cells=())
-    path = bed.follow(rubbing, system, Step(approach=2e-5))
+    path = bed.follow(frictional, system, Step(approach=2e-5))
     (step,) = path.steps
     assert path.totals[0].contact_area == pytest.approx(step.touching.mean() * bed.side**2) != 0.0
     assert "edge of its zone" not in step.message
     assert AREA not in step.message
 
 
-def test_a_law_of_a_plugin_that_cycles_is_pointed_to_the_check_of_plugins(synthetic):
-    """Laws of meeframe are checked by its own tests."""
+def test_cycling_with_a_plugin_law_mentions_plugins_check(synthetic):
+    """Laws of meeframe are not mentioned."""
 
     class Law(IsotropicCoulomb):
         pass

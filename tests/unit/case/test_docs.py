@@ -21,7 +21,7 @@ def block_with(beginning):
     return text
 
 
-def test_the_case_file_with_all_tables_is_accepted(tmp_path):
+def test_case_file_with_all_tables(tmp_path):
     text = block_with("title")
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     case = load_case(tmp_path / "case.toml")
@@ -29,12 +29,12 @@ def test_the_case_file_with_all_tables_is_accepted(tmp_path):
     assert (set(case.potentials.values()), case.steps[1].scalars) == ({0.0}, {"electric_potential": 10.0})
 
 
-def test_the_counter_body_is_accepted_in_that_file(tmp_path):
+def test_second_body_in_that_file(tmp_path):
     (tmp_path / "case.toml").write_text(block_with("title") + block_with("[second_body]"), encoding="utf-8")
     assert load_case(tmp_path / "case.toml").second_body.material.name == "orthotropic-mee"
 
 
-def test_the_case_from_objects_runs():
+def test_case_from_objects():
     _, text = blocks("python")
     names: dict = {}
     exec(text, names)

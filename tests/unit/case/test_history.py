@@ -1,4 +1,4 @@
-"""Load histories: ramps, motions and resultants, energy, slip and stick."""
+"""Test load histories: ramps, motions and resultants, energy, slip and stick."""
 
 from dataclasses import replace
 
@@ -19,9 +19,9 @@ EVERYTHING = {
 """A single step in which the contact sticks, slips, turns and tilts."""
 
 
-def test_increments_go_linearly_from_where_the_step_begins(bed, rubbing, system):
+def test_increments_are_linear_from_the_start_of_the_step(bed, frictional, system):
     path = bed.follow(
-        rubbing,
+        frictional,
         system,
         Step(approach=2e-5, increments=2),
         Step(approach=4e-5, translation=(3e-6, 0.0), increments=3),
@@ -33,10 +33,10 @@ def test_increments_go_linearly_from_where_the_step_begins(bed, rubbing, system)
     assert path.motion[:, 5].tolist() == [0.0] * 5 + [1e-3]
 
 
-def test_ramps_begin_at_the_actual_values_whichever_was_prescribed(bed, rubbing, system):
-    """Motion, then the force that it took, then motion again: each ramp starts where the last one arrived."""
+def test_ramps_start_at_current_values(bed, frictional, system):
+    """A motion, then its force, then a motion again: each ramp starts at the end of the previous one."""
     path = bed.follow(
-        rubbing,
+        frictional,
         system,
         Step(approach=3e-5, translation=(2e-6, 0.0)),
         Step(normal_force=2e3, tangential_force=(100.0, 50.0), increments=2),
@@ -55,8 +55,8 @@ def test_ramps_begin_at_the_actual_values_whichever_was_prescribed(bed, rubbing,
     assert path.motion[4:, 0] == pytest.approx([1e-5] * 3, rel=1e-12), "the approach stays prescribed"
 
 
-def test_unnamed_forces_stay(bed, rubbing, system):
-    path = bed.follow(rubbing, system, Step(normal_force=1e3, tangential_force=(50.0, 0.0)), Step(twist=2e-3))
+def test_unnamed_forces_keep_their_values(bed, frictional, system):
+    path = bed.follow(frictional, system, Step(normal_force=1e3, tangential_force=(50.0, 0.0)), Step(twist=2e-3))
     assert path.resultants[1, :3] == pytest.approx([1e3, 50.0, 0.0], rel=1e-8, abs=1e-6)
     assert path.motion[1, 1] > path.motion[0, 1], "it creeps while it is twisted"
     assert set(path.steps[1].loading.prescribed) == {"normal_force", "tangential_force"}
@@ -75,8 +75,8 @@ PAIRS = {
 
 
 @pytest.mark.parametrize("chosen", PAIRS)
-def test_the_force_found_under_a_motion_gives_the_motion_back(bed, rubbing, system, chosen):
-    first = bed.follow(rubbing, system, Step(**EVERYTHING))
+def test_force_of_a_motion_recovers_the_motion(bed, frictional, system, chosen):
+    first = bed.follow(frictional, system, Step(**EVERYTHING))
     regions = first.steps[0].region
     assert all((regions == region).sum() > 4 for region in Region)
     prescribed = dict(EVERYTHING)
@@ -86,7 +86,7 @@ def test_the_force_found_under_a_motion_gives_the_motion_back(bed, rubbing, syst
             prescribed[resultant] = tuple(np.array(first.total("tangential_force")) / first.total("normal_force"))
         else:
             prescribed[resultant] = first.total(resultant)
-    second = bed.follow(rubbing, system, Step(**prescribed))
+    second = bed.follow(frictional, system, Step(**prescribed))
     largest = np.abs(first.steps[0].traction).max()
     np.testing.assert_allclose(second.steps[0].traction, first.steps[0].traction, atol=1e-8 * largest)
     np.testing.assert_allclose(second.motion, first.motion, rtol=1e-7, atol=1e-13)
@@ -96,14 +96,15 @@ def test_the_force_found_under_a_motion_gives_the_motion_back(bed, rubbing, syst
 @pytest.mark.parametrize(
     "law", [IsotropicCoulomb(0.3), OrthotropicCoulomb(0.5, 0.2, 0.4)], ids=["isotropic", "orthotropic"]
 )
-def test_work_of_the_indenter_is_stored_or_dissipated(bed, rubbing, system, law):
-    """Over every increment of a path in which the indenter moves in all six ways, exactly.
+def test_work_of_the_indenter_is_stored_or_dissipated(bed, frictional, system, law):
+    """The balance is exact in every increment of a path with all six motions.
 
-    The compliance is symmetric, so that stored energy is half of load times displacement. With mean tractions of both
-    ends the balance of an increment is exact; the contact gap does work too where the contact opens or closes.
+    The compliance is symmetric, so the stored energy is half of load times displacement. With the mean of the
+    tractions at both ends the balance of an increment is exact; the contact gap also does work where the contact
+    opens or closes.
     """
     path = bed.follow(
-        rubbing,
+        frictional,
         system,
         Step(approach=2e-5, increments=2),
         Step(tilt=(2e-4, -1e-4), translation=(5e-6, 1e-6), increments=2),
@@ -117,7 +118,7 @@ def test_work_of_the_indenter_is_stored_or_dissipated(bed, rubbing, system, law)
     slip = np.array([step.slip for step in path.steps])
     gap = np.array([step.gap for step in path.steps])
     mean = (traction[1:] + traction[:-1]) / 2
-    begin = np.concatenate([[replace(rubbing, steps=(Step(0.0),)).indenter.height(*zone.points[:, :2].T)], gap[:-1]])
+    begin = np.concatenate([[replace(frictional, steps=(Step(0.0),)).indenter.height(*zone.points[:, :2].T)], gap[:-1]])
     lost = np.einsum("n,kn->k", zone.weights, (mean[:, :, :2] * slip).sum(axis=2) + mean[:, :, 2] * (gap - begin))
     forces = np.concatenate([np.zeros((1, 8)), path.resultants])
     motions = np.concatenate([np.zeros((1, 8)), path.motion])
@@ -128,14 +129,14 @@ def test_work_of_the_indenter_is_stored_or_dissipated(bed, rubbing, system, law)
 
 
 @pytest.mark.full
-def test_area_of_a_closed_loop_is_the_dissipated_energy(bed, rubbing):
-    """Under constant normal force, without coupling; and the closed form of Mindlin and Deresiewicz."""
+def test_loop_area_equals_dissipated_energy(bed, frictional):
+    """Under constant normal force and without coupling, both agree with the closed form of Mindlin and Deresiewicz."""
     system, force, swing = bed.half_space(12, 0.5), 1.5e3, 0.24
     hertz = HertzContact(bed.young, 0.5, bed.radius, (force * 3 / (4 * bed.young / 0.75 * bed.radius**0.5)) ** (2 / 3))
     exact = PartialSlip(hertz, 0.3).loop_dissipation(swing * force)
     for parts, tolerance in ((6, 0.05), (24, 0.005)):
         path = bed.follow(
-            rubbing,
+            frictional,
             system,
             Step(normal_force=force),
             Step(force_ratio=(swing, 0.0), increments=parts // 2),
@@ -152,12 +153,12 @@ def test_area_of_a_closed_loop_is_the_dissipated_energy(bed, rubbing):
 
 
 @pytest.mark.full
-def test_work_around_a_loop_is_stored_or_dissipated_to_second_order(bed, rubbing, system):
-    """In each of its strokes, while the pressure goes up and down, too."""
+def test_work_around_a_loop_is_stored_or_dissipated_to_second_order(bed, frictional, system):
+    """The balance also holds in each stroke under varying pressure."""
     corners, off = [(3e-5, 4e-6), (1.5e-5, 2e-6), (1.5e-5, -4e-6), (3e-5, 0.0)], []
     for parts in (6, 12, 24):
         around = [Step(approach=a, translation=(x, 0.0), increments=parts) for a, x in corners]
-        path = bed.follow(rubbing, system, Step(approach=3e-5, increments=parts), *around)
+        path = bed.follow(frictional, system, Step(approach=3e-5, increments=parts), *around)
         stored = [path.zone.weights @ (step.traction * step.displacement).sum(axis=1) / 2 for step in path.steps]
         works = (path.resultants[1:] + path.resultants[:-1]) / 2 * np.diff(path.motion, axis=0)
         lost = (works.sum(axis=1) - np.diff(stored))[-4 * parts :].reshape(4, parts).sum(axis=1)
@@ -167,21 +168,21 @@ def test_work_around_a_loop_is_stored_or_dissipated_to_second_order(bed, rubbing
     assert np.log2(off[0] / off[2]) / 2 > 1.6
 
 
-def test_a_stroke_dissipates_alike_in_one_increment_and_in_many(bed, rubbing):
-    """Under constant pressure, full slip one way, then the other way: friction times way, less what bends."""
+def test_dissipation_of_a_stroke_does_not_depend_on_increments(bed, frictional):
+    """Under constant pressure, a reversal of full slip dissipates friction times distance, less the elastic part."""
     system = bed.half_space(8, 0.5)
-    found = []
+    computed = []
     for parts in (1, 16):
         strokes = [Step(translation=(x, 0.0), increments=parts) for x in (2e-5, -2e-5)]
-        path = bed.follow(rubbing, system, Step(normal_force=1.5e3), *strokes)
-        found.append(sum(total.dissipated_energy for total in path.totals[-parts:]))
+        path = bed.follow(frictional, system, Step(normal_force=1.5e3), *strokes)
+        computed.append(sum(total.dissipated_energy for total in path.totals[-parts:]))
     elastic = 2.0 * path.zone.weights @ (path.steps[-1].traction * path.steps[-1].displacement)[:, 0]
-    assert found == pytest.approx([0.3 * 1.5e3 * 4e-5 - elastic] * 2, rel=3e-4)
+    assert computed == pytest.approx([0.3 * 1.5e3 * 4e-5 - elastic] * 2, rel=3e-4)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_friction_never_gives_energy(bed, rubbing, system, seed):
-    """Random ways of an indenter that is always pressed on somewhere, by motions and by forces."""
+def test_dissipation_is_never_negative(bed, frictional, system, seed):
+    """The indenter moves along random paths, by motions and by forces, always with some contact."""
     random = np.random.default_rng(seed)
 
     def pair(size):
@@ -196,7 +197,7 @@ def test_friction_never_gives_energy(bed, rubbing, system, seed):
         )
         dragging = {"translation": pair(6e-6)} if random.random() < 0.5 else {"force_ratio": pair(0.15)}
         steps.append(Step(**pressing, **dragging, tilt=pair(2e-4), twist=random.uniform(-2e-3, 2e-3), increments=2))
-    path = bed.follow(rubbing, system, *steps, contact_law=OrthotropicCoulomb(0.5, 0.25, random.uniform(0, 3)))
+    path = bed.follow(frictional, system, *steps, contact_law=OrthotropicCoulomb(0.5, 0.25, random.uniform(0, 3)))
     dissipated = np.array([total.dissipated_energy for total in path.totals])
     assert (dissipated >= 0.0).all()
     assert (dissipated[2:] > 0.0).any()
@@ -205,9 +206,9 @@ def test_friction_never_gives_energy(bed, rubbing, system, seed):
         assert ((step.region == Region.OPEN) == (step.traction[:, 2] == 0.0)).all()
 
 
-def test_slip_adds_up_to_the_motion_over_the_body(bed, rubbing, system):
+def test_slips_add_up_to_the_relative_motion(bed, frictional, system):
     path = bed.follow(
-        rubbing, system, Step(approach=3e-5), Step(translation=(8e-6, 0.0), increments=2), Step(twist=1e-3)
+        frictional, system, Step(approach=3e-5), Step(translation=(8e-6, 0.0), increments=2), Step(twist=1e-3)
     )
     slips = np.cumsum([step.slip for step in path.steps], axis=0)
     for step, slip in zip(path.steps, slips, strict=True):

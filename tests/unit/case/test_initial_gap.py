@@ -1,4 +1,4 @@
-"""Contact laws that add a gap of their own: approach counts from where that first touches."""
+"""Contact laws may add an initial gap; the approach is measured from first contact with it."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,8 @@ APPROACH, STIFFNESS, RADIUS = 1e-5, 1e14, 0.1
 
 @dataclass(frozen=True)
 class Wavy(Signorini):
-    """Signorini's law with a wave along x of a size [m] about a level [m]; entries: how many numbers, for mistakes."""
+    """Signorini's law with a wave along x of an amplitude [m] about a level [m]; `entries` is the number of values,
+    to test errors."""
 
     size: float = 0.0
     level: float = 0.0
@@ -32,7 +33,7 @@ class Wavy(Signorini):
 
 @pytest.fixture
 def case(write_case, registry):
-    """The sphere on springs, without a wave."""
+    """Return the sphere on springs, without a wave."""
     return load_case(write_case(), registry)
 
 
@@ -40,7 +41,7 @@ def kinematics(case):
     return IndenterKinematics(case, reduce(case))
 
 
-def test_force_on_springs_is_that_of_the_gap_from_first_touch(case):
+def test_force_follows_gap_from_first_contact(case):
     result = meeframe.solve_case(replace(case, contact_law=Wavy(2e-6, -1e-6)))
     x, y, _ = result.zone.points.T
     gap = (x**2 + y**2) / (2 * RADIUS) + Wavy(2e-6).initial_gap(result.zone.points)
@@ -51,7 +52,7 @@ def test_force_on_springs_is_that_of_the_gap_from_first_touch(case):
 
 
 @pytest.mark.parametrize("level", [0.0, 3e-6, -3e-6])
-def test_a_gap_that_is_the_same_everywhere_changes_nothing(case, level):
+def test_uniform_gap_has_no_effect(case, level):
     plain = kinematics(case).touching_gap
     np.testing.assert_allclose(kinematics(replace(case, contact_law=Wavy(0.0, level))).touching_gap, plain, atol=1e-19)
 
@@ -61,9 +62,9 @@ def test_a_gap_that_is_the_same_everywhere_changes_nothing(case, level):
     [Placement(), Placement(x=4e-4, y=-7e-4), Placement(tilt_1=0.01), Placement(x=1e-3, axis=(0.02, -0.01, 1.0))],
     ids=["centred", "aside", "tilted", "from aside"],
 )
-def test_the_indenter_moves_along_its_axis_until_it_touches(case, placement):
-    place = replace(case, placement=placement)
-    plain, wavy = (kinematics(replace(place, contact_law=Wavy(size))) for size in (0.0, 2e-6))
+def test_indenter_moves_along_its_axis_to_first_contact(case, placement):
+    position = replace(case, placement=placement)
+    plain, wavy = (kinematics(replace(position, contact_law=Wavy(size))) for size in (0.0, 2e-6))
     assert wavy.touching_gap.min() == pytest.approx(0.0, abs=1e-20)
     moved = (wavy.touching_gap - plain.touching_gap) - Wavy(2e-6).initial_gap(wavy.system.points)
     cosine = placement.base[2] @ np.array([0.0, 0.0, 1.0])
@@ -73,7 +74,7 @@ def test_the_indenter_moves_along_its_axis_until_it_touches(case, placement):
     )
 
 
-def test_nothing_above_stays_nothing_above(case):
+def test_gap_beside_a_punch_remains_infinite(case):
     """Beside a punch there is no indenter, whatever the law adds."""
     punch = replace(case, indenter=FlatPunch(2e-3))
     plain, wavy = (kinematics(replace(punch, contact_law=Wavy(size))).touching_gap for size in (0.0, 2e-6))
@@ -89,12 +90,12 @@ def test_nothing_above_stays_nothing_above(case):
         (Wavy(level=np.nan), "the initial gap of the contact law Wavy is nan"),
     ],
 )
-def test_bad_gaps_are_refused(case, law, text):
+def test_invalid_gaps_are_rejected(case, law, text):
     with pytest.raises(CaseError, match=text):
         replace(case, contact_law=law)
 
 
-def test_bad_gaps_are_found_at_their_place_in_the_file(write_case, registry):
+def test_invalid_gaps_name_the_key_of_the_law(write_case, registry):
     entry = Entry(Kind.CONTACT_LAW, Record("wavy", Wavy, "for tests", "none"), Provider("tests", "0"))
     laws = replace(registry, entries=(*registry.entries, entry))
     with pytest.raises(CaseError, match=r"contact\.law: the initial gap of the contact law Wavy has shape \(2,\)"):

@@ -1,4 +1,4 @@
-"""Case files: what they become, and one clear message for whatever is wrong in them."""
+"""Test how case files are read, and the messages about everything that may be wrong with them."""
 
 import math
 
@@ -34,7 +34,7 @@ def test_defaults(write_case, registry):
     assert {(c.group, c.field, c.kind) for c in case.conditions} == {("base", i, "value") for i in range(5)}
 
 
-def test_everything_that_can_be_said(write_case, registry):
+def test_all_keys(write_case, registry):
     more = """
 translation = ["1 um", 0]
 magnetic_potential = "3 mA"
@@ -87,14 +87,14 @@ electric_flux = 1e-6
     assert side == {(1, "flux"): pytest.approx(2e3), (2, "flux"): 0.0, (3, "flux"): 1e-6}
 
 
-def test_tables_without_a_name_have_keys_of_the_default(write_case, registry):
+def test_tables_without_a_name_use_the_default(write_case, registry):
     changes = ('name = "winkler"\nstiffness = "1e14 Pa/m"', "quadrature_tolerance = 1e-3")
     case = load_case(write_case(changes, more="\n[solver]\ntolerance = 1e-7\n"), registry)
     assert case.formulation == DenseBEM(quadrature_tolerance=1e-3)
     assert (case.solver, case.limits.tolerance) == (Auto(), 1e-7)
 
 
-def test_a_file_with_a_byte_order_mark(write_case, registry):
+def test_byte_order_mark(write_case, registry):
     path = write_case()
     path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
     assert load_case(path, registry).title == "tiny"
@@ -118,7 +118,7 @@ BOX_QUADS = {
 
 
 def write_box(path, quads):
-    """A unit cube in millimetres as a gmsh file with named groups."""
+    """Write a unit cube in millimetres as a gmsh file with named groups."""
     tags = np.arange(1, len(quads) + 1)
     mesh = meshio.Mesh(
         np.array(BOX_POINTS, float),
@@ -153,8 +153,8 @@ def test_mesh_and_heights_from_files_beside_the_case(write_case, registry, tmp_p
     assert case.indenter == Heights(tmp_path / "rough.npy")
 
 
-def test_a_half_space_needs_nothing_beside_its_contact_zone(write_case, registry):
-    """By default the mesh reaches 16 widths of the zone to each side, in 6 rings."""
+def test_defaults_of_half_space_meshes(write_case, registry):
+    """By default the mesh extends 16 widths of the zone to each side, in 6 rings."""
     potentials = "electric_potential = 0\nmagnetic_potential = 0\n"
     support = f'[[boundary]]\ngroup = "base"\ndisplacement = [0, 0, 0]\n{potentials}'
     bare = '[mesh]\ntype = "half-space"\ncontact_width = ["5 mm", "4 mm"]\ndivisions = 4\n'
@@ -167,14 +167,14 @@ def test_a_half_space_needs_nothing_beside_its_contact_zone(write_case, registry
     assert mesh.n_elements == 16 + 16
 
 
-def test_a_file_that_is_no_text(tmp_path, registry):
+def test_binary_file(tmp_path, registry):
     path = tmp_path / "result.h5"
     path.write_bytes(b"\x89HDF\r\n\x1a\n")
     with pytest.raises(CaseError, match=r"result\.h5: is not a TOML file: its text is not encoded in UTF-8$"):
         load_case(path, registry)
 
 
-def test_what_is_hardly_alike_is_not_suggested(write_case, registry):
+def test_dissimilar_names_are_not_suggested(write_case, registry):
     path = write_case(('radius = "100 mm"', 'radius = "100 mm"\nfriction = 0.3'))
     with pytest.raises(CaseError, match=r"indenter\.friction = 0\.3: unknown key; allowed: radius"):
         load_case(path, registry)
@@ -314,6 +314,15 @@ WRONG_MORE = {
     "unknown criterion": ('[solver]\nname = "uzawa"\ncriterion = "luck"', "solver.criterion = 'luck': should be"),
     "axes without a key": ("[contact]\naxes = [1, 0, 0]", "contact.axes = [1, 0, 0]: should be a table"),
     "bad step size": ('[solver]\nname = "uzawa"\nstep_normal = -1', "solver.step_normal = -1: must be > 0"),
+    "figures of no increment": (
+        '[output]\nstep = "end"',
+        "output.step = 'end': is no increment; allowed: peak, last, a load",
+    ),
+    "figures of an absent step": (
+        '[output]\nstep = "2"',
+        "output.step = '2': is no increment of the case; allowed: peak, last, and load steps 1 (increments 1 to 1)",
+    ),
+    "figures of an absent increment": ('[output]\nstep = "1.2"', "output.step = '1.2': is no increment of the case"),
     "no flag": ('[output]\nvtu = "yes"', "output.vtu = 'yes': should be true or false"),
     "twice the same": (
         '[[boundary]]\ngroup = "base"\nelectric_flux = 0',
@@ -323,13 +332,13 @@ WRONG_MORE = {
 
 
 @pytest.mark.parametrize("kind", WRONG)
-def test_wrong_entries(kind, write_case, registry):
+def test_invalid_entries(kind, write_case, registry):
     changes, expected = WRONG[kind]
     expect(write_case(*changes), registry, expected)
 
 
 @pytest.mark.parametrize("kind", WRONG_MORE)
-def test_wrong_additions(kind, write_case, registry):
+def test_invalid_additions(kind, write_case, registry):
     more, expected = WRONG_MORE[kind]
     expect(write_case(more="\n" + more), registry, expected)
 
@@ -342,7 +351,7 @@ def expect(path, registry, text):
     assert all(line.startswith(str(path)) for line in message.splitlines())
 
 
-def test_conditions_that_contradict_each_other(write_case, registry):
+def test_contradictory_conditions(write_case, registry):
     path = write_case(
         ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"'),
         more='\n[[boundary]]\ngroup = "side_x-"\nelectric_potential = 5\n',
@@ -364,7 +373,7 @@ def test_inadmissible_material(write_case, registry):
         (lambda quads: [quad.reverse() for quad in quads.values()], "reorient = true flips those of a file"),
     ],
 )
-def test_bad_mesh_files(write_case, registry, tmp_path, change, expected):
+def test_invalid_mesh_files(write_case, registry, tmp_path, change, expected):
     quads = {name: list(quad) for name, quad in BOX_QUADS.items()}
     change(quads)
     write_box(tmp_path / "box.msh", quads)
@@ -380,7 +389,7 @@ def test_missing_files(write_case, registry, tmp_path):
     expect(write_case((MESH, '[mesh]\nfile = "a.msh"\nunit = "kg"\n')), registry, "mesh.unit = 'kg': should be a unit")
 
 
-def test_a_wrong_entry_is_reported_once(write_case, registry):
+def test_invalid_entry_is_reported_once(write_case, registry):
     with pytest.raises(CaseError) as caught:
         load_case(write_case(('"10 um"', '"10 V"')), registry)
     assert len(str(caught.value).splitlines()) == 1
@@ -398,7 +407,7 @@ def test_tables_from_python(registry):
         case_from_tables({"title": "nothing else"}, registry)
 
 
-def test_a_case_file_is_data_and_never_code(write_case, registry, tmp_path):
+def test_case_file_never_runs_code(write_case, registry, tmp_path):
     expect(
         write_case(('"100 mm"', '''"__import__('os').mkdir('oops') m"''')),
         registry,
@@ -431,21 +440,21 @@ def test_a_case_file_is_data_and_never_code(write_case, registry, tmp_path):
         (('"tiny"', "1979-05-27"), r"title = 1979-05-27: should be a text"),
     ],
 )
-def test_numbers_and_texts_beyond_all_bounds(write_case, registry, change, text):
+def test_extreme_numbers_and_texts(write_case, registry, change, text):
     with pytest.raises(CaseError, match=text):
         load_case(write_case(change), registry)
 
 
 @pytest.mark.filterwarnings("ignore:overflow encountered")
-def test_a_body_larger_than_numbers(write_case):
+def test_overflowing_body(write_case):
     bem = ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"')
     with pytest.raises(CaseError, match=r"mesh: .*coordinates that are not finite or beyond 1e\+60 m: 25 points, at"):
         load_case(write_case(bem, ('"120 mm"', "1e300")))
 
 
 @pytest.mark.parametrize("formulation", ["dense-bem", "hmatrix-bem"])
-def test_materials_too_near_to_incompressible_are_found_at_loading(write_case, registry, formulation):
-    """The closed form of the fundamental solution takes them, quadrature does not."""
+def test_nearly_incompressible_materials_are_rejected_early(write_case, registry, formulation):
+    """The closed form of the fundamental solution supports them; quadrature does not."""
     chosen = f'name = "{formulation}"\nfundamental_solution = "isotropic"'
     material = 'name = "isotropic"\nyoung_modulus = "1 GPa"\npoisson_ratio = 0.4999999'
     change = ('name = "batio3-cofe2o4"', material), ('name = "winkler"\nstiffness = "1e14 Pa/m"', chosen)
@@ -453,7 +462,7 @@ def test_materials_too_near_to_incompressible_are_found_at_loading(write_case, r
         load_case(write_case(*change), registry)
 
 
-def test_materials_without_a_name_are_refused_without_one(write_case, registry):
+def test_unnamed_materials_are_rejected(write_case, registry):
     change = ('name = "batio3-cofe2o4"', 'symmetry = "isotropic"\ncomponents = { c_11 = 1e9, c_12 = 2e9 }')
     with pytest.raises(CaseError, match="material: the material is not admissible: the elastic stiffness c must be"):
         load_case(write_case(change), registry)
@@ -468,12 +477,12 @@ def test_materials_without_a_name_are_refused_without_one(write_case, registry):
         ({10**5000: 1}, "4300 digits"),
     ],
 )
-def test_whole_numbers_from_python_that_it_does_not_write(registry, tables, text):
+def test_integers_too_long_to_print(registry, tables, text):
     with pytest.raises(CaseError, match=text):
         case_from_tables(tables, registry)
 
 
-def test_meshes_beyond_all_bounds(write_case, registry):
+def test_extreme_meshes(write_case, registry):
     change = ('"50 mm"', "1e308"), ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"')
     with np.errstate(all="ignore"), pytest.raises(CaseError, match=r"case.toml: mesh: .*beyond 1e\+60 m"):
         load_case(write_case(*change), registry)

@@ -1,4 +1,4 @@
-"""Laws that depend on time and on the way slipped: what a case hands them, stores, and finds again at a restart."""
+"""Test laws that depend on time and slip path: arguments, storage, restart."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
@@ -23,8 +23,8 @@ MU, RATE, WEAK = 0.3, 0.5, 5e-6
 
 
 @dataclass(frozen=True)
-class Hurried(ContactLaw):
-    """Coulomb friction whose coefficient grows with every second of an increment."""
+class TimeDependent(ContactLaw):
+    """Coulomb friction whose coefficient grows with the duration of an increment."""
 
     mu: Annotated[float, Quantity("", ge=0)] = MU
     needs_duration: ClassVar[bool] = True
@@ -40,8 +40,8 @@ class Hurried(ContactLaw):
 
 
 @dataclass(frozen=True)
-class Polished(ContactLaw):
-    """Coulomb friction whose coefficient mu / (1 + s / WEAK) is that of the way s slipped before the increment."""
+class PathDependent(ContactLaw):
+    """Coulomb friction with the coefficient mu / (1 + s / WEAK), where s is the slip path before the increment."""
 
     slip_path: object = None
 
@@ -59,14 +59,15 @@ class Polished(ContactLaw):
         return np.eye(2)
 
     def for_increment(self, slip_path, duration):
-        return Polished(slip_path)
+        return PathDependent(slip_path)
 
 
 @pytest.fixture
 def laws(registry):
-    """All that is installed, the springs, and the laws of this page."""
+    """Return the registry with installed plugins, the springs, and the laws of this module."""
     records = [
-        Record(name, factory, "for tests", "none") for name, factory in (("hurried", Hurried), ("pol", Polished))
+        Record(name, factory, "for tests", "none")
+        for name, factory in (("hurried", TimeDependent), ("pol", PathDependent))
     ]
     entries = [Entry(Kind.CONTACT_LAW, record, Provider("tests", "0")) for record in records]
     return replace(registry, entries=(*registry.entries, *entries))
@@ -84,7 +85,7 @@ def table_text(result):
     return caught.get()
 
 
-def test_a_law_gets_the_duration_of_each_increment(write_case, laws):
+def test_law_receives_the_duration_of_each_increment(write_case, laws):
     case = load_case(write_case(more=f'{TIMED}{HURRIED}{SLIDE}duration = "0.6 s"\nincrements = 3\n'), laws)
     result = meeframe.solve_case(case)
     assert [step.loading.duration for step in result.steps] == [2.0, 2.0, *[pytest.approx(0.2)] * 3]
@@ -96,11 +97,10 @@ def test_a_law_gets_the_duration_of_each_increment(write_case, laws):
     assert [word for word in row.split() if word[0].isdigit()] == ["4", "0.6"]
 
 
-def test_steps_without_a_duration_are_refused_where_the_law_needs_it(write_case, laws):
+def test_missing_duration_is_rejected_if_required(write_case, laws):
     path = write_case(more=TIMED + HURRIED + SLIDE)
-    text = (
-        r"steps\[2\]: load step 2 has no duration, which the contact law Hurried needs; allowed: a duration > 0 \[s\]"
-    )
+    text = r"steps\[2\]: load step 2 has no duration, which the contact law TimeDependent needs; "
+    text += r"allowed: a duration > 0 \[s\]"
     with pytest.raises(CaseError, match=text):
         load_case(path, laws)
     timed = load_case(write_case(more=TIMED + HURRIED), laws)
@@ -108,13 +108,13 @@ def test_steps_without_a_duration_are_refused_where_the_law_needs_it(write_case,
         replace(timed, steps=(Step(approach=1e-5), Step(twist=0.0, duration=1.0)))
 
 
-def test_without_durations_nothing_speaks_of_them(write_case, laws):
+def test_results_without_durations(write_case, laws):
     result = meeframe.solve_case(load_case(write_case(), laws))
     assert summary(result)["steps"][0]["duration"] is None
     assert "duration" not in table_text(result)
 
 
-def test_the_duration_is_stored_with_the_result(write_case, laws, tmp_path):
+def test_duration_is_stored(write_case, laws, tmp_path):
     meeframe.run(load_case(write_case(more=f"{TIMED}{HURRIED}{SLIDE}duration = 3\n"), laws), tmp_path / "out")
     assert [step.loading.duration for step in meeframe.read_result(tmp_path / "out").steps] == [2.0, 2.0, 3.0]
 
@@ -122,21 +122,21 @@ def test_the_duration_is_stored_with_the_result(write_case, laws, tmp_path):
 BACK = [Step(approach=1e-5), Step(translation=(8e-6, 0.0), increments=4), Step(translation=(0.0, 0.0), increments=2)]
 
 
-def test_the_slip_path_counts_every_way_in_contact(bed, rubbing, system):
-    """There and back: the total slip falls again, the path does not; nodes that are open stay where they are."""
-    path = bed.follow(rubbing, system, *BACK)
-    ways = np.array([np.linalg.norm(step.slip, axis=1) * (step.region != Region.OPEN) for step in path.steps])
-    for step, way in zip(path.steps, np.cumsum(ways, axis=0), strict=True):
+def test_slip_path_accumulates_in_contact(bed, frictional, system):
+    """Under a reversal the total slip decreases, but the path does not; open nodes keep their path."""
+    path = bed.follow(frictional, system, *BACK)
+    path_lengths = np.array([np.linalg.norm(step.slip, axis=1) * (step.region != Region.OPEN) for step in path.steps])
+    for step, way in zip(path.steps, np.cumsum(path_lengths, axis=0), strict=True):
         np.testing.assert_array_equal(step.slip_path, way)
     last = path.steps[-1]
     touched = last.region != Region.OPEN
     assert touched.any()
-    assert (last.slip_path[~touched & (ways.max(axis=0) == 0.0)] == 0.0).all()
+    assert (last.slip_path[~touched & (path_lengths.max(axis=0) == 0.0)] == 0.0).all()
     assert np.linalg.norm(last.total_slip[touched], axis=1).sum() < 0.5 * last.slip_path[touched].sum()
 
 
-def test_a_law_with_memory_sees_the_path_of_the_increments_before(write_case, laws):
-    """Springs that all slip, there and back, so that the friction of an increment is known."""
+def test_law_receives_the_path_of_earlier_increments(write_case, laws):
+    """All springs slip, forth and back, so the friction of each increment is known."""
     text = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["40 um", 0]\nincrements = 4\n'
     text += '[[steps]]\ntranslation = ["-20 um", 0]\nincrements = 3\n'
     first, *slid = meeframe.solve_case(load_case(write_case(more=text), laws)).steps
@@ -150,8 +150,8 @@ def test_a_law_with_memory_sees_the_path_of_the_increments_before(write_case, la
     assert ratio.max() < 0.2 * MU
 
 
-def test_two_bodies_slip_as_one_body_as_soft_as_both(write_case, laws, second_body):
-    """Springs in series, three quarters as stiff, remember as one bed of such springs."""
+def test_two_bodies_match_one_body_of_combined_compliance(write_case, laws, second_body):
+    """Springs in series with three quarters of the stiffness have the same memory as one such bed."""
     text = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["20 um", "8 um"]\nincrements = 4\n'
     pair = meeframe.solve_case(load_case(write_case(more=text + second_body), laws))
     one = meeframe.solve_case(load_case(write_case(('"1e14 Pa/m"', '"0.75e14 Pa/m"'), more=text), laws))
@@ -162,7 +162,7 @@ def test_two_bodies_slip_as_one_body_as_soft_as_both(write_case, laws, second_bo
 
 
 @pytest.mark.full
-def test_a_run_and_its_restart_are_one_run_to_the_last_bit(write_case, laws, tmp_path):
+def test_restart_is_bitwise_identical(write_case, laws, tmp_path):
     first = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["20 um", "3 um"]\nincrements = 3\n'
     second = '\n[[steps]]\ntranslation = ["4 um", 0]\nincrements = 3\n'
     whole = meeframe.solve_case(load_case(write_case(more=first + second), laws))

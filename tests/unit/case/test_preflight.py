@@ -1,4 +1,4 @@
-"""What shows of a case before its body is reduced: solvers that do not take it, an indenter that touches nothing."""
+"""Test preflight checks: solvers that reject the case, an indenter that touches nothing."""
 
 from dataclasses import dataclass, replace
 
@@ -26,11 +26,11 @@ REFUSED = (
 
 @pytest.fixture
 def case(write_case, registry):
-    """The sphere on springs."""
+    """Return the sphere on springs."""
     return load_case(write_case(), registry)
 
 
-def test_a_solver_that_rejects_the_law_is_named_at_its_key(write_case, registry, case):
+def test_solver_that_rejects_the_law_is_reported_at_its_key(write_case, registry, case):
     with pytest.raises(CaseError, match=rf"case\.toml: solver: {REFUSED}"):
         load_case(write_case(more=PCG + FRICTION), registry)
     with pytest.raises(CaseError, match=f"^{REFUSED}"):
@@ -38,7 +38,7 @@ def test_a_solver_that_rejects_the_law_is_named_at_its_key(write_case, registry,
     assert load_case(write_case(more=PCG + FRICTION.replace("0.3", "0")), registry).solver == ProjectedCG()
 
 
-def test_what_else_is_wrong_is_not_laid_to_the_solver(write_case, registry):
+def test_other_errors_are_not_attributed_to_the_solver(write_case, registry):
     loose = ("displacement = [0, 0, 0]\n", "")
     with pytest.raises(CaseError) as raised:
         load_case(write_case(loose, more=PCG + FRICTION), registry)
@@ -46,8 +46,8 @@ def test_what_else_is_wrong_is_not_laid_to_the_solver(write_case, registry):
     assert "boundary" in str(raised.value)
 
 
-def test_a_resultant_that_a_solver_cannot_find_is_reported_beforehand(case):
-    """On a hill the sides bear a part of a tangential force by pressure, at another ratio everywhere."""
+def test_unsupported_resultant_is_reported_early(case):
+    """On a curved zone, pressure carries part of a tangential force, in a ratio that varies with the position."""
     points = case.mesh.points.copy()
     points[:, 2] -= 40.0 * np.minimum((points[:, :2] ** 2).sum(axis=1), 2.5e-5) * (points[:, 2] > -1e-9)
     steps = (Step(approach=1e-5), Step(force_ratio=(0.01, 0.0)))
@@ -62,7 +62,7 @@ def test_a_resultant_that_a_solver_cannot_find_is_reported_beforehand(case):
 
 @dataclass(frozen=True)
 class Shallow(Solver):
-    """Takes no more than 15 um of approach."""
+    """A solver that rejects an approach above 15 um."""
 
     def check(self, problem):
         if problem.gap.min() < -15e-6:
@@ -75,7 +75,7 @@ class Shallow(Solver):
         raise NotImplementedError
 
 
-def test_solvers_are_asked_about_every_step(case):
+def test_solvers_check_every_step(case):
     steps = (Step(approach=1e-5), Step(translation=(1e-6, 0.0)), Step(approach=2e-5))
     assert replace(case, solver=Shallow(), steps=steps[:2]).solver == Shallow()
     with pytest.raises(CaseError, match=r"solver 'shallow' at \[0\. 0\. 0\.\]"):
@@ -84,7 +84,7 @@ def test_solvers_are_asked_about_every_step(case):
 
 @dataclass(frozen=True)
 class Selective(Shallow):
-    """Knows the law it takes by its class."""
+    """A solver that accepts laws of one class only."""
 
     def check(self, problem):
         if not isinstance(problem.law_of("electric"), StepConductivity):
@@ -100,7 +100,7 @@ class Selective(Shallow):
         return Uzawa().step(problem, iterate)
 
 
-def test_solvers_are_asked_about_the_laws_that_they_are_given(case):
+def test_solvers_check_the_laws_they_receive(case):
     law = StepConductivity(1.0)
     selective = replace(
         case, conductivity={"electric": law}, solver=Selective(), potentials={"electric_potential": 100.0}
@@ -115,7 +115,7 @@ def test_solvers_are_asked_about_the_laws_that_they_are_given(case):
 
 @dataclass(frozen=True)
 class Capped(IsotropicCoulomb):
-    """Bears no more than a pressure [Pa]."""
+    """A law that limits the pressure [Pa]."""
 
     most: float = np.inf
 
@@ -124,7 +124,7 @@ class Capped(IsotropicCoulomb):
 
 
 @pytest.mark.parametrize(("law", "taken"), [(Capped(0.0), True), (Capped(0.0, 1e7), False), (Capped(0.1), False)])
-def test_laws_are_tried_at_pressures_of_all_sizes(case, law, taken):
+def test_laws_are_evaluated_at_pressures_of_all_magnitudes(case, law, taken):
     problem = planned(undeformed(replace(case, contact_law=law)))
     assert ProjectedCG().accepts(next(problem).problem) is taken
 
@@ -133,14 +133,15 @@ AWAY = "the indenter does not touch the undeformed body: at an approach of {} m 
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "message"),
     [
         ([], None),
         (
             [('"10 um"', "0")],
             "at an approach of 0 m the indenter only touches the undeformed body, without pressure",
         ),
-        # the sphere's axis goes through the middle of a cell: 1.25 mm of side, so that R - sqrt(R^2 - 2 (side / 2)^2)
+        # the sphere's axis passes through the middle of a cell of 1.25 mm, so the lowest node is at R - sqrt(R^2
+        # - 2 (side / 2)^2)
         (
             [('"100 mm"', '"100 mm"\nx = "625 um"\ny = "625 um"'), ('"10 um"', '"1 um"')],
             AWAY.format("1e-06", "2.91e-06"),
@@ -155,42 +156,42 @@ AWAY = "the indenter does not touch the undeformed body: at an approach of {} m 
         ([('"100 mm"', '"100 mm"\nx = "20 mm"'), ('approach = "10 um"', 'normal_force = "1 N"')], None),
     ],
 )
-def test_an_indenter_that_touches_nothing_is_warned_of(write_case, registry, changes, told):
-    """And one that is pressed by a force finds its way."""
+def test_warning_about_missing_contact(write_case, registry, changes, message):
+    """A prescribed force always leads to contact."""
     warnings = load_case(write_case(*changes), registry).warnings
-    assert len(warnings) == (told is not None)
-    assert all(told in text for text in warnings)
+    assert len(warnings) == (message is not None)
+    assert all(message in text for text in warnings)
 
 
-@pytest.mark.parametrize(("approach", "told"), [("62 um", False), ("63 um", True), ("40 mm", True)])
-def test_an_indenter_that_overlaps_the_whole_zone_is_warned_of(write_case, registry, approach, told):
-    """At its corners, sqrt(2) 2.5 mm away, a sphere of 100 mm is 62.5 um high."""
+@pytest.mark.parametrize(("approach", "message"), [("62 um", False), ("63 um", True), ("40 mm", True)])
+def test_warning_about_overlap_of_the_whole_zone(write_case, registry, approach, message):
+    """At the corners, sqrt(2) 2.5 mm from the axis, the height of a sphere of 100 mm is 62.5 um."""
     warnings = load_case(write_case(('"10 um"', f'"{approach}"')), registry).warnings
-    assert len(warnings) == told
+    assert len(warnings) == message
     assert all("overlaps the undeformed body on the whole contact zone 'contact', by " in text for text in warnings)
 
 
 IDLE = "{}_potential of {} has no effect: the contact insulates unless [conductivity.{}] names a conducting law"
 
 
-def test_potentials_that_an_insulating_contact_does_not_see_are_warned_of(case):
-    """That of the indenter, and one that a load step gives it."""
+def test_warning_about_potentials_of_insulating_indenters(case):
+    """The potential may be that of the indenter or of a load step."""
     volts = replace(case, potentials={"electric_potential": -3e4})
     assert volts.warnings == (IDLE.format("electric", "3e+04 V", "electric"),)
     assert not replace(volts, conductivity={"electric": StepConductivity(np.inf)}).warnings
     steps = (Step(approach=1e-5), Step(scalars={"magnetic_potential": 20.0}))
     amperes = replace(case, steps=steps, conductivity={"electric": StepConductivity(np.inf)})
-    told = IDLE.format("magnetic", "20 A", "magnetic")
-    assert amperes.warnings == (told,)
-    assert [told in step.message for step in meeframe.solve_case(amperes).steps] == [True, False]
+    message = IDLE.format("magnetic", "20 A", "magnetic")
+    assert amperes.warnings == (message,)
+    assert [message in step.message for step in meeframe.solve_case(amperes).steps] == [True, False]
 
 
 @dataclass(frozen=True)
-class Endless(Formulation):
-    """One whose contact zone is a period of an endless surface."""
+class Periodic(Formulation):
+    """Springs whose contact zone is one period of an infinite surface."""
 
     of_period: Formulation
-    periodic: str = "along e1"  # a key of its own, of whatever name
+    periodic: str = "along e1"  # a separate key, whatever its name
 
     def is_periodic(self):
         return True
@@ -202,28 +203,29 @@ class Endless(Formulation):
         return self.of_period.reduce(body, progress)
 
 
-def test_full_contact_that_is_meant_is_not_warned_of(case):
-    """A flat punch over the whole face; a surface that has no edge, which does not keep an indenter from being away."""
+def test_no_warning_about_intended_full_contact(case):
+    """Flat punches over the whole face and periodic surfaces may be in full contact; missing contact still causes a
+    warning."""
     over = replace(case, indenter=FlatPunch(radius=1.0))
     assert not over.warnings
     deep = replace(case, steps=(Step(approach=1e-3),))
     assert deep.preflight
-    assert not replace(deep, formulation=Endless(case.formulation)).preflight
-    assert replace(case, steps=(Step(approach=-1e-3),), formulation=Endless(case.formulation)).preflight
+    assert not replace(deep, formulation=Periodic(case.formulation)).preflight
+    assert replace(case, steps=(Step(approach=-1e-3),), formulation=Periodic(case.formulation)).preflight
 
 
-def test_contact_at_the_edge_of_a_period_is_none(case):
+def test_no_warning_at_border_of_a_period(case):
     (step,) = meeframe.solve_case(replace(case, steps=(Step(approach=1e-4),))).steps
     assert "the contact reaches the boundary of its zone at 16 element sides" in step.message
     assert "overlaps" not in step.message, "of which the edge is enough"
-    is_periodic = replace(case, steps=(Step(approach=1e-4),), formulation=Endless(case.formulation))
+    is_periodic = replace(case, steps=(Step(approach=1e-4),), formulation=Periodic(case.formulation))
     (step,) = meeframe.solve_case(is_periodic).steps
     assert step.touching.all()
     assert "edge" not in step.message
     assert "overlaps" not in step.message
 
 
-def test_laws_that_reach_across_the_gap_need_no_contact(write_case, registry):
+def test_no_warning_with_laws_across_the_gap(write_case, registry):
     above = ('"10 um"', '"-10 um"')
     assert load_case(write_case(above), registry).warnings
     across = '\n[conductivity]\nelectric = { name = "across-gap", gap_constant = "1e-11 F/m" }\n'
@@ -232,7 +234,7 @@ def test_laws_that_reach_across_the_gap_need_no_contact(write_case, registry):
     assert not load_case(write_case(above, more=dmt), registry).warnings
 
 
-def test_one_step_that_touches_is_enough(case):
+def test_one_step_with_contact_suffices(case):
     steps = (Step(approach=-1e-5), Step(approach=1e-5), Step(approach=0.0))
     assert replace(case, steps=steps[:1]).warnings
     assert not replace(case, steps=steps).warnings

@@ -1,4 +1,4 @@
-"""Continuing a run: as if it had never stopped, and refused where it does not fit."""
+"""A restarted run continues as if it had not stopped, and is rejected where it does not fit."""
 
 import dataclasses
 
@@ -19,8 +19,8 @@ LOADED = '[[steps]]\napproach = "10 um"\n'
 BEM = ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"\nquadrature_tolerance = 1e-3')
 
 
-def continued(write_case, *changes, more=SECOND):
-    """A case that continues the run in the folder `first`."""
+def restarted(write_case, *changes, more=SECOND):
+    """Return a case that continues the run in the folder `first`."""
     return write_case(*changes, (LOADED, ""), more=LAW + RESTART + more)
 
 
@@ -31,13 +31,13 @@ def first(write_case, registry, tmp_path):
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("changes", [[], [BEM]], ids=["springs", "boundary elements"])
-def test_two_steps_are_a_run_and_its_continuation(write_case, registry, tmp_path, changes):
+def test_restart_matches_a_single_run(write_case, registry, tmp_path, changes):
     whole = meeframe.solve_case(load_case(write_case(*changes, more=LAW + FIRST + SECOND), registry))
     meeframe.run(load_case(write_case(*changes, more=LAW + FIRST), registry), tmp_path / "first")
-    rest = meeframe.run(load_case(continued(write_case, *changes), registry), tmp_path / "second")
-    assert str(rest.status) == str(whole.status) == "converged"
-    assert [(step.step, step.increment) for step in rest.steps] == [(1, 1), (1, 2)]
-    for ours, theirs in zip(rest.steps, whole.steps[3:], strict=True):
+    second = meeframe.run(load_case(restarted(write_case, *changes), registry), tmp_path / "second")
+    assert str(second.status) == str(whole.status) == "converged"
+    assert [(step.step, step.increment) for step in second.steps] == [(1, 1), (1, 2)]
+    for ours, theirs in zip(second.steps, whole.steps[3:], strict=True):
         for name in (
             "traction",
             "displacement",
@@ -54,22 +54,22 @@ def test_two_steps_are_a_run_and_its_continuation(write_case, registry, tmp_path
         assert (
             ours.loading.prescribed.keys() == theirs.loading.prescribed.keys() == {"normal_force", "tangential_force"}
         )
-    assert rest.steps[0].loading.electric_potential == 3.0, "it stays, whatever [indenter] says"
+    assert second.steps[0].loading.electric_potential == 3.0, "it stays, whatever [indenter] says"
 
 
-def test_the_last_increment_that_converged_is_continued(write_case, registry, tmp_path, first):
+def test_restart_from_last_converged_increment(write_case, registry, tmp_path, first):
     with h5py.File(tmp_path / "first" / "result.h5", "r+") as file:
         file["steps/0003"].attrs["status"] = "stalled"
-    case = load_case(continued(write_case, more="\n[[steps]]\ntangential_force = [0, 0]\nincrements = 3\n"), registry)
+    case = load_case(restarted(write_case, more="\n[[steps]]\ntangential_force = [0, 0]\nincrements = 3\n"), registry)
     (one, *_) = meeframe.solve_case(case).steps
     assert one.loading.prescribed["tangential_force"] == pytest.approx([100.0, 0.0], rel=1e-8), "two thirds of 150 N"
     with h5py.File(tmp_path / "first" / "result.h5", "r+") as file:
         for step in file["steps"].values():
             step.attrs["status"] = "diverged"
-    refused(continued(write_case), registry, f"no increment of the run in {tmp_path / 'first'} converged")
+    error_of(restarted(write_case), registry, f"no increment of the run in {tmp_path / 'first'} converged")
 
 
-def refused(path, registry, text):
+def error_of(path, registry, text):
     with pytest.raises(CaseError) as caught:
         meeframe.solve_case(load_case(path, registry))
     message = str(caught.value)
@@ -93,32 +93,32 @@ def refused(path, registry, text):
         ),
     ],
 )
-def test_another_body_is_refused(write_case, registry, change, text):
-    refused(continued(write_case, change), registry, text)
+def test_other_body_is_rejected(write_case, registry, change, text):
+    error_of(restarted(write_case, change), registry, text)
 
 
 AXES = ("mu = 0.3}\n", "mu = 0.3}\naxes = {direction = [0, 1, 0]}\n")
 
 
 @pytest.mark.usefixtures("first")
-def test_other_friction_axes_are_refused(write_case, registry):
-    path = continued(write_case)
+def test_other_friction_axes_are_rejected(write_case, registry):
+    path = restarted(write_case)
     path.write_text(path.read_text().replace(*AXES))
     text = "the local axis e1 of that run differs on the contact zone by up to 90 deg; allowed: the same [co"
-    refused(path, registry, text)
+    error_of(path, registry, text)
 
 
-def test_a_run_with_rotated_axes_is_continued_with_the_same(write_case, registry, tmp_path):
+def test_restart_with_rotated_axes(write_case, registry, tmp_path):
     path = write_case(more=LAW + FIRST)
     path.write_text(path.read_text().replace(*AXES))
     meeframe.run(load_case(path, registry), tmp_path / "first")
-    path = continued(write_case)
+    path = restarted(write_case)
     path.write_text(path.read_text().replace(*AXES))
     assert str(meeframe.solve_case(load_case(path, registry)).status) == "converged"
 
 
-def test_there_must_be_a_run(write_case, registry, tmp_path):
-    refused(continued(write_case), registry, f"no result in {tmp_path / 'first'}")
+def test_missing_run_is_rejected(write_case, registry, tmp_path):
+    error_of(restarted(write_case), registry, f"no result in {tmp_path / 'first'}")
 
 
 def test_keys_of_the_table(write_case, registry):

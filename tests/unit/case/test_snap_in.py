@@ -1,4 +1,4 @@
-"""Attraction that is too steep for a mesh: told where, and only where, single nodes have several states."""
+"""Attraction too steep for a mesh is reported exactly where single nodes have several states."""
 
 import re
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ SNAP = "nodes snap into contact one by one"
 
 @dataclass(frozen=True)
 class Smooth(ContactLaw):
-    """Attraction stress / (1 + exp((g - range) / width)): it falls by stress / (4 width) at most."""
+    """An attraction stress / (1 + exp((g - range) / width)), whose steepest slope is stress / (4 width)."""
 
     stress: float
     range: float
@@ -35,13 +35,13 @@ class Smooth(ContactLaw):
 
 
 @pytest.mark.parametrize(("reach", "width"), [(1e-6, 1e-7), (1e-6, 1e-10), (3.3e-9, 1e-11), (1.0, 1e-4)])
-def test_the_steepest_fall_is_found(reach, width):
+def test_steepest_slope_is_computed(reach, width):
     assert steepest_fall(Smooth(1e6, reach, width)) == pytest.approx(1e6 / (4.0 * width), rel=1e-3)
     assert steepest_fall(Signorini()) == 0.0
 
 
 def states(law, compliance, distance):
-    """How many ways there are for a spring at this distance that the law attracts, and contact does not stop."""
+    """Return the number of open equilibrium states of a spring at this distance under the attraction."""
     gap = np.linspace(0.0, distance, 200_001)
     pull = compliance * law.adhesion(gap) - (distance - gap)
     return int((np.diff(np.sign(pull)) != 0.0).sum())
@@ -50,27 +50,30 @@ def states(law, compliance, distance):
 @pytest.mark.parametrize("steepness", [0.9, 1.1])
 def test_several_states_of_a_node_are_reported(bed, steepness):
     system = bed.half_space(8)
-    own = float(system.diagonal_blocks()[0, 2, 2])
-    law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
+    compliance_of_node = float(system.diagonal_blocks()[0, 2, 2])
+    law = Smooth(1e7, 1e-6, 1e7 * compliance_of_node / (4.0 * steepness))
     law = replace(law, range=10.0 * law.width)
-    most = max(states(law, own, law.range + part * own * law.stress) for part in np.linspace(0.3, 0.7, 201))
+    most = max(
+        states(law, compliance_of_node, law.range + part * compliance_of_node * law.stress)
+        for part in np.linspace(0.3, 0.7, 201)
+    )
     assert most == (3 if steepness > 1.0 else 1)
     step = SimpleNamespace(gap=np.full(64, 0.0), traction=np.full((64, 3), -1e6))
-    told = " ".join(snap_in(system, law, step))
-    assert (SNAP in told) == (steepness > 1.0)
+    message = " ".join(snap_in(system, law, step))
+    assert (SNAP in message) == (steepness > 1.0)
     assert not list(snap_in(system, Signorini(), step))
     far = SimpleNamespace(gap=np.full(64, np.inf), traction=step.traction)
     assert not list(snap_in(system, law, far)), "nothing is attracted"
 
 
-def test_the_elements_that_are_named_do(bed):
-    """Twice too steep: half the elements are none too coarse, somewhat larger ones are."""
+def test_reported_element_size_suffices(bed):
+    """For a slope twice too steep, elements of half the size suffice, and somewhat larger ones do not."""
     coarse = bed.half_space(8)
     law = Smooth(1e7, 1e-6, 1e7 * float(coarse.diagonal_blocks()[0, 2, 2]) / 8.0)
     step = SimpleNamespace(gap=np.zeros(1), traction=np.full((1, 3), -1e6))
-    (told,) = snap_in(coarse, law, step)
+    (message,) = snap_in(coarse, law, step)
     here = bed.side / 8
-    assert re.search(r"elements of at most (\S+) m \(here (\S+) m\)", told).groups() == (
+    assert re.search(r"elements of at most (\S+) m \(here (\S+) m\)", message).groups() == (
         f"{here / 2:.2g}",
         f"{here:.2g}",
     )
@@ -78,9 +81,9 @@ def test_the_elements_that_are_named_do(bed):
     assert not list(snap_in(bed.half_space(17), law, step))
 
 
-def test_snap_in_is_reported_at_the_end_of_a_step(bed, rubbing, system):
-    own = float(system.diagonal_blocks()[0, 2, 2])
-    for steepness, told in ((0.5, False), (1.5, True)):
-        law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
-        path = bed.follow(rubbing, system, Step(approach=2e-5, increments=2), contact_law=law)
-        assert [SNAP in step.message for step in path.steps] == [False, told]
+def test_snap_in_is_reported_at_the_end_of_a_step(bed, frictional, system):
+    compliance_of_node = float(system.diagonal_blocks()[0, 2, 2])
+    for steepness, message in ((0.5, False), (1.5, True)):
+        law = Smooth(1e7, 1e-6, 1e7 * compliance_of_node / (4.0 * steepness))
+        path = bed.follow(frictional, system, Step(approach=2e-5, increments=2), contact_law=law)
+        assert [SNAP in step.message for step in path.steps] == [False, message]

@@ -1,4 +1,4 @@
-"""Load steps on a bed of independent springs, where contact has a closed form: t = min(gap, 0) x stiffness."""
+"""Test load steps on a bed of independent springs, for which t = min(gap, 0) x stiffness."""
 
 import dataclasses
 
@@ -29,12 +29,12 @@ def case(write_case, registry):
 
 
 def springs(points, approach, x=0.0):
-    """Traction t.nu of the closed form."""
+    """Return the traction t.nu of the closed form."""
     height = ((points[:, 0] - x) ** 2 + points[:, 1] ** 2) / (2 * RADIUS)
     return STIFFNESS * np.minimum(height - approach, 0.0)
 
 
-def test_steps_are_solved_one_after_the_other(case):
+def test_successive_steps(case):
     result = meeframe.solve_case(case)
     assert result.status is RunStatus.CONVERGED
     assert len(result.steps) == 2
@@ -59,7 +59,7 @@ def test_placement_moves_the_indenter(case):
     np.testing.assert_allclose(result.steps[0].traction[:, 2], expected, atol=1e-8 * np.abs(expected).max())
 
 
-def test_translation_drags_the_body_along(case):
+def test_translation_moves_the_body(case):
     step = dataclasses.replace(case.steps[0], translation=(2e-6, -1e-6))
     result = meeframe.solve_case(dataclasses.replace(case, contact_law=IsotropicCoulomb(np.inf), steps=(step,)))
     (solved,) = result.steps
@@ -70,8 +70,8 @@ def test_translation_drags_the_body_along(case):
     assert meeframe.resultants(result.zone, solved).force[0] > 0
 
 
-def test_friction_remembers_the_steps_before(case):
-    """Forth and back: each spring carries mu p or k d, then what it had less k times the way back, or -mu p."""
+def test_friction_depends_on_earlier_steps(case):
+    """After a reversal each spring carries its earlier traction less k times the reversed distance, at least -mu p."""
     forth, back, friction = 4e-6, 3e-6, 0.3
     steps = [dataclasses.replace(case.steps[0], translation=(d, 0.0)) for d in (forth, forth - back)]
     result = meeframe.solve_case(dataclasses.replace(case, contact_law=IsotropicCoulomb(friction), steps=tuple(steps)))
@@ -84,7 +84,7 @@ def test_friction_remembers_the_steps_before(case):
         np.testing.assert_allclose(step.traction[:, 0], expected, atol=1e-7 * bound.max())
 
 
-def test_potentials_of_the_indenter_reach_the_body_where_it_conducts(case):
+def test_potentials_in_conducting_contact(case):
     steps = tuple(
         dataclasses.replace(step, scalars={"electric_potential": 7.0, "magnetic_potential": -0.5})
         for step in case.steps
@@ -97,11 +97,12 @@ def test_potentials_of_the_indenter_reach_the_body_where_it_conducts(case):
         np.testing.assert_allclose(step.potentials[contact_fraction, 0], 7.0, rtol=1e-9)
         assert not step.potentials[~contact_fraction, 0].any()
         assert not step.potentials[:, 1].any()  # magnetically insulated
-        # springs give -phi = q / k, so a raised potential draws flux in: q < 0 (docs/explanation/theory.md)
+        # springs have -phi = q / k, so a higher potential of the indenter draws flux in: q < 0
+        # (docs/explanation/theory.md)
         assert meeframe.resultants(result.zone, step).charge < 0
 
 
-def test_a_step_that_does_not_converge_says_so_and_the_next_one_goes_on(case):
+def test_steps_continue_after_a_failed_step(case):
     limits = dataclasses.replace(case.limits, max_iterations=1)
     case = dataclasses.replace(case, solver=Uzawa())
     result = meeframe.solve_case(dataclasses.replace(case, limits=limits))
@@ -110,8 +111,8 @@ def test_a_step_that_does_not_converge_says_so_and_the_next_one_goes_on(case):
     assert all(step.iterations == 1 and step.message for step in result.steps)
 
 
-def test_a_case_from_objects(case):
-    """The ten lines of docs/reference/case-files.md, on springs."""
+def test_case_from_objects(case):
+    """The example of docs/reference/case-files.md runs on springs."""
     material = library_material("batio3-cofe2o4")
     mesh = block_mesh(0.05, 0.12, 0.005, 4, 2, 1, Quad4())
     made = Case(
@@ -137,13 +138,13 @@ def test_a_case_from_objects(case):
         ({"conditions": (meeframe.BoundaryCondition("contact", 0, "value"),)}, "it is the contact zone"),
     ],
 )
-def test_cases_from_python_are_checked_too(case, change, text):
+def test_cases_from_python_are_checked(case, change, text):
     with pytest.raises((CaseError, meeframe.MeeframeError), match=text):
         dataclasses.replace(case, **change)
 
 
 def test_supports_by_components_of_several_groups(case):
-    """Six rigid motions fixed by one component on each of three faces would leave none; two faces leave some."""
+    """Two faces with one component each leave rigid motions; three faces must fix all six."""
 
     def fixed(pairs):
         mechanical = (meeframe.BoundaryCondition(group, field, "value") for group, field in pairs)
@@ -155,8 +156,8 @@ def test_supports_by_components_of_several_groups(case):
         fixed([("side_x-", 0), ("base", 2)])
 
 
-def test_no_contact_is_remarked(case):
-    """Once: in the first step with the distance."""
+def test_message_about_missing_contact(case):
+    """The message appears once, in the first step, and states the distance."""
     away = (Step(-1e-5), Step(-2e-5))
     step, other = meeframe.solve_case(dataclasses.replace(case, steps=away)).steps
     assert other.message.split("; ")[1:] == ["the indenter does not touch the body"]
@@ -169,7 +170,7 @@ def test_no_contact_is_remarked(case):
     assert not totals.force.any()
 
 
-def test_contact_at_the_edge_of_the_zone_is_remarked(case):
+def test_message_about_contact_at_zone_boundary(case):
     inner, outer = meeframe.solve_case(dataclasses.replace(case, steps=(Step(1e-6), Step(1e-3)))).steps
     assert "edge of its zone" not in inner.message
     assert "the contact reaches the boundary of its zone at 16 element sides" in outer.message

@@ -1,4 +1,4 @@
-"""[[steps]] of case files: every key, what it becomes, and what is refused."""
+"""Test the keys of [[steps]] in case files, and what is rejected."""
 
 import math
 from dataclasses import replace
@@ -16,8 +16,8 @@ FRICTION = (
 CONDUCTION = 'magnetic = {name = "step", kappa = 1}\n'
 
 
-def second(write_case, registry, text):
-    """The second step of a case in which everything is resisted."""
+def second_step(write_case, registry, text):
+    """Return the second step of a case in which all motions are resisted."""
     return load_case(write_case(more=f"{FRICTION}{CONDUCTION}[[steps]]\n{text}\n"), registry).steps[1]
 
 
@@ -45,7 +45,7 @@ TAKEN = {
 
 @pytest.mark.parametrize("text", TAKEN)
 def test_keys(write_case, registry, text):
-    step = second(write_case, registry, text)
+    step = second_step(write_case, registry, text)
     assert step.increments == (7 if "increments" in text else 1)
     assert step.duration == (2e-3 if "duration" in text else None)
     assert set(step.prescribed) == set(TAKEN[text])
@@ -86,9 +86,9 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("text", REFUSED)
-def test_refused_entries(write_case, registry, text):
+def test_invalid_entries(write_case, registry, text):
     with pytest.raises(CaseError) as caught:
-        second(write_case, registry, text)
+        second_step(write_case, registry, text)
     (line,) = str(caught.value).splitlines()
     assert REFUSED[text] in line
     assert line.startswith(f"{write_case()}: ")
@@ -107,13 +107,13 @@ def test_refused_entries(write_case, registry, text):
         ("magnetic_flux = 1", "steps[2].magnetic_flux = 1: the laws of the contact insulate"),
     ],
 )
-def test_resultants_that_the_laws_cannot_resist_are_found_at_loading(write_case, registry, text, expected):
+def test_resultants_that_laws_cannot_resist_are_rejected_early(write_case, registry, text, expected):
     with pytest.raises(CaseError) as caught:
         load_case(write_case(more=f"\n[[steps]]\n{text}\n"), registry)
     assert expected in str(caught.value)
 
 
-def test_the_first_step_must_press(write_case, registry):
+def test_first_step_must_establish_contact(write_case, registry):
     with pytest.raises(
         CaseError, match=r"case.toml: steps\[1\]: the first load step gives neither approach nor normal"
     ):
@@ -140,7 +140,7 @@ def test_the_first_step_must_press(write_case, registry):
         ({"approach": np.zeros((2, 2))}, r"approach = .*; allowed: one finite number \[m\]"),
     ],
 )
-def test_steps_from_python_are_checked_too(prescribed, text):
+def test_steps_from_python_are_checked(prescribed, text):
     with pytest.raises(CaseError, match=text):
         Step(**prescribed)
 
@@ -152,7 +152,7 @@ def test_steps_from_python_take_units():
 
 
 @pytest.mark.parametrize("force", [-5.0, np.float64(-5.0), np.array(-5.0), np.array([-5.0]), [-5], (np.float32(-5),)])
-def test_arrays_are_numbers(write_case, registry, force):
+def test_arrays_are_accepted(write_case, registry, force):
     step = Step(normal_force=force, translation=np.array([1e-6, 0.0]), duration=np.array([2.0]))
     assert step == Step(normal_force=-5.0, translation=(1e-6, 0.0), duration=2.0)
     with pytest.raises(CaseError, match=r"^normal_force = -5.0: allowed: numbers >= 0 \[N\], pressing on the body"):

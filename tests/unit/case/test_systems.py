@@ -1,4 +1,4 @@
-"""Reduced systems that do not keep their contract are refused where the formulation has made them."""
+"""Reduced systems that violate their contract are rejected when the formulation returns them."""
 
 from dataclasses import dataclass, replace
 
@@ -16,8 +16,8 @@ N = 25
 
 
 @dataclass(frozen=True, eq=False)
-class Spoilt(Formulation):
-    """Another formulation, with one array of its system exchanged, or nothing at all made."""
+class WithFault(Formulation):
+    """Another formulation with one array of its system replaced, or without any system."""
 
     made_by: Formulation
     key: str
@@ -34,18 +34,18 @@ class Spoilt(Formulation):
 
 @pytest.fixture
 def case(write_case, registry):
-    """The sphere on springs."""
+    """Return the sphere on springs."""
     return load_case(write_case(), registry)
 
 
-def test_one_that_keeps_it_is_taken(case):
-    assert len(reduce(replace(case, formulation=Spoilt(case.formulation, "offset", np.ones((N, 5))))).points) == N
+def test_valid_system_is_accepted(case):
+    assert len(reduce(replace(case, formulation=WithFault(case.formulation, "offset", np.ones((N, 5))))).points) == N
 
 
 @pytest.mark.parametrize(
-    ("key", "array", "told"),
+    ("key", "array", "message"),
     [
-        ("offset", np.zeros(5), rf"offset .* formulation Spoilt has shape \(5,\); allowed: \({N}, 5\)"),
+        ("offset", np.zeros(5), rf"offset .* formulation WithFault has shape \(5,\); allowed: \({N}, 5\)"),
         ("matrix", np.zeros((N, 5, 5)), rf"matrix .* has shape \({N}, 5, 5\); allowed: \({N}, 5, {N}, 5\)"),
         ("frames", np.eye(3), rf"frames .* has shape \(3, 3\); allowed: \({N}, 3, 3\)"),
         ("weights", np.full(N, np.nan), "weights .* has numbers that are not finite"),
@@ -56,9 +56,9 @@ def test_one_that_keeps_it_is_taken(case):
         ("offset", np.zeros((N, 5), complex), "offset .* is an array of complex128"),
         ("weights", np.resize([np.inf, -np.inf], N), "weights .* has numbers that are not finite"),
         ("cells", (("quad", np.array([[0, 1, 2, 99]])),), "cells of type quad .* numbers 0 to 99; allowed: 0 to 24"),
-        ("system", None, "the formulation Spoilt returns a NoneType; allowed: a reduced system"),
+        ("system", None, "the formulation WithFault returns a NoneType; allowed: a reduced system"),
     ],
 )
-def test_others_are_refused_by_name(case, key, array, told):
-    with pytest.raises(CaseError, match=told):
-        solve_case(replace(case, formulation=Spoilt(case.formulation, key, array)))
+def test_invalid_systems_name_the_formulation(case, key, array, message):
+    with pytest.raises(CaseError, match=message):
+        solve_case(replace(case, formulation=WithFault(case.formulation, key, array)))

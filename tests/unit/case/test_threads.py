@@ -1,4 +1,4 @@
-"""Threads of numba and BLAS within limits, and as before afterwards."""
+"""Limits of threads of numba and BLAS apply within a block and end with it."""
 
 import numba
 import pytest
@@ -22,6 +22,6 @@ def test_limits_end_with_the_block():
     assert counts() == before
 
 
-def test_more_threads_than_numba_was_started_with():
+def test_more_threads_than_numba_provides():
     with limited(numba.config.NUMBA_NUM_THREADS + 1):
         assert numba.get_num_threads() == numba.config.NUMBA_NUM_THREADS

@@ -1,4 +1,4 @@
-"""Contact that a zone cuts off, told from contact that ends where its indenter or its body does."""
+"""Contact that the zone cuts off is distinguished from contact that ends with its indenter or body."""
 
 from dataclasses import replace
 
@@ -31,18 +31,18 @@ def test_sides_of_a_square(synthetic):
 
 
 def test_sides_where_the_indenter_ends_are_not_open(synthetic):
-    """It ends on the border at one side and within the zone at another, and goes on at two."""
+    """The indenter ends on the border at one side, inside the zone at another, and extends beyond it at two."""
     zone = synthetic.zone()
-    found = open_sides(zone, lambda points, _: np.where((points[:, 0] < -1e-3) | (points[:, 1] > 2e-3), np.inf, 0.0))
-    middles = zone.points[found].mean(axis=1)
-    assert len(found) == 3 + 4
+    computed = open_sides(zone, lambda points, _: np.where((points[:, 0] < -1e-3) | (points[:, 1] > 2e-3), np.inf, 0.0))
+    middles = zone.points[computed].mean(axis=1)
+    assert len(computed) == 3 + 4
     assert set(np.flatnonzero(np.abs(middles) == 2e-3) % 3) == {0, 1}
     assert (middles[:, 0] > -1e-3).all()
     assert (middles[:, 1] < 2e-3).all()
 
 
 @pytest.mark.parametrize("how", ["too small a zone", "tilted over it", "over the whole face", "ends with it"])
-def test_contact_that_is_cut_off_is_flagged(case, how):
+def test_contact_at_zone_boundary_is_flagged(case, how):
     punch = FlatPunch(radius=1.0)
     changes = {
         "too small a zone": {"steps": (Step(1e-6), Step(1e-3))},
@@ -61,8 +61,8 @@ def test_contact_that_is_cut_off_is_flagged(case, how):
     assert summary(result)["contact_at_zone_boundary"] == summary(result)["steps"][1]["contact_at_zone_boundary"] == cut
 
 
-def test_contact_of_an_iteration_that_did_not_converge_is_not_flagged(case):
-    """Whatever touches there; that the case overlaps its whole zone is told, as nothing else tells it."""
+def test_unconverged_contact_is_not_flagged(case):
+    """The overlap of the whole zone is reported nevertheless."""
     dragged, limits = Step(1e-3, translation=(1e-5, 0.0)), StoppingCriteria(max_iterations=1)
     deep = replace(case, steps=(dragged,), contact_law=IsotropicCoulomb(0.3), solver=Uzawa(), limits=limits)
     (step,) = meeframe.solve_case(deep).steps

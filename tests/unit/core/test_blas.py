@@ -1,4 +1,4 @@
-"""One limit of BLAS for all threads that are within it."""
+"""A limit of BLAS threads applies to all threads that use it."""
 
 from concurrent.futures import ThreadPoolExecutor
 from threading import Event
@@ -13,7 +13,7 @@ def counts() -> set[int]:
     return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
 
 
-def test_the_limit_holds_until_the_last_one_is_out():
+def test_limit_holds_until_the_last_thread_leaves():
     entered, leave = Event(), Event()
 
     def overlap() -> None:
@@ -36,7 +36,7 @@ def test_the_limit_holds_until_the_last_one_is_out():
             leave.set()
 
 
-def test_it_ends_with_errors_and_within_itself():
+def test_limit_ends_with_errors_and_can_be_nested():
     with threadpool_limits(2, "blas"):
         with pytest.raises(ZeroDivisionError), ONE_BLAS_THREAD, ONE_BLAS_THREAD:
             raise ZeroDivisionError

@@ -1,4 +1,4 @@
-"""Motions of an indenter and the resultants that work on them, against rigid rotations and sums of forces."""
+"""Motions of an indenter and the conjugate resultants agree with rigid rotations and sums of forces."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ MODES = motion_modes(POINTS, FRAMES, AXES, REFERENCE)
 
 
 def rotated(axis, angle):
-    """Points after a right-handed rotation about an axis through the reference point (Rodrigues)."""
+    """Return points after a right-handed rotation about an axis through the reference point (Rodrigues)."""
     arm = POINTS - REFERENCE
     along = np.outer(arm @ axis, axis)
     return REFERENCE + along + np.cos(angle) * (arm - along) + np.sin(angle) * np.cross(axis, arm)
@@ -34,7 +34,7 @@ def test_tilts_and_twist_are_small_rotations(number, axis):
     np.testing.assert_allclose(in_global_axes(MODES[number]), (rotated(axis, ANGLE) - POINTS) / ANGLE, atol=1e-6)
 
 
-def test_approach_and_translations_shift():
+def test_approach_and_translations():
     for number, direction in enumerate((-AXES[2], AXES[0], AXES[1])):
         np.testing.assert_allclose(in_global_axes(MODES[number]), np.tile(direction, (20, 1)), atol=1e-14)
 
@@ -49,6 +49,6 @@ def test_resultants_are_forces_moments_and_charges():
     assert len(totals) == N_MOTIONS == max(column.stop for column in MOTIONS.values())
 
 
-def test_the_reference_point_stands_level_with_the_highest_point():
+def test_reference_point_is_level_with_the_highest_point():
     assert AXES[2] @ REFERENCE == pytest.approx((POINTS @ AXES[2]).max())
     assert AXES[:2] @ REFERENCE == pytest.approx([0.3, -0.2])

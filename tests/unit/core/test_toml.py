@@ -1,4 +1,4 @@
-"""Tables written as TOML are the same when they are read again."""
+"""Tables written as TOML are unchanged when they are read again."""
 
 import datetime
 import math
@@ -21,17 +21,17 @@ VALUES = st.recursive(
 
 
 @given(st.dictionaries(TEXTS, VALUES, max_size=4))
-def test_tables_come_back(tables):
+def test_tables_round_trip(tables):
     assert tomllib.loads(toml_text(tables)) == tables
 
 
 @pytest.mark.parametrize("odd", ["a\x7fb", "", "a.b", 'a"b', "a\\b", "a\nb", "a\x00b", "größe"])
-def test_odd_characters_in_keys_and_texts(odd):
+def test_special_characters(odd):
     tables = {odd: odd, "table": {odd: {odd: [odd]}}, odd + "s": [{odd: 1}]}
     assert tomllib.loads(toml_text(tables)) == tables
 
 
-def test_numbers_of_numpy_are_numbers():
+def test_numpy_numbers():
     numbers = {
         "float": np.float64(0.3),
         "single": np.float32(0.5),
@@ -55,14 +55,14 @@ def test_numbers_of_numpy_are_numbers():
     assert math.isnan(tomllib.loads(toml_text({"nan": np.float64(np.nan)}))["nan"])
 
 
-def test_times_come_back():
+def test_times_round_trip():
     tables = {"time": datetime.time(1, 2, 3), "zoned": datetime.datetime(2026, 1, 2, 3, 4, 5, tzinfo=datetime.UTC)}
     assert tomllib.loads(toml_text(tables)) == tables
 
 
 @pytest.mark.parametrize("value", [None, 1j, b"text", {1, 2}])
 @pytest.mark.parametrize(
-    ("place", "where"),
+    ("position", "where"),
     [
         (lambda value: value, "key"),
         (lambda value: [1, value], "key[2]"),
@@ -70,14 +70,14 @@ def test_times_come_back():
         (lambda value: [{"inner": value}], "key.inner"),
     ],
 )
-def test_what_toml_has_not_is_refused(value, place, where):
+def test_unsupported_values_are_rejected(value, position, where):
     with pytest.raises(
         TypeError, match=re.escape(f"{where}: TOML does not support values of type {type(value).__name__}")
     ):
-        toml_text({"key": place(value)})
+        toml_text({"key": position(value)})
 
 
-def test_whole_numbers_too_long_to_be_written_are_refused():
+def test_integers_too_long_to_print_are_rejected():
     with pytest.raises(ValueError, match=r"key.inner\[2\]: an integer of 16610 binary digits"):
         toml_text({"key": {"inner": [1, 10**5000]}})
 
@@ -99,14 +99,14 @@ LONG = "1" * 5000
         "a = 1_" + "0_1" * 2000,
     ],
 )
-def test_the_line_of_a_whole_number_without_end_is_its_own(before):
-    """Whatever stands in texts and comments."""
+def test_line_of_an_overlong_integer(before):
+    """Long digit sequences in texts and comments do not matter."""
     line = before.count("\n") + 2
     with pytest.raises(ValueError, match=rf"an integer of 5000 digits \(at line {line}\)"):
         toml_tables(f'{before}\nwhole = {LONG}\nlater = "{LONG * 3}" # {LONG * 3}')
 
 
-def test_no_line_is_named_where_it_may_be_another():
-    """Floats have as many digits as one likes."""
+def test_no_line_is_named_if_it_is_ambiguous():
+    """Floats may have any number of digits."""
     with pytest.raises(ValueError, match="an integer of more than 4300 digits; allowed"):
         toml_tables(f"float = {LONG * 2}.0\nwhole = {LONG}")

@@ -17,16 +17,16 @@ def test_isotropic_medium(isotropic):
 
 
 @pytest.mark.parametrize("ratio", [4.0, 9.0, 0.25])
-def test_uncoupled_dielectric_is_stretched_by_the_root_of_the_ratio(isotropic, ratio):
+def test_uncoupled_dielectric_is_stretched_by_root_of_ratio(isotropic, ratio):
     """Laplace's equation with permittivity (1, 1, ratio) is isotropic in coordinates stretched by sqrt(ratio)."""
     stretched = isotropic.copy()
     stretched[:, 3, 3, :] = -np.diag([1.0, 1.0, ratio])
     exact = max(ratio, 1 / ratio) ** 0.5
-    # sampled planes approach the worst one from below
+    # sampled planes approach the worst plane from below
     assert 0.95 * exact < anisotropy(stretched) < exact + 1e-9
 
 
-def test_a_medium_too_near_to_incompressible_is_refused():
+def test_nearly_incompressible_medium_is_rejected():
     rubber = scaled_stiffness(library_material("isotropic", young_modulus=1e6, poisson_ratio=0.4999999))
     with pytest.raises(MaterialError, match="less close to incompressible"):
         anisotropy(rubber)

@@ -1,4 +1,5 @@
-"""Near, distant and own elements against closed forms (flat) and one-dimensional integrals (curved)."""
+"""Integrals over near, distant and singular elements agree with closed forms (flat) and one-dimensional integrals
+(curved)."""
 
 from math import cos, hypot, pi, sqrt
 
@@ -15,7 +16,7 @@ from meeframe.testing.polygon import single_layer, solid_angle
 
 
 def layers(rule, source):
-    """Single and double layer, and the integral of 1/r^2."""
+    """Return single and double layer potentials, and the integral of 1/r^2."""
     offset = rule.positions - source
     distance = np.linalg.norm(offset, axis=1)
     double = (offset * rule.normals).sum(axis=1) / distance**3
@@ -33,24 +34,24 @@ FLAT = {
 
 
 def flat(corners, quadratic):
-    """An element with these corners and, for quadratic ones, straight sides."""
+    """Return an element with these corners and straight sides."""
     element = {(4, False): Quad4(), (4, True): Quad9(), (3, False): Tri3(), (3, True): Tri6()}[len(corners), quadratic]
     linear = Quad4() if len(corners) == 4 else Tri3()
     return element, shape_functions(linear, element.nodes) @ corners
 
 
-def places(corners):
-    """Points of the surface: inside, on a side, at a corner; and outward directions that leave it."""
+def surface_points(corners):
+    """Return points of the surface, inside, on a side and at a corner, and outward directions."""
     centre = corners.mean(axis=0)
     up = np.array([0.0, 0.0, 1.0])
     side = (0.3 * corners[0] + 0.7 * corners[1], np.array([0.2, -1.0, 0.0]))
     corner = (corners[2], corners[2] - centre)
     yield 0.6 * centre + 0.4 * corners[1], up
-    for place, away in (side, corner):
-        yield place, up
+    for position, away in (side, corner):
+        yield position, up
         away = away / np.linalg.norm(away)
-        yield place, away
-        yield place, (away - up) / sqrt(2)
+        yield position, away
+        yield position, (away - up) / sqrt(2)
 
 
 @pytest.mark.parametrize("quadratic", [False, True], ids=["linear", "quadratic"])
@@ -59,16 +60,16 @@ def places(corners):
 def test_flat_element_near_and_far(corners, quadratic, tolerance):
     element, nodes = flat(corners, quadratic)
     size = np.linalg.norm(corners[1] - corners[0])
-    for place, direction in places(corners):
+    for position, direction in surface_points(corners):
         for distance in (1e-3, 1e-2, 0.1, 0.5, 3.0):
-            source = place + distance * size * direction
+            source = position + distance * size * direction
             single, double, absolute = layers(element_rule(element, nodes, source, tolerance), source)
             assert single == pytest.approx(single_layer(corners, source), rel=tolerance)
             assert abs(double - solid_angle(corners, source)) < tolerance * absolute
 
 
 def test_elongated_element_is_cheap():
-    """Halving goes across the longer side: a 50:1 element needs about as many more points as its length asks for."""
+    """Cells are halved across their longer side: the extra points of a 50:1 element are proportional to its length."""
     counts = []
     for length in (1.0, 50.0):
         nodes = np.array([[0, 0, 0], [length, 0, 0], [length, 1, 0], [0, 1, 0]])
@@ -115,7 +116,7 @@ PATCHES = {
 
 
 def paraboloid(patch):
-    """Nodes of a quad9 that is exactly the paraboloid."""
+    """Return the nodes of a quad9 that represents the paraboloid exactly."""
     x0, x1, y0, y1 = patch
     x = x0 + (x1 - x0) * (Quad9().nodes[:, 0] + 1) / 2
     y = y0 + (y1 - y0) * (Quad9().nodes[:, 1] + 1) / 2
@@ -123,7 +124,7 @@ def paraboloid(patch):
 
 
 def polar_integral(patch, radial):
-    """int over all angles of radial(distance from the apex to the rim in the x-y plane), side by side."""
+    """Integrate radial(distance from the apex to the outline in the x-y plane) over all angles, side by side."""
     x0, x1, y0, y1 = patch
     total = 0.0
     for reach, low, high in ((x1, y0, y1), (y1, -x1, -x0), (-x0, -y1, -y0), (-y0, x0, x1)):
@@ -150,7 +151,9 @@ def test_curved_element_near(patch, height, tolerance):
             return rho * area_ratio(rho) / hypot(rho, CURVATURE * rho**2 / 2 - height) ** power
 
         breaks = [abs(height) * s for s in (0.3, 1, 3, 10, 30, 100)]
-        return lambda rim: quad(integrand, 0, rim, points=[b for b in breaks if b < rim], epsabs=0, epsrel=1e-12)[0]
+        return lambda outline: quad(
+            integrand, 0, outline, points=[b for b in breaks if b < outline], epsabs=0, epsrel=1e-12
+        )[0]
 
     for power in (1, 2):
         assert rule.measures @ distance**-power == pytest.approx(polar_integral(patch, ray(power)), rel=tolerance)
@@ -164,14 +167,14 @@ def test_curved_element_weakly_singular(patch, tolerance):
     rule = element_rule(Quad9(), nodes, source, tolerance, own)
     single = rule.measures @ (1 / np.linalg.norm(rule.positions, axis=1))
 
-    def ray(rim):
-        return quad(lambda r: area_ratio(r) / sqrt(1 + (CURVATURE * r / 2) ** 2), 0, rim, epsrel=1e-12)[0]
+    def ray(outline):
+        return quad(lambda r: area_ratio(r) / sqrt(1 + (CURVATURE * r / 2) ** 2), 0, outline, epsrel=1e-12)[0]
 
     assert single == pytest.approx(polar_integral(patch, ray), rel=tolerance)
 
 
-def test_solid_angle_of_a_curved_element_is_that_of_its_rim():
-    """A quad9 with straight sides in one plane and a raised middle sees the source as the flat quadrilateral does."""
+def test_solid_angle_depends_on_the_outline_only():
+    """A quad9 with straight sides in a plane and a raised middle subtends the solid angle of the flat quadrilateral."""
     nodes = np.column_stack([Quad9().nodes, np.zeros(9)])
     nodes[8, 2] = 0.4
     corners = nodes[:4]
@@ -179,12 +182,13 @@ def test_solid_angle_of_a_curved_element_is_that_of_its_rim():
         _, double, absolute = layers(element_rule(Quad9(), nodes, np.array(source), 1e-8), np.array(source))
         exact = solid_angle(corners, np.array(source))
         if 0 < source[2] < 0.4:
-            # between the raised element and the plane of its rim: the other side of a closed surface
+            # the source lies between the raised element and the plane of its outline, on the other side of a
+            # closed surface
             exact += 4 * pi
         assert abs(double - exact) < 1e-8 * absolute
 
 
-def test_kernel_says_when_the_buffer_is_too_small():
+def test_kernel_reports_a_small_buffer():
     points, weights = np.empty((10, 2)), np.empty(10)
     nodes, source = FLAT["square"], np.array([0.5, 0.5, 0.01])
     count = kernels.element_rule(
@@ -194,7 +198,7 @@ def test_kernel_says_when_the_buffer_is_too_small():
 
 
 @pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS)
-def test_source_on_an_element_that_does_not_hold_it(element):
+def test_source_outside_its_element(element):
     nodes = np.column_stack([element.nodes, np.zeros(len(element.nodes))])
     with pytest.raises(MeshError, match=rf"{element.name} element of which it is not a node"):
         element_rule(element, nodes, np.array([0.3, 0.4, 0.0]), 1e-6)
@@ -210,5 +214,5 @@ def test_rules_do_not_depend_on_the_unit_of_length():
         assert small.measures.sum() == pytest.approx(1e-12 * large.measures.sum())
 
 
-def test_polar_reference_itself():
-    assert polar_integral(PATCHES["elongated"], lambda rim: rim**2 / 2) == pytest.approx(7.0)
+def test_polar_reference():
+    assert polar_integral(PATCHES["elongated"], lambda outline: outline**2 / 2) == pytest.approx(7.0)

@@ -12,7 +12,7 @@ from meeframe.testing.element import check_element, check_interpolation, check_t
 
 
 @pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS)
-def test_conforms(element):
+def test_conformance(element):
     check_element(element)
 
 
@@ -23,20 +23,20 @@ def test_meshio_knows_the_cell_type(element):
     assert mesh.cells[0].dim == 2
 
 
-def test_bilinear_shape_functions_against_textbook():
+def test_bilinear_shape_functions():
     xi, eta = reference_points(Quad4(), 10, 1).T
     expected = [(1 - xi) * (1 - eta), (1 + xi) * (1 - eta), (1 + xi) * (1 + eta), (1 - xi) * (1 + eta)]
     assert np.allclose(shape_functions(Quad4(), np.column_stack([xi, eta])), np.transpose(expected) / 4)
 
 
-def test_serendipity_against_textbook():
+def test_serendipity_shape_functions():
     xi, eta = reference_points(Quad8(), 10, 2).T
     values = shape_functions(Quad8(), np.column_stack([xi, eta]))
     assert np.allclose(values[:, 2], (1 + xi) * (1 + eta) * (xi + eta - 1) / 4)
     assert np.allclose(values[:, 5], (1 + xi) * (1 - eta**2) / 2)
 
 
-def test_quadratic_triangle_against_area_coordinates():
+def test_quadratic_triangle_in_area_coordinates():
     xi, eta = reference_points(Tri6(), 10, 3).T
     values = shape_functions(Tri6(), np.column_stack([xi, eta]))
     assert np.allclose(values[:, 1], xi * (2 * xi - 1))
@@ -57,7 +57,7 @@ def test_tables_are_shared_and_frozen():
 
 
 def test_quadratic_elements_integrate_a_curved_area():
-    # z = x^2 / 2 is represented exactly; its area per unit of y is the arc length of the parabola.
+    # z = x^2 / 2 is represented exactly; its area per unit of y is the arc length of the parabola
     for element, low in ((Quad8(), -1.0), (Quad9(), -1.0)):
         x, y = element.nodes.T
         rule = tensor_rule(element, np.column_stack([x, y, x**2 / 2]), 24)
@@ -70,7 +70,7 @@ def test_quadratic_elements_integrate_a_curved_area():
 @final
 @dataclass(frozen=True)
 class Overstated(SurfaceElement):
-    """A Wilson-like element: incompatible across sides and only of first order."""
+    """An incompatible Wilson-like element of first order."""
 
     name = "overstated"
     meshio_type = "quad"
@@ -80,7 +80,7 @@ class Overstated(SurfaceElement):
     exponents = np.vstack([Quad4().exponents, [[2.0, 0.0]]])
 
 
-def test_conformance_kit_finds_faults():
+def test_conformance_kit_detects_faults():
     points = reference_points(Overstated(), 5, 0)
     with pytest.raises(AssertionError, match="order is overstated"):
         check_interpolation(Overstated(), points)

@@ -1,4 +1,4 @@
-"""Observed against predicted convergence of quadrature."""
+"""Quadrature converges at the predicted rates."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,8 @@ def single(rule, source):
 
 @pytest.mark.parametrize("height", [0.3, 0.6, 1.0])
 def test_gauss_converges_at_the_rate_of_the_bernstein_ellipse(height):
-    """Above the centre the roots of r^2 are +- i height: the error falls by rho^2 = (h + sqrt(1 + h^2))^2 a point."""
+    """Above the centre, the roots of r^2 are +- i height: each point reduces the error by rho^2 = (h + sqrt(1 +
+    h^2))^2."""
     source = np.array([0.0, 0.0, height])
     orders = np.arange(4, 20 if height < 1 else 14, 2)
     exact = single_layer(SQUARE, source)
@@ -29,21 +30,21 @@ def test_gauss_converges_at_the_rate_of_the_bernstein_ellipse(height):
     assert observed > 2 * np.arcsinh(height) - 0.15
 
 
-@pytest.mark.parametrize("place", [(0.3, -0.2, 1e-3), (1.001, 0.2, 0.0), (-1.0, -1.0, 2e-3), (0.2, 0.1, 1.5)])
-def test_pair_rule_keeps_every_tolerance_at_logarithmic_cost(place):
-    source = np.array(place)
+@pytest.mark.parametrize("position", [(0.3, -0.2, 1e-3), (1.001, 0.2, 0.0), (-1.0, -1.0, 2e-3), (0.2, 0.1, 1.5)])
+def test_pair_rule_meets_tolerances_at_logarithmic_cost(position):
+    source = np.array(position)
     exact = single_layer(SQUARE, source)
     counts = []
     for tolerance in 10.0 ** -np.arange(2, 14):
         rule = element_rule(Quad4(), SQUARE, source, tolerance)
         counts.append(len(rule.weights))
         assert abs(single(rule, source) / exact - 1) < max(tolerance, 1e-13)
-    # each direction's order grows as log(1/tolerance)
+    # the order of each direction grows like log(1/tolerance)
     assert counts[-1] < 1.5 * counts[0] * (13 / 2) ** 2
     assert np.all(np.diff(counts) >= 0)
 
 
-def test_cost_of_nearness_grows_with_its_logarithm():
+def test_cost_grows_with_logarithm_of_inverse_distance():
     distances = 10.0 ** -np.arange(1, 8)
     counts = [len(element_rule(Quad4(), SQUARE, np.array([0.1, 0.2, d]), 1e-6).weights) for d in distances]
     assert np.diff(counts).max() < 1.5 * np.diff(counts).min()
@@ -61,7 +62,7 @@ ELEMENTS = {
 @pytest.mark.parametrize("material", ["batio3-cofe2o4", "orthotropic-mee"])
 @pytest.mark.parametrize(("element", "nodes"), ELEMENTS.values(), ids=ELEMENTS)
 def test_required_orders_suffice_for_the_kernels(element, nodes, material):
-    """Every entry of int U N_a and int T N_a, relative to the largest integral of absolute values."""
+    """All entries of int U N_a and int T N_a are accurate relative to the largest integral of absolute values."""
     kernel = LineIntegral().bind(scaled_stiffness(library_material(material)))
     rng = np.random.default_rng(0)
     degree = shape_degree(shape_table(element))
@@ -87,7 +88,7 @@ def test_required_orders_suffice_for_the_kernels(element, nodes, material):
 
 @pytest.mark.parametrize("name", ["quad4", "quad4, seven to one", "quad4, trapezoid", "quad9"])
 def test_fewer_points_suffice_along_the_shorter_side(name):
-    """Orders for each direction keep the same tolerance as the larger for both, with fewer points."""
+    """Separate orders for both directions meet the same tolerance with fewer points than the larger order for both."""
     element, nodes = ELEMENTS[name]
     kernel = LineIntegral().bind(scaled_stiffness(library_material("batio3-cofe2o4")))
     rng = np.random.default_rng(1)
@@ -104,8 +105,8 @@ def test_fewer_points_suffice_along_the_shorter_side(name):
         rectangular += orders[0] * orders[1]
         square += max(orders) ** 2
         exact = integrals(kernel, element_rule(element, nodes, source, 1e-10), source)
-        found = integrals(kernel, tensor_rule(element, nodes, *orders), source)
-        for value, reference in zip(found, exact, strict=True):
+        computed = integrals(kernel, tensor_rule(element, nodes, *orders), source)
+        for value, reference in zip(computed, exact, strict=True):
             assert np.abs(value - reference).max() < 1.2e-5 * np.abs(reference).sum(axis=0).max()
     assert rectangular <= square
     assert name != "quad4, seven to one" or rectangular < 0.7 * square

@@ -1,4 +1,4 @@
-"""Free term against closed forms and its complement; both together against exact fields on closed surfaces."""
+"""Free terms agree with closed forms, and free terms with principal values satisfy exact fields on closed surfaces."""
 
 from dataclasses import dataclass
 from math import pi
@@ -28,7 +28,7 @@ def isotropic():
 
 @pytest.fixture(scope="module")
 def stiffness():
-    """Extended stiffness of a fully anisotropic and coupled material, constants of order one."""
+    """Return the extended stiffness of a fully anisotropic and coupled material with constants of order one."""
     rng = np.random.default_rng(5)
 
     def positive(n):
@@ -56,7 +56,7 @@ def anisotropic(stiffness):
 
 
 def box(element, cells=2, map_points=lambda x: x):
-    """Nodes of all elements of the cube [-1, 1]^3 with cells x cells quadrilaterals a face, mapped."""
+    """Return the nodes of all elements of the mapped cube [-1, 1]^3 with cells x cells quadrilaterals per face."""
     xi, eta = (element.nodes.T + 1) / cells - 1
     elements = []
     for axis in range(3):
@@ -81,7 +81,7 @@ def sphere(points):
 
 
 def fichera():
-    """The cube less one of its eight octants, of quad4 elements of side 1: re-entrant edges and a re-entrant corner."""
+    """Return the cube without one of its octants, of quad4 elements of side 1, with re-entrant edges and corner."""
     full = {(i, j, k) for i in range(2) for j in range(2) for k in range(2)} - {(1, 1, 1)}
     square = (Quad4().nodes + 1) / 2
     elements = []
@@ -106,7 +106,7 @@ def tetrahedron(element):
 
 @dataclass(frozen=True)
 class Collocated:
-    """Integrals of one source over a closed surface: int T N_a and int U t, and the free term."""
+    """Integrals int T N_a and int U t of one source over a closed surface, and the free term."""
 
     free: Array
     traction: Array
@@ -115,7 +115,7 @@ class Collocated:
 
 
 def collocate(kernel: Kernel, element: SurfaceElement, elements: list[Array], source: Array, stress=None) -> Collocated:
-    """stress (3, 5): a constant one, whose tractions give int U t."""
+    """Return the integrals of a source; `stress` (3, 5) is a constant state, whose tractions give int U t."""
     facets, tractions, displacement = [], [], np.zeros(5)
     for nodes in elements:
         distance = np.linalg.norm(nodes - source, axis=1)
@@ -144,7 +144,7 @@ def facets_of(*sectors):
 
 
 EX, EY, EZ = np.eye(3)
-# The octant x, y, z > 0: seen from outside, the facets run clockwise about the axes.
+# the octant x, y, z > 0: seen from outside, the facets run clockwise about the axes
 OCTANT = facets_of((EY, EX), (EZ, EY), (EX, EZ))
 
 
@@ -156,14 +156,14 @@ def test_free_term_of_a_smooth_point(anisotropic):
 
 
 def test_free_term_of_an_isotropic_cube_corner(isotropic):
-    """Kelvin's traction on the sphere integrates in closed form over the octant."""
+    """The integral of Kelvin's traction over the octant of a sphere has a closed form."""
     expected = np.eye(5) / 8
     expected[:3, :3] += (1 - np.eye(3)) / (8 * pi * (1 - POISSON))
     assert np.allclose(free_term(isotropic, OCTANT), expected, rtol=0, atol=1e-10)
 
 
 def test_free_term_of_an_isotropic_wedge(isotropic):
-    """A wedge of angle alpha: the fraction of the circle, and the known terms of plane strain in its plane."""
+    """A wedge of angle alpha has the fraction of the circle, and the terms of plane strain in its plane."""
     for angle in (pi / 3, pi / 2, 3 * pi / 2, 1.9 * pi):
         edge = np.array([np.cos(angle), np.sin(angle), 0.0])
         outward = np.array([-np.sin(angle), np.cos(angle), 0.0])
@@ -203,25 +203,25 @@ def test_facets_of_nodes():
 
 
 @pytest.mark.parametrize("element", [Quad4(), Quad8(), Quad9()], ids=lambda e: e.name)
-@pytest.mark.parametrize("place", [(0, 0, 1), (0, 1, -1), (-1, -1, 1)], ids=["face", "edge", "corner"])
-def test_constant_fields_on_a_sheared_block(anisotropic, element, place):
-    assert_constants_vanish(anisotropic, element, box(element, 2, sheared), sheared(np.array(place, float)))
+@pytest.mark.parametrize("position", [(0, 0, 1), (0, 1, -1), (-1, -1, 1)], ids=["face", "edge", "corner"])
+def test_constant_fields_on_a_sheared_block(anisotropic, element, position):
+    assert_constants_vanish(anisotropic, element, box(element, 2, sheared), sheared(np.array(position, float)))
 
 
-@pytest.mark.parametrize("place", [(1, 0.5, 0.5), (1, 0.5, 0), (-1, 1, 0.5)], ids=["centre", "mid-side", "edge"])
-def test_constant_fields_at_nodes_inside_and_on_sides(anisotropic, place):
-    assert_constants_vanish(anisotropic, Quad9(), box(Quad9(), 2, sheared), sheared(np.array(place, float)))
+@pytest.mark.parametrize("position", [(1, 0.5, 0.5), (1, 0.5, 0), (-1, 1, 0.5)], ids=["centre", "mid-side", "edge"])
+def test_constant_fields_at_nodes_inside_and_on_sides(anisotropic, position):
+    assert_constants_vanish(anisotropic, Quad9(), box(Quad9(), 2, sheared), sheared(np.array(position, float)))
 
 
-@pytest.mark.parametrize("place", [(0, 0, 1), (1, 0.5, 0.5), (0, 1, -1), (0.5, 1, 1), (1, 1, 1)])
-def test_constant_fields_on_a_sphere(anisotropic, place):
-    """Quadratic elements leave kinks between them, which the free term must see."""
-    assert_constants_vanish(anisotropic, Quad9(), box(Quad9(), 2, sphere), sphere(np.array(place, float)))
+@pytest.mark.parametrize("position", [(0, 0, 1), (1, 0.5, 0.5), (0, 1, -1), (0.5, 1, 1), (1, 1, 1)])
+def test_constant_fields_on_a_sphere(anisotropic, position):
+    """Quadratic elements have kinks between them, which the free term must include."""
+    assert_constants_vanish(anisotropic, Quad9(), box(Quad9(), 2, sphere), sphere(np.array(position, float)))
 
 
-@pytest.mark.parametrize("place", [(1, 1, 1), (2, 1, 1), (1, 1, 2), (1, 2, 2), (0, 0, 1), (1, 2, 1)])
-def test_constant_fields_with_reentrant_edges(anisotropic, place):
-    assert_constants_vanish(anisotropic, Quad4(), fichera(), place)
+@pytest.mark.parametrize("position", [(1, 1, 1), (2, 1, 1), (1, 1, 2), (1, 2, 2), (0, 0, 1), (1, 2, 1)])
+def test_constant_fields_with_reentrant_edges(anisotropic, position):
+    assert_constants_vanish(anisotropic, Quad4(), fichera(), position)
 
 
 @pytest.mark.parametrize("element", [Tri3(), Tri6()], ids=lambda e: e.name)
@@ -234,7 +234,8 @@ def test_constant_fields_on_a_tetrahedron(anisotropic, element):
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS)
 def test_linear_fields(anisotropic, stiffness, element):
-    """c u + int T u = int U t for u = G x: weakly and strongly singular integrals of each shape function together."""
+    """c u + int T u = int U t for u = G x tests weakly and strongly singular integrals of all shape functions
+    together."""
     elements = tetrahedron(element) if element.reference == "triangle" else box(element, 1, sheared)
     gradient = np.random.default_rng(3).normal(size=(5, 3))
     stress = np.einsum("ijkm,km->ij", stiffness, gradient)

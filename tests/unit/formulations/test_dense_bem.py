@@ -1,4 +1,4 @@
-"""Dense boundary elements against exact fields."""
+"""Dense boundary elements reproduce exact fields."""
 
 from dataclasses import replace
 
@@ -58,8 +58,8 @@ def test_linear_fields_are_exact_for_random_triclinic_materials(material, seed):
     assert max(relative_errors(mesh, field, computed)) < 1e-8
 
 
-def test_linear_fields_by_the_production_kernel():
-    """Table and quadrature at their defaults leave an error far below that of any discretisation."""
+def test_linear_fields_with_default_options():
+    """With default kernel and quadrature, the error is far below any discretisation error."""
     mesh = box_mesh((1.0, 1.5, 0.8), (2, 3, 2), Quad4())
     field = LinearField.random(TRICLINIC.stiffness, seed=5)
     values, fluxes = relative_errors(
@@ -70,7 +70,7 @@ def test_linear_fields_by_the_production_kernel():
 
 
 def test_plane_elements_are_integrated_like_others(monkeypatch):
-    """Sums over plane elements leave the reduced system as it is by pairs U and T at every point."""
+    """Integration by sums over plane elements gives the same reduced system as pairs U and T at every point."""
     body = small_block()
     planes = DenseBEM().reduce(body).dense()
     monkeypatch.setattr(TabulatedKernel, "integrate", Kernel.integrate)
@@ -88,7 +88,7 @@ def small_block(divisions: int = 4) -> Body:
 
 
 @pytest.fixture(scope="module")
-def reduced() -> ReducedSystem:
+def reduced_system() -> ReducedSystem:
     return DenseBEM(Tabulated(), quadrature_tolerance=1e-8).reduce(small_block())
 
 
@@ -98,42 +98,42 @@ def pressure(system: ReducedSystem) -> Array:
     return load
 
 
-def test_compliance_is_all_but_symmetric_with_positive_definite_symmetric_part(reduced):
-    n = len(reduced.points)
-    matrix = reduced.dense().reshape(5 * n, 5 * n)
-    weighted = matrix * np.repeat(reduced.weights, 5)[:, None]
+def test_compliance_is_nearly_symmetric_and_positive_definite(reduced_system):
+    n = len(reduced_system.points)
+    matrix = reduced_system.dense().reshape(5 * n, 5 * n)
+    weighted = matrix * np.repeat(reduced_system.weights, 5)[:, None]
     scale = 1 / np.sqrt(np.diag(weighted))
     scaled = weighted * scale[:, None] * scale
     assert np.linalg.eigvalsh(scaled + scaled.T).min() > 0
 
 
-def test_load_on_the_zone_equals_the_same_traction_prescribed(reduced):
-    """The reduced system against a plain boundary value problem on the same mesh."""
+def test_contact_load_equals_prescribed_traction(reduced_system):
+    """The reduced system agrees with a plain boundary value problem on the same mesh."""
     body = small_block()
-    load = pressure(reduced)
+    load = pressure(reduced_system)
     fluxes = tuple(BoundaryCondition("contact", field, "flux", load[:, field]) for field in range(5))
     plain = DenseBEM(Tabulated(), quadrature_tolerance=1e-8).boundary_fields(
         Body(body.stiffness, body.mesh, body.conditions + fluxes, None)
     )
-    recovered = reduced.recover(load)
+    recovered = reduced_system.recover(load)
     scale = np.abs(plain.values).max(axis=0)
     order = [np.lexsort(fields.points.T) for fields in (plain, recovered)]
     np.testing.assert_allclose(recovered.points[order[1]], plain.points[order[0]])
     np.testing.assert_allclose(recovered.values[order[1]] / scale, plain.values[order[0]] / scale, atol=1e-9)
 
 
-def test_recovered_fields_agree_with_the_compliance(reduced):
-    load = pressure(reduced)
-    displacement = reduced.offset + reduced.apply(load)
-    fields = reduced.recover(load)
-    for point, values in zip(reduced.points, displacement, strict=True):
+def test_recovered_fields_agree_with_the_compliance(reduced_system):
+    load = pressure(reduced_system)
+    displacement = reduced_system.offset + reduced_system.apply(load)
+    fields = reduced_system.recover(load)
+    for point, values in zip(reduced_system.points, displacement, strict=True):
         same = np.flatnonzero(np.all(np.isclose(fields.points, point, atol=1e-12), axis=1))
         np.testing.assert_allclose(fields.values[same[0], :3], values[:3], rtol=1e-12, atol=1e-20)
         np.testing.assert_allclose(fields.values[same[0], 3:], -values[3:], rtol=1e-12)
 
 
 def test_patches_that_meet_in_the_zone_share_their_load():
-    """A bulge that turns by 0.05 from element to element, as one patch and as many."""
+    """The normals of a bulge differ by 0.05 from element to element; it is meshed as one patch and as many."""
     flat = small_block()
     points = flat.mesh.points.copy()
     top = points[:, 2] > points[:, 2].max() - 1e-9
@@ -147,7 +147,7 @@ def test_patches_that_meet_in_the_zone_share_their_load():
 
 
 def imbalance(divisions: int, layers: int) -> float:
-    """Resultant of the normal tractions over the whole surface, relative to the force on the zone."""
+    """Return the resultant of the normal tractions over the whole surface, relative to the force on the zone."""
     mesh = block_mesh(0.05, 0.12, 0.05, divisions, 3, layers, Quad4())
     system = DenseBEM().reduce(Body(library_material("batio3-cofe2o4").stiffness, mesh, BASE, "contact"))
     load = pressure(system)
@@ -161,20 +161,21 @@ def imbalance(divisions: int, layers: int) -> float:
 
 
 @pytest.mark.full
-def test_reaction_of_the_base_balances_the_load_as_the_mesh_is_refined():
+def test_reaction_of_the_base_converges_to_the_load():
     coarse, fine = imbalance(4, 3), imbalance(8, 6)
     assert coarse < 0.1
     assert fine < 0.6 * coarse
 
 
-# fluxes (i, J) by gradients of values (K, l), shear strains counted once, potentials last
+# fluxes (i, J) as a function of gradients of values (K, l), with shear strains counted once and potentials last
 GRADIENTS = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1), *((i, J) for J in (3, 4) for i in range(3))]
 
 
 def deflection(
     size: tuple[float, float, float], divisions: tuple[int, int, int], element: SurfaceElement, field: int
 ) -> float:
-    """Mean displacement of the end of a rod, clamped and grounded at the other, by a traction of 1 MPa along itself."""
+    """Return the mean displacement of the end of a rod, clamped and grounded at the other end, due to a traction of
+    1 MPa."""
     along = "xyz"[int(np.argmax(size))]
     clamps = tuple(BoundaryCondition(f"{along}-", field, "value") for field in range(5))
     mesh = box_mesh(size, divisions, element)
@@ -185,7 +186,7 @@ def deflection(
 
 
 def compliance(n: int) -> Array:
-    """Of stresses where D = B = 0 (n = 12), or where E = H = 0 (n = 6)."""
+    """Return the compliance of stresses where D = B = 0 (n = 12), or where E = H = 0 (n = 6)."""
     moduli = [[ORTHOTROPIC.stiffness[i, J, K, m] for m, K in GRADIENTS[:n]] for i, J in GRADIENTS[:n]]
     return np.linalg.inv(np.array(moduli))
 
@@ -201,7 +202,7 @@ def compliance(n: int) -> Array:
     ],
 )
 def test_slender_rods_under_pressure(size, divisions, tolerance):
-    """The strain of uniaxial stress without D and B."""
+    """The strain is that of uniaxial stress without D and B."""
     along = int(np.argmax(size))
     strain = 1e6 * compliance(12)[along, along]
     assert deflection(size, divisions, Quad4(), 2) == pytest.approx(size[along] * strain, rel=tolerance)
@@ -209,24 +210,25 @@ def test_slender_rods_under_pressure(size, divisions, tolerance):
 
 @pytest.mark.parametrize("field", [0, 1])
 def test_rods_bent_by_a_force_at_the_end(field):
-    """Timoshenko's beam, ten times as long as wide, whose axial stress changes sign across it: E and H all but vanish.
+    """Timoshenko's beam, ten times as long as wide: the axial stress changes sign across the section, so E and H
+    nearly vanish.
 
-    Of rods of 100 widths meshes like this one give anything from half to twice the deflection.
+    For rods of 100 widths, such meshes give deflections between half and twice the exact one.
     """
     length, inertia, shear_factor, s = 10.0, 1 / 12, 5 / 6, compliance(6)
     expected = 1e6 * (s[2, 2] * length**3 / (3 * inertia) + s[4 - field, 4 - field] * length / shear_factor)
     assert deflection((1.0, 1.0, length), (1, 1, 10), Quad9(), field) == pytest.approx(expected, rel=0.01)
 
 
-def test_what_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
+def test_unsupported_bodies_are_rejected_early(monkeypatch):
     body = small_block()
     with pytest.raises(MaterialError, match="isotropic"):
         DenseBEM(Isotropic()).check(body)
     monkeypatch.setattr("os.sysconf", lambda _: 1000)
-    told = r"this machine has 0\.001 GB: use a coarser mesh, or the formulation '{}'"
-    with pytest.raises(MeshError, match=told.format("hmatrix-bem")):
+    reported = r"this machine has 0\.001 GB: use a coarser mesh, or the formulation '{}'"
+    with pytest.raises(MeshError, match=reported.format("hmatrix-bem")):
         DenseBEM().check(body)
-    with pytest.raises(MeshError, match=told.format("half-space")):
+    with pytest.raises(MeshError, match=reported.format("half-space")):
         DenseBEM().check(replace(body, mesh=half_space_mesh(1.0, 0.1, 12, 4, Quad4()), conditions=()))
 
 
@@ -240,13 +242,13 @@ def test_what_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
         (BoundaryCondition("base", 2, "flux", 1.0), "prescribe displacement_3 or traction_3 twice"),
     ],
 )
-def test_incomplete_conditions_are_refused(condition, message):
+def test_incomplete_conditions_are_rejected(condition, message):
     body = small_block()
     with pytest.raises(CaseError, match=message):
         DenseBEM().check(replace(body, conditions=(*body.conditions, condition)))
 
 
-def test_open_meshes_and_missing_zones_are_refused():
+def test_open_meshes_and_missing_zones_are_rejected():
     body = small_block()
     with pytest.raises(CaseError, match="no contact zone"):
         DenseBEM().reduce(Body(body.stiffness, body.mesh, body.conditions, None))
@@ -254,5 +256,5 @@ def test_open_meshes_and_missing_zones_are_refused():
         DenseBEM().reduce(Body(body.stiffness, body.mesh, body.conditions, "nowhere"))
 
 
-def test_conforms():
+def test_conformance():
     check_formulation(DenseBEM(Tabulated()))

@@ -1,4 +1,4 @@
-"""Elimination of a dense system: by blocks, in place, rows exchanged."""
+"""Test elimination of a dense system: by blocks, in place, with row exchanges."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ SIZES = [(1, 0, 1), (7, 7, 1), (53, 40, 14), (131, 0, 5), (327, 200, 128), (650,
 
 
 def _system(unknowns: int, others: int):
-    """A matrix whose rows have to be exchanged, and right-hand sides."""
+    """Return a matrix that requires row exchanges, and right-hand sides."""
     rng = np.random.default_rng(unknowns)
     matrix, right = rng.normal(size=(unknowns, unknowns)), rng.normal(size=(unknowns, others))
     matrix[np.diag_indices(unknowns)] = 0.0 if unknowns > 1 else 2.0
@@ -34,20 +34,22 @@ def test_unknowns_solve_the_system(unknowns, first, others):
 
 @pytest.mark.parametrize("unknowns", [7, 65, 129, 650])
 def test_factors_are_those_of_partial_pivoting(unknowns):
-    """SciPy's factors and order of rows, so that multipliers are at most one and the factors grow no more."""
+    """The factors and the order of rows equal those of SciPy: multipliers are at most one, so growth is bounded
+    alike."""
     matrix, _, columns = _system(unknowns, 1)
     eliminate(columns, unknowns)
     rows, lower, upper = lu(matrix, p_indices=True)
-    found = np.tril(columns[:, :unknowns], -1) + np.eye(unknowns), np.triu(columns[:, :unknowns])
-    np.testing.assert_allclose(found[0], lower, atol=1e-10)
-    np.testing.assert_allclose(found[1], upper, atol=1e-10 * np.abs(upper).max())
-    residual = np.abs(matrix - (found[0] @ found[1])[rows]).max()
+    computed = np.tril(columns[:, :unknowns], -1) + np.eye(unknowns), np.triu(columns[:, :unknowns])
+    np.testing.assert_allclose(computed[0], lower, atol=1e-10)
+    np.testing.assert_allclose(computed[1], upper, atol=1e-10 * np.abs(upper).max())
+    residual = np.abs(matrix - (computed[0] @ computed[1])[rows]).max()
     assert residual <= unknowns * np.finfo(float).eps * np.abs(upper).max()
 
 
 @pytest.mark.parametrize(("unknowns", "first"), [(327, 200), (60, 60), (60, 0)])
-def test_condition_is_that_of_the_whole_matrix(unknowns, first):
-    """Also where a single direction decides, within what eight random right-hand sides may miss."""
+def test_condition_estimate(unknowns, first):
+    """The estimate is accurate to the scatter of eight random right-hand sides, also if a single direction
+    dominates."""
     matrix, _, _ = _system(unknowns, 1)
     left, values, right = np.linalg.svd(matrix)
     values[-1] = 1e-6
@@ -59,7 +61,7 @@ def test_condition_is_that_of_the_whole_matrix(unknowns, first):
 
 
 @pytest.mark.parametrize("loads", [0, 12])
-def test_singular_systems_are_refused(loads):
+def test_singular_systems_are_rejected(loads):
     matrix, right, _ = _system(30, loads + 1)
     matrix[:, 20] = matrix[:, 3]
     with pytest.raises(
@@ -68,7 +70,7 @@ def test_singular_systems_are_refused(loads):
         factorise(System(np.asfortranarray(np.hstack([matrix, right]))))
 
 
-def test_a_pivot_of_zero_is_refused():
+def test_zero_pivot_is_rejected():
     matrix, right, _ = _system(30, 1)
     matrix[:, 20] = 0.0
     with pytest.raises(CaseError, match=r"singular to round-off \(reciprocal condition 0"):
@@ -76,7 +78,7 @@ def test_a_pivot_of_zero_is_refused():
 
 
 @pytest.mark.parametrize("entry", [np.nan, np.inf])
-def test_what_is_not_finite_is_not_called_singular(entry):
+def test_nonfinite_matrix_is_not_reported_as_singular(entry):
     matrix, right, _ = _system(30, 1)
     matrix[4, 20] = entry
     with pytest.raises(CaseError, match="coefficients that are not finite"):
@@ -93,20 +95,20 @@ LAYOUTS = {
 }
 
 
-@pytest.mark.parametrize("place", [0, 1, 2], ids=["target", "left", "right"])
+@pytest.mark.parametrize("position", [0, 1, 2], ids=["target", "left", "right"])
 @pytest.mark.parametrize("matrix", LAYOUTS.values(), ids=LAYOUTS)
-def test_other_layouts_are_refused(matrix, place):
+def test_other_memory_layouts_are_rejected(matrix, position):
     rows, columns = matrix.shape
-    m, n, k = [(rows, columns, 2), (rows, 2, columns), (2, columns, rows)][place]
+    m, n, k = [(rows, columns, 2), (rows, 2, columns), (2, columns, rows)][position]
     operands = [np.zeros(shape, order="F") for shape in ((m, n), (m, k), (k, n))]
-    operands[place] = matrix
+    operands[position] = matrix
     with pytest.raises(ValueError, match=rf"{matrix.dtype}, shape \({rows}, {columns}\) .* columns of float64"):
         subtract_product(*operands)
 
 
 @pytest.mark.parametrize("shape", [(6, 1), (1, 4), (1, 1), (0, 3), (5, 0)])
-def test_thin_parts_in_any_order(shape):
-    """Of a single column the stride to the next is arbitrary, of a single row that to the next row."""
+def test_single_rows_and_columns_in_any_order(shape):
+    """The column stride of a single column and the row stride of a single row are arbitrary."""
     (m, n), rng = shape, np.random.default_rng(4)
     start, left, right = rng.normal(size=shape), rng.normal(size=(m, 3)), rng.normal(size=(3, n))
     triangle = np.tril(rng.normal(size=(m, m)), -1) + np.eye(m)

@@ -1,4 +1,4 @@
-"""Semi-infinite bodies of the dense boundary elements."""
+"""Test semi-infinite bodies with dense boundary elements."""
 
 from dataclasses import replace
 
@@ -27,8 +27,8 @@ TRICLINIC = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0
 
 
 @pytest.mark.parametrize("element", [Quad4(), Quad8(), Tri3()], ids=lambda e: e.name)
-def test_exterior_terms_of_a_part_and_of_the_whole_differ_by_the_integral_between(element):
-    """For a material whose traction kernel does not vanish in the plane."""
+def test_exterior_terms_differ_by_the_integral_between_outlines(element):
+    """The traction kernel of the material does not vanish in the plane."""
     stiffness = TRICLINIC.stiffness
     kernel = LineIntegral().bind(FieldScaling.of(stiffness).scale_stiffness(stiffness))
     whole = half_space_mesh((3.0, 2.0), 1.0, 2, 2, element, Grading(2.0))
@@ -58,15 +58,15 @@ def test_sphere_on_a_half_space(condition, system):
     gap = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / 0.2 - 5e-5
     zero = np.zeros((len(gap), 2))
     laws = Signorini(), flux_channels(StepConductivity(electric), StepConductivity(magnetic))
-    found = solve(ContactProblem(system, *laws, gap, zero, zero), Uzawa(), StoppingCriteria())
-    force, (charge, flux) = resultant(system, found.state.load)
+    solution = solve(ContactProblem(system, *laws, gap, zero, zero), Uzawa(), StoppingCriteria())
+    force, (charge, flux) = resultant(system, solution.state.load)
     exact = indent(axisymmetric_compliance(TRANSVERSELY_ISOTROPIC.stiffness), Sphere(0.1), 5e-5, *CONDITIONS[condition])
     assert -force[2] == pytest.approx(exact.force, rel=0.01)
     assert charge == pytest.approx(exact.charge, rel=0.01)
     assert flux == pytest.approx(exact.magnetic_flux, rel=0.01)
 
 
-def test_traction_prescribed_beside_the_zone_moves_it():
+def test_traction_outside_the_zone_displaces_it():
     mesh = half_space_mesh(0.1, 0.005, 4, 4, Quad4())
     condition = BoundaryCondition("top", 0, "flux", 1e6)
     system = DenseBEM().reduce(Body(TRANSVERSELY_ISOTROPIC.stiffness, mesh, (condition,), "contact"))
@@ -77,7 +77,7 @@ def test_traction_prescribed_beside_the_zone_moves_it():
     )
 
 
-def test_a_half_space_is_plane():
+def test_half_space_must_be_plane():
     mesh = half_space_mesh(0.1, 0.005, 4, 2, Quad4())
     check_mesh(mesh)
     bent = mesh.points.copy()

@@ -1,4 +1,4 @@
-"""Interior representation of boundary elements: exact fields, points near the surface, refusals."""
+"""Test the interior representation of boundary elements: exact fields, points near the surface, rejected points."""
 
 from dataclasses import replace
 
@@ -22,8 +22,8 @@ SIDES = (1.0, 1.5, 0.8)
 CONDITIONS = {"z-": "vvvvv"} | dict.fromkeys(("x-", "x+", "y-", "y+"), "fffff")
 
 
-def solved(field, element, divisions):
-    """System of a box with the boundary data of an exact field, and the load of that field on top."""
+def exact_problem(field, element, divisions):
+    """Return the system of a box with the boundary data of an exact field, and the load of that field on the top."""
     mesh = box_mesh(SIDES, divisions, element)
     body = replace(prescribe(mesh, field, STIFFNESS, CONDITIONS), contact_group="z+")
     system = DenseBEM(quadrature_tolerance=1e-7).reduce(body)
@@ -39,9 +39,10 @@ def inside(mesh, fractions):
 
 @pytest.mark.parametrize("element", [Quad4(), Tri6()], ids=lambda e: e.name)
 def test_linear_fields_are_exact(element):
-    """A linear state of a coupled block: values, and uniform stress, D and B, up to the tolerance of the table."""
+    """Values and uniform stress, D and B of a linear state of a coupled block are exact to the tolerance of the
+    table."""
     field = LinearField.random(STIFFNESS, seed=5)
-    system, load, mesh = solved(field, element, (1, 2, 1))
+    system, load, mesh = exact_problem(field, element, (1, 2, 1))
     points = inside(mesh, np.random.default_rng(4).uniform(0.05, 0.95, (8, 3)))
     result = interior(system, load, points)
     values = np.concatenate([result.displacement, result.potentials], axis=1) / FACTORS
@@ -53,15 +54,15 @@ def test_linear_fields_are_exact(element):
 
 
 def test_points_near_the_surface():
-    """Down to the smallest distance, over the inside of an element, over an edge of the mesh and at a corner."""
+    """Points down to the smallest distance lie below the middle of an element, an edge of the mesh and a corner."""
     field = LinearField.random(STIFFNESS, seed=6)
-    system, load, mesh = solved(field, Quad4(), (1, 2, 1))
+    system, load, mesh = exact_problem(field, Quad4(), (1, 2, 1))
     high = mesh.points.max(axis=0)
     exact = np.einsum("ijkm,km->ij", STIFFNESS, field.gradient) * FACTORS
     for distance in (1e-1, 1e-2, 1e-3):
         points = high - np.array([[0.3, 0.4, distance], [0.5, 0.75, distance], [distance] * 3])
-        found = system.capability(InteriorFields).evaluate(load, points)
-        np.testing.assert_allclose(found.fluxes * FACTORS, [exact] * 3, atol=3e-5 * np.abs(exact).max())
+        computed = system.capability(InteriorFields).evaluate(load, points)
+        np.testing.assert_allclose(computed.fluxes * FACTORS, [exact] * 3, atol=3e-5 * np.abs(exact).max())
     for point, message in (
         (high - [0.3, 0.4, 1e-5], "closer to the surface than"),
         (high - [0.3, 0.4, 0.0], "closer to the surface than"),
@@ -72,23 +73,24 @@ def test_points_near_the_surface():
 
 
 def test_field_of_a_point_source_converges():
-    """Values and gradients, by central differences of the exact values, on two meshes of quad9."""
+    """Values and gradients converge on two meshes of quad9; exact gradients are central differences of exact values."""
     field = PointSourceField(STIFFNESS, np.array([2.0, 1.5, 1.9]), np.array([1.0, -0.6, 0.8, 0.5, -0.9]))
     errors = []
     for divisions in ((1, 2, 1), (2, 3, 2)):
-        system, load, mesh = solved(field, Quad9(), divisions)
+        system, load, mesh = exact_problem(field, Quad9(), divisions)
         points = inside(mesh, np.array([[0.5, 0.5, 0.5], [0.3, 0.6, 0.7], [0.8, 0.2, 0.4]]))
-        found = system.capability(InteriorFields).evaluate(load, points)
+        computed = system.capability(InteriorFields).evaluate(load, points)
         steps = 1e-4 * np.eye(3)
         slopes = np.stack([(field.values(points + h) - field.values(points - h)) / 2e-4 for h in steps], axis=2)
-        difference = (found.gradients - slopes) / FACTORS[:, None]
+        difference = (computed.gradients - slopes) / FACTORS[:, None]
         errors.append(np.abs(difference).max() / np.abs(slopes / FACTORS[:, None]).max())
     assert errors[1] < 5e-3
     assert errors[1] < errors[0] / 2.0
 
 
 def boussinesq(system, pressure, depths):
-    """Axial stress on the axis under a bilinear pressure: the point solution by Gauss rules on the elements."""
+    """Return the axial stress on the axis under a bilinear pressure: the point solution by Gauss rules on the
+    elements."""
     abscissae, weights = np.polynomial.legendre.leggauss(8)
     one, two = (corner.ravel() for corner in np.meshgrid(abscissae, abscissae))
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
@@ -101,8 +103,8 @@ def boussinesq(system, pressure, depths):
     return np.array([-3.0 * z**3 / (2.0 * np.pi) * (forces / (squared + z * z) ** 2.5).sum() for z in depths])
 
 
-def test_a_semi_infinite_mesh():
-    """Axial stress under a pressure on a half space by boundary elements, with second order on two meshes."""
+def test_semi_infinite_mesh():
+    """The axial stress under a pressure converges with second order on two meshes of a half space."""
     stiffness = library_material("isotropic", young_modulus=2e11, poisson_ratio=0.3).stiffness
     depths = np.array([0.2, 0.6, 1.0])
     errors = []
@@ -134,8 +136,8 @@ THERMAL = ScalarField(
 )
 
 
-def test_a_further_scalar_field():
-    """Uniform heat flux through a block on a base at zero temperature, beside a uniform pressure of no interest."""
+def test_additional_scalar_field():
+    """A uniform heat flux passes through a block on a base at zero temperature, independently of a uniform pressure."""
     material = library_material("batio3-cofe2o4").with_field(THERMAL, 2.5)
     mesh = box_mesh(SIDES, (1, 2, 1), Quad4())
     conditions = tuple(BoundaryCondition("z-", field, "value") for field in range(6))

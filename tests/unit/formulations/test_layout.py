@@ -1,4 +1,4 @@
-"""Degrees of freedom of the dense boundary elements: counts, conflicts, what leaves a field undetermined."""
+"""Test degrees of freedom of dense boundary elements: counts, contradictions, undetermined fields."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def test_tractions_of_a_box_are_continuous_on_its_faces_and_jump_at_its_edges(el
     assert len(patches.point) == 2 * sum(per_axis.values())
 
 
-def test_an_edge_inside_a_group_is_found_by_the_angle_of_the_normals():
+def test_edges_inside_a_group_are_found_by_angle():
     mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
     named = find_patches(mesh, np.pi / 6)
     block = mesh.blocks[0]
@@ -48,20 +48,20 @@ def test_an_edge_inside_a_group_is_found_by_the_angle_of_the_normals():
     assert len(find_patches(unnamed, 0.9 * np.pi).point) == len(mesh.points)
 
 
-def test_a_smooth_sphere_has_one_flux_node_a_point():
+def test_smooth_sphere_has_one_flux_node_per_point():
     mesh = sphere_mesh(1.0, 4, Quad9())
     assert len(find_patches(mesh, np.pi / 6).point) == len(mesh.points)
 
 
 @pytest.mark.parametrize("clamps", [("z-",), ("z-", "x+"), ("z-", "x+", "y-")])
-def test_every_unknown_has_one_row(clamps):
+def test_every_unknown_has_one_equation(clamps):
     mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
     layout = layout_of(mesh, sum((clamped(group) for group in clamps), ()))
     rows = collocate(mesh, layout).row
     np.testing.assert_array_equal(np.sort(rows[rows != NONE]), np.arange(layout.n_unknowns))
 
 
-def test_conditions_that_contradict_each_other_are_refused():
+def test_contradictory_conditions_are_rejected():
     mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
     conditions = (*clamped("z-"), BoundaryCondition("x+", 3, "value", 1.0))
     with pytest.raises(
@@ -78,21 +78,21 @@ def test_conditions_that_contradict_each_other_are_refused():
         ((0, 1, 3, 4), "leave 3 of the 6 rigid motions free"),
     ],
 )
-def test_fields_left_undetermined_are_refused(fields, message):
+def test_undetermined_fields_are_rejected(fields, message):
     mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
     conditions = tuple(BoundaryCondition("z-", field, "value") for field in fields)
     with pytest.raises(CaseError, match=message):
         layout_of(mesh, conditions)
 
 
-def test_three_rollers_hold_a_box():
+def test_three_rollers_support_a_box():
     mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
     rollers = tuple(BoundaryCondition(group, axis, "value") for axis, group in enumerate(("x-", "y-", "z-")))
     potentials = tuple(BoundaryCondition("z-", field, "value") for field in (3, 4))
     assert layout_of(mesh, rollers + potentials).n_unknowns > 0
 
 
-def test_the_contact_zone_takes_no_conditions():
+def test_conditions_on_the_contact_zone_are_rejected():
     mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
     with pytest.raises(CaseError, match="it is the contact zone"):
         layout_of(mesh, (*clamped("z-"), BoundaryCondition("z+", 3, "value")), contact="z+")

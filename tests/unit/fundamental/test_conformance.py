@@ -31,7 +31,7 @@ def _factor(modulation, row):
 
 
 class Wrong(FundamentalSolution):
-    """The line integral with one of H, A, B off by 1e-4."""
+    """The line integral with a relative error of 1e-4 in one of H, A, B."""
 
     def __init__(self, row: int) -> None:
         object.__setattr__(self, "row", row)
@@ -42,12 +42,12 @@ class Wrong(FundamentalSolution):
 
 
 @pytest.mark.parametrize("row", [0, 1, 2])
-def test_the_kit_finds_small_errors(row, orthotropic):
+def test_kit_detects_small_errors(row, orthotropic):
     with pytest.raises(AssertionError):
         check_fundamental_solution(Wrong(row), orthotropic)
 
 
-def test_the_kit_finds_a_wrong_sign_of_the_potentials(orthotropic):
+def test_kit_detects_wrong_sign_of_potentials(orthotropic):
     flipped = orthotropic * np.where(np.arange(5) > 2, -1.0, 1.0)[:, None, None]
 
     class Flipped(FundamentalSolution):

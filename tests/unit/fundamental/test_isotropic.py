@@ -7,7 +7,8 @@ from meeframe.testing.fundamental import relative_error, unit_vectors
 
 
 def kelvin(offset, normal, shear, poisson):
-    """Displacement and traction of a point force as in the textbooks, (n, 3, 3); force along the last index."""
+    """Return displacement and traction of a point force (textbook form), (n, 3, 3), with the force along the last
+    index."""
     r = np.linalg.norm(offset, axis=1)[:, None, None]
     e = offset / r[:, :, 0]
     ee = np.einsum("ni,nj->nij", e, e)
@@ -21,7 +22,7 @@ def kelvin(offset, normal, shear, poisson):
 
 
 @pytest.mark.parametrize("solution", [Isotropic(), LineIntegral(), Residue()], ids=str)
-def test_equals_kelvin_and_laplace(solution, isotropic, random):
+def test_matches_kelvin_and_laplace(solution, isotropic, random):
     offset, normal = 3.0 * random.normal(size=(200, 3)), unit_vectors(random, 200)
     shear = isotropic[0, 1, 0, 1].item()
     poisson = (isotropic[0, 0, 1, 1] / (2 * (isotropic[0, 0, 1, 1] + shear))).item()
@@ -48,7 +49,7 @@ def test_equals_kelvin_and_laplace(solution, isotropic, random):
         ([(0, 3, 4, 0), (0, 4, 3, 0)], "magneto-electric"),
     ],
 )
-def test_names_what_is_not_isotropic(entries, text, isotropic):
+def test_anisotropic_components_are_named(entries, text, isotropic):
     stiffness = isotropic.copy()
     for entry in entries:
         stiffness[entry] += 0.01

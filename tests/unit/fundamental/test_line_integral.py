@@ -9,8 +9,8 @@ from meeframe.greens.directions import spread_directions
 from meeframe.testing.fundamental import relative_error, unit_vectors
 
 
-def test_is_the_mean_over_the_half_circle(stiffness, random):
-    """Gauss quadrature over the angle, with no use of periodicity, as the independent integration."""
+def test_matches_mean_over_half_circle(stiffness, random):
+    """The reference is Gauss quadrature over the angle, which does not use periodicity."""
     offset = unit_vectors(random, 20)
     _, triad = triads(offset)
     nodes, weights = np.polynomial.legendre.leggauss(200)
@@ -23,8 +23,8 @@ def test_is_the_mean_over_the_half_circle(stiffness, random):
 
 
 @pytest.mark.parametrize("name", ["transversely_isotropic", "orthotropic"])
-def test_few_points_of_the_trapezoidal_rule_are_enough(name, random, request):
-    """The error falls by a factor of 50 or more with each 4 points, to 2e-12 (docs/explanation/theory.md)."""
+def test_trapezoidal_rule_converges_geometrically(name, random, request):
+    """Each 4 points reduce the error by a factor of 50 or more, down to 2e-12 (docs/explanation/theory.md)."""
     stiffness, offset = request.getfixturevalue(name), unit_vectors(random, 200)
     _, triad = triads(offset)
     expected, _ = LineIntegral().bind(stiffness).evaluate(offset, offset)
@@ -39,7 +39,7 @@ def test_few_points_of_the_trapezoidal_rule_are_enough(name, random, request):
 
 
 @pytest.mark.parametrize("points", [4, 18, 256])
-def test_does_not_depend_on_the_first_number_of_points(points, stiffness, random):
+def test_independent_of_initial_number_of_points(points, stiffness, random):
     offset, normal = random.normal(size=(50, 3)), unit_vectors(random, 50)
     u, t = LineIntegral().bind(stiffness).evaluate(offset, normal)
     u_other, t_other = LineIntegral(points).bind(stiffness).evaluate(offset, normal)
@@ -53,18 +53,18 @@ def test_adds_points_for_extreme_anisotropy(isotropic, random):
     offset = unit_vectors(random, 100)
     u, _ = LineIntegral().bind(stiffness).evaluate(offset, offset)
     a, c = stiffness[0, 3, 3, 0], stiffness[2, 3, 3, 2]
-    # Laplace's equation in stretched coordinates.
+    # Laplace's equation in stretched coordinates
     stretched = np.sqrt(a * a * offset[:, 2] ** 2 + a * c * (offset[:, 0] ** 2 + offset[:, 1] ** 2))
     np.testing.assert_allclose(u[:, 3, 3], -1.0 / (4.0 * np.pi * stretched), rtol=1e-11)
 
 
-def test_a_small_change_by_accident_does_not_end_the_rule(isotropic):
-    """A decoupled anisotropic potential, whose integrand has one harmonic: its change vanishes in some directions."""
+def test_accidentally_small_change_does_not_end_refinement(isotropic):
+    """The integrand of a decoupled anisotropic potential has one harmonic, whose change vanishes in some directions."""
     permittivity = np.array([[3.0, 0.4, 0.0], [0.4, 2.0, 0.3], [0.0, 0.3, 5.0]])
     stiffness = isotropic.copy()
     stiffness[:, 3, 3, :] = -permittivity
     _, triad = triads(spread_directions(20_000))
-    # directions in which n nodes, n = 4, 8 or 16, see no change: the phase of the harmonic is a quarter of a period
+    # directions in which n nodes, n = 4, 8 or 16, show no change: the phase of the harmonic is a quarter of a period
     form = np.einsum("nai,ij,nbj->nab", triad[:, :2], permittivity, triad[:, :2])
     phase = np.arctan2(2.0 * form[:, 0, 1], form[:, 0, 0] - form[:, 1, 1])
     angles = np.concatenate([0.5 * phase - np.pi / (4 * count) for count in (4, 8, 16)])
@@ -81,12 +81,12 @@ def test_a_small_change_by_accident_does_not_end_the_rule(isotropic):
 
 
 @pytest.mark.parametrize("points", [0, 2, 7, -4, 1 << 20])
-def test_refuses_points(points):
+def test_invalid_points_are_rejected(points):
     with pytest.raises(CaseError, match="even numbers"):
         LineIntegral(points)
 
 
-def test_refuses_bad_stiffness(isotropic):
+def test_invalid_stiffness_is_rejected(isotropic):
     with pytest.raises(MaterialError, match="shape"):
         LineIntegral().bind(isotropic[:2])
     wrong = isotropic.copy()
@@ -108,8 +108,8 @@ def test_refuses_bad_stiffness(isotropic):
 
 
 @pytest.mark.parametrize("entries", [[], [(0, 0), (1, 1), (2, 2)]])
-def test_says_where_nothing_converges(entries, random):
-    """Forms that have no inverse: of no stiffness, and of one without electromagnetic block."""
+def test_singular_stiffness_is_reported(entries, random):
+    """Stiffnesses without inverse: zero, and without electromagnetic block."""
     stiffness = np.zeros((3, 5, 5, 3))
     for j, k in entries:
         stiffness[:, j, k, :] = np.eye(3)

@@ -1,4 +1,4 @@
-"""The explicit form at distinct, nearly equal and equal Stroh eigenvalues, against the line integral."""
+"""The residue form agrees with the line integral at distinct, nearly equal and equal Stroh eigenvalues."""
 
 import numpy as np
 import pytest
@@ -21,9 +21,10 @@ def assert_equals_line_integral(stiffness, offset, normal, tolerance):
 
 
 def sums_of_residues(stiffness, triad):
-    """H of eq. 43 and the factor of 1 / (4 pi r^2) in eq. 48 by eqs. 49-52, for one triad with distinct eigenvalues.
+    """Return H of eq. 43 and the factor of 1 / (4 pi r^2) in eq. 48 by eqs. 49-52, for one triad with distinct
+    eigenvalues.
 
-    Each residue is the mean over a circle around its eigenvalue, half-way to the nearest other one.
+    Each residue is the mean over a circle around its eigenvalue with half the distance to the nearest other one.
     """
     n, m, e = triad
     q, rr, tt = forms = characteristic_forms(stiffness, triad[None])[0]
@@ -70,7 +71,7 @@ def test_distinct_eigenvalues(stiffness, random):
 
 @pytest.mark.parametrize("gap", GAPS)
 def test_electric_eigenvalue_close_to_the_others(gap, isotropic, random):
-    """Isotropic but for eps_33 = eps (1 + gap)^2: seen along x1, one eigenvalue lies at i / (1 + gap), four at i."""
+    """With eps_33 = eps (1 + gap)^2 of an isotropic body, along x1 one eigenvalue is i / (1 + gap) and four are i."""
     stiffness = isotropic.copy()
     stiffness[2, 3, 3, 2] *= (1.0 + gap) ** 2
     offset = random.normal(size=(60, 3))
@@ -81,7 +82,7 @@ def test_electric_eigenvalue_close_to_the_others(gap, isotropic, random):
 
 @pytest.mark.parametrize("gap", GAPS)
 def test_close_to_the_axis_of_transverse_isotropy(gap, transversely_isotropic, random):
-    """All five eigenvalues coincide on the axis and part with the square of the angle to it."""
+    """All five eigenvalues coincide on the axis; their distance grows with the square of the angle to it."""
     tilt = np.sqrt(gap)
     azimuth = random.uniform(0.0, 2.0 * np.pi, 30)
     offset = np.stack(
@@ -91,14 +92,14 @@ def test_close_to_the_axis_of_transverse_isotropy(gap, transversely_isotropic, r
 
 
 @pytest.mark.parametrize("gap", GAPS)
-def test_anisotropy_and_coupling_that_fade(gap, isotropic, orthotropic, random):
+def test_vanishing_anisotropy_and_coupling(gap, isotropic, orthotropic, random):
     stiffness = (1.0 - gap) * isotropic + gap * orthotropic
     assert_equals_line_integral(stiffness, random.normal(size=(60, 3)), unit_vectors(random, 60), DEGENERATE)
 
 
 @pytest.mark.parametrize("gap", GAPS)
 def test_nearly_isotropic_solid_with_coupling(gap, transversely_isotropic, random):
-    """Isotropic elasticity and potentials, full coupling of both, a small deviation of c_1313 = c_2323."""
+    """Elasticity and potentials are isotropic, fully coupled, with a small deviation of c_1313 = c_2323."""
     stiffness = transversely_isotropic.copy()
     delta = np.eye(3)
     stiffness[:, :3, :3, :] = 0.3 * np.einsum("ij,km->ijkm", delta, delta) + 0.3 * (
@@ -113,7 +114,7 @@ def test_nearly_isotropic_solid_with_coupling(gap, transversely_isotropic, rando
 
 
 def test_formula_for_distinct_eigenvalues_fails_where_they_are_close(transversely_isotropic):
-    """The families above are as hard as they claim: dividing by differences of eigenvalues does not survive them."""
+    """The cases above are hard: division by differences of eigenvalues fails for them."""
     tilt = 1e-4
     offset = np.array([[np.sin(tilt), 0.0, np.cos(tilt)]])
     _, triad = triads(offset)

@@ -1,4 +1,4 @@
-"""The table against the line integral, in all directions."""
+"""The tabulated form agrees with the line integral in all directions."""
 
 import os
 import subprocess
@@ -26,7 +26,7 @@ def assert_equals_line_integral(stiffness, offset, random):
 
 @pytest.mark.full(except_for=2)
 def test_random_directions_and_distances(stiffness, random):
-    """More points than one chunk of the kernel, in no order."""
+    """The points exceed one chunk of the kernel and are unsorted."""
     offset = unit_vectors(random, 25000) * 10.0 ** random.uniform(-6.0, 3.0, (25000, 1))
     assert_equals_line_integral(stiffness, offset, random)
 
@@ -42,8 +42,8 @@ def test_boundaries_of_cells_and_faces(stiffness, random):
     assert_equals_line_integral(stiffness, np.vstack([corners, -corners, corners + nudges, np.eye(3)]), random)
 
 
-def test_a_decoupled_anisotropic_potential(isotropic, random):
-    """Against Laplace's equation in stretched coordinates."""
+def test_decoupled_anisotropic_potential(isotropic, random):
+    """The reference is Laplace's equation in stretched coordinates."""
     permittivity = np.array([[3.0, 0.4, 0.0], [0.4, 2.0, 0.3], [0.0, 0.3, 5.0]])
     stiffness = isotropic.copy()
     stiffness[:, 3, 3, :] = -permittivity
@@ -60,22 +60,22 @@ def test_a_decoupled_anisotropic_potential(isotropic, random):
 
 @pytest.mark.full(except_for=2)
 def test_sums_over_plane_pieces(stiffness, random):
-    """Pieces of 0 to 40 points, each with a normal of its own, against sums of the line integral."""
+    """Pieces of 0 to 40 points, each with its normal, agree with sums of the line integral."""
     sizes = np.append(random.integers(1, 40, 60), [1, 0, 5])
     starts = np.concatenate([[0], np.cumsum(sizes)])
     offset, normal = random.normal(size=(starts[-1], 3)), unit_vectors(random, len(sizes))
     weights = random.uniform(0.1, 1.0, (starts[-1], 4))
     exact = LineIntegral().bind(stiffness).evaluate(offset, np.repeat(normal, sizes, axis=0))
-    found = Tabulated().bind(stiffness).integrate(offset, weights, starts, normal)
-    for sums, kernel in zip(found, exact, strict=True):
+    computed = Tabulated().bind(stiffness).integrate(offset, weights, starts, normal)
+    for sums, kernel in zip(computed, exact, strict=True):
         terms = weights[:, :, None] * kernel.reshape(-1, 1, 25)
         whole = [terms[a:b].sum(axis=0) for a, b in pairwise(starts)]
         most = [np.abs(terms[a:b]).max(axis=2).sum(axis=0) for a, b in pairwise(starts)]
         assert (np.abs(sums - whole).max(axis=2) <= TOLERANCE * np.array(most)).all()
 
 
-def test_the_check_at_bind_time_sees_the_largest_error(orthotropic, random):
-    """With twelve cells and no check this material misses the tolerance; bind must have refined."""
+def test_check_at_bind_time_finds_the_largest_error(orthotropic, random):
+    """With twelve cells the error exceeds the tolerance for this material, so `bind` must refine."""
     kernel = Tabulated(tolerance=0.5, cells=12).bind(orthotropic)
     assert kernel.cells == 12
     offset, normal = unit_vectors(random, 5000), unit_vectors(random, 5000)
@@ -84,7 +84,7 @@ def test_the_check_at_bind_time_sees_the_largest_error(orthotropic, random):
     assert Tabulated(cells=12).bind(orthotropic).cells > 12
 
 
-def test_error_of_traction_falls_with_the_seventh_power_of_cell_size(transversely_isotropic, random):
+def test_traction_converges_with_order_seven(transversely_isotropic, random):
     offset, normal = unit_vectors(random, 20000), unit_vectors(random, 20000)
     _, exact = LineIntegral().bind(transversely_isotropic).evaluate(offset, normal)
     kernels = [Tabulated(tolerance=0.5, cells=cells).bind(transversely_isotropic) for cells in (16, 32)]
@@ -100,7 +100,7 @@ def test_tighter_tolerance(transversely_isotropic, random):
     assert relative_error(t, exact[1]) < 1e-9
 
 
-def test_threads_give_the_same(transversely_isotropic, random):
+def test_results_do_not_depend_on_threads(transversely_isotropic, random):
     kernel = Tabulated().bind(transversely_isotropic)
     parts = [(unit_vectors(random, 3000), unit_vectors(random, 3000)) for _ in range(8)]
     serial = [kernel.evaluate(*part) for part in parts]
@@ -121,7 +121,7 @@ def test_arrays_of_any_layout(transversely_isotropic, random):
 
 
 @pytest.mark.parametrize("bad", [[0.0, 0.0, 0.0], [np.nan, 1.0, 0.0], [np.inf, np.inf, 1.0]])
-def test_points_without_direction_spoil_only_themselves(bad, transversely_isotropic, random):
+def test_invalid_points_affect_only_themselves(bad, transversely_isotropic, random):
     kernel = Tabulated().bind(transversely_isotropic)
     offset, normal = random.normal(size=(50, 3)), unit_vectors(random, 50)
     good = kernel.evaluate(offset[1:], normal[1:])
@@ -139,7 +139,7 @@ def test_rejects_a_material_beyond_its_tolerance(orthotropic):
 
 
 @pytest.mark.parametrize("options", [{"cells": 0}, {"cells": 65}, {"tolerance": 0.0}, {"tolerance": float("nan")}])
-def test_refuses_options(options):
+def test_invalid_options_are_rejected(options):
     with pytest.raises(CaseError, match=next(iter(options))):
         Tabulated(**options)
 
@@ -155,12 +155,12 @@ np.save(sys.argv[2], Tabulated(tolerance=0.5, cells=1).bind(stiffness).evaluate(
 
 @pytest.mark.full
 def test_without_compilation(orthotropic, random, tmp_path):
-    """As debuggers run it; cells with many points and with few."""
+    """The kernel also works uncompiled, as in debuggers, for cells with many points and with few."""
     offset, normal = unit_vectors(random, 40), unit_vectors(random, 40)
-    given, found = tmp_path / "given.npz", tmp_path / "found.npy"
+    given, computed = tmp_path / "given.npz", tmp_path / "found.npy"
     np.savez(given, orthotropic, offset, normal)
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    subprocess.run([sys.executable, "-c", PLAIN, given, found], check=True, env=environment)
+    subprocess.run([sys.executable, "-c", PLAIN, given, computed], check=True, env=environment)
     expected = Tabulated(tolerance=0.5, cells=1).bind(orthotropic).evaluate(offset, normal)
-    for plain, compiled in zip(np.load(found), expected, strict=True):
+    for plain, compiled in zip(np.load(computed), expected, strict=True):
         assert relative_error(plain, compiled) < 1e-12

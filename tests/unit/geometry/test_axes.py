@@ -1,4 +1,4 @@
-"""Direction fields of the friction axes: closed forms and refusals."""
+"""Test direction fields of friction axes: closed forms and rejected input."""
 
 from typing import Any
 
@@ -11,13 +11,13 @@ from meeframe.mesh.axes import FrictionAxes
 POINTS = np.random.default_rng(2).normal(size=(30, 3)) * 1e-3
 
 
-def test_one_direction_is_the_same_everywhere() -> None:
+def test_uniform_direction() -> None:
     for length in (1e-300, 1.0, 1e300):
         directions = FrictionAxes(direction=(3 * length, 0, -4 * length)).directions(POINTS)
         np.testing.assert_allclose(directions, np.tile([0.6, 0.0, -0.8], (30, 1)), rtol=1e-14)
 
 
-def test_around_an_axis_directions_point_away_from_it() -> None:
+def test_directions_around_an_axis_point_away_from_it() -> None:
     centre, axis = np.array([2e-3, -1e-3, 5e-3]), np.array([1.0, 2.0, -2.0]) / 3
     directions = FrictionAxes(around=tuple(7 * axis), centre=tuple(centre)).directions(POINTS)
     np.testing.assert_allclose(directions @ axis, 0.0, atol=1e-17)
@@ -25,7 +25,7 @@ def test_around_an_axis_directions_point_away_from_it() -> None:
     np.testing.assert_allclose(np.cross(feet - centre, axis), 0.0, atol=1e-17)
 
 
-def test_around_x3_they_are_radial() -> None:
+def test_directions_around_x3_are_radial() -> None:
     directions = FrictionAxes(around=(0, 0, 1)).directions(POINTS)
     np.testing.assert_allclose(directions, POINTS * [1, 1, 0], atol=1e-19)
 
@@ -54,6 +54,6 @@ def test_points_on_the_axis_have_no_direction(scale: float) -> None:
         ({"direction": ("x", 0, 0)}, "direction = "),
     ],
 )
-def test_what_is_no_field_is_refused(keys: dict[str, Any], text: str) -> None:
+def test_invalid_fields_are_rejected(keys: dict[str, Any], text: str) -> None:
     with pytest.raises(CaseError, match=text):
         FrictionAxes(**keys)

@@ -1,4 +1,4 @@
-"""Every way in which a mesh can be wrong, and the words for it."""
+"""Every fault of a mesh is detected and described."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -42,8 +42,8 @@ def both(first: SurfaceMesh, second: SurfaceMesh) -> SurfaceMesh:
     return SurfaceMesh(np.concatenate([first.points, second.points]), (*first.blocks, *shifted), first.group_names)
 
 
-def torn(mesh: SurfaceMesh, shift: float = 0.0) -> SurfaceMesh:
-    """Every element with points of its own."""
+def disconnected(mesh: SurfaceMesh, shift: float = 0.0) -> SurfaceMesh:
+    """Return a mesh in which every element has separate points."""
     block = mesh.blocks[0]
     points = mesh.points[block.connectivity].reshape(-1, 3)
     points = points + shift * np.random.default_rng(1).uniform(-1, 1, points.shape)
@@ -54,13 +54,13 @@ def torn(mesh: SurfaceMesh, shift: float = 0.0) -> SurfaceMesh:
     )
 
 
-def refused(mesh: SurfaceMesh, text: str) -> None:
+def message_of(mesh: SurfaceMesh, text: str) -> None:
     with pytest.raises(MeshError, match=text):
         check_mesh(mesh)
 
 
 @EVERY
-def test_a_good_mesh_passes(element: SurfaceElement) -> None:
+def test_valid_mesh_passes(element: SurfaceElement) -> None:
     check_mesh(cube(element))
 
 
@@ -68,44 +68,44 @@ def test_a_good_mesh_passes(element: SurfaceElement) -> None:
 def test_open(element: SurfaceElement) -> None:
     mesh = cube(element)
     cells = 1 if element.reference == "quadrilateral" else 2
-    refused(
+    message_of(
         remove_unused_points(with_cells(mesh, mesh.blocks[0].connectivity[cells:])),
         "not closed: an edge belongs to only one element: 4 edges, at",
     )
 
 
 @EVERY
-def test_inside_out_and_back(element: SurfaceElement) -> None:
+def test_inverted_mesh_and_repair(element: SurfaceElement) -> None:
     mesh = inside_out(cube(element))
     assert volume(mesh) == pytest.approx(-8.0)
-    refused(mesh, rf"the surface is inside out .*: {mesh.n_elements} elements")
+    message_of(mesh, rf"the surface is inside out .*: {mesh.n_elements} elements")
     flipped = orient_outward(mesh)
     check_mesh(flipped)
     assert volume(flipped) == pytest.approx(8.0)
 
 
 @EVERY
-def test_one_element_turned_over(element: SurfaceElement) -> None:
+def test_single_inverted_element(element: SurfaceElement) -> None:
     mesh = cube(element)
     cells = mesh.blocks[0].connectivity.copy()
     cells[0] = cells[0][reflection(element)]
     n = 4 if element.reference == "quadrilateral" else 3
-    refused(with_cells(mesh, cells), f"not consistently oriented.*: {n} edges, at")
+    message_of(with_cells(mesh, cells), f"not consistently oriented.*: {n} edges, at")
     with pytest.raises(MeshError, match="not consistently oriented"):
         orient_outward(with_cells(mesh, cells))
 
 
-def test_orient_outward_leaves_a_good_mesh_alone() -> None:
+def test_orient_outward_preserves_a_valid_mesh() -> None:
     mesh = cube(Quad9())
     np.testing.assert_array_equal(orient_outward(mesh).blocks[0].connectivity, mesh.blocks[0].connectivity)
 
 
-def test_cavities_look_inwards() -> None:
+def test_normals_of_cavities() -> None:
     outer, cavity = cube(size=2.0), cube(size=1.0)
     check_mesh(both(outer, inside_out(cavity)))
     assert volume(both(outer, inside_out(cavity))) == pytest.approx(7.0)
     wrong = both(outer, cavity)
-    refused(wrong, "has 1 of 2 closed surfaces inside out")
+    message_of(wrong, "has 1 of 2 closed surfaces inside out")
     check_mesh(orient_outward(wrong))
     assert volume(orient_outward(wrong)) == pytest.approx(7.0)
     # a body in the cavity, and a second one elsewhere
@@ -115,15 +115,15 @@ def test_cavities_look_inwards() -> None:
 
 def test_not_a_manifold() -> None:
     beside = moved(cube(), lambda p: np.add(p, [2.0, 2.0, 0.0], out=p))
-    refused(
+    message_of(
         merge_points(both(cube(), beside), 1e-9),
         "not a manifold: more than two elements share an edge: 2 edges, at .1, 1,",
     )
 
 
 def test_duplicate_points_and_how_to_merge_them() -> None:
-    refused(torn(cube()), r"points that coincide with others \(merge_tolerance merges them\): \d+ pairs, at")
-    merged = merge_points(torn(cube(), 1e-7), 1e-6)
+    message_of(disconnected(cube()), r"points that coincide with others \(merge_tolerance merges them\): \d+ pairs, at")
+    merged = merge_points(disconnected(cube(), 1e-7), 1e-6)
     check_mesh(merged)
     assert len(merged.points) == len(cube().points)
     with pytest.raises(MeshError, match="merge_tolerance = -1"):
@@ -132,21 +132,21 @@ def test_duplicate_points_and_how_to_merge_them() -> None:
         merge_points(cube(), 1.1)
 
 
-def test_a_near_duplicate_is_found_in_a_graded_mesh() -> None:
+def test_near_duplicate_in_a_graded_mesh() -> None:
     mesh = cube(divisions=8)
-    refused(torn(mesh, 1e-6), "coincide")
+    message_of(disconnected(mesh, 1e-6), "coincide")
 
 
 def test_unused_point() -> None:
     mesh = cube()
-    refused(
+    message_of(
         replace(mesh, points=np.vstack([mesh.points, [7.0, 8.0, 9.0]])), r"no element uses: 1 point, at \(7, 8, 9\)"
     )
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_non_finite_points(value: float) -> None:
-    refused(
+    message_of(
         moved(cube(), lambda p: p.__setitem__((3, 1), value)), rf"not finite or beyond 1e\+60 m: 1 point, at .*{value}"
     )
 
@@ -155,7 +155,7 @@ def test_repeated_node() -> None:
     mesh = cube()
     cells = mesh.blocks[0].connectivity.copy()
     cells[5, 1] = cells[5, 0]
-    refused(with_cells(mesh, cells), "the same node twice: 1 quad4 element, at")
+    message_of(with_cells(mesh, cells), "the same node twice: 1 quad4 element, at")
 
 
 def test_zero_jacobian_and_folded_elements() -> None:
@@ -163,14 +163,16 @@ def test_zero_jacobian_and_folded_elements() -> None:
     cell = mesh.blocks[0].connectivity[4]  # middle of the top face
     a, b, c, d = mesh.points[cell]
     at_line = a + (b - a) * 0.3
-    refused(moved(mesh, lambda p: p.__setitem__(cell[3], at_line)), "degenerate or folded elements")
-    refused(moved(mesh, lambda p: p.__setitem__(cell[2], a + 0.05 * (a - c) + 0 * d)), "degenerate or folded elements")
+    message_of(moved(mesh, lambda p: p.__setitem__(cell[3], at_line)), "degenerate or folded elements")
+    message_of(
+        moved(mesh, lambda p: p.__setitem__(cell[2], a + 0.05 * (a - c) + 0 * d)), "degenerate or folded elements"
+    )
 
 
 def test_folded_by_a_mid_node() -> None:
     mesh = cube(Quad8())
     cell = mesh.blocks[0].connectivity[0]
-    refused(moved(mesh, lambda p: p.__setitem__(cell[4], p[cell[0]] + 0.1 * (p[cell[1]] - p[cell[0]]))), "folded")
+    message_of(moved(mesh, lambda p: p.__setitem__(cell[4], p[cell[0]] + 0.1 * (p[cell[1]] - p[cell[0]]))), "folded")
 
 
 def test_mid_sides_must_conform() -> None:
@@ -181,7 +183,7 @@ def test_mid_sides_must_conform() -> None:
         ElementBlock(Quad8(), block.connectivity[:half], block.groups[:half]),
         ElementBlock(Quad4(), block.connectivity[half:, :4], block.groups[half:]),
     )
-    refused(remove_unused_points(SurfaceMesh(quadratic.points, blocks, linear.group_names)), "not conforming")
+    message_of(remove_unused_points(SurfaceMesh(quadratic.points, blocks, linear.group_names)), "not conforming")
 
 
 def test_mixed_triangles_and_quadrilaterals_conform() -> None:
@@ -199,16 +201,18 @@ def test_numbers_out_of_range() -> None:
     mesh = cube()
     cells = mesh.blocks[0].connectivity.copy()
     cells[0, 0] = 99
-    refused(with_cells(mesh, cells), "use point 99")
+    message_of(with_cells(mesh, cells), "use point 99")
     block = replace(mesh.blocks[0], groups=mesh.blocks[0].groups + 1)
-    refused(replace(mesh, blocks=(block,)), "use face group 6")
-    refused(replace(mesh, blocks=(replace(block, groups=block.groups[1:]),)), "24 elements quad4, but 23 group numbers")
-    refused(replace(mesh, blocks=(replace(block, element=Quad8()),)), r"\(24, 4\); allowed: \(e, 8\)")
-    refused(replace(mesh, points=mesh.points[:, :2]), r"\(26, 2\); allowed: \(p, 3\)")
-    refused(replace(mesh, blocks=()), "no elements")
+    message_of(replace(mesh, blocks=(block,)), "use face group 6")
+    message_of(
+        replace(mesh, blocks=(replace(block, groups=block.groups[1:]),)), "24 elements quad4, but 23 group numbers"
+    )
+    message_of(replace(mesh, blocks=(replace(block, element=Quad8()),)), r"\(24, 4\); allowed: \(e, 8\)")
+    message_of(replace(mesh, points=mesh.points[:, :2]), r"\(26, 2\); allowed: \(p, 3\)")
+    message_of(replace(mesh, blocks=()), "no elements")
 
 
-def test_a_message_gives_three_places_at_most() -> None:
+def test_message_lists_at_most_three_positions() -> None:
     with pytest.raises(MeshError) as caught:
         check_mesh(inside_out(sphere_mesh(1.0, 4, Quad4())))
     assert str(caught.value).count("(") == 1 + 3

@@ -1,4 +1,4 @@
-"""Counts, sizes and symmetry of generated meshes."""
+"""Test counts, sizes and symmetry of generated meshes."""
 
 from itertools import pairwise
 
@@ -17,13 +17,13 @@ PAPER = {"half_width": 0.05, "height": 0.12, "contact_width": 0.005, "divisions"
 
 
 def euler_characteristic(mesh: SurfaceMesh) -> int:
-    """V - E + F of corners, edges and elements."""
+    """Return V - E + F of corners, edges and elements."""
     ends = np.sort(find_edges(mesh).ends, axis=1)
     return len(np.unique(ends)) - len(np.unique(ends, axis=0)) + mesh.n_elements
 
 
 @pytest.mark.parametrize(("rings", "layers"), [(6, 3), (5, 4), (8, 1)])
-def test_the_mesh_of_the_paper(rings: int, layers: int) -> None:
+def test_mesh_of_the_paper(rings: int, layers: int) -> None:
     mesh = block_mesh(**PAPER | {"rings": rings, "layers": layers}, element=Quad4())
     check_mesh(mesh)
     assert mesh.n_elements == 1088
@@ -39,7 +39,7 @@ def test_the_mesh_of_the_paper(rings: int, layers: int) -> None:
 def test_points_and_elements_of_each_type(element: SurfaceElement) -> None:
     mesh = block_mesh(**PAPER, element=element)
     check_mesh(mesh)
-    corners, edges, cells = 1090, 2176, 1088  # 4 edges a cell, each shared by two
+    corners, edges, cells = 1090, 2176, 1088  # 4 edges per cell, each shared by two cells
     expected = {
         "quad4": (cells, corners),
         "quad8": (cells, corners + edges),
@@ -66,7 +66,7 @@ def test_areas_of_the_faces_and_volume_of_a_block(element: SurfaceElement) -> No
 @pytest.mark.parametrize(
     ("name", "axis", "value"), [("side_x-", 0, -5), ("side_x+", 0, 5), ("side_y-", 1, -3), ("side_y+", 1, 3)]
 )
-def test_sides_of_a_block_lie_where_their_names_say(name: str, axis: int, value: float) -> None:
+def test_positions_of_the_sides_of_a_block(name: str, axis: int, value: float) -> None:
     mesh = block_mesh((5, 3), 12.0, 1.0, 4, 3, 2, Quad8())
     np.testing.assert_array_equal(mesh.points[mesh.group_points(name)][:, axis], value)
 
@@ -74,7 +74,7 @@ def test_sides_of_a_block_lie_where_their_names_say(name: str, axis: int, value:
 @pytest.mark.parametrize(
     ("name", "axis", "value"), [(f"{a}{s}", k, v) for k, a in enumerate("xyz") for s, v in (("-", -1), ("+", 1))]
 )
-def test_faces_of_a_box_lie_where_their_names_say(name: str, axis: int, value: float) -> None:
+def test_positions_of_the_faces_of_a_box(name: str, axis: int, value: float) -> None:
     sizes = np.array([1.0, 2.0, 3.0])
     mesh = box_mesh((1.0, 2.0, 3.0), (2, 3, 4), Quad9())
     np.testing.assert_array_equal(mesh.points[mesh.group_points(name)][:, axis], value * sizes[axis] / 2)
@@ -112,7 +112,7 @@ def test_area_and_volume_of_a_sphere_converge(element: SurfaceElement) -> None:
         assert min(orders) > theory - 0.2, (measure.__name__, errors, orders)
 
 
-def test_mid_nodes_are_where_their_reference_coordinates_say() -> None:
+def test_positions_of_mid_side_nodes() -> None:
     for element in ELEMENTS.values():
         mesh = block_mesh(1.0, 1.0, 0.5, 2, 2, 1, element)
         corners = Tri3() if element.reference == "triangle" else Quad4()
@@ -122,7 +122,7 @@ def test_mid_nodes_are_where_their_reference_coordinates_say() -> None:
 
 
 @EVERY
-def test_an_even_mesh_is_symmetric(element: SurfaceElement) -> None:
+def test_even_mesh_is_symmetric(element: SurfaceElement) -> None:
     mesh = block_mesh(1.0, 1.5, 0.3, 4, 3, 2, element)
     middles = np.round(mesh.points[mesh.blocks[0].connectivity].mean(axis=1), 12)
     mirrored = middles * [-1, 1, 1]
@@ -137,7 +137,7 @@ def widths_of_rings(mesh: SurfaceMesh, half_contact: float) -> np.ndarray:
     return np.diff(x)
 
 
-def test_rings_start_as_wide_as_asked_and_grow_geometrically() -> None:
+def test_rings_grow_geometrically_from_the_given_width() -> None:
     for first_ring in (1.0, 3.0):
         mesh = block_mesh(**PAPER, element=Quad4(), grading=Grading(first_ring=first_ring))
         widths = widths_of_rings(mesh, 0.0025)
@@ -161,7 +161,7 @@ def test_layers_grow_downwards() -> None:
 @pytest.mark.parametrize("scale", [1e-3, 100.0, 1e4])
 def test_extreme_blocks_are_valid(element: SurfaceElement, scale: float) -> None:
     for rings, layers in ((1, 1), (3, 2), (12, 6)):
-        width = 0.005 if scale > 1 else 0.9e-4  # a block hardly wider than its contact zone
+        width = 0.005 if scale > 1 else 0.9e-4  # a block only slightly wider than its contact zone
         check_mesh(block_mesh(0.05 * scale, 0.12 * scale, width, 8, rings, layers, element))
 
 
@@ -179,12 +179,12 @@ def test_extreme_blocks_are_valid(element: SurfaceElement, scale: float) -> None
         ({"layers": -2}, "layers = -2"),
     ],
 )
-def test_unfit_sizes_are_refused(change: dict[str, object], text: str) -> None:
+def test_invalid_sizes_are_rejected(change: dict[str, object], text: str) -> None:
     with pytest.raises(MeshError, match=text):
         block_mesh(**PAPER | change, element=Quad4())
 
 
-def test_unfit_gradings_boxes_and_spheres_are_refused() -> None:
+def test_invalid_gradings_boxes_and_spheres_are_rejected() -> None:
     with pytest.raises(MeeframeError, match=r"first_ring = 0\.0.*must be > 0"):
         Grading(first_ring=0.0)
     with pytest.raises(MeeframeError, match=r"layer_growth = -1"):

@@ -1,4 +1,4 @@
-"""Shapes of indenters against their formulas, and heights given as numbers."""
+"""Shapes of indenters agree with their formulas; heights can be given as numbers."""
 
 import os
 from pathlib import Path
@@ -51,9 +51,10 @@ def test_paraboloid() -> None:
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("a", "b"), [(1.0e-3, 0.5e-3), (0.35e-3, 1.0e-3)])
-def test_paraboloids_press_ellipses_into_a_half_space(a: float, b: float) -> None:
-    """p_0 sqrt(1 - x^2/a^2 - y^2/b^2) lifts the surface by p_0 a b/(2 E*) times the integral from w = 0 to infinity of
-    (1 - x^2/(a^2 + w) - y^2/(b^2 + w))/sqrt(w (a^2 + w)(b^2 + w)): Johnson, Contact Mechanics (1985), section 3.5."""
+def test_paraboloids_cause_elliptic_hertz_contact(a: float, b: float) -> None:
+    """p_0 sqrt(1 - x^2/a^2 - y^2/b^2) displaces the surface by p_0 a b/(2 E*) times the integral from w = 0 to
+    infinity of (1 - x^2/(a^2 + w) - y^2/(b^2 + w))/sqrt(w (a^2 + w)(b^2 + w)): Johnson, Contact Mechanics (1985),
+    section 3.5."""
     modulus, peak = 1e11, 2e9
     across_x, across_y = elliprd(0, b**2, a**2), elliprd(0, a**2, b**2)
     shape = Paraboloid(*(3 * modulus / (2 * peak * a * b) / np.array([across_x, across_y])))
@@ -78,7 +79,7 @@ def test_flat_punches() -> None:
     np.testing.assert_array_equal(round_end, np.where(R < 1.5e-3, 0, np.inf))
     rectangle = RectangularPunch(1e-3, 0.5e-3).height(X, Y)
     np.testing.assert_array_equal(rectangle, np.where((abs(X) < 1e-3) & (abs(Y) < 0.5e-3), 0, np.inf))
-    # nodes on the edge belong to the punch, whatever their last digits
+    # nodes on the edge belong to the punch, despite round-off
     edge = 1e-3 * (1 + np.array([-1e-14, 0, 1e-14]))
     assert (FlatPunch(1e-3).height(edge, 0 * edge) == 0).all()
     assert (RectangularPunch(1e-3, 1e-3).height(edge, edge) == 0).all()
@@ -118,7 +119,7 @@ def test_cylinder(direction: float) -> None:
         (lambda: SampledHeights.on_grid([0.0, 1.0], [0.0, 1.0], [["a", "b"]] * 2), "heights: numbers in rows"),
     ],
 )
-def test_unfit_values_are_refused(make: object, text: str) -> None:
+def test_invalid_values_are_rejected(make: object, text: str) -> None:
     with pytest.raises(CaseError, match=text):
         make()
 
@@ -128,7 +129,7 @@ def test_quantities_with_units() -> None:
     assert Cone("10 deg").angle == pytest.approx(np.pi / 18)
 
 
-def test_tables_of_case_files_make_them() -> None:
+def test_creation_from_tables() -> None:
     assert build(Cylinder, {"radius": "5 mm", "direction": "90 deg"}) == Cylinder(0.005, np.pi / 2)
     assert build(Heights, {"file": "a.csv", "unit": "1 um"}) == Heights(Path("a.csv"), unit=1e-6)
     assert build(FlatPunch, {"radius": 0.001}) == FlatPunch(1e-3)
@@ -150,7 +151,7 @@ def test_linear_interpolation_is_exact_for_bilinear_heights() -> None:
     np.testing.assert_allclose(height, bilinear(X, Y) - rows[:, 2].min(), atol=1e-19)
 
 
-def test_heights_of_a_grid_stand_where_they_belong() -> None:
+def test_positions_of_heights_on_a_grid() -> None:
     x, y = np.linspace(-2e-3, 2e-3, 9), np.linspace(-3e-3, 3e-3, 7)
     shape = SampledHeights.on_grid(x, y[::-1], bilinear(x[:, None], y[None, ::-1]))
     np.testing.assert_array_equal(shape.height(X, Y), SampledHeights(grid(bilinear)).height(X, Y))
@@ -165,6 +166,27 @@ def test_cubic_interpolation_is_exact_for_cubics() -> None:
     np.testing.assert_allclose(height, cubic(X, Y) - rows[:, 2].min(), atol=1e-12 * np.ptp(rows[:, 2]))
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_heights_at_grid_nodes_match_the_samples(interpolation: str) -> None:
+    x, y = np.linspace(-2e-3, 2e-3, 9), np.linspace(-3e-3, 3e-3, 7)
+    samples = RANDOM.uniform(size=(9, 7))
+    shape = SampledHeights.on_grid(x, y, samples, interpolation)
+    across, along = (nodes.ravel() for nodes in np.meshgrid(x, y, indexing="ij"))
+    order = RANDOM.permutation(across.size)
+    np.testing.assert_array_equal(shape.height(across[order], along[order]), (samples.ravel() - samples.min())[order])
+    between = shape.height(across[:-1] + 1e-9, along[:-1])
+    np.testing.assert_allclose(between[:-7], (samples.ravel() - samples.min())[:-8], atol=1e-4)
+    assert shape.height(np.empty(0), np.empty(0)).shape == (0,)
+
+
+def test_sampled_heights_differ_and_copy_their_samples() -> None:
+    rows = grid(bilinear)
+    first, second = SampledHeights(rows), SampledHeights(2.0 * rows)
+    assert first != second
+    rows[:, 2] = 0.0
+    assert first.height(X, Y).max() > 0.0
+
+
 def test_interpolation_of_a_sphere_converges() -> None:
     inner = (np.abs(X) < 1.9e-3) & (np.abs(Y) < 1.9e-3)
     for kind, order in (("linear", 2), ("cubic", 4)):
@@ -172,7 +194,7 @@ def test_interpolation_of_a_sphere_converges() -> None:
         for n in (16, 32):
             shape = SampledHeights(grid(lambda x, y: 1e-5 * np.cos(900 * x) * np.cos(600 * y), n + 1, n + 1), kind)
             lowest = 1e-5 * np.cos(900 * X) * np.cos(600 * Y) - shape.height(X, Y)
-            errors.append(np.ptp(lowest[inner]))  # the grid's lowest point is a constant
+            errors.append(np.ptp(lowest[inner]))  # the lowest point of the grid only adds a constant
         assert np.log2(errors[0] / errors[1]) > order - 0.3, (kind, errors)
 
 
@@ -201,13 +223,13 @@ def test_heights_from_files(tmp_path: Path) -> None:
     np.testing.assert_array_equal(Heights(tmp_path / "blank.txt").height(X, Y), expected)
 
 
-def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
+def test_changed_file_is_read_again(tmp_path: Path) -> None:
     path = tmp_path / "heights.npy"
     np.save(path, grid(bilinear))
     shape = Heights(path)
     before = shape.height(X, Y)
     np.save(path, 2 * grid(bilinear))
-    os.utime(path, ns=(0, path.stat().st_mtime_ns + 10**9))  # the clock of files may not have ticked since
+    os.utime(path, ns=(0, path.stat().st_mtime_ns + 10**9))  # the modification time of the file may not have changed
     np.testing.assert_allclose(shape.height(2 * X, 2 * Y), 2 * before)
 
 
@@ -231,7 +253,7 @@ def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
         ("archive.npy", "PK\x03\x04 an archive", "magic string is not correct"),
     ],
 )
-def test_files_that_are_refused(name: str, content: str | None, text: str, tmp_path: Path) -> None:
+def test_invalid_files_are_rejected(name: str, content: str | None, text: str, tmp_path: Path) -> None:
     path = tmp_path / name
     if content is not None:
         path.write_text(content)
@@ -239,7 +261,7 @@ def test_files_that_are_refused(name: str, content: str | None, text: str, tmp_p
         Heights(path).height(X, Y)
 
 
-def test_cubic_needs_four_points_a_side(tmp_path: Path) -> None:
+def test_cubic_interpolation_needs_four_points_per_axis(tmp_path: Path) -> None:
     with pytest.raises(
         CaseError, match=r"cubic interpolation needs 4 points along each side of the grid; it has \(3, 7\)"
     ):

@@ -1,4 +1,4 @@
-"""Meshes through files and back, and every file that is refused."""
+"""Test reading and writing meshes, and rejected files."""
 
 import sys
 import time
@@ -29,7 +29,7 @@ def cells_of(mesh: SurfaceMesh) -> list[tuple[str, np.ndarray]]:
 
 
 def write_gmsh(mesh: SurfaceMesh, path: Path, file_format: str = "gmsh22", extra: bool = False) -> None:
-    """The mesh with its groups as physical groups; extra: with lines, points and volume cells, and a loose point."""
+    """Write the mesh with physical groups; `extra` adds lines, points, volume cells and an unused point."""
     tags = [block.groups.astype(np.int32) + 1 for block in mesh.blocks]
     cells, points = cells_of(mesh), mesh.points
     if extra:
@@ -53,7 +53,7 @@ def read(path: Path, **options: object) -> SurfaceMesh:
 
 
 @EVERY
-def test_gmsh_and_back(element: SurfaceElement, tmp_path: Path) -> None:
+def test_gmsh_round_trip(element: SurfaceElement, tmp_path: Path) -> None:
     original = box(element)
     write_gmsh(original, tmp_path / "box.msh")
     mesh = read(tmp_path / "box.msh")
@@ -65,7 +65,7 @@ def test_gmsh_and_back(element: SurfaceElement, tmp_path: Path) -> None:
     assert volume(mesh) == pytest.approx(6.0)
 
 
-def test_the_block_of_the_paper_through_a_file(tmp_path: Path) -> None:
+def test_block_of_the_paper_from_a_file(tmp_path: Path) -> None:
     original = block_mesh(50.0, 120.0, 5.0, 16, 6, 3, Quad4())
     write_gmsh(original, tmp_path / "block.msh")
     mesh = read(tmp_path / "block.msh", length_unit=1e-3)
@@ -106,7 +106,7 @@ def test_vtu_with_a_cell_array_as_groups(element: SurfaceElement, tmp_path: Path
 
 
 @pytest.mark.parametrize("odd", [1.5, np.nan, np.inf])
-def test_groups_have_whole_numbers(odd: float, tmp_path: Path) -> None:
+def test_group_numbers_are_integers(odd: float, tmp_path: Path) -> None:
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     path = tmp_path / "odd.vtu"
@@ -126,7 +126,7 @@ def test_mixed_elements(tmp_path: Path) -> None:
     assert volume(mesh) == pytest.approx(6.0)
 
 
-def test_points_lines_and_volume_cells_are_passed_over(tmp_path: Path) -> None:
+def test_points_lines_and_volume_cells_are_ignored(tmp_path: Path) -> None:
     original = box()
     write_gmsh(original, tmp_path / "extra.msh", extra=True)
     mesh = read(tmp_path / "extra.msh")
@@ -180,7 +180,7 @@ $EndElements
 
 
 def test_physical_groups_of_gmsh_4(tmp_path: Path) -> None:
-    # written by hand: two named groups, one without a name, and the volume
+    # written manually: two named groups, one without a name, and the volume
     (tmp_path / "tetra.msh").write_text(GMSH_41)
     mesh = read(tmp_path / "tetra.msh")
     assert mesh.group_names == ("contact", "held", "surface")
@@ -200,7 +200,7 @@ def test_elements_in_no_physical_group(tmp_path: Path) -> None:
     assert area(mesh, "surface") == pytest.approx(2.0)
 
 
-def test_split_nodes_are_refused_or_merged(tmp_path: Path) -> None:
+def test_duplicate_nodes_are_rejected_or_merged(tmp_path: Path) -> None:
     original = box()
     split = original.points[original.blocks[0].connectivity].reshape(-1, 3)
     path = tmp_path / "split.vtk"
@@ -264,7 +264,7 @@ CLOSED = [("triangle", [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])]
         ),
     ],
 )
-def test_files_that_are_refused(
+def test_invalid_files_are_rejected(
     name: str, make: Callable[[Path], None], text: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / name
@@ -280,8 +280,8 @@ def test_files_that_are_refused(
     ("suffix", "kind", "end"),
     [("ply", "ply", b"end_header"), ("off", "off", b"\n"), ("dat", "tecplot", b"1.0"), ("msh", "ansys", b" Binary")],
 )
-def test_files_that_are_cut_off(suffix: str, kind: str, end: bytes, tmp_path: Path) -> None:
-    """Readers of meshio that would look for what is missing beyond the end for ever."""
+def test_truncated_files(suffix: str, kind: str, end: bytes, tmp_path: Path) -> None:
+    """Some readers of meshio would wait for the missing end forever."""
     path = tmp_path / f"cut.{suffix}"
     meshio.write(path, meshio.Mesh(np.array(TETRA, float), CLOSED), file_format=kind)
     whole = path.read_bytes()
@@ -291,8 +291,8 @@ def test_files_that_are_cut_off(suffix: str, kind: str, end: bytes, tmp_path: Pa
         read(path)
 
 
-def test_threads_read_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """While one reads, another waits: how files are opened and where is printed are the process's."""
+def test_threads_read_one_after_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reader changes process-wide state (how files are opened, standard output), so reading is serialised."""
     path, before, read_one = tmp_path / "good.vtk", sys.stdout, meshio.read
     _mesh_file(TETRA, CLOSED)(path)
 
@@ -307,7 +307,7 @@ def test_threads_read_one_after_the_other(tmp_path: Path, monkeypatch: pytest.Mo
     assert not hasattr(meshio._files, "open")
 
 
-def test_a_good_tetrahedron_and_its_unit(tmp_path: Path) -> None:
+def test_valid_tetrahedron_and_unit(tmp_path: Path) -> None:
     path = tmp_path / "good.vtk"
     _mesh_file(TETRA, CLOSED)(path)
     assert volume(read(path)) == pytest.approx(1 / 6)
@@ -318,7 +318,7 @@ def test_a_good_tetrahedron_and_its_unit(tmp_path: Path) -> None:
         read(path, merge_tolerance=float("nan"))
 
 
-def test_an_element_in_two_groups_is_refused(tmp_path: Path) -> None:
+def test_element_in_two_groups_is_rejected(tmp_path: Path) -> None:
     sets = {"one": [np.array([0, 1])], "two": [np.array([1, 2, 3])]}
     meshio.write(tmp_path / "two.inp", meshio.Mesh(np.array(TETRA, float), CLOSED, cell_sets=sets))
     with pytest.raises(MeshError, match=r"two\.inp: an element is in two face groups, 'one' and 'two'"):

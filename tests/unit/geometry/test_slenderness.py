@@ -1,4 +1,4 @@
-"""Which bodies stick out from their supports too far, by closed forms of their lengths and thicknesses."""
+"""Slender bodies are recognised by lengths and thicknesses in closed form."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +18,8 @@ from meeframe.model.load import load_case
 ROOT = Path(__file__).parents[3]
 
 
-def held(mesh: SurfaceMesh, *groups: str) -> Body:
-    """A body clamped at groups of faces; its material is of no matter here."""
+def clamped(mesh: SurfaceMesh, *groups: str) -> Body:
+    """Return a body clamped at face groups; the material does not matter."""
     clamps = tuple(BoundaryCondition(group, field, "value") for group in groups for field in range(5))
     return Body(np.zeros((3, 5, 5, 3)), mesh, clamps, None)
 
@@ -28,30 +28,30 @@ QUADRATIC = Quad9()
 
 
 def rod(length: float, element: SurfaceElement = QUADRATIC) -> SurfaceMesh:
-    """Two metres wide, of so many widths."""
+    """Return a rod two metres wide, whose length is given in widths."""
     return box_mesh((2.0, 2.0, 2.0 * length), (1, 1, 4), element)
 
 
 @pytest.mark.parametrize(("length", "element"), [(40.0, Quad9()), (40.0, Quad4()), (13.0, Quad9())])
-def test_a_clamped_rod_is_slender(length, element):
+def test_clamped_rod_is_slender(length, element):
     mesh = rod(length, element)
-    (found,) = find_slender_limbs(held(mesh, "z-"), 12.0)
-    assert found.length == pytest.approx(2.0 * length)
-    assert found.thickness == pytest.approx(2.0)
-    assert found.at[2] == mesh.points[:, 2].max()
+    (computed,) = find_slender_limbs(clamped(mesh, "z-"), 12.0)
+    assert computed.length == pytest.approx(2.0 * length)
+    assert computed.thickness == pytest.approx(2.0)
+    assert computed.at[2] == mesh.points[:, 2].max()
 
 
 def plate(*groups: str) -> Body:
-    """One metre thick, a hundred wide."""
-    return held(box_mesh((100.0, 100.0, 1.0), (4, 4, 1), Quad9()), *groups)
+    """Return a plate one metre thick and a hundred metres wide."""
+    return clamped(box_mesh((100.0, 100.0, 1.0), (4, 4, 1), Quad9()), *groups)
 
 
 @pytest.mark.parametrize(
     ("body", "ratio"),
     [
-        (held(rod(10.0), "z-"), 10.0),
-        (held(rod(20.0), "z-", "z+"), 10.0),
-        (held(rod(1000.0), "x-"), 1.0),
+        (clamped(rod(10.0), "z-"), 10.0),
+        (clamped(rod(20.0), "z-", "z+"), 10.0),
+        (clamped(rod(1000.0), "x-"), 1.0),
         (plate("z-"), 1.0),
         (plate("x-"), 100.0),
         (plate("x-", "x+"), 50.0),
@@ -59,28 +59,29 @@ def plate(*groups: str) -> Body:
     ],
 )
 def test_length_over_thickness(body, ratio):
-    """By the longest piece: half of the span between two supports; nothing where supports run along the body."""
+    """The longest unsupported piece counts: half of the span between two supports, zero with supports along the
+    body."""
     assert find_slender_limbs(body, 1.001 * ratio) == ()
-    (found,) = find_slender_limbs(body, 0.999 * ratio)
-    assert found.length / found.thickness == pytest.approx(ratio)
+    (computed,) = find_slender_limbs(body, 0.999 * ratio)
+    assert computed.length / computed.thickness == pytest.approx(ratio)
 
 
-@pytest.mark.parametrize("body", [held(rod(40.0)), held(half_space_mesh(1.0, 0.1, 2, 2, Quad4()), "contact")])
+@pytest.mark.parametrize("body", [clamped(rod(40.0)), clamped(half_space_mesh(1.0, 0.1, 2, 2, Quad4()), "contact")])
 def test_without_supports_nothing_is_slender(body):
     assert find_slender_limbs(body, 0.1) == ()
 
 
 @pytest.mark.parametrize(("fields", "slender"), [([0], True), ([1], True), ([2], True), ([0, 1], False)])
-def test_each_displacement_needs_its_own_support(fields, slender):
-    """A rod clamped at one end, some displacements prescribed along one of its sides: it bends in the other ones."""
-    clamps = held(rod(40.0), "z-").conditions
+def test_supports_of_each_displacement_component(fields, slender):
+    """A rod clamped at one end with some components prescribed along a side bends in the other components."""
+    clamps = clamped(rod(40.0), "z-").conditions
     guides = tuple(BoundaryCondition("x-", field, "value") for field in fields)
     body = Body(np.zeros((3, 5, 5, 3)), rod(40.0), clamps + guides, None)
     assert bool(find_slender_limbs(body, 12.0)) == slender
 
 
-def test_a_plate_on_rollers_is_not_slender():
-    """Held along its thickness everywhere, in its plane at two edges."""
+def test_plate_on_rollers_is_not_slender():
+    """The plate is supported along its thickness everywhere, and in its plane at two edges."""
     rollers = [("z-", 2), ("x-", 0), ("y-", 1)]
     conditions = tuple(BoundaryCondition(group, field, "value") for group, field in rollers)
     body = Body(np.zeros((3, 5, 5, 3)), plate().mesh, conditions, None)
@@ -88,7 +89,7 @@ def test_a_plate_on_rollers_is_not_slender():
 
 
 def block_with(limb: tuple[float, float, float]) -> SurfaceMesh:
-    """A block of 1 x 1 x 1 m below the plane z = 0 with a box of so many metres on its middle."""
+    """Return a block of 1 x 1 x 1 m below the plane z = 0 with a box of given size on its middle."""
     x, y = (np.array([-0.5, -size / 2.0, size / 2.0, 0.5]) for size in limb[:2])
     levels = np.array([-1.0, 0.0, limb[2]])
     numbers: dict[tuple[float, float, float], int] = {}
@@ -103,8 +104,8 @@ def block_with(limb: tuple[float, float, float]) -> SurfaceMesh:
                 around = [(0, 0), (1, 0), (1, 1), (0, 1)] if side else [(0, 0), (0, 1), (1, 1), (1, 0)]
                 quad = []
                 for corner in around:
-                    place = np.insert(np.array(corner), 0, side)
-                    at = [cell[k] + int(place[(k - axis) % 3]) for k in range(3)]
+                    position = np.insert(np.array(corner), 0, side)
+                    at = [cell[k] + int(position[(k - axis) % 3]) for k in range(3)]
                     point = (float(x[at[0]]), float(y[at[1]]), float(levels[at[2]]))
                     quad.append(numbers.setdefault(point, len(numbers)))
                 quads.append(quad)
@@ -114,55 +115,55 @@ def block_with(limb: tuple[float, float, float]) -> SurfaceMesh:
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
-def test_a_limb_of_a_bulky_body(order):
-    """A rod of 50 widths on a block, whichever way it points: found but for a 64th of the body."""
+def test_limb_of_a_compact_body(order):
+    """A rod of 50 widths on a block, in any direction, is recognised except for a 64th of the body."""
     mesh = block_with((0.02, 0.02, 1.0))
     check_mesh(mesh)
-    turned = replace(mesh, points=mesh.points[:, order])
-    (found,) = find_slender_limbs(held(turned, "base"), 12.0)
-    assert found.thickness == pytest.approx(0.02)
-    assert 1.0 - 2.0 / 64 <= found.length <= 1.0
+    rotated = replace(mesh, points=mesh.points[:, order])
+    (computed,) = find_slender_limbs(clamped(rotated, "base"), 12.0)
+    assert computed.thickness == pytest.approx(0.02)
+    assert 1.0 - 2.0 / 64 <= computed.length <= 1.0
 
 
 @pytest.mark.parametrize("limb", [(0.5, 0.5, 1.0), (0.1, 0.1, 0.1), (0.02, 0.02, 0.01)])
-def test_a_bulky_limb_of_a_bulky_body_is_not_slender(limb):
-    assert find_slender_limbs(held(block_with(limb), "base"), 2.5) == ()
+def test_compact_limb_is_not_slender(limb):
+    assert find_slender_limbs(clamped(block_with(limb), "base"), 2.5) == ()
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.2, 0.5, np.pi / 4, 1.0])
 def test_rods_rotated_about_an_axis(angle):
-    """Twenty widths are found as 18 at least, and never as more than they are."""
+    """Twenty widths are recognised as 18 at least and never overestimated."""
     cos, sin = np.cos(angle), np.sin(angle)
     upright = rod(20.0)
     mesh = replace(upright, points=upright.points @ np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]))
-    assert find_slender_limbs(held(mesh, "z-"), 20.1) == ()
-    assert find_slender_limbs(held(mesh, "z-"), 18.0)
+    assert find_slender_limbs(clamped(mesh, "z-"), 20.1) == ()
+    assert find_slender_limbs(clamped(mesh, "z-"), 18.0)
 
 
 @pytest.mark.parametrize("element", [Tri3(), Tri6(), Quad8(), Quad9()])
-def test_bulky_bodies_are_not_slender(element):
-    """Spheres held at a cap."""
+def test_compact_bodies_are_not_slender(element):
+    """Spheres are supported at a cap."""
     mesh = sphere_mesh(1.0, 3, element)
     block = mesh.blocks[0]
     below = (mesh.points[block.connectivity, 2] < -0.5).all(axis=1)
     capped = replace(mesh, blocks=(replace(block, groups=np.where(below, 0, 1)),), group_names=("cap", "rest"))
-    assert find_slender_limbs(held(capped, "cap"), 2.0) == ()
+    assert find_slender_limbs(clamped(capped, "cap"), 2.0) == ()
 
 
-def test_separate_parts_are_checked_independently():
-    """A thick block beside a slender rod, both held below."""
+def test_separate_components_are_checked_independently():
+    """A thick block and a slender rod are both supported below."""
     block, thin = box_mesh((9.0, 9.0, 9.0), (2, 2, 2), Quad9()), rod(20.0)
     points = np.concatenate([block.points, thin.points + np.array([100.0, 0.0, 0.0])])
     second = thin.blocks[0]
     moved = ElementBlock(second.element, second.connectivity + len(block.points), second.groups)
     mesh = SurfaceMesh(points, (*block.blocks, moved), block.group_names)
-    (found,) = find_slender_limbs(held(mesh, "z-"), 12.0)
-    assert found.length == pytest.approx(40.0)
-    assert found.at[0] > 50.0
+    (computed,) = find_slender_limbs(clamped(mesh, "z-"), 12.0)
+    assert computed.length == pytest.approx(40.0)
+    assert computed.at[0] > 50.0
 
 
-def test_formulations_say_so():
-    (warning,) = DenseBEM().warnings(held(rod(40.0), "z-"))
+def test_formulations_warn():
+    (warning,) = DenseBEM().warnings(clamped(rod(40.0), "z-"))
     assert "extends 80 m from its supports" in warning
     assert "40 times its thickness of 2 m" in warning
     assert "formulation skfem" in warning
@@ -172,19 +173,19 @@ def test_formulations_say_so():
     ("length", "element", "warned"),
     [(19.0, Quad9(), False), (21.0, Quad9(), True), (5.0, Quad4(), False), (7.0, Quad4(), True)],
 )
-def test_what_collocation_bends_rightly(length, element, warned):
-    """As validation/slender_rods finds."""
-    assert bool(DenseBEM().warnings(held(rod(length, element), "z-"))) == warned
+def test_no_warning_where_collocation_is_accurate(length, element, warned):
+    """The bodies are those of validation/slender_rods."""
+    assert bool(DenseBEM().warnings(clamped(rod(length, element), "z-"))) == warned
 
 
-def shipped() -> list[Path]:
-    """Cases of the validation and of the plugins, without studies of cases."""
+def distributed_cases() -> list[Path]:
+    """Return the cases of the validation and of the plugins, without studies."""
     folders = ("validation/*", "plugins/*/cases", "plugins/*/examples")
     files = [file for folder in folders for file in sorted(ROOT.glob(f"{folder}/*.toml"))]
     return [file for file in files if "[mesh" in file.read_text(encoding="utf-8")]
 
 
 @pytest.mark.full(except_for=12)
-@pytest.mark.parametrize("file", shipped(), ids=lambda file: f"{file.parents[1].name}-{file.stem}")
-def test_no_shipped_case_warns(file):
+@pytest.mark.parametrize("file", distributed_cases(), ids=lambda file: f"{file.parents[1].name}-{file.stem}")
+def test_no_distributed_case_warns(file):
     assert load_case(file).warnings == ()

@@ -1,4 +1,4 @@
-"""What holds a body: each separate part by itself, cavities with the part around them."""
+"""Each separate component of a body must be supported; cavities belong to the component around them."""
 
 from dataclasses import replace
 
@@ -32,12 +32,12 @@ def joined(*meshes: SurfaceMesh) -> SurfaceMesh:
 
 
 def cavity(mesh: SurfaceMesh) -> SurfaceMesh:
-    turned = [replace(b, connectivity=b.connectivity[:, reflection(b.element)]) for b in mesh.blocks]
-    return replace(mesh, blocks=tuple(turned))
+    rotated = [replace(b, connectivity=b.connectivity[:, reflection(b.element)]) for b in mesh.blocks]
+    return replace(mesh, blocks=tuple(rotated))
 
 
 def body(mesh: SurfaceMesh, **fields: list[int]) -> Body:
-    """A body with values prescribed on the lower faces of the cubes that are named."""
+    """Return a body with values prescribed on the lower faces of the named cubes."""
     clamps = (BoundaryCondition(f"{name} z-", field, "value") for name in fields for field in fields[name])
     return Body(library_material("orthotropic-mee").stiffness, mesh, tuple(clamps), None)
 
@@ -53,7 +53,7 @@ MISSING = {
 
 @pytest.mark.parametrize(("given", "message"), MISSING.values(), ids=MISSING)
 @pytest.mark.parametrize("shift", [5.0, 0.1], ids=["beside", "in a cavity"])
-def test_every_part_is_held_before_anything_is_computed(given, message, shift, monkeypatch):
+def test_unsupported_components_are_rejected_early(given, message, shift, monkeypatch):
     monkeypatch.setattr(formulation, "assemble", None)
     mesh = joined(cube(4.0, 0.0, "a"), cavity(cube(3.0, 0.0, "hole")), cube(1.0, shift, "b"))
     check_mesh(mesh)
@@ -63,7 +63,7 @@ def test_every_part_is_held_before_anything_is_computed(given, message, shift, m
 
 
 @pytest.mark.parametrize("held", ["a", "hole"])
-def test_a_cavity_needs_no_supports_of_its_own(held):
+def test_cavities_need_no_supports(held):
     mesh = joined(cube(4.0, 0.0, "a"), cavity(cube(1.0, 0.5, "hole")))
     check_mesh(mesh)
     check_supports(body(mesh, **{held: ALL}))
@@ -71,8 +71,8 @@ def test_a_cavity_needs_no_supports_of_its_own(held):
         check_supports(body(mesh, **{held: [2, 3, 4]}))
 
 
-def test_parts_do_not_hold_each_other():
-    """What prevents a motion of one part prevents none of the other."""
+def test_components_do_not_support_each_other():
+    """A support of one component does not constrain another."""
     mesh = joined(cube(1.0, 0.0, "a"), cube(1.0, 3.0, "b"))
     held = body(mesh, a=[2, 3, 4], b=ALL)
     held = replace(held, conditions=(*held.conditions, BoundaryCondition("a x-", 0, "value")))
@@ -80,14 +80,14 @@ def test_parts_do_not_hold_each_other():
         check_supports(held)
 
 
-def test_small_supports_of_a_large_body_hold_it():
+def test_small_supports_suffice():
     mesh = cube(1.0, 0.0, "a")
     stretched = replace(mesh, points=mesh.points * [1.0, 1.0, 1e7])
     check_supports(body(stretched, a=ALL))
 
 
-def test_long_supports_hold_to_the_precision_of_coordinates():
-    """Along a long face, whose width alone prevents the rotation about the rod."""
+def test_long_narrow_supports_suffice():
+    """Only the width of a long face prevents the rotation about the rod."""
     mesh = cube(1.0, 0.0, "a")
 
     def rod(length: float) -> Body:

@@ -1,4 +1,4 @@
-"""What is found of a mesh once, and let go with it."""
+"""Topology of a mesh is computed once and released with the mesh."""
 
 import gc
 import weakref
@@ -11,7 +11,7 @@ from meeframe.mesh.parts import connected_surfaces
 from meeframe.mesh.topology import find_edges
 
 
-def test_edges_of_a_box_are_found_once():
+def test_edges_are_computed_once():
     mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
     edges = find_edges(mesh)
     assert len(edges.number) == 4 * 24
@@ -21,7 +21,7 @@ def test_edges_of_a_box_are_found_once():
     assert find_edges(box_mesh((1.0, 1.0, 1.0), (1, 1, 1), Quad4())) is not edges
 
 
-def test_what_was_found_does_not_keep_the_mesh():
+def test_cached_topology_does_not_keep_the_mesh_alive():
     mesh = box_mesh((1.0, 1.0, 1.0), (1, 1, 1), Quad4())
     connected_surfaces(mesh)
     alive = weakref.ref(mesh)

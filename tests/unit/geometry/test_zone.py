@@ -1,4 +1,4 @@
-"""Points, frames, weights of the contact zone; Gauss rules under them."""
+"""Test points, frames, weights and Gauss rules of the contact zone."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ EVERY = pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda e: e.na
 
 
 def upper_face(mesh: SurfaceMesh) -> SurfaceMesh:
-    """A cubed sphere with its upper sixth as the face group 'contact'."""
+    """Return a cubed sphere with its upper sixth as the face group 'contact'."""
     block = mesh.blocks[0]
     middle = mesh.points[block.connectivity].mean(axis=1)
     upper = middle[:, 2] > np.abs(middle[:, :2]).max(axis=1)
@@ -37,7 +37,7 @@ def test_gauss_rules_integrate_polynomials(reference: str) -> None:
 
 
 @EVERY
-def test_flat_top_has_the_global_axes_exactly(element: SurfaceElement) -> None:
+def test_flat_zone_has_global_axes(element: SurfaceElement) -> None:
     mesh = block_mesh(0.05, 0.12, (0.005, 0.004), (4, 6), 3, 2, element)
     zone = find_contact_zone(mesh, "contact")
     np.testing.assert_array_equal(zone.frames, np.broadcast_to(np.eye(3), (len(zone.points), 3, 3)))
@@ -83,7 +83,7 @@ def test_normals_of_a_sphere_converge(element: SurfaceElement) -> None:
         np.testing.assert_allclose(identity, np.broadcast_to(np.eye(3), identity.shape), atol=1e-14)
         np.testing.assert_allclose(np.linalg.det(frames), 1.0, atol=1e-14)
         errors.append(np.abs(frames[:, 2] - zone.points / 2).max())
-    # at the border of the zone the mean is one-sided: the order of a single element's normal, p
+    # at the border of the zone, the mean is one-sided, with the order p of the normal of a single element
     assert np.log2(errors[1] / errors[2]) > element.order - 0.3
 
 
@@ -95,7 +95,7 @@ def test_weights_of_a_curved_zone() -> None:
     assert np.abs(whole.weights @ whole.points).max() < 1e-12
 
 
-def test_e1_is_as_close_to_x1_as_can_be() -> None:
+def test_e1_is_as_close_to_x1_as_possible() -> None:
     rng = np.random.default_rng(3)
     normals = rng.normal(size=(200, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -114,8 +114,8 @@ def test_e1_falls_back_to_x2() -> None:
         np.testing.assert_array_equal(frame, [[0, 1, 0], [0, 0, sign], [sign, 0, 0]])
 
 
-def test_only_elements_of_the_zone_make_its_normals() -> None:
-    # a whole face of a box: means with the sides would lean at its border
+def test_normals_use_elements_of_the_zone_only() -> None:
+    # a whole face of a box: normals averaged with the sides would be inclined at its border
     zone = find_contact_zone(box_mesh((1, 1, 1), (3, 3, 3), Tri6()), "z+")
     np.testing.assert_array_equal(zone.frames[:, 2], np.tile([0.0, 0.0, 1.0], (len(zone.points), 1)))
 
@@ -133,7 +133,7 @@ def test_zones_over_two_element_types() -> None:
     assert zone.weights @ zone.points[:, 0] == pytest.approx(0.0, abs=1e-15)
 
 
-def test_unfit_zones_are_refused() -> None:
+def test_invalid_zones_are_rejected() -> None:
     box = box_mesh((1, 1, 1), (2, 2, 2), Quad4())
     check_contact_zone(box, "z+")
     with pytest.raises(MeshError, match="no face group 'contact' in the mesh; it has x-, x"):
@@ -155,8 +155,8 @@ def test_shape_integrals_of_the_reference_cell() -> None:
     np.testing.assert_allclose(np.sort(zone.weights), [-1 / 12] * 4 + [1 / 3] * 4, atol=1e-15)
 
 
-def test_a_zone_belongs_to_its_mesh():
-    """Whoever asks for it has the same one: nobody can change what it is for the others."""
+def test_zone_is_shared_and_immutable():
+    """All callers receive the same zone, which cannot be modified."""
     zone = find_contact_zone(block_mesh(1.0, 2.0, 0.5, 4, 3, 4, Quad4()), group="contact")
     for array in (zone.points, zone.frames, zone.weights, zone.numbers, zone.cells[0][1]):
         with pytest.raises(ValueError, match="read-only"):

@@ -1,4 +1,4 @@
-"""FCLIB: layout of the files by h5py alone, what others may write, what is refused."""
+"""Test the layout of FCLIB files with h5py, files written by other programs, and rejected files."""
 
 import h5py
 import numpy as np
@@ -10,7 +10,7 @@ from meeframe.results.fclib import LARGEST, LocalProblem, LocalSolution, read_lo
 
 
 def test_layout_of_the_file(tmp_path):
-    """Names, types, shapes as fclib.h reads them."""
+    """Names, types and shapes are those that fclib.h reads."""
     rng = np.random.default_rng(2)
     local = LocalProblem(
         rng.normal(size=(12, 12)) + 9 * np.eye(12), rng.normal(size=12), np.full(4, 0.3), title="a title"
@@ -26,9 +26,9 @@ def test_layout_of_the_file(tmp_path):
         assert set(group["W"]) == {"nzmax", "m", "n", "nz", "p", "i", "x"}
         whole = {name: group["W"][name] for name in ("nzmax", "m", "n", "nz")} | {"spacedim": group["spacedim"]}
         assert all(number.dtype == np.int32 and number.shape == (1,) for number in whole.values())
-        found = {name: int(number[0]) for name, number in whole.items()}
+        computed = {name: int(number[0]) for name, number in whole.items()}
         stored = np.count_nonzero(local.matrix)
-        assert found == {"nzmax": stored, "m": 3 * m, "n": 3 * m, "nz": -1, "spacedim": 3}
+        assert computed == {"nzmax": stored, "m": 3 * m, "n": 3 * m, "nz": -1, "spacedim": 3}
         p, i, x = (group["W"][name] for name in "pix")
         assert (p.dtype, i.dtype, x.dtype) == (np.int32, np.int32, np.float64)
         assert (p.shape, i.shape, x.shape) == ((3 * m + 1,), (stored,), (stored,))
@@ -108,15 +108,15 @@ def test_broken_files(name, tmp_path):
 
 
 def damage(path, name):
-    """Overwrite the bytes of a compressed dataset."""
+    """Overwrite bytes of a compressed dataset."""
     with h5py.File(path, "r+") as file:
         values = file[name][()]
         del file[name]
         file.create_dataset(name, data=values, chunks=values.shape, compression="gzip")
-        place = file[name].id.get_chunk_info(0)
+        position = file[name].id.get_chunk_info(0)
     with path.open("r+b") as raw:
-        raw.seek(place.byte_offset)
-        raw.write(b"\xff" * place.size)
+        raw.seek(position.byte_offset)
+        raw.write(b"\xff" * position.size)
 
 
 def test_damaged_chunks(tmp_path):
@@ -141,7 +141,7 @@ def test_damaged_chunks(tmp_path):
         (np.zeros(0), r"r \(0,\)"),
     ],
 )
-def test_solutions_that_are_none(tmp_path, r, message):
+def test_invalid_solutions(tmp_path, r, message):
     path = tmp_path / "a.hdf5"
     local = LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.array([0.3]))
     write_local(path, local)
@@ -151,7 +151,7 @@ def test_solutions_that_are_none(tmp_path, r, message):
         read_solution(path)
 
 
-def test_files_of_something_else(tmp_path):
+def test_other_files(tmp_path):
     path = tmp_path / "a.hdf5"
     with pytest.raises(ResultError, match="cannot be read as HDF5"):
         read_local(path)

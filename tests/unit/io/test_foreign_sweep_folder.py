@@ -1,4 +1,4 @@
-"""Folders of sweeps that come from others: nothing outside of them is removed."""
+"""Sweep folders from untrusted sources never cause the removal of files outside of them."""
 
 import json
 
@@ -10,7 +10,7 @@ from meeframe.results.sweep_files import FORMAT, open_folder
 WANTED = ["0" * 64]
 
 
-def listed(folder, *keys):
+def write_list(folder, *keys):
     folder.mkdir(exist_ok=True)
     (folder / "points").mkdir(exist_ok=True)
     (folder / "sweep.json").write_text(json.dumps({"format": FORMAT, "points": keys}))
@@ -18,10 +18,10 @@ def listed(folder, *keys):
 
 
 @pytest.mark.parametrize("key", ["../../precious", "..", ".", "", "a/b", "F" * 64, "0" * 63 + "\n", 7, ["0" * 64]])
-def test_lists_with_other_names_are_refused_and_nothing_is_removed(tmp_path, key):
+def test_lists_with_invalid_names_are_rejected(tmp_path, key):
     precious = tmp_path / "precious"
     precious.mkdir()
-    folder = listed(tmp_path / "out", "1" * 64, key)
+    folder = write_list(tmp_path / "out", "1" * 64, key)
     (folder / "points" / "note.txt").touch()
     refusal = r"sweep\.json: points lists .*; allowed: keys of 64 hexadecimal digits"
     with pytest.raises(ResultError, match=refusal), open_folder(folder, WANTED, overwrite=True):
@@ -30,21 +30,21 @@ def test_lists_with_other_names_are_refused_and_nothing_is_removed(tmp_path, key
     assert (folder / "points" / "note.txt").exists()
 
 
-def test_an_absolute_path_is_refused(tmp_path):
+def test_absolute_paths_are_rejected(tmp_path):
     precious = tmp_path / "precious"
     precious.mkdir()
-    folder = listed(tmp_path / "out", str(precious))
+    folder = write_list(tmp_path / "out", str(precious))
     with pytest.raises(ResultError, match="64 hexadecimal digits"), open_folder(folder, WANTED, overwrite=True):
         pass
     assert precious.is_dir()
 
 
 @pytest.mark.parametrize("name", ["points", "systems"])
-def test_links_to_other_folders_are_refused(tmp_path, name):
+def test_links_to_other_folders_are_rejected(tmp_path, name):
     elsewhere, key = tmp_path / "elsewhere", "1" * 64
     (elsewhere / key).mkdir(parents=True)
     (elsewhere / ".hidden").mkdir()
-    folder = listed(tmp_path / "out", key)
+    folder = write_list(tmp_path / "out", key)
     (folder / "points").rmdir()
     (folder / name).symlink_to(elsewhere)
     with pytest.raises(ResultError, match="is a symbolic link"), open_folder(folder, WANTED, overwrite=True):
@@ -53,9 +53,9 @@ def test_links_to_other_folders_are_refused(tmp_path, name):
     assert (elsewhere / ".hidden").is_dir()
 
 
-def test_points_of_another_sweep_and_unfinished_ones_alone_are_removed(tmp_path):
+def test_only_other_and_unfinished_points_are_removed(tmp_path):
     kept, dropped = WANTED[0], "1" * 64
-    folder = listed(tmp_path / "out", kept, dropped)
+    folder = write_list(tmp_path / "out", kept, dropped)
     for name in (kept, dropped, "2" * 64, ".git", f".{dropped}"):
         (folder / "points" / name).mkdir()
     with open_folder(folder, WANTED, overwrite=True):

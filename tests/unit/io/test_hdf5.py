@@ -1,4 +1,4 @@
-"""HDF5 files on a disk without room: one error of files, and no crash of HDF5."""
+"""A full disk causes one file error and never a crash of HDF5."""
 
 import resource
 import signal
@@ -19,8 +19,8 @@ from meeframe.results.systems import read_arrays, write_arrays
 
 
 @pytest.fixture
-def room():
-    """Sets how large a file may become [bytes]."""
+def file_size_limit():
+    """Return a function that limits the size of files [bytes]."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
@@ -28,7 +28,7 @@ def room():
     signal.signal(signal.SIGXFSZ, handler)
 
 
-def test_the_same_file_as_by_hdf5_alone(tmp_path):
+def test_file_is_identical_to_that_of_hdf5(tmp_path):
     values = np.random.default_rng(1).random((300, 200))
     with h5py.File(tmp_path / "plain.h5", "w") as plain, changed_file(tmp_path / "own.h5", "w") as own:
         for file in (plain, own):
@@ -43,22 +43,22 @@ def test_the_same_file_as_by_hdf5_alone(tmp_path):
 
 
 @pytest.mark.parametrize("size", [0, 1000, 50_000, 200_000])
-def test_a_full_disk_is_one_error(tmp_path, room, size):
-    room(size)
+def test_full_disk_causes_one_error(tmp_path, file_size_limit, size):
+    file_size_limit(size)
     path = tmp_path / "system.h5"
     with pytest.raises(ResultError, match=rf"^{path} cannot be written: File too large$"):
         write_arrays(path, "key", {"values": np.random.default_rng(2).random(100_000)})
     assert not list(tmp_path.iterdir())
-    room(resource.RLIM_INFINITY)
+    file_size_limit(resource.RLIM_INFINITY)
     write_arrays(path, "key", {"values": np.ones(100_000)})
     assert read_arrays(path, "key")["values"].sum() == 100_000
 
 
-def test_finished_steps_stay_where_there_is_no_room_for_more(tmp_path, room, synthetic):
+def test_finished_steps_survive_a_full_disk(tmp_path, file_size_limit, synthetic):
     first, second = synthetic.step(1e-6), synthetic.step(2e-6, increment=2)
     writer = ResultWriter(tmp_path, synthetic.result(planned=2))
     writer.append(first)
-    room(5_000)
+    file_size_limit(5_000)
     with pytest.raises(ResultError, match=r"0002\.h5 cannot be written: File too large$"):
         writer.append(second)
     for whole in (
@@ -68,7 +68,7 @@ def test_finished_steps_stay_where_there_is_no_room_for_more(tmp_path, room, syn
         with pytest.raises(ResultError, match=r"result\.h5 cannot be written: File too large$"):
             whole()
         assert len(read_result(tmp_path).steps) == 1
-    room(resource.RLIM_INFINITY)
+    file_size_limit(resource.RLIM_INFINITY)
     writer.append(second)
     assert len(read_result(tmp_path).steps) == 2
     writer.finish(lambda: synthetic.result(first, second))
@@ -76,8 +76,8 @@ def test_finished_steps_stay_where_there_is_no_room_for_more(tmp_path, room, syn
     assert [path.name for path in tmp_path.iterdir()] == ["result.h5"]
 
 
-def made_sweep(count):
-    """A sweep of so many numbers in its two quantities."""
+def make_sweep(count):
+    """Return a sweep with two quantities of a given number of values."""
     numbers = np.random.default_rng(3).random((2, count // 2))
     axes = (SweepAxis("law", ("a", "b")), SweepAxis("mu", ("",) * (count // 2), numbers[0], "1"))
     texts = [np.full(numbers.shape, text) for text in ("converged", "é", "0")]
@@ -86,39 +86,39 @@ def made_sweep(count):
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("size", [0, 3000, 20_000])
-def test_a_sweep_that_finds_no_room_leaves_the_earlier_one(tmp_path, room, size):
+def test_full_disk_preserves_the_earlier_sweep(tmp_path, file_size_limit, size):
     xarray = pytest.importorskip("xarray")
-    write_sweep(tmp_path, made_sweep(4))
-    room(size)
+    write_sweep(tmp_path, make_sweep(4))
+    file_size_limit(size)
     with pytest.raises(ResultError, match=r"sweep\.h5 cannot be written: File too large$"):
-        write_sweep(tmp_path, made_sweep(40_000))
+        write_sweep(tmp_path, make_sweep(40_000))
     assert [path.name for path in tmp_path.iterdir()] == ["sweep.h5"]
-    room(resource.RLIM_INFINITY)
+    file_size_limit(resource.RLIM_INFINITY)
     for count in (4, 40_000):
-        with xarray.open_dataset(tmp_path / "sweep.h5", engine="h5netcdf") as found:
-            xarray.testing.assert_identical(found.load(), dataset(made_sweep(count)))
-        write_sweep(tmp_path, made_sweep(40_000))
+        with xarray.open_dataset(tmp_path / "sweep.h5", engine="h5netcdf") as computed:
+            xarray.testing.assert_identical(computed.load(), dataset(make_sweep(count)))
+        write_sweep(tmp_path, make_sweep(40_000))
 
 
 @pytest.mark.parametrize("size", [0, 3000, 20_000])
-def test_a_problem_of_fclib_that_finds_no_room_stays_as_it_was(tmp_path, room, size):
+def test_full_disk_preserves_the_earlier_fclib_file(tmp_path, file_size_limit, size):
     def problem(contacts):
         matrix = np.eye(3 * contacts) + np.random.default_rng(4).random((3 * contacts, 3 * contacts))
         return LocalProblem(matrix, np.ones(3 * contacts), np.full(contacts, 0.3))
 
     path, small, large = tmp_path / "problem.hdf5", problem(1), problem(40)
     solution = LocalSolution(np.ones(120), np.zeros(120))
-    room(size)
+    file_size_limit(size)
     with pytest.raises(ResultError, match=r"problem\.hdf5 cannot be written: File too large$"):
         write_local(path, large, solution)
     assert not list(tmp_path.iterdir())
-    room(resource.RLIM_INFINITY)
+    file_size_limit(resource.RLIM_INFINITY)
     write_local(path, large)
-    room(size)
+    file_size_limit(size)
     with pytest.raises(ResultError, match=r"problem\.hdf5 cannot be written: File too large$"):
         write_solution(path, solution)
     assert [path.name for path in tmp_path.iterdir()] == ["problem.hdf5"]
-    room(resource.RLIM_INFINITY)
+    file_size_limit(resource.RLIM_INFINITY)
     np.testing.assert_array_equal(read_local(path).matrix, large.matrix)
     assert read_solution(path) is None
     write_solution(path, solution)
@@ -127,7 +127,7 @@ def test_a_problem_of_fclib_that_finds_no_room_stays_as_it_was(tmp_path, room, s
     np.testing.assert_array_equal(read_local(path).matrix, small.matrix)
 
 
-def test_what_else_goes_wrong_while_a_file_is_written_passes(tmp_path: Path):
+def test_other_errors_while_writing_propagate(tmp_path: Path):
     with pytest.raises(RuntimeError, match="a defect"), replacing(tmp_path / "file"):
         raise RuntimeError("a defect")
     with (
@@ -138,7 +138,7 @@ def test_what_else_goes_wrong_while_a_file_is_written_passes(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["versions", "timings", "planned_steps"])
-def test_a_result_changed_on_the_disk_is_damaged(tmp_path, synthetic, name):
+def test_modified_result_is_reported_as_damaged(tmp_path, synthetic, name):
     write_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
     with h5py.File(tmp_path / "result.h5", "r+") as file:
         file.attrs[name] = "{"

@@ -1,4 +1,4 @@
-"""Processes that are killed while they write results, at random moments: nothing that was finished is lost."""
+"""Processes that are killed at random moments while writing results lose nothing that was finished."""
 
 import os
 import signal
@@ -17,8 +17,8 @@ RANDOM = np.random.default_rng(7)
 INCREMENTS_OF_A_RUN = 5
 
 
-def write_for_ever(folder: Path, synthetic, pipe: int) -> None:
-    """Write one run after the other; tell the pipe of each folder cleared and increment finished."""
+def write_forever(folder: Path, synthetic, pipe: int) -> None:
+    """Write one run after another, and report each cleared folder and finished increment to the pipe."""
     steps = [synthetic.step(number * 1e-6, increment=number) for number in range(1, INCREMENTS_OF_A_RUN + 1)]
     while True:
         os.write(pipe, b"c")
@@ -32,8 +32,8 @@ def write_for_ever(folder: Path, synthetic, pipe: int) -> None:
         os.write(pipe, b"f")
 
 
-def killed_after(words: int, seconds: float, task) -> bytes:
-    """What a child process has told by when it is killed, so many seconds after so many words."""
+def kill_after(words: int, seconds: float, task) -> bytes:
+    """Return what a child process reported before it was killed, a given time after a given number of reports."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
@@ -42,48 +42,48 @@ def killed_after(words: int, seconds: float, task) -> bytes:
         finally:
             os._exit(1)
     os.close(writing)
-    told = b""
-    while len(told) < words:
-        told += os.read(reading, 1)
+    reports = b""
+    while len(reports) < words:
+        reports += os.read(reading, 1)
     time.sleep(seconds)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     while more := os.read(reading, 65536):
-        told += more
+        reports += more
     os.close(reading)
-    return told
+    return reports
 
 
 @pytest.mark.full
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
-def test_a_run_that_is_killed_keeps_its_finished_increments(tmp_path, synthetic):
+def test_killed_run_keeps_finished_increments(tmp_path, synthetic):
     expected = [synthetic.step(number * 1e-6, increment=number) for number in range(1, INCREMENTS_OF_A_RUN + 1)]
-    found, unfinished = set(), 0
+    computed, unfinished = set(), 0
     for trial in range(30):
         folder = tmp_path / str(trial)
         folder.mkdir()
         words, seconds = RANDOM.integers(1, 2 * INCREMENTS_OF_A_RUN), RANDOM.uniform(0.0, 0.02)
-        told = killed_after(words, seconds, partial(write_for_ever, folder, synthetic))
-        done = told.rpartition(b"s")[2].count(b"i")
+        reports = kill_after(words, seconds, partial(write_forever, folder, synthetic))
+        done = reports.rpartition(b"s")[2].count(b"i")
         steps = read_result(folder).steps if (folder / RESULT_FILE).exists() else ()
-        if told[-1:] != b"c":  # it was cleared, or not yet
-            # the last one may be finished and not told of
+        if reports[-1:] != b"c":  # the folder may or may not be cleared
+            # the last increment may be finished but not reported
             assert len(steps) in (done, min(done + 1, INCREMENTS_OF_A_RUN))
         for step, whole in zip(steps, expected, strict=False):
             assert step.increment == whole.increment
             for name in ("traction", "displacement", "slip", "region", "contact_fraction"):
                 np.testing.assert_array_equal(getattr(step, name), getattr(whole, name))
             np.testing.assert_array_equal(step.boundary.values, whole.boundary.values)
-        found.add(len(steps))
+        computed.add(len(steps))
         unfinished += (folder / INCREMENTS).exists()
         clear_output(folder)
         assert list(folder.iterdir()) == []
-    assert len(found) > 3
+    assert len(computed) > 3
     assert unfinished > 5
 
 
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
-def test_a_folder_is_held_while_a_process_lives_and_no_longer(tmp_path):
+def test_lock_of_a_folder_ends_with_its_process(tmp_path):
     def hold(pipe):
         with locked(tmp_path / "out"):
             os.write(pipe, b"h")
@@ -107,7 +107,7 @@ def test_a_folder_is_held_while_a_process_lives_and_no_longer(tmp_path):
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_a_folder_that_was_made_for_nothing_goes_again(tmp_path):
+def test_unused_folder_is_removed(tmp_path):
     with locked(tmp_path / "a" / "b"):
         assert (tmp_path / "a" / "b").is_dir()
     assert list(tmp_path.iterdir()) == []
@@ -117,7 +117,7 @@ def test_a_folder_that_was_made_for_nothing_goes_again(tmp_path):
 
 
 def test_increments_are_written_once(tmp_path, synthetic):
-    """A finished increment is not touched again until the run ends."""
+    """A finished increment is not modified until the run ends."""
     writer = ResultWriter(tmp_path, synthetic.result(planned=9))
     written = {}
     for number in range(1, 10):

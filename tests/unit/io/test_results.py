@@ -1,4 +1,4 @@
-"""The result file: round trip, self-description, and that it survives whatever happens while it is written."""
+"""Test result files: round trip, self-description, interruptions while writing."""
 
 import dataclasses
 
@@ -15,19 +15,19 @@ from meeframe.results.records import RunStatus, Zone
 
 
 def write(folder, result, fields=None):
-    writer = begun(folder, result, fields)
+    writer = new_writer(folder, result, fields)
     for step in result.steps:
         writer.append(step)
     writer.finish(lambda: result)
 
 
-def begun(folder, result, fields=None):
-    """A writer of a result without any of its increments."""
+def new_writer(folder, result, fields=None):
+    """Return a writer of a result without increments."""
     return files.ResultWriter(folder, dataclasses.replace(result, steps=(), timings={}, peak_memory_mb=0.0), fields)
 
 
 def assert_equal(first, second):
-    """Equality of records with arrays in them, to the last bit."""
+    """Assert that two records with arrays are bitwise identical."""
     if dataclasses.is_dataclass(first):
         assert type(first) is type(second)
         for field in dataclasses.fields(first):
@@ -52,7 +52,7 @@ def test_round_trip(tmp_path, synthetic):
     assert_equal(files.read_result(tmp_path), result)
 
 
-def test_what_few_results_have_comes_back(tmp_path, synthetic):
+def test_round_trip_of_optional_data(tmp_path, synthetic):
     area_fraction = np.linspace(0.0, 1.0, 25)
     write(
         tmp_path,
@@ -71,7 +71,7 @@ def test_without_boundary_fields(tmp_path, synthetic):
     assert files.read_result(tmp_path).steps[0].boundary is None
 
 
-def test_every_dataset_says_its_unit_and_the_file_what_made_it(tmp_path, synthetic):
+def test_datasets_have_units_and_the_file_has_provenance(tmp_path, synthetic):
     write(tmp_path, synthetic.result(synthetic.step(1e-6)))
     with h5py.File(tmp_path / RESULT_FILE) as file:
         without = []
@@ -86,33 +86,35 @@ def test_every_dataset_says_its_unit_and_the_file_what_made_it(tmp_path, synthet
         force = file["steps/0001/resultants/force"][()]
         assert file["steps/0001/loading/prescribed/tangential_force"].attrs["units"] == "N"
         assert file["steps/0001/resultants/torque"].attrs["units"] == "N m"
-    place = synthetic.zone()
-    inside = np.linalg.norm(place.points[:, :2], axis=1) < 1.5e-3
-    assert force == pytest.approx([0.1 * 1e6 * place.weights[inside].sum(), 0.0, -1e6 * place.weights[inside].sum()])
+    contact_zone = synthetic.zone()
+    inside = np.linalg.norm(contact_zone.points[:, :2], axis=1) < 1.5e-3
+    assert force == pytest.approx(
+        [0.1 * 1e6 * contact_zone.weights[inside].sum(), 0.0, -1e6 * contact_zone.weights[inside].sum()]
+    )
 
 
 class Interrupts:
-    """A message that interrupts whoever writes it."""
+    """A message whose conversion to a string raises KeyboardInterrupt."""
 
     def __str__(self):
         raise KeyboardInterrupt
 
 
-def test_an_interrupted_increment_leaves_the_finished_ones(tmp_path, synthetic):
+def test_interrupted_increment_preserves_finished_ones(tmp_path, synthetic):
     first = synthetic.step(1e-6)
-    writer = begun(tmp_path, synthetic.result(first, planned=2))
+    writer = new_writer(tmp_path, synthetic.result(first, planned=2))
     writer.append(first)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     with pytest.raises(KeyboardInterrupt):
         writer.append(dataclasses.replace(synthetic.step(2e-6), status=Interrupts()))
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
-    found = files.read_result(tmp_path)
-    assert found.status is RunStatus.UNFINISHED
-    assert_equal(found.steps, (first,))
+    computed = files.read_result(tmp_path)
+    assert computed.status is RunStatus.UNFINISHED
+    assert_equal(computed.steps, (first,))
 
 
-def test_the_file_of_an_unfinished_run_opens_without_meeframe(tmp_path, synthetic):
-    writer = begun(tmp_path, synthetic.result(planned=3))
+def test_unfinished_file_opens_without_meeframe(tmp_path, synthetic):
+    writer = new_writer(tmp_path, synthetic.result(planned=3))
     writer.append(synthetic.step(1e-6))
     writer.append(synthetic.step(2e-6, increment=2))
     with h5py.File(tmp_path / RESULT_FILE) as file:
@@ -121,8 +123,8 @@ def test_the_file_of_an_unfinished_run_opens_without_meeframe(tmp_path, syntheti
         assert len(file["boundary/points"]) == 25
 
 
-def test_more_than_ten_thousand_increments_stay_in_order(tmp_path, synthetic):
-    """Names of four digits sort as texts up to there."""
+def test_more_than_ten_thousand_increments_are_in_order(tmp_path, synthetic):
+    """Names with four digits are sorted as texts only up to that number."""
     write(tmp_path, synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6, increment=2)))
     with h5py.File(tmp_path / RESULT_FILE, "r+") as file:
         file["steps"].move("0001", "9999")
@@ -130,15 +132,15 @@ def test_more_than_ten_thousand_increments_stay_in_order(tmp_path, synthetic):
     assert [step.increment for step in files.read_result(tmp_path).steps] == [1, 2]
 
 
-def test_an_increment_that_was_damaged_is_no_end(tmp_path, synthetic):
-    writer = begun(tmp_path, synthetic.result(planned=2))
+def test_damaged_increment_does_not_end_the_series(tmp_path, synthetic):
+    writer = new_writer(tmp_path, synthetic.result(planned=2))
     writer.append(synthetic.step(1e-6))
     next((tmp_path / INCREMENTS).glob("0001*")).write_bytes(b"nonsense")
     with pytest.raises(ResultError, match=r"result\.h5 is damaged"):
         files.read_result(tmp_path)
 
 
-def test_fields_that_are_zero_are_not_stored_and_read_as_zeros(tmp_path, synthetic):
+def test_zero_fields_are_not_stored(tmp_path, synthetic):
     step = synthetic.step(1e-6)
     bare = dataclasses.replace(
         step, fluxes=0.0 * step.fluxes, dissipation=0.0 * step.dissipation, region=0 * step.region
@@ -150,7 +152,7 @@ def test_fields_that_are_zero_are_not_stored_and_read_as_zeros(tmp_path, synthet
     assert_equal(files.read_result(tmp_path).steps, (bare,))
 
 
-def test_a_field_may_be_asked_for(tmp_path, synthetic):
+def test_requested_fields_are_stored(tmp_path, synthetic):
     step = synthetic.step(1e-6)
     write(tmp_path, synthetic.result(step), fields={"pressure", "gap"})
     with h5py.File(tmp_path / RESULT_FILE) as file:
@@ -163,22 +165,22 @@ def test_a_field_may_be_asked_for(tmp_path, synthetic):
 
 
 def test_large_arrays_are_compressed(tmp_path, synthetic):
-    """A zone of 10,000 nodes, of which 25 are in contact."""
-    step, place = synthetic.step(1e-6), synthetic.zone()
+    """The zone has 10,000 nodes, of which 25 are in contact."""
+    step, contact_zone = synthetic.step(1e-6), synthetic.zone()
     wide = {
         name: np.concatenate([values, np.zeros((9_975, *values.shape[1:]), values.dtype)])
         for name, values in vars(step).items()
         if isinstance(values, np.ndarray) and len(values) == 25
     }
-    points = np.concatenate([place.points, np.ones((9_975, 3))])
-    zone = Zone(points, np.tile(np.eye(3), (10_000, 1, 1)), np.ones(10_000), place.cells)
+    points = np.concatenate([contact_zone.points, np.ones((9_975, 3))])
+    zone = Zone(points, np.tile(np.eye(3), (10_000, 1, 1)), np.ones(10_000), contact_zone.cells)
     result = dataclasses.replace(synthetic.result(dataclasses.replace(step, **wide, boundary=None)), zone=zone)
     write(tmp_path, result)
     assert (tmp_path / RESULT_FILE).stat().st_size < 150_000
     assert_equal(files.read_result(tmp_path), result)
 
 
-def test_nothing_to_read(tmp_path):
+def test_missing_file(tmp_path):
     with pytest.raises(ResultError, match="does not exist"):
         files.read_result(tmp_path)
     (tmp_path / RESULT_FILE).write_text("no HDF5")
@@ -208,8 +210,8 @@ def test_damaged_file(tmp_path, synthetic):
         files.read_result(tmp_path)
 
 
-def replaced(name, values):
-    """A change that puts other values in the place of a dataset or a group of the first step."""
+def replace_values(name, values):
+    """Return a modification that replaces the values of a dataset or a group of the first step."""
 
     def change(file):
         del file["steps/0001"][name]
@@ -218,38 +220,38 @@ def replaced(name, values):
     return change
 
 
-def attribute(name, value):
-    """A change of an attribute of the file."""
+def replace_attribute(name, value):
+    """Return a modification of an attribute of the file."""
     return lambda file: file.attrs.create(name, value)
 
 
 DAMAGES = {
-    "prescribed is a number": replaced("loading/prescribed", 1.0),
-    "prescribed twice": replaced("loading/prescribed/tangential_force", [1.0, 2.0, 3.0]),
-    "motions": replaced("loading/tilt", [0.0]),
-    "axes": replaced("loading/axes", [1.0, 0.0, 0.0]),
-    "infinite step": replaced("step", np.inf),
+    "prescribed is a number": replace_values("loading/prescribed", 1.0),
+    "prescribed twice": replace_values("loading/prescribed/tangential_force", [1.0, 2.0, 3.0]),
+    "motions": replace_values("loading/tilt", [0.0]),
+    "axes": replace_values("loading/axes", [1.0, 0.0, 0.0]),
+    "infinite step": replace_values("step", np.inf),
     "step is a group": lambda file: [file["steps/0001"].pop("step"), file.create_group("steps/0001/step")],
-    "few tractions": replaced("traction", [1.0, 2.0]),
-    "tractions in words": replaced("traction", "none"),
-    "one gap": replaced("initial_gap", 1.0),
-    "region in words": replaced("region", "abc"),
-    "region of fractions": lambda file: replaced("region", file["steps/0001/region"][()] + 0.5)(file),
-    "history": replaced("history", [1.0]),
-    "boundary": replaced("boundary/values", [[1.0]]),
+    "few tractions": replace_values("traction", [1.0, 2.0]),
+    "tractions in words": replace_values("traction", "none"),
+    "one gap": replace_values("initial_gap", 1.0),
+    "region in words": replace_values("region", "abc"),
+    "region of fractions": lambda file: replace_values("region", file["steps/0001/region"][()] + 0.5)(file),
+    "history": replace_values("history", [1.0]),
+    "boundary": replace_values("boundary/values", [[1.0]]),
     "zone": lambda file: [file["zone"].pop("weights"), file["zone"].create_dataset("weights", data=[1.0])],
     "cells": lambda file: file["zone/cells/0"].write_direct(np.full(file["zone/cells/0"].shape, 10**6)),
-    "infinitely many steps": attribute("planned_steps", np.inf),
-    "versions are a list": attribute("versions", "[1]"),
-    "versions are numbers": attribute("versions", '{"numpy": 2}'),
-    "timings are a number": attribute("timings", "3"),
-    "timings are texts": attribute("timings", '{"solve": "long"}'),
-    "title is a number": attribute("title", 3.0),
+    "infinitely many steps": replace_attribute("planned_steps", np.inf),
+    "versions are a list": replace_attribute("versions", "[1]"),
+    "versions are numbers": replace_attribute("versions", '{"numpy": 2}'),
+    "timings are a number": replace_attribute("timings", "3"),
+    "timings are texts": replace_attribute("timings", '{"solve": "long"}'),
+    "title is a number": replace_attribute("title", 3.0),
 }
 
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_whatever_was_changed_is_damage(tmp_path, synthetic, damage):
+def test_modifications_are_reported_as_damage(tmp_path, synthetic, damage):
     write(tmp_path, synthetic.result(synthetic.step(1e-6)))
     with h5py.File(tmp_path / RESULT_FILE, "r+") as file:
         damage(file)
@@ -257,7 +259,7 @@ def test_whatever_was_changed_is_damage(tmp_path, synthetic, damage):
         files.read_result(tmp_path)
 
 
-def test_output_folder_is_made_refused_or_accepted(tmp_path):
+def test_output_folder_is_created_rejected_or_accepted(tmp_path):
     check_output(tmp_path / "a" / "b", overwrite=False)
     assert list(tmp_path.iterdir()) == []
     clear_output(tmp_path / "a" / "b")
@@ -274,7 +276,7 @@ def test_output_folder_is_made_refused_or_accepted(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
-def test_clearing_removes_our_files_and_leftovers_alone(tmp_path):
+def test_clearing_removes_only_files_of_runs(tmp_path):
     for name in (*output_files(), ".result.123.h5", "notes.txt"):
         (tmp_path / name).write_text("x")
     for folder in (INCREMENTS, SERIES):
@@ -284,7 +286,7 @@ def test_clearing_removes_our_files_and_leftovers_alone(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_replacing_keeps_the_old_content_when_writing_fails(tmp_path):
+def test_failed_replacement_preserves_the_old_file(tmp_path):
     target = tmp_path / "summary.json"
     target.write_text("old")
 
@@ -307,7 +309,7 @@ def test_replacing_keeps_the_old_content_when_writing_fails(tmp_path):
         (lambda path: read_mesh(path, []), MeshError, "locked: cannot be read: Permission denied"),
     ],
 )
-def test_in_folders_that_may_not_be_entered(tmp_path, monkeypatch, touch, error, text):
+def test_folders_without_permission(tmp_path, monkeypatch, touch, error, text):
     def refused(path):
         raise PermissionError(13, "Permission denied", str(path))
 

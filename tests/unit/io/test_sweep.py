@@ -1,4 +1,4 @@
-"""The folder of a sweep: whose it is."""
+"""Test which sweep a folder belongs to."""
 
 import pytest
 
@@ -7,12 +7,12 @@ from meeframe.results.sweep_files import open_folder
 
 
 class Killed(BaseException):
-    """Passes where nothing is caught."""
+    """An exception that no handler catches, in place of a kill."""
 
 
 @pytest.fixture
-def begun(tmp_path, monkeypatch):
-    """The folder of a sweep that was killed while it wrote which points the folder is for."""
+def killed_sweep(tmp_path, monkeypatch):
+    """Return the folder of a sweep that was killed while it wrote its list of points."""
 
     def killed(path, text, encoding):
         path.open("w").close()
@@ -24,26 +24,26 @@ def begun(tmp_path, monkeypatch):
         patched.setattr("pathlib.Path.write_text", killed)
         with pytest.raises(Killed), open_folder(folder, ["a" * 64], overwrite=False):
             pass
-    (folder / ".lock").touch()  # as a process leaves it that is killed
+    (folder / ".lock").touch()  # as after a kill
     assert {path.name for path in folder.iterdir()} == {".lock", ".sweep.1.json", "points", "systems"}
     return folder
 
 
-def test_a_sweep_killed_before_it_wrote_anything_goes_on(begun):
-    with open_folder(begun, ["a" * 64], overwrite=False):
-        assert {path.name for path in begun.iterdir()} == {".lock", "points", "sweep.json", "systems"}
+def test_resumption_after_kill_before_writing(killed_sweep):
+    with open_folder(killed_sweep, ["a" * 64], overwrite=False):
+        assert {path.name for path in killed_sweep.iterdir()} == {".lock", "points", "sweep.json", "systems"}
 
 
-def test_one_killed_with_its_lock_alone_goes_on(tmp_path):
+def test_resumption_after_kill_with_lock_only(tmp_path):
     (tmp_path / ".lock").touch()
     with open_folder(tmp_path, ["a" * 64], overwrite=False):
         assert (tmp_path / "sweep.json").exists()
 
 
 @pytest.mark.parametrize("name", ["note.txt", "points/note.txt", "systems/note.h5"])
-def test_what_is_not_of_a_sweep_is_left_alone(begun, name):
-    (begun / name).touch()
-    with pytest.raises(ResultError, match="is not empty"), open_folder(begun, ["a" * 64], overwrite=False):
+def test_other_folders_are_left_unchanged(killed_sweep, name):
+    (killed_sweep / name).touch()
+    with pytest.raises(ResultError, match="is not empty"), open_folder(killed_sweep, ["a" * 64], overwrite=False):
         pass
-    assert (begun / name).exists()
-    assert not (begun / "sweep.json").exists()
+    assert (killed_sweep / name).exists()
+    assert not (killed_sweep / "sweep.json").exists()

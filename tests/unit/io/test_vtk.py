@@ -1,4 +1,4 @@
-"""fields.vtu as ParaView sees it: read back by meshio."""
+"""Test fields.vtu as read by meshio."""
 
 import dataclasses
 
@@ -21,8 +21,8 @@ def test_last_step_is_written_with_units(tmp_path, synthetic):
     assert mesh.point_data["magnetic flux [Wb/m^2]"] == pytest.approx(np.full(25, 4e-6))
 
 
-def test_region_and_slip_stand_on_the_contact_zone_alone(tmp_path, synthetic):
-    """Beside the zone lies an element whose corners repeat two of the zone's nodes, in the second block."""
+def test_region_and_slip_on_the_contact_zone_only(tmp_path, synthetic):
+    """An element beside the zone, in the second block, has two corners at nodes of the zone."""
     zone, step = synthetic.zone(), synthetic.step(1e-6)
     frames = np.tile([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]], (25, 1, 1))
     beside = np.array([[2e-3, -2e-3, 0], [3e-3, -2e-3, 0], [3e-3, -1e-3, 0], [2e-3, -1e-3, 0]])
@@ -41,6 +41,6 @@ def test_region_and_slip_stand_on_the_contact_zone_alone(tmp_path, synthetic):
     np.testing.assert_array_equal(data["total slip [m]"], 2 * expected)
 
 
-def test_refused_without_fields(tmp_path, synthetic):
+def test_missing_fields_are_rejected(tmp_path, synthetic):
     with pytest.raises(ResultError, match="no fields on the whole boundary"):
         write_fields(tmp_path, synthetic.result(dataclasses.replace(synthetic.step(1e-6), boundary=None)))

@@ -1,4 +1,4 @@
-"""Library materials against independent forms of their constants: published compliances and moduli."""
+"""Library materials agree with independent forms of their constants: published compliances and moduli."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from meeframe.material.voigt import coupling_matrix, elastic_matrix
 
 
 def hexagonal(s11, s12, s13, s33, s44, s66, d31, d33, d15):
-    """Compliance (6, 6) [1/TPa] and strain coefficients (3, 6) [pm/V] of class 6mm from their constants."""
+    """Return the compliance (6, 6) [1/TPa] and strain coefficients (3, 6) [pm/V] of class 6mm."""
     s, d = np.diag([s11, s11, s33, s44, s44, s66]), np.zeros((3, 6))
     s[0, 1] = s[1, 0] = s12
     s[:2, 2] = s[2, :2] = s13
@@ -18,7 +18,7 @@ def hexagonal(s11, s12, s13, s33, s44, s66, d31, d33, d15):
 
 
 def trigonal():
-    """Compliance and strain coefficients of lithium niobate, Warner, Onoe and Coquin (1967)."""
+    """Return the compliance and strain coefficients of lithium niobate, Warner, Onoe and Coquin (1967)."""
     s, d = hexagonal(5.78, -1.01, -1.47, 5.02, 17.0, 2 * (5.78 + 1.01), -1.0, 6.0, 68.0)
     s[0, 3] = s[3, 0] = -1.02
     s[1, 3] = s[3, 1] = 1.02
@@ -40,7 +40,7 @@ FORMS = {
 
 @pytest.mark.parametrize("name", FORMS)
 def test_compliance_form_gives_the_same_constants(name):
-    """c = s^-1, e = d c and eps at constant strain = eps at constant stress - d e^T."""
+    """c = s^-1, e = d c, and eps at constant strain = eps at constant stress - d e^T."""
     (s, d), relative, tolerance, of_permittivity = FORMS[name]
     material = library_material(name)
     stiffness = np.linalg.inv(s) * 1e12
@@ -67,7 +67,7 @@ def test_lithium_niobate_has_a_threefold_axis_and_a_mirror_plane():
 
 
 def young_modulus(name, direction):
-    """Young's modulus [Pa] of a material along a direction, from the compliance of its rotated axes."""
+    """Return Young's modulus [Pa] of a material along a direction, from the compliance in rotated axes."""
     axis = np.array(direction) / np.linalg.norm(direction)
     normal = np.cross(axis, [1.0, 0, 0])
     length = np.linalg.norm(normal)

@@ -1,4 +1,4 @@
-"""docs/reference/materials.md: its examples run and its table is the library's."""
+"""The examples of docs/reference/materials.md run, and its table agrees with the library."""
 
 import re
 import tomllib

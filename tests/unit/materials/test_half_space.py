@@ -1,4 +1,4 @@
-"""Surface compliance against closed forms, the Stroh eigenproblem and the numbers of docs/explanation/theory.md."""
+"""The surface compliance agrees with closed forms, the Stroh eigenproblem and docs/explanation/theory.md."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,8 @@ AXIS = np.array([0.0, 0.0, 1.0])
 
 
 def stroh_compliance(stiffness: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Y = i A B^-1 from the 10x10 eigenproblem of the scaled material (decaying modes), inward normal -normal."""
+    """Return Y = i A B^-1 from the 10x10 eigenproblem of the scaled material (decaying modes), inward normal
+    -normal."""
     scaling = FieldScaling.of(stiffness)
     c, m, n = scaling.scale_stiffness(stiffness), direction, -normal
     q, r, t = (np.einsum("i,iJKm,m->JK", a, c, b) for a, b in ((m, m), (m, n), (n, n)))
@@ -25,7 +26,7 @@ def stroh_compliance(stiffness: np.ndarray, normal: np.ndarray, direction: np.nd
     return scaling.factors[:, None] * y * scaling.factors
 
 
-def test_table_1_gives_the_numbers_of_the_theory_page() -> None:
+def test_table_1_matches_the_theory_page() -> None:
     xi = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
     expected = [[2.03385e-12, 1.77286e-3, 1.93803e-6], [1.77286e-3, -2.35892e7, 2.85282e3]]
     np.testing.assert_allclose(xi[:2], expected, rtol=3e-6)
@@ -34,7 +35,7 @@ def test_table_1_gives_the_numbers_of_the_theory_page() -> None:
 
 
 def test_unrounded_mixture_gives_table_2() -> None:
-    # xi11 as corrected, docs/explanation/theory.md; the printed digits of the others
+    # xi11 as corrected in docs/explanation/theory.md; the others as printed
     mixed = mixture(library_material("batio3"), library_material("cofe2o4"), 0.5)
     xi = axisymmetric_compliance(mixed.stiffness)
     expected = [[2.03552e-12, 1.77480e-3, 1.93900e-6], [1.77480e-3, -2.35928e7, 2.85507e3]]
@@ -43,41 +44,41 @@ def test_unrounded_mixture_gives_table_2() -> None:
     assert np.linalg.det(xi) == pytest.approx(5.14794e-2, rel=1e-5)
 
 
-def test_isotropic_half_space_is_boussinesq_and_cerruti() -> None:
-    # degenerate: the eigenproblem of this one cannot be solved by eigenvectors
+def test_isotropic_half_space_matches_boussinesq_and_cerruti() -> None:
+    # degenerate: eigenvectors cannot solve this eigenproblem
     young, poisson = 200e9, 0.3
     shear = young / (2 * (1 + poisson))
     material = Material.isotropic(young, poisson)
     y = surface_compliance(material.stiffness, AXIS, [[1.0, 0.0, 0.0]])[0]
     coupling = (1 - 2 * poisson) / (2 * shear)
     expected = np.diag([(1 - poisson) / shear, 1 / shear, (1 - poisson) / shear]).astype(complex)
-    # a pull t3 > 0 pushes the surface outward around it
+    # a tension t3 > 0 displaces the surface outwards around it
     expected[0, 2], expected[2, 0] = -1j * coupling, 1j * coupling
     np.testing.assert_allclose(y[:3, :3] * shear, expected * shear, atol=1e-13)
     xi = axisymmetric_compliance(material.stiffness)
     assert xi[0, 0] == pytest.approx((1 - poisson**2) / (np.pi * young), rel=1e-13)
-    # outward flux leaves a negative potential: phi = -q/(2 pi eps r)
+    # outward flux causes a negative potential: phi = -q/(2 pi eps r)
     assert xi[1, 1] == pytest.approx(-1 / (2 * np.pi * VACUUM_PERMITTIVITY), rel=1e-13)
 
 
 @pytest.mark.parametrize("missing", [1e-3, 1e-4, 1e-6, 1e-8])
-def test_rubber_is_boussinesq_and_cerruti_to_its_round_off(missing: float) -> None:
-    """Poisson's ratio 0.5 - missing: the tensor S all but vanishes, and most of the stiffness cancels in L."""
+def test_nearly_incompressible_half_space_matches_closed_forms(missing: float) -> None:
+    """Near a Poisson ratio of 0.5, the tensor S nearly vanishes, and most of the stiffness cancels in L."""
     young, poisson = 1e6, 0.5 - missing
     shear = young / (2 * (1 + poisson))
-    ways = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]])
-    y = surface_compliance(Material.isotropic(young, poisson).stiffness, AXIS, ways) * shear
+    normals = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]])
+    y = surface_compliance(Material.isotropic(young, poisson).stiffness, AXIS, normals) * shear
     lost = 1e-14 / missing
     np.testing.assert_allclose(y[:, 2, 2], 1 - poisson, rtol=lost)
-    np.testing.assert_allclose(y[:, 2, :2], 0.5j * (1 - 2 * poisson) * ways[:, :2], atol=lost)
+    np.testing.assert_allclose(y[:, 2, :2], 0.5j * (1 - 2 * poisson) * normals[:, :2], atol=lost)
     np.testing.assert_allclose(y[0, :2, :2], np.diag([1 - poisson, 1.0]), atol=lost)
 
 
 @pytest.mark.parametrize("young", [1e6, 2e11])
-def test_rubber_has_six_digits_or_is_refused(young: float) -> None:
-    ways = np.random.default_rng(0).normal(size=(24, 3))
+def test_nearly_incompressible_half_space_has_six_digits_or_is_rejected(young: float) -> None:
+    normals = np.random.default_rng(0).normal(size=(24, 3))
     normal = np.array([0.6, 0.0, 0.8])
-    y = surface_compliance(Material.isotropic(young, 0.4999999999).stiffness, normal, ways)
+    y = surface_compliance(Material.isotropic(young, 0.4999999999).stiffness, normal, normals)
     along = np.einsum("i,nij,j->n", normal, y[:, :3, :3], normal)
     np.testing.assert_allclose(along, 1.5 / young, rtol=1e-6)
     for poisson in (0.49999999999, 0.499999999999):
@@ -85,7 +86,7 @@ def test_rubber_has_six_digits_or_is_refused(young: float) -> None:
             MaterialError,
             match=r"the surface compliance has a round-off error of 1e-0[45]: the material is nearly incompr",
         ):
-            surface_compliance(Material.isotropic(young, poisson).stiffness, normal, ways)
+            surface_compliance(Material.isotropic(young, poisson).stiffness, normal, normals)
 
 
 @pytest.mark.parametrize("name", ["orthotropic-mee", "pvdf", "batio3-cofe2o4"])
@@ -113,17 +114,17 @@ def test_compliance_is_hermitian_reversible_and_positive() -> None:
     assert np.linalg.eigvalsh(flipped + np.conj(flipped.transpose(0, 2, 1))).min() > 0
 
 
-def test_poling_reversed_or_rotated() -> None:
+def test_reversed_and_rotated_poling() -> None:
     material = library_material("batio3-cofe2o4")
     xi = axisymmetric_compliance(material.stiffness)
     flip = np.outer([1, -1, -1], [1, -1, -1])
     down = axisymmetric_compliance(material.stiffness, -AXIS)
     np.testing.assert_allclose(down, xi * flip, rtol=1e-10)
-    turned = material.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
-    np.testing.assert_allclose(axisymmetric_compliance(turned.stiffness, [2.0, 0.0, 0.0]), xi, rtol=1e-10)
+    rotated = material.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
+    np.testing.assert_allclose(axisymmetric_compliance(rotated.stiffness, [2.0, 0.0, 0.0]), xi, rtol=1e-10)
 
 
-def test_bad_vectors_and_anisotropy_are_refused() -> None:
+def test_invalid_vectors_and_anisotropy_are_rejected() -> None:
     stiffness = library_material("orthotropic-mee").stiffness
     with pytest.raises(MaterialError, match="not axisymmetric"):
         axisymmetric_compliance(stiffness)

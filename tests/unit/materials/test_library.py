@@ -1,4 +1,4 @@
-"""Library, tables and files."""
+"""Test library materials, tables and files."""
 
 import importlib.resources
 import tomllib
@@ -29,7 +29,7 @@ components = { c_1111 = "3 GPa", c_1122 = 1e9, eps_11 = "0.1 nF/m", mu_11 = "1.3
 """
 
 
-def test_every_entry_is_made_and_cited() -> None:
+def test_every_entry_is_valid_and_cited() -> None:
     for entry in library():
         options = {"young_modulus": 1e9, "poisson_ratio": 0.3} if entry.required else {}
         material = library_material(entry.name, **options)
@@ -60,7 +60,7 @@ def test_table_1_is_as_printed() -> None:
 
 
 def test_pvdf_rounds_to_table_3() -> None:
-    # the mechanical and electric constants of Table 3 are those of PVDF, rounded
+    # the mechanical and electric constants of Table 3 are rounded constants of PVDF
     film, table_3 = library_material("pvdf"), library_material("orthotropic-mee")
     np.testing.assert_array_equal(film.elastic, table_3.elastic)
     np.testing.assert_allclose(film.piezoelectric, table_3.piezoelectric, atol=0.5e-3)
@@ -107,10 +107,10 @@ def test_isotropic_options() -> None:
     ],
 )
 def test_rotation_entry(rotation: dict[str, object]) -> None:
-    turned = material_from_table({"name": "batio3", "rotation": rotation})
+    rotated = material_from_table({"name": "batio3", "rotation": rotation})
     expected = library_material("batio3").rotated(rotation_about(np.array([0.0, 1, 0]), np.pi / 2))
-    scale = turned.scaling.scale_stiffness
-    np.testing.assert_allclose(scale(turned.stiffness), scale(expected.stiffness), atol=1e-14)
+    scale = rotated.scaling.scale_stiffness
+    np.testing.assert_allclose(scale(rotated.stiffness), scale(expected.stiffness), atol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_rotation_entry(rotation: dict[str, object]) -> None:
         ({"file": "absent.toml"}, "absent.toml: cannot be read: No such file"),
     ],
 )
-def test_bad_tables(table: dict[str, object], message: str) -> None:
+def test_invalid_tables(table: dict[str, object], message: str) -> None:
     with pytest.raises(MaterialError, match=message):
         material_from_table(table)
 
@@ -172,15 +172,15 @@ def test_files_round_trip_and_are_not_overwritten(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["components = [", "components = {c_1 = 2}", "x = 1"])
-def test_bad_files_are_named(tmp_path: Path, text: str) -> None:
+def test_invalid_files_are_named(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(text)
     with pytest.raises(MaterialError, match=r"material file .*bad\.toml: "):
         read_material(path)
 
 
-def test_names_may_have_any_letters(tmp_path: Path) -> None:
-    """A byte order mark, as Windows' editors put first, is no letter."""
+def test_names_with_any_characters(tmp_path: Path) -> None:
+    """A byte order mark, as written by some Windows editors, is not part of the text."""
     material = replace(library_material("cofe2o4"), name='"µ\\\x7f\n"')
     write_material(material, tmp_path / "m.toml")
     (tmp_path / "marked.toml").write_bytes(b"\xef\xbb\xbf" + (tmp_path / "m.toml").read_bytes())

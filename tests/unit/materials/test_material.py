@@ -1,4 +1,4 @@
-"""The record: symmetries, admissibility, extended stiffness, rotation, mixture."""
+"""Test materials: symmetries, admissibility, extended stiffness, rotation, mixture."""
 
 import itertools
 from dataclasses import replace
@@ -47,7 +47,7 @@ def test_mandel_eigenvalues_of_isotropic_stiffness() -> None:
 
 
 def test_extended_stiffness_gives_constitutive_law(table_3: Material) -> None:
-    # eqs. (5)-(7) written out, against eq. (41)
+    # eqs. (5)-(7) evaluated directly, compared with eq. (41)
     gradient = np.random.default_rng(1).normal(size=(5, 3)) * np.array([1e-4, 1e-4, 1e-4, 1e3, 1.0])[:, None]
     strain = (gradient[:3] + gradient[:3].T) / 2
     electric, magnetic = -gradient[3], -gradient[4]
@@ -79,7 +79,7 @@ def test_scaling_brings_stiffness_to_order_one(table_1: Material) -> None:
         assert np.abs(scaled[:, field, field, :]).max() > 0.1
 
 
-def test_material_does_not_share_arrays_with_its_maker(table_1: Material) -> None:
+def test_material_copies_its_arrays(table_1: Material) -> None:
     data = fields(table_1)
     material = Material("copy", **data)
     data["elastic"][:] = 0.0
@@ -106,14 +106,14 @@ def test_broken_symmetry_is_named(table_3: Material, field: str, index: tuple[in
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_non_finite_entries_are_refused(table_1: Material, value: float) -> None:
+def test_nonfinite_entries_are_rejected(table_1: Material, value: float) -> None:
     data = fields(table_1)
     data["piezoelectric"][2, 0, 0] = value
     with pytest.raises(MaterialError, match=r"e_311 is (nan|inf)"):
         Material("bad", **data)
 
 
-def test_wrong_shapes_are_refused(table_1: Material) -> None:
+def test_wrong_shapes_are_rejected(table_1: Material) -> None:
     data = fields(table_1)
     with pytest.raises(MaterialError, match=r"c has shape \(6, 6\)"):
         Material("bad", **{**data, "elastic": np.eye(6)})
@@ -146,8 +146,8 @@ def test_inadmissible_coupling_names_component_and_limit(table_1: Material) -> N
         Material("bad", **data)
 
 
-def test_jointly_inadmissible_coupling_is_refused() -> None:
-    # each component is below its own limit of 1e-7, the matrix of all ones is not
+def test_jointly_inadmissible_coupling_is_rejected() -> None:
+    # each component is below its limit of 1e-7, but the matrix of all ones is not admissible
     one, none = np.eye(3), np.zeros((3, 3, 3))
     c = Material.isotropic(1e9, 0.3).elastic
     with pytest.raises(MaterialError, match="jointly too large"):
@@ -167,21 +167,22 @@ def test_isotropic_uniaxial_stress() -> None:
     np.testing.assert_allclose(stress, np.diag([210e6, 0, 0]), atol=1e-6 * 210e6 * 1e-6)
 
 
-def test_quarter_turn_about_x2_moves_the_axis(table_1: Material) -> None:
-    # x3 goes to x1, x1 to -x3: a poling axis along x1
-    turned = table_1.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
-    assert turned.elastic[0, 0, 0, 0] == pytest.approx(216e9)
-    assert turned.piezoelectric[0, 0, 0] == pytest.approx(9.3)
-    assert turned.piezoelectric[0, 1, 1] == pytest.approx(-2.2)
-    assert turned.piezoelectric[1, 0, 1] == pytest.approx(5.8)
-    assert turned.permeability[0, 0] == pytest.approx(83.5e-6)
+def test_rotation_by_90_degrees_about_x2(table_1: Material) -> None:
+    # x3 becomes x1 and x1 becomes -x3: the poling axis is along x1
+    rotated = table_1.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
+    assert rotated.elastic[0, 0, 0, 0] == pytest.approx(216e9)
+    assert rotated.piezoelectric[0, 0, 0] == pytest.approx(9.3)
+    assert rotated.piezoelectric[0, 1, 1] == pytest.approx(-2.2)
+    assert rotated.piezoelectric[1, 0, 1] == pytest.approx(5.8)
+    assert rotated.permeability[0, 0] == pytest.approx(83.5e-6)
     half = table_1.rotated(rotation_about(np.array([1.0, 0.0, 0.0]), np.pi))
     assert half.piezoelectric[2, 2, 2] == pytest.approx(-9.3)
 
 
 @pytest.mark.parametrize(("odd", "magnetic"), [("piezomagnetic", 1.0), ("magnetoelectric", -1.0)])
 def test_mirror_images(table_3: Material, odd: str, magnetic: float) -> None:
-    """docs/reference/materials.md: values that a reflection in x1 = 0 maps onto each other, psi as it is or negated."""
+    """docs/reference/materials.md: a reflection in x1 = 0 maps the fields onto each other, with psi unchanged or
+    negated."""
     material = table_3.rotated(rotation_from_euler([0.3, 0.8, -0.5]))
     names = ("piezoelectric", odd)
     negated = replace(material, **{name: -getattr(material, name) for name in names})
@@ -189,9 +190,11 @@ def test_mirror_images(table_3: Material, odd: str, magnetic: float) -> None:
     values = np.diag([-1.0, 1.0, 1.0, 1.0, magnetic])
     space = values[:3, :3]
     expected = np.einsum("ia,JB,KD,mc,aBDc->iJKm", space, values, values, space, material.stiffness)
-    found, wanted, before = map(material.scaling.scale_stiffness, (mirrored.stiffness, expected, material.stiffness))
-    np.testing.assert_allclose(found, wanted, atol=1e-14)
-    assert not np.allclose(found, before, atol=1e-3)
+    computed, reference, before = map(
+        material.scaling.scale_stiffness, (mirrored.stiffness, expected, material.stiffness)
+    )
+    np.testing.assert_allclose(computed, reference, atol=1e-14)
+    assert not np.allclose(computed, before, atol=1e-3)
 
 
 def test_subnormal_coupling_survives_rotation(table_1: Material) -> None:
@@ -217,12 +220,12 @@ def test_euler_angles_compose_rotations() -> None:
         (np.eye(2), r"\(3, 3\)"),
     ],
 )
-def test_bad_rotations_are_refused(table_1: Material, matrix: np.ndarray, message: str) -> None:
+def test_invalid_rotations_are_rejected(table_1: Material, matrix: np.ndarray, message: str) -> None:
     with pytest.raises(MaterialError, match=message):
         table_1.rotated(matrix)
 
 
-def test_bad_axes_and_sequences_are_refused() -> None:
+def test_invalid_axes_and_sequences_are_rejected() -> None:
     with pytest.raises(MaterialError, match="axis"):
         rotation_about(np.zeros(3), 1.0)
     for sequence in ("zxw", "ZxZ", "zz", "zzx"):

@@ -1,4 +1,4 @@
-"""Quantities: what case files may write for a number with a unit."""
+"""Test quantities: numbers with units in case files."""
 
 import math
 import re
@@ -14,7 +14,7 @@ LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
 
 
 @pytest.mark.parametrize(
-    ("given", "metres"),
+    ("quantity", "metres"),
     [
         (2, 2.0),
         (0.5, 0.5),
@@ -27,37 +27,37 @@ LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
         ("3 1/km^-1", 3e3),
     ],
 )
-def test_numbers_and_texts(given, metres):
-    assert LENGTH.validate_python(given) == pytest.approx(metres, rel=1e-12)
+def test_numbers_and_texts(quantity, metres):
+    assert LENGTH.validate_python(quantity) == pytest.approx(metres, rel=1e-12)
 
 
 @pytest.mark.parametrize("unit", ["m", "rad", "s", "N", "Pa", "V", "A", "C", "Wb"])
 @pytest.mark.parametrize("prefix", ["", *"nuµμmckMG"])
 @pytest.mark.parametrize("number", ["50", "-2.5", ".5e-3 ", "+7.E2"])
-def test_prefixes_mean_what_pint_takes_them_for(unit, prefix, number):
-    """Read without pint, which is slow to start."""
+def test_prefixes_match_pint(unit, prefix, number):
+    """Common units are read without pint, whose import is slow."""
     text = f"{number}{prefix}{unit}"
     expected = unit_registry().Quantity(text).to_base_units()
     assert expected.check(unit)
     assert Quantity(unit).convert(text) == pytest.approx(float(expected.magnitude), rel=1e-15)
 
 
-@pytest.mark.parametrize(("unit", "given", "number"), [("m/s", "2 mm/s", 2e-3), ("N m", "2 mN m", 2e-3)])
-def test_prefixes_of_compound_units(unit, given, number):
-    assert Quantity(unit).convert(given) == pytest.approx(number, rel=1e-12)
+@pytest.mark.parametrize(("unit", "quantity", "number"), [("m/s", "2 mm/s", 2e-3), ("N m", "2 mN m", 2e-3)])
+def test_prefixes_of_compound_units(unit, quantity, number):
+    assert Quantity(unit).convert(quantity) == pytest.approx(number, rel=1e-12)
 
 
-@pytest.mark.parametrize(("unit", "given"), [("", "inf"), ("m", "inf m"), ("Pa", "+inf GPa"), ("1/m", "inf / mm")])
-def test_infinity_is_written_inf(unit, given):
-    assert Quantity(unit).convert(given) == float("inf")
+@pytest.mark.parametrize(("unit", "quantity"), [("", "inf"), ("m", "inf m"), ("Pa", "+inf GPa"), ("1/m", "inf / mm")])
+def test_infinity(unit, quantity):
+    assert Quantity(unit).convert(quantity) == float("inf")
 
 
-def test_a_prefixed_number_is_the_nearest_there_is():
+def test_prefixed_numbers_are_correctly_rounded():
     assert [Quantity("m").convert(f"{number} um") for number in (3, 0.7, 50)] == [3e-6, 0.7e-6, 50e-6]
 
 
 @pytest.mark.parametrize(
-    ("unit", "given", "number"),
+    ("unit", "quantity", "number"),
     [
         ("m^2/s^2", "5 (mm/s)^2", 5e-6),
         ("Pa", "5 N/(mm)^2", 5e6),
@@ -88,9 +88,9 @@ def test_a_prefixed_number_is_the_nearest_there_is():
         ("", "50 %", 0.5),
     ],
 )
-def test_any_unit_will_do(unit, given, number):
-    """Numbers by hand; a column of water at 4 degrees weighs 98.0665 Pa for each centimetre."""
-    assert Quantity(unit).convert(given) == pytest.approx(number, rel=1e-5)
+def test_units_of_many_kinds(unit, quantity, number):
+    """Expected values are computed manually; a column of water at 4 degrees exerts 98.0665 Pa per centimetre."""
+    assert Quantity(unit).convert(quantity) == pytest.approx(number, rel=1e-5)
 
 
 NEITHER = [
@@ -103,35 +103,35 @@ NEITHER = [
 """What pint would make of these is something else, or never ends."""
 
 
-@pytest.mark.parametrize("given", NEITHER)
-def test_one_number_and_then_units(given):
+@pytest.mark.parametrize("quantity", NEITHER)
+def test_quantities_are_one_number_followed_by_units(quantity):
     with pytest.raises(ValidationError, match="cannot be read as one number and then units; expected a number in m"):
-        LENGTH.validate_python(given)
-    assert coordinate_of(given) is None
+        LENGTH.validate_python(quantity)
+    assert coordinate_of(quantity) is None
 
 
-def test_texts_without_end_are_read_at_once():
-    """The number of blanks or digits squared would be minutes."""
+def test_long_texts_are_read_in_linear_time():
+    """Quadratic time in the number of blanks or digits would take minutes."""
     many = 100_000
     assert LENGTH.validate_python("5" + " " * many + "mm" + " " * many) == 5e-3
-    for given in ("5" + " " * many, "5" + " " * many + "!", "5" * many + "!", "5 1" + " " * many + "/mm!"):
+    for quantity in ("5" + " " * many, "5" + " " * many + "!", "5" * many + "!", "5 1" + " " * many + "/mm!"):
         with pytest.raises(ValidationError):
-            LENGTH.validate_python(given)
+            LENGTH.validate_python(quantity)
 
 
 @pytest.mark.parametrize(
-    "given",
+    "quantity",
     ["20 dBm/m", "1 (km^99)^99", "1 (minute^99)^99", "1 ((((minute^99)^99)^99)^99)^99", "1 hour^99"],
 )
-def test_powers_and_products_that_have_no_value_in_si(given):
-    """pint says so with errors of other kinds, or with infinity."""
+def test_overflowing_powers_and_products(quantity):
+    """pint raises various errors, or returns infinity."""
     with pytest.raises(ValueError, match="cannot be read as one number and then units; expected a number in m"):
-        Quantity("m").convert(given)
-    assert coordinate_of(given) is None
+        Quantity("m").convert(quantity)
+    assert coordinate_of(quantity) is None
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("quantity", "message"),
     [
         ("5 Gpa", "unknown unit 'Gpa'; did you mean 'GPa'?; expected a number in Pa"),
         ("5 N/mm2", "unknown unit 'mm2'; did you mean 'mm^2'?; expected"),
@@ -140,47 +140,49 @@ def test_powers_and_products_that_have_no_value_in_si(given):
         ("5 foo123", "unknown unit 'foo123'; expected"),
     ],
 )
-def test_units_that_there_are_not(given, told):
-    with pytest.raises(ValueError, match=f"^{re.escape(told)}"):
-        Quantity("Pa").convert(given)
-    assert coordinate_of(given) is None
+def test_unknown_units(quantity, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+        Quantity("Pa").convert(quantity)
+    assert coordinate_of(quantity) is None
 
 
-@pytest.mark.parametrize(("given", "place"), [("5 mm", 5e-3), ("2 N/(mm)^2", 2e6), ("30", 30.0), ("inf m", math.inf)])
-def test_places_on_axes_are_read_in_the_same_way(given, place):
-    assert coordinate_of(given) == pytest.approx(place)
+@pytest.mark.parametrize(
+    ("quantity", "position"), [("5 mm", 5e-3), ("2 N/(mm)^2", 2e6), ("30", 30.0), ("inf m", math.inf)]
+)
+def test_values_on_axes_are_read_alike(quantity, position):
+    assert coordinate_of(quantity) == pytest.approx(position)
 
 
-@pytest.mark.parametrize("given", ["5 V", "1 (m^10)^10", "1 m⁹⁹⁹⁹⁹⁹⁹⁹^99"])
-def test_units_of_another_dimension(given):
+@pytest.mark.parametrize("quantity", ["5 V", "1 (m^10)^10", "1 m⁹⁹⁹⁹⁹⁹⁹⁹^99"])
+def test_units_of_another_dimension(quantity):
     with pytest.raises(ValidationError, match="has the wrong unit; expected a number in m"):
-        LENGTH.validate_python(given)
+        LENGTH.validate_python(quantity)
 
 
-@pytest.mark.parametrize("given", ["5", "inf", "30 %"])
-def test_texts_without_a_unit(given):
+@pytest.mark.parametrize("quantity", ["5", "inf", "30 %"])
+def test_texts_without_a_unit(quantity):
     with pytest.raises(ValidationError, match="has no unit; expected a number in m or a text with such a unit"):
-        LENGTH.validate_python(given)
+        LENGTH.validate_python(quantity)
 
 
-@pytest.mark.parametrize("given", ["17 deg", "95 deg", "-5 deg", "inf deg", "1 rad", "1 sr"])
-def test_angles_are_no_pure_numbers(given):
-    """A friction coefficient is the slope: 17 degrees were taken as 0.297, and are 0.306."""
+@pytest.mark.parametrize("quantity", ["17 deg", "95 deg", "-5 deg", "inf deg", "1 rad", "1 sr"])
+def test_angles_are_rejected_as_pure_numbers(quantity):
+    """A friction coefficient is the tangent of the friction angle: 0.306 for 17 degrees, not 0.297."""
     with pytest.raises(ValueError, match="has the wrong unit; expected a number without unit"):
-        Quantity("", ge=0).check(given)
+        Quantity("", ge=0).check(quantity)
 
 
-@pytest.mark.parametrize("given", ["5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])
-def test_refused(given):
+@pytest.mark.parametrize("quantity", ["5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])
+def test_invalid_quantities_are_rejected(quantity):
     with pytest.raises(ValidationError):
-        LENGTH.validate_python(given)
+        LENGTH.validate_python(quantity)
 
 
-def test_text_is_data_and_never_code():
+def test_texts_are_never_evaluated():
     with pytest.raises(ValidationError, match="cannot be read"):
         LENGTH.validate_python("__import__('os').getcwd()")
 
 
-def test_unknown_bounds_are_a_defect_of_the_caller():
+def test_unknown_bounds_raise_type_error():
     with pytest.raises(TypeError, match="minimum"):
         Quantity("m", minimum=0)

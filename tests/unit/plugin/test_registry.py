@@ -1,4 +1,4 @@
-"""The registry: isolation of broken plugins, duplicates, unknown names, tables checked against dataclass fields."""
+"""Test the registry: isolation of broken plugins, duplicates, unknown names, validation of tables."""
 
 import math
 from dataclasses import dataclass
@@ -108,7 +108,7 @@ def test_nested_tables_are_created_through_the_registry():
         (7, "should be a name or a table with a name (indenter), not 7"),
     ],
 )
-def test_bad_tables_name_location_value_and_what_is_allowed(table, expected):
+def test_invalid_tables_name_location_value_and_allowed_values(table, expected):
     (text,) = problems(table)
     assert expected in text
 
@@ -127,7 +127,7 @@ def test_unknown_name_lists_choices_and_broken_plugins():
         meeframe_indenters=GOOD[1].meeframe_indenters,
     )
     registry = Registry.from_plugins([(Provider("bad", "0.3"), broken)])
-    assert registry.names(Kind.INDENTER) == ("ball", "compound")  # its other hooks still count
+    assert registry.names(Kind.INDENTER) == ("ball", "compound")  # its other hooks still work
     with pytest.raises(PluginError, match=r"unknown contact law 'tresca'.*plugin bad 0.3 is broken.*no licence"):
         registry.get(Kind.CONTACT_LAW, "tresca")
 
@@ -155,7 +155,7 @@ def exits():
 
 
 @pytest.mark.parametrize("make", [misspelt_hook, wrong_signature, no_records, exits, SimpleNamespace])
-def test_a_broken_plugin_is_recorded_and_leaves_the_others_alone(make):
+def test_broken_plugin_does_not_affect_others(make):
     registry = Registry.from_plugins([(Provider("bad", "2"), make()), GOOD])
     assert registry.names(Kind.INDENTER) == ("ball", "compound")
     (broken,) = registry.broken
@@ -163,7 +163,7 @@ def test_a_broken_plugin_is_recorded_and_leaves_the_others_alone(make):
     assert broken.reason
 
 
-def test_a_class_with_broken_annotations_fails_only_who_names_it():
+def test_broken_annotations_affect_only_users_of_the_class():
     @dataclass(frozen=True)
     class Vague(Indenter):
         shape: "Nobody_knows"  # noqa: F821
@@ -199,13 +199,13 @@ def test_one_name_may_serve_two_kinds():
 
 
 def law_with(**methods):
-    """A conductivity law with methods of its own."""
+    """Return a conductivity law with given methods."""
     members = {"conductivity": lambda self, normal_traction, gap, drop: 0.0 * gap, **methods}
     return dataclass(frozen=True)(type("Law", (ConductivityLaw,), members))
 
 
-def registered(factory, *, name="law", summary="summary", source="source", hook="meeframe_conductivity_laws"):
-    """The registry of a plugin with one record."""
+def registry_with(factory, *, name="law", summary="summary", source="source", hook="meeframe_conductivity_laws"):
+    """Return the registry of a plugin with one record."""
     return Registry.from_plugins([(Provider("one", "1"), plugin(Record(name, factory, summary, source), hook=hook))])
 
 
@@ -223,8 +223,8 @@ def registered(factory, *, name="law", summary="summary", source="source", hook=
         3.0,
     ],
 )
-def test_methods_that_do_not_take_what_the_contract_gives_are_broken(method):
-    (broken,) = registered(law_with(conductivity=method)).broken
+def test_methods_with_incompatible_signatures_are_broken(method):
+    (broken,) = registry_with(law_with(conductivity=method)).broken
     assert "law 'law': Law.conductivity does not accept (normal_traction, gap, drop), which " in str(broken)
 
 
@@ -239,11 +239,11 @@ def test_methods_that_do_not_take_what_the_contract_gives_are_broken(method):
         classmethod(lambda cls, normal_traction, gap, drop: None),
     ],
 )
-def test_methods_that_take_it_in_their_own_words_are_not(method):
-    assert not registered(law_with(conductivity=method)).broken
+def test_methods_with_compatible_signatures_are_accepted(method):
+    assert not registry_with(law_with(conductivity=method)).broken
 
 
-def test_arguments_that_callers_may_leave_out_may_be_left_out():
+def test_optional_arguments_may_be_omitted():
     """A formulation reduces with and without progress."""
 
     def formulation(reduce):
@@ -251,17 +251,17 @@ def test_arguments_that_callers_may_leave_out_may_be_left_out():
         return dataclass(frozen=True)(type("Own", (Formulation,), members))
 
     hook = "meeframe_formulations"
-    assert not registered(formulation(lambda self, body, progress=None: None), hook=hook).broken
+    assert not registry_with(formulation(lambda self, body, progress=None: None), hook=hook).broken
     for method in (lambda self, body, progress: None, lambda self, body: None):
-        (broken,) = registered(formulation(method), hook=hook).broken
+        (broken,) = registry_with(formulation(method), hook=hook).broken
         assert "Own.reduce does not accept (body, progress)" in broken.reason
 
 
-def test_inherited_methods_are_looked_at_too():
+def test_inherited_methods_are_checked():
     members = {"for_increment": lambda self, slip_path: self}
     law = dataclass(frozen=True)(type("Old", (Signorini,), members))
     child = dataclass(frozen=True)(type("Child", (law,), {}))
-    (broken,) = registered(child, hook="meeframe_contact_laws").broken
+    (broken,) = registry_with(child, hook="meeframe_contact_laws").broken
     assert "Child.for_increment does not accept (slip_path, duration)" in broken.reason
 
 
@@ -279,8 +279,8 @@ def test_inherited_methods_are_looked_at_too():
         ({"factory": type("Plain", (law_with(),), {})}, "class Plain is not a frozen dataclass; allowed: classes"),
     ],
 )
-def test_records_that_are_none_are_broken(changes, expected):
-    registry = registered(**{"factory": law_with(), **changes})
+def test_invalid_records_are_broken(changes, expected):
+    registry = registry_with(**{"factory": law_with(), **changes})
     (broken,) = registry.broken
     assert expected in broken.reason
     assert not registry.entries
@@ -288,4 +288,4 @@ def test_records_that_are_none_are_broken(changes, expected):
 
 def test_elements_are_plain_classes():
     element = type("Own", (Quad4,), {})
-    assert registered(element, hook="meeframe_elements").names(Kind.ELEMENT) == ("law",)
+    assert registry_with(element, hook="meeframe_elements").names(Kind.ELEMENT) == ("law",)

@@ -1,4 +1,4 @@
-"""Whether the boundary of a body is in equilibrium: stresses known in closed form, on every element."""
+"""Test the equilibrium of boundary fields of known stresses, for every element type."""
 
 import dataclasses
 
@@ -16,7 +16,8 @@ EXTENT = np.array([2.0, 2.0, 1.5])
 
 
 def faces(name, flux):
-    """Fields on a block, each face with nodes of its own; flux: (n, 5) of points (n, 3) and the normal (3,)."""
+    """Return fields on a block with separate nodes for each face; `flux` returns (n, 5) from points (n, 3) and the
+    normal (3,)."""
     mesh = block_mesh(1.0, EXTENT[2], 0.5, 4, 2, 2, ELEMENTS[name])
     (block,) = mesh.blocks
     points, normals, cells = [], [], []
@@ -33,35 +34,35 @@ def faces(name, flux):
 
 
 @pytest.mark.parametrize("name", sorted(ELEMENTS))
-def test_a_stress_without_divergence_is_balanced(name):
-    """Constant, and linear as of bending; fluxes likewise."""
+def test_divergence_free_stress_is_balanced(name):
+    """Stresses and fluxes are constant, or linear as in bending."""
     stress = np.random.default_rng(1).normal(size=(5, 3))
 
     def flux(points, normals):
         bending = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
-        # entry i, j grows along axis j + 1: no divergence
+        # entry i, j grows along axis j + 1, so the divergence vanishes
         return normals @ stress.T + (normals * np.roll(points, -1, axis=1)) @ bending.T
 
-    found = unbalance(faces(name, flux))
-    assert found.relative == pytest.approx(0.0, abs=1e-12)
+    balance = unbalance(faces(name, flux))
+    assert balance.relative == pytest.approx(0.0, abs=1e-12)
     assert not list(unbalance_warning(faces(name, flux)))
 
 
 @pytest.mark.parametrize("name", sorted(ELEMENTS))
-def test_a_weight_is_what_is_missing(name):
-    """A bar under tension that grows along x by its weight: t = g x n_x, in sum g times the volume."""
+def test_body_force_is_the_imbalance(name):
+    """The tension of a bar grows along x by its weight: t = g x n_x, with the resultant g times the volume."""
     weights = np.array([3.0, 0.0, 0.0, -2.0, 0.0])
     fields = faces(name, lambda points, normals: (points[:, 0] * normals[:, 0])[:, None] * weights)
-    found, volume = unbalance(fields), EXTENT.prod()
-    assert found.force == pytest.approx([3.0 * volume, 0.0, 0.0], abs=1e-12)
-    assert found.fluxes == pytest.approx([-2.0 * volume, 0.0])
-    # pulled at both ends, the half of which is half of the whole
-    assert found.relative == pytest.approx([2.0, 2.0, 0.0])
-    (told,) = unbalance_warning(fields)
-    assert "200% of the force, 200% of the charge:" in told
+    balance, volume = unbalance(fields), EXTENT.prod()
+    assert balance.force == pytest.approx([3.0 * volume, 0.0, 0.0], abs=1e-12)
+    assert balance.fluxes == pytest.approx([-2.0 * volume, 0.0])
+    # tension at both ends, so half of the sum of moduli is half of the total
+    assert balance.relative == pytest.approx([2.0, 2.0, 0.0])
+    (message,) = unbalance_warning(fields)
+    assert "200% of the force, 200% of the charge:" in message
 
 
-def test_fields_that_are_rounding_are_none():
+def test_round_off_is_ignored():
     fields = faces("quad4", lambda points, normals: normals[:, [0, 1, 2, 0, 0]] * [1.0, 1.0, 1.0, 0.0, 0.0])
     noise = np.zeros(fields.values.shape)
     noise[:, 4] = 1e-20
@@ -69,8 +70,8 @@ def test_fields_that_are_rounding_are_none():
     assert unbalance(noisy).relative[2] == 0.0
 
 
-def test_fluxes_that_flow_between_grounds_only_are_compared_with_the_work_of_the_loads():
-    """Tension along x does a thousand times the work of the flux, of which all is missing."""
+def test_fluxes_between_grounds_are_relative_to_the_work_of_loads():
+    """Tension along x does a thousand times the work of the flux, whose imbalance is complete."""
 
     def flux(points, normals):
         return np.column_stack([normals * [1e3, 0.0, 0.0], np.ones(len(points)), np.zeros(len(points))])

@@ -1,4 +1,4 @@
-"""Texts of users appear as they were written, in the terminal and in pages, whatever they hold."""
+"""Texts of users appear literally in terminals and pages."""
 
 import dataclasses
 import io
@@ -26,8 +26,8 @@ from meeframe.study.reports.verify import verification_table
 TEXTS = ("[bold]loud[/bold]", "[/red]", "<script>alert(1)</script>", ":warning: a & b", "[link=x]")
 
 
-def printed(table, out=None):
-    """What a console writes that takes markup, unless another one is given."""
+def render(table, out=None):
+    """Return the output of a console that interprets markup, or of a given console."""
     file = io.StringIO()
     out = out or Console(file=file, width=200)
     out.file = file
@@ -54,8 +54,8 @@ def test_on_the_terminal(synthetic, text):
     tables.append(sweep_table(SweepResult(text, axes, quantities, dict.fromkeys(names, "1"), *texts)))
     tables.append(validation_table(Validation(False, {}, (report(text),), planned=1)))
     for table in tables:
-        assert printed(table).count(text) >= 1
-        assert printed(table, console.stdout()).count(text) >= 1
+        assert render(table).count(text) >= 1
+        assert render(table, console.stdout()).count(text) >= 1
 
 
 def report(text):
@@ -65,7 +65,7 @@ def report(text):
 
 
 class Page(HTMLParser):
-    """The scripts of a page, and its text outside of them."""
+    """Collects the scripts of a page and its text outside of them."""
 
     def __init__(self, text):
         super().__init__()
@@ -89,10 +89,10 @@ class Page(HTMLParser):
 
 @pytest.mark.parametrize("text", [*TEXTS, "<!--<script>", '" onclick="alert(1)'])
 def test_in_pages(text):
-    found = Page(page(Validation(False, {"plugin": text}, (report(text),), planned=1), "LIBRARY"))
-    assert len(found.scripts) == 3
-    assert found.text.count(text) >= 6
-    drawn = json.loads(found.scripts[1])
+    content = Page(page(Validation(False, {"plugin": text}, (report(text),), planned=1), "LIBRARY"))
+    assert len(content.scripts) == 3
+    assert content.text.count(text) >= 6
+    drawn = json.loads(content.scripts[1])
     assert unescape(drawn["layout"]["title"]["text"]) == text
     assert "<" not in drawn["layout"]["title"]["text"]
-    assert not re.search(r"<script>alert", found.text.replace(text, ""))
+    assert not re.search(r"<script>alert", content.text.replace(text, ""))

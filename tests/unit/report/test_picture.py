@@ -1,4 +1,4 @@
-"""The flattened zone does not turn with the frames of its points; what is drawn along its middle."""
+"""Figures do not depend on the frames of the nodes; sections interpolate within the zone."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import numpy as np
 from meeframe.results.picture import Picture
 
 
-def test_a_direction_field_leaves_the_picture_as_it_is(synthetic) -> None:
+def test_figures_do_not_depend_on_friction_axes(synthetic) -> None:
     zone = synthetic.zone()
     radius = np.linalg.norm(zone.points, axis=1, keepdims=True)
     away = np.where(radius > 0.0, zone.points / np.where(radius > 0.0, radius, 1.0), [1.0, 0.0, 0.0])
@@ -17,8 +17,8 @@ def test_a_direction_field_leaves_the_picture_as_it_is(synthetic) -> None:
     np.testing.assert_allclose(Picture.of(replace(zone, frames=frames)).points, zone.points[:, :2] * 1e3)
 
 
-def test_a_section_is_the_interpolant_where_there_is_a_zone(synthetic) -> None:
-    """Of values that are linear in each element, and masked in the gap between two halves of the zone."""
+def test_section_is_the_interpolant_within_the_zone(synthetic) -> None:
+    """Values are linear in each element, and masked in the gap between two halves of the zone."""
     zone = synthetic.zone()
     picture = Picture.of(zone)
     x = np.linspace(-1.9, 1.9, 39)
@@ -33,7 +33,7 @@ def test_a_section_is_the_interpolant_where_there_is_a_zone(synthetic) -> None:
     )
 
 
-def test_a_section_beside_all_elements_is_masked(synthetic) -> None:
+def test_section_outside_all_elements_is_masked(synthetic) -> None:
     zone = synthetic.zone()
     name, cells = zone.cells[0]
     outer = cells[np.abs(zone.points[cells, 1].mean(axis=1)) > 1e-3]
@@ -41,8 +41,8 @@ def test_a_section_beside_all_elements_is_masked(synthetic) -> None:
     assert np.ma.getmaskarray(picture.section(np.zeros(1), picture.points[:, 0])[0]).all()
 
 
-def test_triangles_beside_nodes_of_each_kind(synthetic) -> None:
-    """Sixteen squares are cut in four, a square each to nodes of which one in its middle has four."""
+def test_triangulation_of_elements_of_each_kind(synthetic) -> None:
+    """Sixteen squares are divided into four triangles each; a node in the middle of a square has four triangles."""
     zone = synthetic.zone()
     picture = Picture.of(zone)
     middle = np.linalg.norm(zone.points, axis=1) < 1e-9

@@ -1,4 +1,4 @@
-"""Summary and figures of a made-up result whose numbers are known."""
+"""Test summary and figures of a synthetic result with known values."""
 
 import dataclasses
 import io
@@ -30,7 +30,7 @@ STEP_KEYS = {
 def test_summary_numbers(synthetic):
     data = summary(synthetic.result(synthetic.step(1e-6)))
     (step,) = data["steps"]
-    area = 9 * 1e-6  # the nine nodes within 1.5 mm, one square millimetre each
+    area = 9 * 1e-6  # the nine nodes within 1.5 mm have one square millimetre each
     assert step["contact_area"] == pytest.approx(area)
     assert step["force"] == pytest.approx([1e5 * area, 0.0, -1e6 * area])
     assert step["charge"] == pytest.approx(2.0 * area)
@@ -41,7 +41,7 @@ def test_summary_numbers(synthetic):
     assert step["tangential_force"] == pytest.approx([1e5 * area, 0.0])
     assert step["moment"] == pytest.approx([0.0, 0.0], abs=1e-18)
     assert step["dissipated_energy"] == pytest.approx(1e5 * 1e-8 * 8e-6), "eight nodes slip by 10 nm"
-    # the four cells around the centre: the middle one of their nodes sticks, those of the twelve around them are out
+    # the four cells around the centre: their middle node sticks, and the twelve nodes around them are open
     assert (step["stick_area"], step["slip_area"]) == (pytest.approx(1e-6), pytest.approx(8e-6))
     assert (step["step"], step["increment"], step["tilt"]) == (1, 1, [1e-3, -2e-3])
     assert step["prescribed"] == {"tangential_force": pytest.approx([0.9, 0.0])}
@@ -64,7 +64,7 @@ def test_overall_status(synthetic, statuses, planned, expected):
     assert summary(synthetic.result(*steps, planned=planned))["status"] == expected
 
 
-def test_numbers_that_are_not_finite_stay_json(synthetic):
+def test_nonfinite_numbers_are_valid_json(synthetic):
     step = synthetic.step(1e-6, Status.DIVERGED)
     broken = dataclasses.replace(step, traction=np.full_like(step.traction, np.nan), residual=float("inf"))
     data = json.loads(summary_json(synthetic.result(broken)))
@@ -94,15 +94,15 @@ def test_figures_are_drawn(tmp_path, synthetic):
             assert (tmp_path / f"{name}.{suffix}").read_bytes().startswith(start)
 
 
-def test_titles_are_drawn_as_they_are(tmp_path, synthetic):
-    """Dollars and what the font does not have, without a warning."""
+def test_titles_are_drawn_literally(tmp_path, synthetic):
+    """Dollar signs and characters missing in the font cause no warning."""
     shown = dataclasses.replace(synthetic.result(synthetic.step(1e-6)).provenance, title=r"$\frac{$ 接触 $x_1^ \x07")
     for name, figure in figures(dataclasses.replace(synthetic.result(synthetic.step(1e-6)), provenance=shown)).items():
         save_figure(figure, tmp_path / f"{name}.png")
         assert (tmp_path / f"{name}.png").stat().st_size > 1000
 
 
-def test_figures_carry_the_numbers_with_units(synthetic):
+def test_figures_have_units(synthetic):
     drawn = figures(synthetic.result(synthetic.step(1e-6)))
     axes, bar = drawn["pressure"].axes
     assert bar.get_ylabel() == "contact pressure [MPa]"
@@ -112,14 +112,14 @@ def test_figures_carry_the_numbers_with_units(synthetic):
     assert section[0, 0] == pytest.approx(-2.0)
 
 
-def test_sections_have_the_tangential_traction_where_there_is_any(synthetic):
-    """Along x of the picture, in whatever frames it is given: here e1 is along y and e2 against x."""
+def test_sections_of_the_tangential_traction(synthetic):
+    """The traction is along x of the figure in any frames: here e1 is along y and e2 against x."""
     step = synthetic.step(1e-6)
     traction = np.column_stack([0.0 * step.traction[:, 0], -step.traction[:, 0], step.traction[:, 2]])
-    turned = dataclasses.replace(synthetic.result(dataclasses.replace(step, traction=traction)), zone=synthetic.zone())
+    rotated = dataclasses.replace(synthetic.result(dataclasses.replace(step, traction=traction)), zone=synthetic.zone())
     frame = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turned.zone.frames[:] = frame
-    for result in (synthetic.result(step), turned):
+    rotated.zone.frames[:] = frame
+    for result in (synthetic.result(step), rotated):
         axes = figures(result)["sections"].axes[1]
         assert axes.get_ylabel() == "traction along x\n[kPa]"
         np.testing.assert_allclose(axes.lines[1].get_ydata(), [0.0, 100.0, 100.0, 100.0, 0.0], atol=1e-9)
@@ -127,11 +127,11 @@ def test_sections_have_the_tangential_traction_where_there_is_any(synthetic):
     assert len(figures(synthetic.result(without))["sections"].axes) == 3
 
 
-def test_figures_show_the_step_the_edge_of_the_contact_and_the_nodes(synthetic):
+def test_figures_show_step_contact_edge_and_nodes(synthetic):
     drawn = figures(synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6, number=2), planned=3))
     assert drawn["pressure"].axes[0].get_title() == "a title\nstep 2, approach 2 µm\ncontact pressure"
     edge = drawn["electric_potential"].axes[0].collections[1].get_paths()[0].vertices
-    # nodes of the contact lie within 1.5 mm, the next ones at 2 mm: the line goes half way between, as drawn in mm
+    # nodes in contact lie within 1.5 mm and the next ones at 2 mm, so the line lies midway, as drawn in mm
     assert np.abs(edge).max() == pytest.approx(1.5)
     section, nodes = (line.get_xydata() for line in drawn["sections"].axes[0].lines)
     np.testing.assert_allclose(nodes, np.column_stack([[-2, -1, 0, 1, 2], [0, 2, 2, 2, 0]]), atol=1e-9)
@@ -141,7 +141,7 @@ def test_figures_show_the_step_the_edge_of_the_contact_and_the_nodes(synthetic):
 
 
 @pytest.mark.parametrize(("size", "unit"), [(1e-4, "nm"), (1e-2, "µm"), (1.0, "mm"), (1e3, "m")])
-def test_lengths_are_in_units_that_suit_the_zone(synthetic, size, unit):
+def test_unit_of_length_follows_the_zone(synthetic, size, unit):
     result = synthetic.result(synthetic.step(1e-6))
     zone = dataclasses.replace(result.zone, points=size * result.zone.points, weights=size**2 * result.zone.weights)
     drawn = figures(dataclasses.replace(result, zone=zone))
@@ -201,7 +201,7 @@ def test_table_has_a_column_for_each_step_and_names_failures(synthetic):
 
 
 def test_summary_sums_the_energy_of_each_load_step(synthetic):
-    """Eight nodes slip by 10 nm under a tenth of the pressure; what did not converge does not count."""
+    """Eight nodes slip by 10 nm under a tenth of the pressure; unconverged increments do not count."""
     failed = synthetic.step(2e-6, Status.STALLED, 2, 1)
     steps = [synthetic.step(1e-6), failed, *(synthetic.step(3e-6, number=2, increment=i) for i in (2, 3))]
     data = summary(synthetic.result(*steps, planned=5))
@@ -221,6 +221,36 @@ def test_map_of_stick_and_slip(synthetic):
     assert np.abs(stick).max() == pytest.approx(0.5)
 
 
+def test_boundary_of_the_stick_region(synthetic):
+    """A strip sticks across the whole contact; pressures of its nodes differ by orders of magnitude."""
+    step = synthetic.step(1e-6)
+    points = synthetic.zone().points
+    strip = step.touching & (np.abs(points[:, 0]) < 0.5e-3)
+    traction = step.traction.copy()
+    traction[step.touching & (points[:, 0] > 0.5e-3), 2] *= 1e-3
+    step = dataclasses.replace(step, traction=traction, region=np.where(strip, Region.STICK, step.region))
+    slip, stick = figures(synthetic.result(step))["stick_slip"].axes[0].collections
+    vertices = np.concatenate([path.vertices for path in stick.get_paths()])
+    inner = np.abs(vertices[:, 1]) < 1.0
+    assert np.abs(vertices[inner, 0]).max() == pytest.approx(0.5)
+    outline, transform = stick.get_clip_path().get_transformed_path_and_affine()
+    contact = stick.axes.transData.inverted().transform(transform.transform(outline.vertices))
+    np.testing.assert_allclose(contact, np.concatenate([path.vertices for path in slip.get_paths()]), atol=1e-9)
+
+
+def test_table_columns_for_peak_load_and_chosen_increments(synthetic):
+    steps = [synthetic.step(size, increment=number) for number, size in enumerate((1e-6, 3e-6, 2e-6), 1)]
+
+    def columns(*which):
+        console = Console(width=160, record=True, file=io.StringIO())
+        console.print(summary_table(synthetic.result(*steps), which))
+        (line,) = [line for line in console.export_text().splitlines() if "unit" in line]
+        return [cell.strip() for cell in line.split("┃")[3:-1]]
+
+    assert columns() == ["step 1, increment 2", "step 1, increment 3"]
+    assert columns("1.1", "last") == ["step 1, increment 1", "step 1, increment 3"]
+
+
 def test_history_of_several_increments(synthetic):
     steps = [synthetic.step(1e-6 * number, increment=number) for number in (1, 2)]
     failed = synthetic.step(9e-6, Status.CYCLING, increment=3)
@@ -238,8 +268,8 @@ def test_history_of_several_increments(synthetic):
     assert all(tick == int(tick) for tick in energy.get_xticks())
 
 
-def test_history_leaves_out_the_direction_in_which_nothing_happens(synthetic):
-    """Motion and force along e1 alone; with motion or force along e2 that has its curve too."""
+def test_history_omits_inactive_directions(synthetic):
+    """Motion and force along e1 only; with motion or force along e2, that direction has a curve, too."""
 
     def curves(motion, force):
         steps = []
@@ -258,7 +288,7 @@ def test_no_figures_without_steps(synthetic):
 
 
 def elastic(step):
-    """The same without electric and magnetic fields, friction and motions other than the approach."""
+    """Return the same result without electric and magnetic fields, friction and motions other than the approach."""
     nothing = np.zeros_like(step.potentials)
     return dataclasses.replace(
         step,
@@ -272,50 +302,58 @@ def elastic(step):
     )
 
 
-def printed(result) -> str:
+def print_summary(result) -> str:
     console = Console(width=160, record=True, file=io.StringIO())
     console.print(summary_table(result))
     return console.export_text()
 
 
-def test_what_is_zero_throughout_is_left_out(synthetic):
+def test_zero_quantities_are_omitted(synthetic):
     result = synthetic.result(*(elastic(synthetic.step(1e-6 * number, increment=number)) for number in (1, 2)))
     drawn = figures(result)
     assert set(drawn) == {"pressure", "sections", "history"}, "no stick and slip without friction"
     assert [len(drawn[name].axes) for name in ("sections", "history")] == [1, 2]
-    text = printed(result)
+    text = print_summary(result)
     assert "contact area" in text
     assert not [word for word in ("charge", "flux", "potential", "stick", "energy", "tilt", "torque") if word in text]
 
 
 def test_table_has_motions_that_were_free_or_are_not_zero(synthetic):
-    lines = printed(synthetic.result(synthetic.step(1e-6))).splitlines()
+    lines = print_summary(synthetic.result(synthetic.step(1e-6))).splitlines()
     rows = {line.split("│")[1].strip(): line for line in lines if "│" in line}
     assert "1e-07" in rows["translation e1"]
     assert {"translation e2", "tilt e1", "tilt e2", "moment e1", "moment e2", "torque"} <= set(rows)
     assert "0.01" in rows["twist"]
     assert " 3 " in rows["electric potential of the indenter"]
     free = dataclasses.replace(elastic(synthetic.step(1e-6)), loading=Loading(1e-6, prescribed={"torque": np.zeros(1)}))
-    text = printed(synthetic.result(free))
+    text = print_summary(synthetic.result(free))
     assert "twist" in text
     assert "torque" in text
     assert "tilt" not in text
 
 
-def test_no_contact_is_said_in_words(synthetic):
+def test_table_shows_negligible_components_as_zero(synthetic):
+    step = synthetic.step(1e-6)
+    traction = np.abs(step.traction[:, 2:]) * [1e-13, 1e-3, -1.0]
+    lines = print_summary(synthetic.result(dataclasses.replace(step, traction=traction))).splitlines()
+    rows = {line.split("│")[1].strip(): line.split("│")[-2].strip() for line in lines if "│" in line}
+    assert (rows["force x"], rows["force y"], rows["force z"]) == ("0", "0.009", "-9")
+
+
+def test_missing_contact_is_stated(synthetic):
     step_in_contact, step = synthetic.step(1e-6), synthetic.step(0.0)
-    apart = dataclasses.replace(step, region=np.zeros_like(step.region))
-    assert not apart.traction.any()
+    separated = dataclasses.replace(step, region=np.zeros_like(step.region))
+    assert not separated.traction.any()
     for name in ("pressure", "stick_slip"):
-        figure = figures(synthetic.result(step_in_contact, apart), "last")[name]
-        (axes,) = figure.axes  # no bar of colours
+        figure = figures(synthetic.result(step_in_contact, separated), "last")[name]
+        (axes,) = figure.axes  # no colour bar
         assert [text.get_text() for text in axes.texts] == ["no contact"]
         assert not axes.collections
 
 
 @pytest.mark.parametrize("touches", [False, True])
 def test_attraction_across_the_gap_is_drawn(synthetic, touches):
-    """Out to 1.5 mm, around a middle that touches or does not; beyond it fades."""
+    """Attraction up to 1.5 mm, around a middle with or without contact; it vanishes farther away."""
     step = synthetic.step(1e-6)
     middle = ~synthetic.zone().points.any(axis=1)
     inside = step.touching
@@ -331,8 +369,8 @@ def test_attraction_across_the_gap_is_drawn(synthetic, touches):
     assert words == ([] if touches else ["no contact"])
 
 
-def test_round_off_is_no_history(synthetic):
-    """A force that is held stays where it is up to its last digits; a free translation is zero up to them."""
+def test_round_off_is_not_drawn_as_history(synthetic):
+    """A constant force varies in its last digits only; a free translation is zero up to round-off."""
     steps = []
     for number in range(1, 4):
         step = synthetic.step(1e-6, increment=number)
@@ -346,8 +384,8 @@ def test_round_off_is_no_history(synthetic):
     assert len(across.lines) == 1
 
 
-def test_edge_of_the_contact_is_that_of_hertz_on_a_coarse_grid(synthetic):
-    """Hertz's pressure and gap on nodes 1 mm apart: the line follows the circle, for radii between them."""
+def test_contact_edge_matches_hertz_on_a_coarse_grid(synthetic):
+    """With Hertz's pressure and gap on nodes 1 mm apart, the line follows the circle for radii between nodes."""
     place = synthetic.zone()
     r = np.linalg.norm(place.points[:, :2], axis=1)
     for radius in (1.15e-3, 1.25e-3, 1.35e-3, 1.7e-3):
@@ -362,21 +400,19 @@ def test_edge_of_the_contact_is_that_of_hertz_on_a_coarse_grid(synthetic):
             region=np.where(r < radius, Region.SLIP, Region.OPEN),
         )
         axes = figures(synthetic.result(step))["pressure"].axes[0]
-        shading, outside, line = axes.collections
+        shading, line = axes.collections
         edge = np.linalg.norm(line.get_paths()[0].vertices, axis=1)
         assert edge.mean() == pytest.approx(radius * 1e3, abs=0.2)
         assert np.ptp(edge) < 0.25  # half way between nodes it is 0.56, and 0.39 for the largest radius
-        # beyond the line the shading of elements in which there is pressure is covered: no contact is no zero pressure
-        cells = place.cells[0][1]
-        shaded = cells[(pressure > 0.0)[cells].any(axis=1)]
-        np.testing.assert_array_equal(outside.get_facecolor()[0], to_rgba(NO_CONTACT))
-        assert np.abs(outside.get_facecolor()[0] - shading.to_rgba(0.0)).max() > 0.5
-        from_middle = np.linalg.norm(outside.get_paths()[0].vertices, axis=1)
-        assert from_middle.min() == pytest.approx(edge.min(), abs=1e-9)
-        assert from_middle.max() == pytest.approx(1e3 * r[shaded].max())
+        # the shading ends at the line, beyond which axes have another colour: no contact is not zero pressure
+        outline, transform = shading.get_clip_path().get_transformed_path_and_affine()
+        clipped = np.linalg.norm(axes.transData.inverted().transform(transform.transform(outline.vertices)), axis=1)
+        assert (clipped.min(), clipped.max()) == pytest.approx((edge.min(), edge.max()), abs=1e-9)
+        assert np.abs(np.array(to_rgba(axes.get_facecolor())) - shading.to_rgba(0.0)).max() > 0.5
+        assert to_rgba(axes.get_facecolor()) == to_rgba(NO_CONTACT)
 
 
-def test_results_are_shown_in_a_line(synthetic):
+def test_repr_of_results(synthetic):
     result = synthetic.result(synthetic.step(1e-6), planned=2)
     assert repr(result) == "Result('a title': unfinished, 1 of 2 increments, 25 nodes)"
     assert repr(result.steps[0]) == (
@@ -385,7 +421,7 @@ def test_results_are_shown_in_a_line(synthetic):
     assert repr(result.zone) == "Zone(25 nodes)"
 
 
-def test_a_comparison_has_rows_of_what_is_there_and_says_what_to_think_of_its_numbers(synthetic):
+def test_comparison_table_and_its_notes(synthetic):
     def text(step):
         names = ("dense-bem", "half-space")
         runs = [ComparedRun({"formulation": name}, synthetic.zone(), 1, (step,)) for name in names]

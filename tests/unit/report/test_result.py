@@ -1,6 +1,8 @@
-"""Tables, datasets, figures on axes, and scenes of a result, against its raw arrays."""
+"""Tables, datasets, figures and scenes of a result agree with its arrays."""
 
 import dataclasses
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -16,7 +18,8 @@ from meeframe.results.vtk import write_fields
 
 @pytest.fixture
 def result(synthetic):
-    """Pressed in two increments, dragged in one, drawn off in another; in all of them the pressure is 1 MPa / µm."""
+    """Return a result with two increments of loading, one tangential and one of unloading; the pressure is 1 MPa /
+    µm in all of them."""
     steps = [
         synthetic.step(1e-6, increment=1),
         synthetic.step(3e-6, increment=2),
@@ -41,13 +44,13 @@ def test_a_result_is_a_sequence_of_increments(result):
     ("which", "index"),
     [(None, 2), ("peak", 2), ("last", 3), (1, 1), ((1, 1), 0), ("1.1", 0), ("1", 1), (3, 3), ("3", 3)],
 )
-def test_an_increment_is_chosen_by_its_numbers_and_the_peak_is_the_default(result, which, index):
+def test_selection_of_increments(result, which, index):
     assert result.select(which) is result.steps[index]
     assert result.select(result[index]) is result[index]
 
 
 @pytest.mark.parametrize("which", [4, (1, 3), "1.3", "one", "1.2.3", ""])
-def test_an_increment_that_is_not_there_is_refused(result, which):
+def test_missing_increment_is_rejected(result, which):
     with pytest.raises(
         meeframe.MeeframeError, match=r"no such increment; allowed: peak, last, .* 1 \(increments 1 to 2\)"
     ):
@@ -69,7 +72,7 @@ def test_dataframe_has_a_row_for_each_increment(result):
     assert set(units) | {"step", "increment", "status"} == set(table.columns)
 
 
-def test_dataframe_leaves_out_rotations_that_are_zero_and_not_free(result):
+def test_dataframe_omits_fixed_zero_rotations(result):
     def columns(**loading):
         steps = (dataclasses.replace(step, loading=dataclasses.replace(step.loading, **loading)) for step in result)
         return set(dataclasses.replace(result, steps=tuple(steps)).to_dataframe().columns)
@@ -106,7 +109,7 @@ def test_dataset_of_scattered_nodes_has_nodes(result):
     np.testing.assert_array_equal(data["x"], moved[:, 0])
 
 
-def test_a_result_that_is_read_has_the_same_tables(result, tmp_path):
+def test_tables_of_a_stored_result(result, tmp_path):
     write_result(tmp_path, result)
     read = meeframe.Result.load(tmp_path)
     assert read.to_dataframe().equals(result.to_dataframe())
@@ -115,8 +118,6 @@ def test_a_result_that_is_read_has_the_same_tables(result, tmp_path):
 
 
 def test_tables_without_their_libraries_name_the_extra(result, monkeypatch):
-    import sys
-
     for name in ("pandas", "xarray", "pyvista"):
         monkeypatch.setitem(sys.modules, name, None)
     for make, extra in ((result.to_dataframe, "data"), (result.to_xarray, "data"), (result.to_pyvista, "interactive")):
@@ -151,7 +152,7 @@ def test_figures_on_given_axes(result):
         result.plot.map("presure", axes())
 
 
-def test_figures_without_axes_are_new_ones_of_pyplot(result):
+def test_figures_without_axes_use_pyplot(result):
     from matplotlib import pyplot
 
     new = result.plot.pressure()
@@ -159,11 +160,14 @@ def test_figures_without_axes_are_new_ones_of_pyplot(result):
     pyplot.close(new.figure)
 
 
-def test_history_tells_unloading_from_loading(result):
+def test_history_marks_unloading(result):
     curve = result.plot.history(ax=axes())
     np.testing.assert_allclose(curve.lines[0].get_xydata(), [[1, 9], [3, 27], [3, 27], [2, 18]])
     np.testing.assert_allclose(curve.lines[1].get_xydata(), [[2, 18]])
-    assert curve.lines[1].get_markerfacecolor() == "white"
+    # dots at the increments of loading, which remain visible in the rings of unloading
+    assert curve.lines[0].get_markevery() == [0, 1, 2]
+    assert curve.lines[1].get_markerfacecolor() == "none"
+    assert curve.lines[1].get_markersize() > curve.lines[0].get_markersize()
     assert [text.get_text() for text in curve.get_legend().get_texts()] == ["loading", "unloading"]
     area = result.plot.history("contact area", axes())
     assert (area.get_ylabel(), area.lines[0].get_ydata()[0]) == ("contact area [mm²]", pytest.approx(9.0))
@@ -172,8 +176,8 @@ def test_history_tells_unloading_from_loading(result):
         result.plot.history("heat", axes())
 
 
-def test_open_nodes_have_no_colour_and_the_edge_keeps_that_of_the_contact(result):
-    """A uniform pressure is drawn uniformly up to the edge: no colour between it and zero."""
+def test_open_nodes_have_no_colour(result):
+    """A uniform pressure is drawn uniformly up to the contact edge, without interpolation to zero."""
     values = result.plot.pressure(axes()).collections[0].get_array()
     drawn = result.plot.pressure(axes()).collections[0]
     used = np.unique(drawn._triangulation.triangles)
@@ -181,7 +185,7 @@ def test_open_nodes_have_no_colour_and_the_edge_keeps_that_of_the_contact(result
 
 
 def test_round_off_is_drawn_as_zero(result, synthetic):
-    """A potential of 1e-12 of that at the peak has no map after unloading."""
+    """A potential of 1e-12 of its peak value has no map after unloading."""
     last = dataclasses.replace(result[-1], potentials=1e-12 * result[-1].potentials)
     unloaded = dataclasses.replace(result, steps=(*result.steps[:-1], last))
     assert "electric_potential" in figures(unloaded)
@@ -199,14 +203,14 @@ def test_no_stick_and_slip_without_friction(result):
         without.plot.stick_slip(axes())
 
 
-def test_failed_increments_are_no_peak(result):
+def test_failed_increments_are_not_selected_as_peak(result):
     broken = dataclasses.replace(result[2], traction=np.full_like(result[2].traction, np.nan), status=Status.DIVERGED)
     assert select(dataclasses.replace(result, steps=(*result[:2], broken, result[3]))) is result[1]
 
 
 @pytest.fixture(scope="module")
 def indented():
-    """Two load steps on a small block, with its boundary fields."""
+    """Return two load steps on a small block, with boundary fields."""
     return meeframe.Case(
         material="batio3-cofe2o4",
         mesh=meeframe.mesh.block("50 mm", "120 mm", "5 mm", divisions=4, rings=2, layers=1),
@@ -226,6 +230,35 @@ def test_scene_of_body_and_zone(indented):
     np.testing.assert_array_equal(scene["zone"]["contact pressure [Pa]"], -step.traction[:, 2])
     assert scene["body"]["displacement [m]"].shape == (len(step.boundary.points), 3)
     assert scene["body"].n_cells == sum(len(nodes) for _, nodes in step.boundary.cells)
+    assert scene["zone"].n_cells == sum(len(nodes) for _, nodes in indented.zone.cells)
+    zone, frames = indented.zone, indented.zone.frames
+    shift = np.einsum("nk,nki->ni", step.displacement, frames)
+    np.testing.assert_allclose(scene["zone"].points, zone.points + 2.0 * shift, atol=1e-7)
+    np.testing.assert_array_equal(scene["zone"]["electric potential [V]"], step.potentials[:, 0])
+    assert scene["zone"].field_data["warp factor"] == [2.0]
+
+
+_PICTURE = """
+import sys
+import numpy, pyvista, meeframe
+scene = meeframe.read_result(sys.argv[1]).to_pyvista(1)
+plotter = pyvista.Plotter(off_screen=True, window_size=(200, 200))
+plotter.add_mesh(scene["zone"], scalars="contact pressure [Pa]", show_scalar_bar=False)
+numpy.save(sys.argv[2], plotter.screenshot(return_img=True))
+"""
+
+
+@pytest.mark.full
+def test_scene_is_rendered_off_screen(indented, tmp_path):
+    """The picture shows the pressure in many colours; a separate process renders it, because OpenGL may be missing."""
+    pytest.importorskip("pyvista")
+    sphere = "import pyvista; pyvista.Sphere().plot(off_screen=True, window_size=(9, 9))"
+    if subprocess.run([sys.executable, "-c", sphere], capture_output=True).returncode:
+        pytest.skip("VTK finds no OpenGL on this machine")
+    write_result(tmp_path, indented, {"boundary"})
+    image = tmp_path / "image.npy"
+    subprocess.run([sys.executable, "-c", _PICTURE, tmp_path, image], check=True, capture_output=True)
+    assert len(np.unique(np.load(image).reshape(-1, 3), axis=0)) > 20
 
 
 def test_series_of_boundary_fields(indented, tmp_path):
@@ -239,7 +272,7 @@ def test_series_of_boundary_fields(indented, tmp_path):
         np.testing.assert_allclose(mesh.point_data["displacement [m]"], step.boundary.values[:, :3])
 
 
-def test_the_house_style_is_one_of_matplotlib():
+def test_style_is_available_in_matplotlib():
     from matplotlib import pyplot
 
     with pyplot.style.context(meeframe.STYLE):

@@ -1,5 +1,4 @@
-"""Resultants of a step: the contact area over every element type, against areas known in advance; forces and moments
-against the work that they do."""
+"""Resultants agree with known areas on every element type, and with the work of forces and moments."""
 
 import dataclasses
 
@@ -17,8 +16,8 @@ WIDTH = 0.02
 
 
 def flat_zone(name):
-    place = find_contact_zone(half_space_mesh(0.05, WIDTH, DIVISIONS, 2, ELEMENTS[name]), "contact")
-    return Zone(place.points, place.frames, place.weights, place.cells)
+    contact_zone = find_contact_zone(half_space_mesh(0.05, WIDTH, DIVISIONS, 2, ELEMENTS[name]), "contact")
+    return Zone(contact_zone.points, contact_zone.frames, contact_zone.weights, contact_zone.cells)
 
 
 def contact_area(zone, compressed, template):
@@ -32,15 +31,15 @@ def contact_area(zone, compressed, template):
 
 @EVERY
 def test_area_of_a_circle(name, synthetic):
-    """An element that the circle's edge crosses can be wrong by its own area, either way."""
+    """An element that intersects the circle is in error by its area at most."""
     zone, radius = flat_zone(name), 0.35 * WIDTH
     size = WIDTH / DIVISIONS
-    found = contact_area(zone, np.linalg.norm(zone.points[:, :2], axis=1) < radius, synthetic.step(1e-6))
-    assert found == pytest.approx(np.pi * radius**2, abs=0.5 * size * 2 * np.pi * radius)
+    computed = contact_area(zone, np.linalg.norm(zone.points[:, :2], axis=1) < radius, synthetic.step(1e-6))
+    assert computed == pytest.approx(np.pi * radius**2, abs=0.5 * size * 2 * np.pi * radius)
 
 
-def test_covered_parts_of_nodes(synthetic):
-    """Those in contact count by their part, those that are not do not count."""
+def test_area_fractions_of_nodes(synthetic):
+    """Nodes in contact count by their area fraction, open nodes do not count."""
     zone, whole = synthetic.zone(), synthetic.step(1e-6)
     full = resultants(zone, dataclasses.replace(whole, area_fraction=np.ones(25)))
     assert full.contact_area == pytest.approx(resultants(zone, whole).contact_area) == pytest.approx(9e-6)
@@ -50,7 +49,7 @@ def test_covered_parts_of_nodes(synthetic):
 
 @pytest.mark.full(except_for=2)
 @EVERY
-def test_everything_something_nothing(name, synthetic):
+def test_full_partial_and_no_contact(name, synthetic):
     zone, step = flat_zone(name), synthetic.step(1e-6)
     n = len(zone.points)
     assert contact_area(zone, np.ones(n, bool), step) == pytest.approx(WIDTH**2)
@@ -60,29 +59,29 @@ def test_everything_something_nothing(name, synthetic):
     assert sum(alone) == pytest.approx(WIDTH**2)
 
 
-def test_resultants_are_those_that_work_on_the_motions(synthetic):
-    """In any place of the indenter, on frames that turn from node to node."""
+def test_resultants_are_conjugate_to_the_motions(synthetic):
+    """The indenter has any position, and frames vary from node to node."""
     rng = np.random.default_rng(3)
-    turned = [np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(26)]
-    zone = dataclasses.replace(synthetic.zone(), frames=np.array(turned[1:]))
+    rotated = [np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(26)]
+    zone = dataclasses.replace(synthetic.zone(), frames=np.array(rotated[1:]))
     whole = synthetic.step(1e-6)
-    loading = dataclasses.replace(whole.loading, axes=turned[0], reference=1e-3 * rng.normal(size=3))
+    loading = dataclasses.replace(whole.loading, axes=rotated[0], reference=1e-3 * rng.normal(size=3))
     step = dataclasses.replace(
         whole, loading=loading, traction=rng.normal(size=(25, 3)), fluxes=rng.normal(size=(25, 2))
     )
     measures = motion_measures(motion_modes(zone.points, zone.frames, loading.axes, loading.reference), zone.weights)
     works = np.einsum("kni,ni->k", measures, np.column_stack([step.traction, step.fluxes]))
-    found = resultants(zone, step)
+    computed = resultants(zone, step)
     for key, columns in RESULTANTS.items():
-        np.testing.assert_allclose(np.atleast_1d(getattr(found, key)), works[columns], rtol=1e-12, atol=1e-18)
+        np.testing.assert_allclose(np.atleast_1d(getattr(computed, key)), works[columns], rtol=1e-12, atol=1e-18)
 
 
-def test_resultants_of_arrays_in_another_layout_are_the_same_to_the_last_digit(synthetic):
-    """As a step that is read has it: a study that is drawn again from its files has the same numbers."""
+def test_resultants_do_not_depend_on_memory_layout(synthetic):
+    """A step read from a file gives bitwise identical resultants, so redrawn studies have the same values."""
     rng = np.random.default_rng(4)
     load = rng.normal(size=(25, 5))
     step = dataclasses.replace(synthetic.step(1e-6), traction=load[:, :3], fluxes=load[:, [3, 4]])
     other = dataclasses.replace(step, traction=step.traction.copy(), fluxes=step.fluxes.copy(order="C"))
-    found, again = (vars(resultants(synthetic.zone(), one)) for one in (step, other))
-    for name, value in found.items():
+    computed, again = (vars(resultants(synthetic.zone(), one)) for one in (step, other))
+    for name, value in computed.items():
         np.testing.assert_array_equal(again[name], value, err_msg=name)

@@ -1,4 +1,4 @@
-"""The table of what a result holds: a quantity that is added there shows everywhere."""
+"""A quantity added to the schema of results appears everywhere."""
 
 import dataclasses
 import io
@@ -24,7 +24,7 @@ from meeframe.study.sweep.numbers import field_units, numbers_of, units
 
 @pytest.fixture
 def extended(monkeypatch):
-    """The table with a nodal field and a total more."""
+    """Extend the schema by a nodal field and a total."""
     work = NodalField(
         "normal_work",
         "J/m^2",
@@ -43,7 +43,7 @@ def extended(monkeypatch):
     return work, total
 
 
-def test_a_field_that_is_added_shows_everywhere(extended, synthetic, tmp_path):
+def test_added_field_appears_everywhere(extended, synthetic, tmp_path):
     step = synthetic.step(1e-6)
     result = synthetic.result(step)
     work = 1e6 * 1e-6 * (step.region > 0)
@@ -86,7 +86,7 @@ def text(table):
     return file.getvalue()
 
 
-def test_the_table_is_complete(synthetic):
+def test_schema_is_complete(synthetic):
     """Every array of an increment can be restored from its fields, and every resultant is a total."""
     held = {row.attribute for row in schema.NODAL_FIELDS if row.attribute}
     arrays = {name for name, value in vars(synthetic.step(1e-6)).items() if isinstance(value, np.ndarray)}
@@ -97,7 +97,7 @@ def test_the_table_is_complete(synthetic):
 
 
 @pytest.mark.parametrize("row", schema.NODAL_FIELDS, ids=lambda row: row.name)
-def test_fields_have_the_shapes_that_the_table_says(synthetic, row):
+def test_fields_have_the_shapes_of_the_schema(synthetic, row):
     values = row.values(synthetic.zone(), synthetic.step(1e-6))
     assert values.shape == (25, *row.shape)
     assert (values.dtype.kind in "iu") == row.integer

@@ -1,4 +1,4 @@
-"""The figure of a study and its numbers."""
+"""Test the figure of a study and its numbers."""
 
 import json
 from dataclasses import replace
@@ -37,9 +37,9 @@ def test_every_kind_is_drawn_and_described(synthetic, kind):
     axes = [axes for axes in figure.axes if axes.get_title()]
     assert len(axes) == (4 if kind == "maps" else 2)
     assert all("a panel" in a.get_title() for a in axes)
-    told = json.loads(study_json(study))
-    assert told["kind"] == kind
-    (first, _) = told["panels"]
+    record = json.loads(study_json(study))
+    assert record["kind"] == kind
+    (first, _) = record["panels"]
     np.testing.assert_array_equal(first["quantities"]["force"], study.panels[0].quantities["force"])
     assert first["values"] == [0.1, None]
     assert first["messages"] == ["well", "not well"]
@@ -63,9 +63,9 @@ def test_each_run_is_drawn_on_its_zone(synthetic, kind):
     else:
         ends = [a.collections[0].get_datalim(a.transData).x1 for a in axes]
     np.testing.assert_allclose(ends, [2.0, 4.0])
-    (told,) = json.loads(study_json(study))["panels"]
-    assert told["zone_of_run"] == [0, 1]
-    np.testing.assert_array_equal(told["zones"][1]["points"], wide.points)
+    (record,) = json.loads(study_json(study))["panels"]
+    assert record["zone_of_run"] == [0, 1]
+    np.testing.assert_array_equal(record["zones"][1]["points"], wide.points)
 
 
 def curve(synthetic, values):
@@ -79,7 +79,7 @@ def test_curves_go_through_the_values(synthetic):
     assert axes.get_xscale() == "log"
 
 
-def test_runs_without_a_value_stand_side_by_side_by_their_labels(synthetic):
+def test_runs_without_values_are_placed_by_labels(synthetic):
     axes = curve(synthetic, [0.1, np.nan])
     np.testing.assert_array_equal(axes.lines[0].get_xydata(), [[0.0, 0.0], [1.0, 1.0]])
     assert [label.get_text() for label in axes.get_xticklabels()] == ["0.1", "free"]

@@ -1,4 +1,4 @@
-"""Pictures of sweeps: quantities in units that can be read."""
+"""Figures and tables of sweeps have readable units."""
 
 import dataclasses
 import io
@@ -15,7 +15,7 @@ from meeframe.study.reports.sweep import SweepPlot, sweep_figure, sweep_table
 
 @pytest.fixture
 def sweep():
-    """Pressure and area over friction and two approaches; one point has no result."""
+    """Return a sweep of pressure and area over friction and two approaches; one point has no result."""
     quantities = {
         "max_pressure": np.array([[1e9, 2e9], [3e9, np.nan], [5e9, 6e9]]),
         "contact_area": np.array([[1e-6, 2e-6], [3e-6, np.nan], [5e-6, 6e-6]]),
@@ -33,8 +33,8 @@ def test_curves_have_prefixed_units(sweep):
     np.testing.assert_allclose(area.lines[1].get_ydata(), [2.0, np.nan, 6.0])
 
 
-def test_lines_are_named_beside_the_pictures(sweep):
-    """They were named on top of the points; a row with one picture has as much room as one with two."""
+def test_legends_are_beside_the_plots(sweep):
+    """Legends do not cover points; a row with one plot has the width of a row with two."""
     figure = sweep_figure(sweep, [SweepPlot(("max_pressure", "contact_area")), SweepPlot(("max_pressure",))])
     figure.draw_without_rendering()
     for row in figure.subfigs:
@@ -55,17 +55,17 @@ def test_lines_are_named_beside_the_pictures(sweep):
         ([str(number) for number in range(60)], False, "point, numbered in order"),
     ],
 )
-def test_labels_below_a_picture_do_not_cover_each_other(labels, upright, heading):
-    """Labels of 65 letters, as of the study on docs/howto/sweep.md, do not overlap."""
+def test_axis_labels_do_not_overlap(labels, upright, heading):
+    """Labels of 65 letters, as in the study on docs/howto/sweep.md, do not overlap."""
     texts, area = np.full(len(labels), "converged"), {"contact_area": np.arange(1.0, len(labels) + 1.0)}
     points = SweepResult("", (SweepAxis("point", tuple(labels)),), area, {"contact_area": "m^2"}, *[texts] * 3)
     figure = sweep_figure(points, [SweepPlot(("contact_area",))])
     figure.draw_without_rendering()
     (axes,) = figure.axes
     assert axes.get_xlabel() == heading
-    told = [label for label in axes.get_xticklabels() if label.get_text() in labels]
-    assert ([label.get_text() for label in told] == labels) == (heading == "point")
-    assert {label.get_rotation() for label in told} <= {90.0 if upright else 0.0}
+    labels_drawn = [label for label in axes.get_xticklabels() if label.get_text() in labels]
+    assert ([label.get_text() for label in labels_drawn] == labels) == (heading == "point")
+    assert {label.get_rotation() for label in labels_drawn} <= {90.0 if upright else 0.0}
     low, high = axes.get_xlim()
     boxes = [label.get_window_extent() for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high]
     assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
@@ -80,7 +80,7 @@ def test_forces_along_an_axis_have_a_prefix(sweep):
     np.testing.assert_allclose(axes.lines[0].get_xdata(), [0.005, 1.0, 20.0])
 
 
-def test_maps_have_units_too(sweep):
+def test_maps_have_units(sweep):
     axes, bar = sweep_figure(sweep, [SweepPlot(("max_pressure",), kind="map")]).axes
     assert bar.get_ylabel() == "largest pressure [GPa]"
     assert axes.get_ylabel() == "approach [µm]"
@@ -88,14 +88,14 @@ def test_maps_have_units_too(sweep):
     np.testing.assert_allclose(axes.collections[0].get_array().compressed(), [1.0, 3.0, 5.0, 2.0, 6.0])
 
 
-def test_quantities_without_any_number_are_drawn_empty(sweep):
+def test_quantities_without_values_are_drawn_empty(sweep):
     nothing = {"max_pressure": np.full((3, 2), np.nan)}
     empty = SweepResult("", sweep.axes, nothing, sweep.units, sweep.status, sweep.message, sweep.key)
     (axes,) = sweep_figure(empty, [SweepPlot(("max_pressure",))]).axes
     assert axes.get_ylabel() == "largest pressure [Pa]"
 
 
-def test_lines_differ_in_their_markers_and_the_axis_below_has_a_prefix(sweep):
+def test_lines_differ_in_markers_and_the_axis_has_a_prefix(sweep):
     (axes,) = sweep_figure(sweep, [SweepPlot(("max_pressure",), x="approach")]).axes
     assert axes.get_xlabel() == "approach [µm]"
     np.testing.assert_allclose(axes.lines[0].get_xdata(), [10.0, 20.0])
@@ -108,16 +108,16 @@ def table(sweep):
     return console.export_text()
 
 
-def test_contact_that_its_zone_cuts_off_is_marked(sweep):
+def test_contact_at_zone_boundary_is_marked(sweep):
     edge = np.zeros((3, 2, 4))
     edge[2, 1, 3] = 1.0
-    found = table(dataclasses.replace(sweep, quantities=sweep.quantities | {"contact_at_zone_boundary": edge}))
-    (marked,) = (line for line in found.splitlines() if "converged, at the zone boundary" in line)
+    computed = table(dataclasses.replace(sweep, quantities=sweep.quantities | {"contact_at_zone_boundary": edge}))
+    (marked,) = (line for line in computed.splitlines() if "converged, at the zone boundary" in line)
     assert "6e-06" in marked
     assert "edge" not in table(sweep)
 
 
-def test_the_table_has_what_is_plotted(sweep):
+def test_table_lists_plotted_quantities(sweep):
     text = table(sweep)
     assert "contact area [m^2]" in text
     assert "6e-06" in text
@@ -136,10 +136,12 @@ def test_nodes_of_a_grid_are_on_x_and_y_in_any_order():
     made = SweepResult(
         "title", axes, {"force": np.ones(2)}, {"force": "N", "zone_pressure": "Pa"}, *texts, fields, nodes
     )
-    found = dataset(made)
-    assert found.zone_pressure.dims == ("mu", "y", "x")
-    np.testing.assert_allclose(found.zone_pressure.sel(mu=1), 2 * (found.x + 10 * found.y).T)
-    assert float(found.zone_pressure.sel(mu=0, y=2, method="nearest").sel(x=3, method="nearest")) == pytest.approx(23)
-    assert (found.x.units, found.z.item(), found.mu.units) == ("m", 0.5, "1")
+    computed = dataset(made)
+    assert computed.zone_pressure.dims == ("mu", "y", "x")
+    np.testing.assert_allclose(computed.zone_pressure.sel(mu=1), 2 * (computed.x + 10 * computed.y).T)
+    assert float(computed.zone_pressure.sel(mu=0, y=2, method="nearest").sel(x=3, method="nearest")) == pytest.approx(
+        23
+    )
+    assert (computed.x.units, computed.z.item(), computed.mu.units) == ("m", 0.5, "1")
     scattered = {**nodes, "x": nodes["x"] + np.array([0, 0, 0, 0, 0, 0.1])}
     assert dataset(dataclasses.replace(made, nodes=scattered)).zone_pressure.dims == ("mu", "node")

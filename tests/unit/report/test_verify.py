@@ -1,4 +1,4 @@
-"""What a verification prints as its verdict says on how much that rests."""
+"""The printed result of a verification states how many comparisons support it."""
 
 import pytest
 from rich.console import Console
@@ -11,7 +11,7 @@ SIZES = (1 / 4, 1 / 8, 1 / 16)
 
 
 def verification(scatter, factor=1.0):
-    """Forces of second order, which agree if the factor is one, and pressures that scatter about one value."""
+    """Return a verification with forces of second order, which agree if the factor is one, and scattering pressures."""
     runs = tuple(
         VerifiedRun(name, size, 10, str(Status.CONVERGED), steps={1: {"force": force, "max_pressure": pressure}})
         for name, scale in (("one", 1.0), ("other", factor))
@@ -22,15 +22,15 @@ def verification(scatter, factor=1.0):
     return Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
 
 
-def verdict(found):
+def printed_result(computed):
     console = Console(width=200)
     with console.capture() as printed:
-        console.print(verification_table(found))
+        console.print(verification_table(computed))
     return printed.get().splitlines()[-1]
 
 
 @pytest.mark.parametrize(
-    ("found", "told"),
+    ("computed", "message"),
     [
         (verification(scatter=1e-4), "result: agree"),
         (
@@ -41,13 +41,13 @@ def verdict(found):
         (verification(scatter=0.1, factor=1.05), "result: disagree"),
     ],
 )
-def test_the_verdict_says_on_how_many_comparisons_it_rests(found, told):
-    assert verdict(found).rstrip() == told
+def test_result_states_the_number_of_comparisons(computed, message):
+    assert printed_result(computed).rstrip() == message
 
 
 @pytest.mark.parametrize(("physical", "compared"), [(0.0, True), (5.0, False), (0.5, True)])
-def test_noise_on_the_physical_scale_of_a_field_is_not_compared(physical, compared):
-    """Potentials of the order of 1e-6 of two formulations differ by their factor, of a field that may be uncoupled."""
+def test_noise_is_not_compared(physical, compared):
+    """Potentials near 1e-6 differ by the factor between two formulations of a possibly uncoupled field."""
     noise = {"one": 1e-6, "other": 3e-6}
     runs = tuple(
         VerifiedRun(
@@ -65,7 +65,7 @@ def test_noise_on_the_physical_scale_of_a_field_is_not_compared(physical, compar
         for name, value in noise.items()
         for size in SIZES
     )
-    found = Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
-    quantities = {estimate.quantity for estimate in found.estimates}
+    computed = Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
+    quantities = {estimate.quantity for estimate in computed.estimates}
     assert ("max_magnetic_potential" in quantities) == compared
-    assert verdict(found).startswith("result: disagree" if compared else "result: agree")
+    assert printed_result(computed).startswith("result: disagree" if compared else "result: agree")

@@ -1,4 +1,5 @@
-"""The step law that switches edge nodes for ever (docs/explanation/solvers.md), and how it is resolved."""
+"""The step law would switch nodes at the contact edge for ever; biactive nodes resolve it
+(docs/explanation/solvers.md)."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, final
@@ -18,7 +19,7 @@ from meeframe.solvers import Uzawa, residual, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
-# piezomagnetic coupling as strong as that of Table 3: perfect magnetic conduction takes 57 per cent of the force
+# piezomagnetic coupling as strong as in Table 3: perfect magnetic conduction reduces the force by 57 per cent
 XI[0, 2] = XI[2, 0] = np.sqrt(1.326 * XI[0, 0] * -XI[2, 2])
 CHARACTERISTIC = 1.0 / (-XI[2, 2] * np.sqrt(0.1 * 5e-5))
 
@@ -45,8 +46,8 @@ def test_edge_nodes_become_biactive() -> None:
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("cells", [12, 16])
-def test_force_falls_monotonically_to_less_than_half(cells: int) -> None:
-    """Neither limit nor any kappa between fails to converge."""
+def test_force_decreases_monotonically_to_less_than_half(cells: int) -> None:
+    """All conductivities converge, including both limits."""
     forces = []
     for factor in (0.0, 1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, np.inf):
         case = problem(factor, cells)
@@ -54,12 +55,12 @@ def test_force_falls_monotonically_to_less_than_half(cells: int) -> None:
         assert solution.status is Status.CONVERGED, (factor, solution.message)
         forces.append(-resultant(case.system, solution.state.load)[0][2])
     assert (np.diff(forces) < 0.0).all()
-    # the closed form: P xi_eff is the same for both, xi_eff = xi11 - xi13^2/xi33
+    # closed form: P xi_eff is the same for both, with xi_eff = xi11 - xi13^2/xi33
     assert forces[-1] / forces[0] == pytest.approx(1.0 / 2.326, rel=1e-3)
 
 
 @pytest.mark.full
-def test_fractions_do_not_depend_on_the_way_there() -> None:
+def test_fractions_do_not_depend_on_the_path() -> None:
     case = problem(0.3)
     direct = solve(case, Uzawa())
     above = solve(case, Uzawa(), start=solve(problem(np.inf), Uzawa()).state)
@@ -73,23 +74,26 @@ def test_fractions_do_not_depend_on_the_way_there() -> None:
 def test_resistances() -> None:
     case = problem(2.0, cells=4)
     n = 16
-    own = conduction.potential_diagonal(case)
+    compliance = conduction.potential_diagonal(case)
     traction = np.full(n, -1.0)
     kappa = contact_conductivity(case.law_of("magnetic"), traction)[0]
     contact_fraction = np.linspace(0.0, 1.0, n)
-    resistance = conduction.resistances(case, traction, contact_fraction, own)
+    resistance = conduction.resistances(case, traction, contact_fraction, compliance)
     assert np.isinf(resistance[:, 0]).all()
     assert np.isinf(resistance[0, 1])
     assert resistance[-1, 1] == 1.0 / kappa
     assert (np.diff(resistance[1:, 1]) < 0.0).all()
-    assert resistance[1:, 1] == pytest.approx((1.0 / kappa + own[1:, 1]) / contact_fraction[1:] - own[1:, 1])
-    perfect = conduction.resistances(problem(np.inf, cells=4), traction, contact_fraction, own)
+    assert resistance[1:, 1] == pytest.approx(
+        (1.0 / kappa + compliance[1:, 1]) / contact_fraction[1:] - compliance[1:, 1]
+    )
+    perfect = conduction.resistances(problem(np.inf, cells=4), traction, contact_fraction, compliance)
     assert perfect[-1, 1] == 0.0
-    assert perfect[1:, 1] == pytest.approx((1.0 / contact_fraction[1:] - 1.0) * own[1:, 1])
+    assert perfect[1:, 1] == pytest.approx((1.0 / contact_fraction[1:] - 1.0) * compliance[1:, 1])
 
 
 def test_graph_as_a_fixed_point() -> None:
-    """Fraction one under pressure, zero across a gap, anything where the node is biactive; whatever it was before."""
+    """The fraction is one under pressure, zero across a gap and arbitrary at biactive nodes, whatever its initial
+    value."""
     for before, trial, after in ((1.0, -2.0, 1.0), (0.3, -2.0, 1.0), (0.3, 2.0, 0.0), (0.0, 2.0, 0.0), (0.4, 0.0, 0.4)):
         assert conduction.switch(np.array([before]), np.array([trial]), 1.0)[0] == after
 
@@ -103,8 +107,8 @@ def test_law_without_conductivity_across_the_gap_insulates_open_nodes() -> None:
 
 @pytest.mark.parametrize("potential", [0.1, 0.3, 0.5])
 @pytest.mark.parametrize("coupling", [0.8, 1.6])
-def test_a_contact_that_the_indenter_pushes_open(potential: float, coupling: float) -> None:
-    """The potential bends the surface away where it conducts: at first the whole contact opens and closes."""
+def test_potential_that_opens_the_contact(potential: float, coupling: float) -> None:
+    """The potential repels the surface where it conducts, so at first the whole contact opens and closes."""
     xi = np.diag([1.0, 1.0, 1.0, -0.5, -0.5])
     xi[2, 4] = xi[4, 2] = coupling
     system = half_space_system(xi, 2.0, 7)
@@ -125,7 +129,7 @@ def test_a_contact_that_the_indenter_pushes_open(potential: float, coupling: flo
 @final
 @dataclass(frozen=True)
 class Discharge(ConductivityLaw):
-    """kappa `low`, and beyond a drop of one `high` on the excess besides."""
+    """kappa is `low`, and `high` for the part of the drop above one."""
 
     across_gap: ClassVar[bool] = True
 
@@ -139,16 +143,16 @@ class Discharge(ConductivityLaw):
 
 
 @pytest.mark.parametrize("steepness", [1.0, 1e3, 1e6, 1e9])
-def test_drop_is_found_together_with_its_conductivity(steepness: float) -> None:
-    """A law that conducts hardly below a drop and steeply above it: the root of each piece in closed form."""
+def test_drop_and_conductivity_are_solved_together(steepness: float) -> None:
+    """The law conducts weakly below a drop and strongly above; the root of each piece has a closed form."""
     case = problem(0.0, cells=8)
-    n, own = len(case.gap), conduction.potential_diagonal(case)
-    laws = [Discharge(0.3 / size, steepness / size) for size in own[0]]
+    n, compliance = len(case.gap), conduction.potential_diagonal(case)
+    laws = [Discharge(0.3 / size, steepness / size) for size in compliance[0]]
     case = replace(case, channels=flux_channels(laws[0], laws[1]), gap=np.full(n, 1e-6))
     alone = np.logspace(-3, 5, n)
     relative_displacement = np.zeros((n, 5))
     relative_displacement[:, 3:] = alone[:, None]
-    resistance = conduction.resistances(case, np.zeros(n), np.zeros(n), own, relative_displacement) / own
+    resistance = conduction.resistances(case, np.zeros(n), np.zeros(n), compliance, relative_displacement) / compliance
     left = np.where(alone < 1.3, alone / 1.3, (alone + steepness) / (1.3 + steepness))
     for column in resistance.T:
         np.testing.assert_allclose(alone * column / (1.0 + column), left, rtol=1e-9)

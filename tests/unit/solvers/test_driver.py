@@ -1,4 +1,4 @@
-"""The driver's verdicts on iterations made up to deserve them, the paper's criterion, and bad input."""
+"""Test the status of synthetic iterations, the paper's criterion, and invalid input."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,8 +28,8 @@ def problem(approach: float = 5e-5, **options: object) -> ContactProblem:
 
 
 @dataclass(frozen=True)
-class MadeUp(Solver):
-    """Loads p(k) of iteration k, uniform normal traction [Pa]."""
+class Prescribed(Solver):
+    """Iterations with given loads p(k), uniform normal traction [Pa]."""
 
     kind: str
 
@@ -53,7 +53,7 @@ class MadeUp(Solver):
 
 
 @pytest.mark.parametrize(
-    ("kind", "status", "said"),
+    ("kind", "status", "text"),
     [
         ("cycle", Status.CYCLING, "return"),
         ("grow", Status.DIVERGED, "grew"),
@@ -63,23 +63,23 @@ class MadeUp(Solver):
         ("wander", Status.STALLED, "stayed"),
     ],
 )
-def test_status_of_iterations_that_fail(kind: str, status: Status, said: str) -> None:
-    solution = solve(problem(), MadeUp(kind), StoppingCriteria(stall_window=100, max_iterations=500))
+def test_status_of_iterations_that_fail(kind: str, status: Status, text: str) -> None:
+    solution = solve(problem(), Prescribed(kind), StoppingCriteria(stall_window=100, max_iterations=500))
     assert solution.status is status
-    assert said in solution.message
+    assert text in solution.message
     assert solution.iterations < 500
     assert solution.history[-1, 0] == solution.iterations
 
 
 @final
 @dataclass(frozen=True, eq=False)
-class Misled(ReducedSystem, FieldwiseApply):
-    """A system whose products in some of the fields are larger than those of `apply`."""
+class WrongProducts(ReducedSystem, FieldwiseApply):
+    """A system whose products in chosen fields are larger than those of `apply`."""
 
     inner: ReducedSystem
 
     @classmethod
-    def of(cls, inner: ReducedSystem) -> "Misled":
+    def of(cls, inner: ReducedSystem) -> "WrongProducts":
         return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner)
 
     def apply(self, load: Array) -> Array:
@@ -104,35 +104,35 @@ class Misled(ReducedSystem, FieldwiseApply):
 
 
 @pytest.mark.parametrize("solver", [ProjectedCG(), SemismoothNewton()], ids=["projected-cg", "newton"])
-def test_the_residual_uses_the_whole_displacement(solver: Solver) -> None:
-    """Whatever the solver itself iterates on: what it calls solved of other responses is not, and the reverse."""
+def test_residual_uses_apply(solver: Solver) -> None:
+    """If products in chosen fields are wrong, the solver's solution does not converge, and the exact solution does."""
     honest = replace(problem(), contact_law=Signorini())
-    misled = replace(honest, system=Misled.of(honest.system))
+    misled = replace(honest, system=WrongProducts.of(honest.system))
     solution = solve(misled, solver, StoppingCriteria(stall_window=20))
     assert solution.residual == pytest.approx(residual(honest, solution.state), abs=1e-14)
     assert (solution.status is Status.CONVERGED) == (solution.residual <= 1e-10)
-    assert (solution.residual > 1e-5) == isinstance(solver, ProjectedCG)  # Newton's own states follow from apply
+    assert (solution.residual > 1e-5) == isinstance(solver, ProjectedCG)  # states of Newton's method follow from apply
     solution = solve(honest, solver)
     assert solution.status is Status.CONVERGED
     assert solution.residual == pytest.approx(residual(honest, solution.state), abs=1e-14)
 
 
-def test_iteration_limit_hands_over_the_last_state() -> None:
+def test_iteration_limit_returns_the_last_state() -> None:
     solution = solve(problem(), Uzawa(), StoppingCriteria(max_iterations=13))
     assert solution.status is Status.ITERATION_LIMIT
     assert solution.iterations == 13
     assert solution.residual == pytest.approx(residual(problem(), solution.state))
 
 
-def test_fixed_step_beyond_stability_is_not_called_converged() -> None:
-    """r above 2/lambda_max: the pressure of the stiffest pattern grows until it leaves contact, and so on."""
+def test_unstable_step_length_does_not_converge() -> None:
+    """For r above 2/lambda_max, the pressure of the stiffest mode grows until it leaves contact, repeatedly."""
     solution = solve(problem(), Uzawa(step_normal=5e14), StoppingCriteria(max_iterations=3000))
     assert solution.status in (Status.DIVERGED, Status.CYCLING, Status.STALLED)
     assert solution.residual > 1e-3
 
 
-def test_fixed_step_of_the_paper_converges_to_the_automatic_answer() -> None:
-    """5e3 GPa/m; lambda_max of this zone is near 3e-14 m/Pa."""
+def test_step_length_of_the_paper_gives_same_solution() -> None:
+    """The step length is 5e3 GPa/m; lambda_max of this zone is near 3e-14 m/Pa."""
     automatic = solve(problem(), Uzawa())
     fixed = solve(problem(), Uzawa(step_normal=5e12, step_tangential=3e12))
     assert automatic.status is fixed.status is Status.CONVERGED
@@ -140,7 +140,7 @@ def test_fixed_step_of_the_paper_converges_to_the_automatic_answer() -> None:
 
 
 def test_criterion_of_the_paper() -> None:
-    """Changes in m, GV, GA and GPa over one step; the residual is reported all the same."""
+    """Changes are in m, GV, GA and GPa over one step; the residual is reported, too."""
     limits = StoppingCriteria(criterion="paper", tolerance=1e-6)
     solution = solve(problem(), Uzawa(step_normal=5e12), limits)
     assert solution.status is Status.CONVERGED
@@ -154,8 +154,8 @@ def test_criterion_of_the_paper() -> None:
     assert -solution.state.load[:, 2] == pytest.approx(exact, abs=2e-4 * exact.max())
 
 
-def test_small_changes_far_from_a_solution_are_not_called_converged() -> None:
-    """The paper's number read as Pa/m: nothing moves, nothing is solved."""
+def test_small_changes_do_not_imply_convergence() -> None:
+    """With the paper's step length in Pa/m, tractions hardly change, and nothing is solved."""
     solution = solve(problem(), Uzawa(step_normal=5e3), StoppingCriteria(criterion="paper", tolerance=1e-6))
     assert solution.status is Status.STALLED
     assert "a longer step is needed" in solution.message
@@ -163,14 +163,14 @@ def test_small_changes_far_from_a_solution_are_not_called_converged() -> None:
 
 
 def test_progress_rises_to_one() -> None:
-    seen: list[tuple[str, float]] = []
-    solve(problem(), Uzawa(), progress=lambda stage, fraction: seen.append((stage, fraction)))
-    assert {stage for stage, _ in seen} == {"contact"}
-    assert all(a <= b for (_, a), (_, b) in pairwise(seen))
-    assert seen[-1][1] == 1.0
+    calls: list[tuple[str, float]] = []
+    solve(problem(), Uzawa(), progress=lambda stage, fraction: calls.append((stage, fraction)))
+    assert {stage for stage, _ in calls} == {"contact"}
+    assert all(a <= b for (_, a), (_, b) in pairwise(calls))
+    assert calls[-1][1] == 1.0
 
 
-def test_no_contact_is_a_solution_at_once() -> None:
+def test_no_contact_converges_at_once() -> None:
     solution = solve(problem(approach=-1e-6, conductivity=(np.inf, np.inf), potentials=(1e3, 1.0)), Uzawa())
     assert solution.status is Status.CONVERGED
     assert solution.iterations == 0
@@ -187,13 +187,13 @@ def test_continuation_from_a_smaller_load() -> None:
     assert second.state.load == pytest.approx(direct.state.load, rel=1e-7, abs=1.0)
 
 
-def test_the_residual_shows_every_kind_of_violation() -> None:
+def test_residual_detects_every_kind_of_violation() -> None:
     case = problem(conductivity=(1e-5, 0.0))
     good = solve(case, Uzawa()).state
     assert residual(case, good) < 1e-9
     pressure = np.abs(good.load[:, 2]).max()
 
-    def moved(array: np.ndarray, node: int, field: int, by: float) -> np.ndarray:
+    def perturbed(array: np.ndarray, node: int, field: int, by: float) -> np.ndarray:
         other = array.copy()
         other[node, field] += by
         return other
@@ -205,34 +205,34 @@ def test_the_residual_shows_every_kind_of_violation() -> None:
     inside = good.contact_fraction.copy()
     inside[centre] = 0.5
     wrong = [
-        replace(good, displacement=moved(good.displacement, centre, 2, 1e-8)),
-        replace(good, displacement=moved(good.displacement, corner, 4, 1.0)),
-        replace(good, load=moved(good.load, centre, 2, 1e-3 * pressure)),
-        replace(good, load=moved(good.load, corner, 2, -1e-3 * pressure)),
-        replace(good, load=moved(good.load, centre, 0, 1e-3 * pressure)),
-        replace(good, load=moved(good.load, corner, 3, 1e-3 * np.abs(good.load[:, 3]).max())),
-        replace(good, load=moved(good.load, centre, 4, 1e-6)),
+        replace(good, displacement=perturbed(good.displacement, centre, 2, 1e-8)),
+        replace(good, displacement=perturbed(good.displacement, corner, 4, 1.0)),
+        replace(good, load=perturbed(good.load, centre, 2, 1e-3 * pressure)),
+        replace(good, load=perturbed(good.load, corner, 2, -1e-3 * pressure)),
+        replace(good, load=perturbed(good.load, centre, 0, 1e-3 * pressure)),
+        replace(good, load=perturbed(good.load, corner, 3, 1e-3 * np.abs(good.load[:, 3]).max())),
+        replace(good, load=perturbed(good.load, centre, 4, 1e-6)),
         replace(good, contact_fraction=outside),
         replace(good, contact_fraction=inside),
     ]
     assert [residual(case, state) > 1e-7 for state in wrong] == [True] * len(wrong)
-    assert residual(case, replace(good, load=moved(good.load, corner, 0, np.nan))) == np.inf
+    assert residual(case, replace(good, load=perturbed(good.load, corner, 0, np.nan))) == np.inf
 
 
 @pytest.mark.full
-def test_uzawa_conforms() -> None:
+def test_uzawa_conformance() -> None:
     check_solver(Uzawa())
 
 
 @pytest.mark.parametrize(
     ("name", "value"), [("gap", np.zeros(3)), ("gap", np.full(64, np.nan)), ("potentials", np.full((64, 2), np.inf))]
 )
-def test_bad_arrays_are_named(name: str, value: np.ndarray) -> None:
+def test_invalid_arrays_are_named(name: str, value: np.ndarray) -> None:
     with pytest.raises(CaseError, match=name):
         replace(problem(), **{name: value})
 
 
-def test_bad_options_are_named() -> None:
+def test_invalid_options_are_named() -> None:
     with pytest.raises(CaseError, match="step_normal"):
         Uzawa(step_normal=-1.0)
     with pytest.raises(CaseError, match="step_tangential"):

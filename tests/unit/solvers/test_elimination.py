@@ -1,4 +1,4 @@
-"""The potentials eliminated at contact size against the monolithic system (30), and by factors against by Krylov."""
+"""Elimination of potentials agrees with the monolithic system (30), by factorisation and by a Krylov method."""
 
 from dataclasses import replace
 
@@ -25,12 +25,12 @@ def refuse(_load: Array) -> NodalFields:
 
 
 def random_problem(seed: int, kappa: tuple[float, float] = (3.0, 0.2)) -> ContactProblem:
-    """A random compliance of the right kind, not symmetric: collocation does not give symmetric ones."""
+    """Return a problem with a random compliance of the correct structure, unsymmetric as from collocation."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(5 * N, 5 * N))
     matrix = root @ root.T / (5 * N) + np.eye(5 * N)
     electric = np.tile([False, False, False, True, True], N)
-    matrix[np.ix_(electric, ~electric)] *= -1.0  # reciprocity with flipped potentials: skew coupling
+    matrix[np.ix_(electric, ~electric)] *= -1.0  # reciprocity with negated potentials: skew coupling
     matrix += 0.02 * random.normal(size=matrix.shape)
     system = DenseSystem(
         points=random.normal(size=(N, 3)),
@@ -48,8 +48,8 @@ def random_problem(seed: int, kappa: tuple[float, float] = (3.0, 0.2)) -> Contac
 
 
 @pytest.mark.parametrize("kappa", [(3.0, 0.2), (np.inf, 0.2), (0.0, np.inf), (np.inf, np.inf), (0.0, 0.0)])
-def test_reduced_answer_is_the_monolithic_one(kappa: tuple[float, float]) -> None:
-    """All of displacements, potentials and fluxes as unknowns of one system, flux law included, against elimination."""
+def test_elimination_matches_monolithic_system(kappa: tuple[float, float]) -> None:
+    """The monolithic system has all displacements, potentials and fluxes as unknowns, and includes the flux law."""
     problem = random_problem(1, kappa)
     random = np.random.default_rng(2)
     traction = random.normal(size=(N, 3))
@@ -59,7 +59,8 @@ def test_reduced_answer_is_the_monolithic_one(kappa: tuple[float, float]) -> Non
     system = problem.system
     matrix = system.dense().reshape(5 * N, 5 * N)
     potential = np.flatnonzero(np.tile([False, False, False, True, True], N))
-    # unknowns (displacement 5N, flux 2N); rows: compliance, then K (-phi + phi_o) + q = 0, or -phi + phi_o = 0 for inf
+    # unknowns (displacement 5N, flux 2N); equations: compliance, then K (-phi + phi_o) + q = 0, or -phi + phi_o =
+    # 0 for inf
     left = np.zeros((7 * N, 7 * N))
     right = np.zeros(7 * N)
     left[: 5 * N, : 5 * N] = np.eye(5 * N)
@@ -87,7 +88,7 @@ def test_reduced_answer_is_the_monolithic_one(kappa: tuple[float, float]) -> Non
 
 
 @pytest.mark.parametrize("kappa", [(3.0, 0.2), (np.inf, 0.0), (np.inf, np.inf)])
-def test_krylov_agrees_with_factors(kappa: tuple[float, float]) -> None:
+def test_krylov_matches_factorisation(kappa: tuple[float, float]) -> None:
     problem = random_problem(3, kappa)
     random = np.random.default_rng(4)
     dense = Elimination.of(problem)
@@ -112,7 +113,7 @@ def test_krylov_agrees_with_factors(kappa: tuple[float, float]) -> None:
             assert one.displacement[above] == pytest.approx(other.displacement[above], rel=1e-9, abs=1e-10)
 
 
-def test_factors_are_used_again_while_nothing_changes() -> None:
+def test_factors_are_reused() -> None:
     problem = random_problem(5)
     elimination = Elimination.of(problem)
     resistance = resistances(problem, -np.ones(N), np.ones(N), potential_diagonal(problem))
@@ -121,7 +122,7 @@ def test_factors_are_used_again_while_nothing_changes() -> None:
     assert elimination.prepare(2.0 * resistance, first) is not first
 
 
-def test_the_whole_solution_does_not_need_a_matrix() -> None:
+def test_solution_without_a_matrix() -> None:
     problem = random_problem(6, (np.inf, 0.2))
     system = problem.system
     assert isinstance(system, DenseSystem)

@@ -1,4 +1,4 @@
-"""Floating conductors in the gradient iterations: charges prescribed, potentials found; alone and with forces."""
+"""Gradient iterations solve for potentials of floating conductors, alone and with prescribed forces."""
 
 from dataclasses import replace
 
@@ -38,13 +38,13 @@ XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
 
 
 @pytest.mark.full(except_for=4)
-@pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
+@pytest.mark.parametrize("prescribed", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
 @pytest.mark.parametrize("condition", KAPPA)
-def test_resultants_give_the_motions_back(condition, given) -> None:
+def test_resultants_recover_the_motions(condition, prescribed) -> None:
     problem = conducting_sphere(Signorini(), KAPPA[condition])
     expected = balanced_solution(problem, Uzawa()).state
-    free, motion = released(problem, expected, *given)
-    # where a law jumps there may be two solutions; from nearby all find the same
+    free, motion = released(problem, expected, *prescribed)
+    # a law that jumps may have two solutions; from a nearby start all solvers agree
     near = replace(expected, load=1.001 * expected.load)
     for solver in ALL:
         state = balanced_solution(free, solver, start=near).state
@@ -54,9 +54,9 @@ def test_resultants_give_the_motions_back(condition, given) -> None:
 
 @pytest.mark.parametrize("solver", [BarzilaiBorwein(), SemismoothNewton()], ids=str)
 @pytest.mark.parametrize("potential", [2e4, -1.5e4, None])
-def test_floating_conductor_against_the_closed_form(solver, potential) -> None:
-    """Force and charge given, approach and potential back; None: no charge. The flux is singular at the edge, which a
-    grid resolves to first order only."""
+def test_floating_conductor_matches_closed_form(solver, potential) -> None:
+    """Force and charge recover approach and potential; None means no charge. The flux is singular at the edge, which
+    the grid resolves to first order only."""
     if potential is None:
         potential = brentq(lambda phi: indent(XI, Sphere(RADIUS), APPROACH, phi).charge, -1e5, 1e5)
     exact = indent(XI, Sphere(RADIUS), APPROACH, potential)
@@ -72,7 +72,7 @@ def test_floating_conductor_against_the_closed_form(solver, potential) -> None:
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("condition", KAPPA)
 @pytest.mark.parametrize("charges", [(0.0, 0.0), (1e-7, -2e-7)], ids=["uncharged", "charged"])
-def test_floating_conductor_is_one_with_the_potential_found(condition, charges) -> None:
+def test_floating_conductor_equals_prescribed_potential(condition, charges) -> None:
     problem = conducting_sphere(Signorini(), KAPPA[condition], potentials=(0.0, 0.0))
     modes = zip((VOLTAGE, MAGNETOMOTIVE), charges, strict=True)
     floating = replace(
@@ -90,8 +90,8 @@ def test_floating_conductor_is_one_with_the_potential_found(condition, charges) 
 
 
 @pytest.mark.parametrize("condition", KAPPA)
-def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
-    """Fluxes and floating potentials as unknowns of one linear system, for tractions that are given."""
+def test_elimination_matches_bordered_system(condition) -> None:
+    """For given tractions, fluxes and floating potentials solve one linear system."""
     problem = conducting_sphere(IsotropicCoulomb(MU), KAPPA[condition], cells=6)
     system, n = problem.system, len(problem.gap)
     free = (
@@ -126,18 +126,18 @@ def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
         elimination = Elimination.of(replace(problem, system=body))
         conductors = elimination.prepare(resistance, None)
         response = elimination.respond(load[:, :3], conductors, np.zeros((n, 2)))
-        # a good guess is not spoilt by a coarse solution from there
+        # a coarse solution does not replace a good initial guess
         near = conductors.without_floating(response.flux, response.potential)
         again = elimination.respond(load[:, :3], conductors, near, 1e-3)
         assert np.abs(again.flux - response.flux).max() <= 1e-9 * np.abs(response.flux).max()
-        found = elimination.state(load[:, :3], conductors, np.zeros((n, 2)), np.zeros(2))
-        assert (np.abs(found.flux - flux[:, 3:]).max(axis=0) <= 1e-9 * np.abs(flux[:, 3:]).max(axis=0)).all()
-        assert found.potential == pytest.approx(unit * unknown[k:], rel=1e-9)
+        computed = elimination.state(load[:, :3], conductors, np.zeros((n, 2)), np.zeros(2))
+        assert (np.abs(computed.flux - flux[:, 3:]).max(axis=0) <= 1e-9 * np.abs(flux[:, 3:]).max(axis=0)).all()
+        assert computed.potential == pytest.approx(unit * unknown[k:], rel=1e-9)
         assert list(conductors.floating.numbers) == [0, 2]
 
 
 @pytest.mark.parametrize("solver", ALL, ids=str)
-def test_where_nothing_conducts_the_potential_stays_where_it_was(solver) -> None:
+def test_floating_potential_is_unchanged_without_conduction(solver) -> None:
     problem = conducting_sphere(Signorini())
     start = ContactState(np.zeros((64, 5)), np.zeros((64, 5)), np.zeros(64), np.array([123.0]))
     floating = replace(problem, prescribed_resultants=(prescribe_resultant(problem.system, VOLTAGE, 0.0),))
@@ -148,7 +148,7 @@ def test_where_nothing_conducts_the_potential_stays_where_it_was(solver) -> None
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", GRADIENT, ids=str)
-def test_systems_without_a_matrix(solver) -> None:
+def test_matrix_free_systems(solver) -> None:
     problem = conducting_sphere(IsotropicCoulomb(MU), KAPPA["finite"], cells=6)
     free = [prescribe_resultant(problem.system, PRESS, 800.0), prescribe_resultant(problem.system, VOLTAGE, 1e-7)]
     free.append(prescribe_resultant(problem.system, SLIDE, 100.0))
@@ -166,7 +166,7 @@ def test_systems_without_a_matrix(solver) -> None:
 @pytest.mark.parametrize("solver", ALL, ids=str)
 @pytest.mark.parametrize("factors", [(1e-9, 1.0), (1e9, 1e-9)], ids=str)
 @pytest.mark.parametrize("potentials", [False, True], ids=["all", "potentials"])
-def test_units_do_not_matter(solver, factors, potentials) -> None:
+def test_solutions_do_not_depend_on_units(solver, factors, potentials) -> None:
     problem = conducting_sphere(IsotropicCoulomb(MU), KAPPA["finite"], cells=7)
     free = [prescribe_resultant(problem.system, PRESS, 800.0), prescribe_resultant(problem.system, VOLTAGE, 1e-7)]
     free.append(prescribe_resultant(problem.system, SLIDE, 100.0))

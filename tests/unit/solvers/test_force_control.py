@@ -1,4 +1,4 @@
-"""Prescribed forces and moments in the gradient iterations: the indenter's motions come out of the solution."""
+"""Gradient iterations solve for motions of the indenter under prescribed forces and moments."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
     "given", [("approach",), ("approach", "translation"), ("translation", "potentials")], ids="-".join
 )
 @pytest.mark.parametrize("law", FRICTION, ids=str)
-def test_resultants_give_the_motions_back_with_friction(law, given) -> None:
+def test_resultants_recover_the_motions_with_friction(law, given) -> None:
     problem = conducting_sphere(law, (1.0, 0.3), drag=0.4)
     expected = balanced_solution(problem, Uzawa()).state
     free, motion = released(problem, expected, *given)
@@ -49,8 +49,8 @@ def test_resultants_give_the_motions_back_with_friction(law, given) -> None:
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", [Uzawa(step_normal=6e11, step_tangential=4e11), *GRADIENT[1:]], ids=str)
 @pytest.mark.parametrize("share", [0.5, 0.98])
-def test_tangential_force_in_proportion_to_the_normal_one(solver, share) -> None:
-    """F_x = share mu P by a measure with a normal part, at a given depth and at a given force."""
+def test_tangential_force_proportional_to_normal_force(solver, share) -> None:
+    """F_x = share mu P, by a measure with a normal component, at a prescribed approach and at a prescribed force."""
     problem = conducting_sphere(IsotropicCoulomb(MU))
     system = problem.system
     ratio = prescribe_resultant(system, SLIDE, 0.0, measure=SLIDE - share * MU * PRESS)
@@ -70,7 +70,7 @@ def test_tangential_force_in_proportion_to_the_normal_one(solver, share) -> None
 
 
 def flat_punch(law, cells=9):
-    """Problem and rigid modes (6, n, 5): press, tilts, slides, twist."""
+    """Return a problem and its rigid modes (6, n, 5): approach, tilts, translations, twist."""
     problem = conducting_sphere(law, cells=cells)
     x, y, _ = problem.system.points.T
     zero, one = np.zeros_like(x), np.ones_like(x)
@@ -82,7 +82,7 @@ def flat_punch(law, cells=9):
 
 @pytest.mark.parametrize("solver", ALL, ids=str)
 def test_eccentric_force_tilts_the_punch(solver) -> None:
-    """Against the linear system of the punch in full contact: pressures and three motions at once."""
+    """The linear system of full contact gives pressures and three motions."""
     problem, modes = flat_punch(Signorini())
     system = problem.system
     inside = np.isfinite(problem.gap)
@@ -104,8 +104,8 @@ def test_eccentric_force_tilts_the_punch(solver) -> None:
 
 
 @pytest.mark.parametrize("solver", ALL, ids=str)
-def test_three_points_carry_what_statics_says(solver) -> None:
-    """Resultants alone determine the forces; nothing is left to minimise."""
+def test_three_points_carry_the_statically_determinate_forces(solver) -> None:
+    """The resultants alone determine the forces."""
     problem, modes = flat_punch(Signorini(), cells=7)
     feet = [10, 25, 36]
     gap = np.full(49, 1e-4)
@@ -121,8 +121,8 @@ def test_three_points_carry_what_statics_says(solver) -> None:
     np.testing.assert_allclose(-state.load[feet, 2] * problem.system.weights[feet], forces, rtol=1e-9)
 
 
-def test_tilt_of_the_punch_against_its_closed_form() -> None:
-    """M = (4/3) E* a^3 angle: the pressure (2 E* angle/pi) x / sqrt(a^2 - r^2), whose potential is linear in x."""
+def test_tilt_of_the_punch_matches_closed_form() -> None:
+    """M = (4/3) E* a^3 angle: the pressure (2 E* angle/pi) x / sqrt(a^2 - r^2) has a potential that is linear in x."""
     system = half_space_system(XI, 4.2e-3, 28)
     x, y, _ = system.points.T
     n = len(x)
@@ -159,7 +159,7 @@ def test_six_motions_at_once(solver) -> None:
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", ALL, ids=str)
-def test_hertz_at_a_given_force(solver) -> None:
+def test_hertz_at_prescribed_force(solver) -> None:
     exact = indent(XI, Sphere(RADIUS), APPROACH)
     system = half_space_system(XI, 5e-3, 20)
     touching = indentation_problem(system, (system.points**2).sum(axis=1) / (2.0 * RADIUS), approach=0.0)
@@ -172,18 +172,18 @@ def test_hertz_at_a_given_force(solver) -> None:
 @pytest.mark.full(except_for=5)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 @pytest.mark.parametrize("lift", [1e-6, 1e-3, 0.1])
-def test_a_lifted_indenter_is_brought_down(solver, lift) -> None:
+def test_indenter_above_the_body_is_lowered(solver, lift) -> None:
     problem = conducting_sphere(Signorini())
     touching = replace(
         problem, gap=problem.gap + APPROACH, prescribed_resultants=(prescribe_resultant(problem.system, PRESS, 500.0),)
     )
     above = replace(touching, gap=touching.gap + lift)
-    reference, found = (
+    reference, computed = (
         balanced_solution(touching, solver, StoppingCriteria()),
         balanced_solution(above, solver, StoppingCriteria()),
     )
-    assert found.state.motion == pytest.approx(reference.state.motion + lift, rel=1e-9)
-    assert found.iterations <= reference.iterations + 2 * solver.check_interval
+    assert computed.state.motion == pytest.approx(reference.state.motion + lift, rel=1e-9)
+    assert computed.iterations <= reference.iterations + 2 * solver.check_interval
 
 
 IMPOSSIBLE = {
@@ -196,7 +196,7 @@ IMPOSSIBLE = {
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 @pytest.mark.parametrize("solver", ALL, ids=str)
-def test_what_cannot_be_reached_does_not_converge(solver, name) -> None:
+def test_infeasible_resultants_do_not_converge(solver, name) -> None:
     law, *totals = IMPOSSIBLE[name]
     if law != Signorini() and solver == ProjectedCG():
         pytest.skip("frictionless contact only")
@@ -225,7 +225,7 @@ def test_forces_cost_no_more_iterations_than_motions() -> None:
         )
 
 
-def test_conjugate_gradients_refuse_a_force_that_is_not_that_of_its_motion() -> None:
+def test_conjugate_gradients_reject_nonconjugate_measures() -> None:
     problem = conducting_sphere(Signorini())
     ratio = prescribe_resultant(problem.system, SLIDE, 0.0, measure=SLIDE - 0.1 * PRESS)
     with pytest.raises(CaseError, match=r"free motion 1 of the indenter.*weights \* mode"):

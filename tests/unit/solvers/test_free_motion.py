@@ -1,4 +1,4 @@
-"""Projection with prescribed resultants: balance, uniqueness of the traction, friction limits."""
+"""Test projection with prescribed resultants: balance, uniqueness of the traction, friction limits."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def prescribe_resultant(system, mode, total):
 
 
 def problem(law, *totals, cells=12):
-    """A sphere just touching, free along the axes given as (mode, total)."""
+    """Return a problem of a sphere in first contact, free along the axes given as (mode, total)."""
     system = half_space_system(2e-12 * np.eye(5)[:3, :3] / np.eye(5)[:3, :3].max(), 5e-3, cells)
     x, y, _ = system.points.T
     gap = (x**2 + y**2) / 0.2
@@ -35,48 +35,48 @@ PRESS = np.array([0.0, 0.0, -1.0, 0.0, 0.0])
 SLIDE = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
 
 
-def at_rest(case):
+def project_from_zero(case):
     gap = np.column_stack([np.zeros((len(case.gap), 2)), case.gap])
     return balanced_projection(case, np.zeros_like(gap), gap, (R, R))
 
 
-def test_force_balances_and_depth_is_that_of_the_foundation():
+def test_force_balance_and_depth_of_foundation():
     case = problem(Signorini(), (PRESS, 1e3))
-    found = at_rest(case)
-    assert -case.system.weights @ found.traction[:, 2] == pytest.approx(1e3, rel=1e-12)
+    state = project_from_zero(case)
+    assert -case.system.weights @ state.traction[:, 2] == pytest.approx(1e3, rel=1e-12)
     force = lambda depth: R * case.system.weights @ np.maximum(depth - case.gap, 0.0) - 1e3  # noqa: E731
-    assert found.motion[0] == pytest.approx(brentq(force, 0.0, 1e-3, xtol=1e-18, rtol=1e-14), rel=1e-10)
+    assert state.motion[0] == pytest.approx(brentq(force, 0.0, 1e-3, xtol=1e-18, rtol=1e-14), rel=1e-10)
 
 
 @pytest.mark.parametrize("law", [IsotropicCoulomb(0.4), OrthotropicCoulomb(0.3, 0.6, 0.5)])
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
 def test_tangential_force_up_to_the_friction_limit(law, share):
     case = problem(law, (PRESS, 1e3), (SLIDE, share * 0.3e3))
-    found = at_rest(case)
-    assert case.system.weights @ found.traction[:, 0] == pytest.approx(share * 0.3e3, rel=1e-11, abs=1e-9)
-    assert -case.system.weights @ found.traction[:, 2] == pytest.approx(1e3, rel=1e-12)
+    state = project_from_zero(case)
+    assert case.system.weights @ state.traction[:, 0] == pytest.approx(share * 0.3e3, rel=1e-11, abs=1e-9)
+    assert -case.system.weights @ state.traction[:, 2] == pytest.approx(1e3, rel=1e-12)
 
 
-def test_more_than_friction_carries_stays_unbalanced_and_finite():
+def test_force_above_friction_limit_remains_finite():
     case = problem(IsotropicCoulomb(0.4), (PRESS, 1e3), (SLIDE, 0.5e3))
-    found = at_rest(case)
-    assert np.isfinite(found.motion).all()
-    assert (np.abs(found.traction[:, 0]) <= -0.4 * found.traction[:, 2] * (1 + 1e-12)).all()
-    force = case.system.weights @ found.traction
+    state = project_from_zero(case)
+    assert np.isfinite(state.motion).all()
+    assert (np.abs(state.traction[:, 0]) <= -0.4 * state.traction[:, 2] * (1 + 1e-12)).all()
+    force = case.system.weights @ state.traction
     assert max(abs(force[0] - 0.5e3), abs(force[2] + 1e3)) > 1.0
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
-def test_units_do_not_matter(scale):
-    plain = at_rest(problem(IsotropicCoulomb(0.4), (PRESS, 1e3), (SLIDE, 0.3e3)))
+def test_solutions_do_not_depend_on_units(scale):
+    plain = project_from_zero(problem(IsotropicCoulomb(0.4), (PRESS, 1e3), (SLIDE, 0.3e3)))
     case = problem(IsotropicCoulomb(0.4), (PRESS, scale * 1e3), (SLIDE, scale * 0.3e3))
     gap = np.column_stack([np.zeros((len(case.gap), 2)), case.gap])
-    found = balanced_projection(case, np.zeros_like(gap), gap, (scale * R, scale * R))
-    np.testing.assert_allclose(found.motion, plain.motion, rtol=1e-9)
-    np.testing.assert_allclose(found.traction, scale * plain.traction, rtol=1e-9, atol=1e-9 * scale * 1e6)
+    computed = balanced_projection(case, np.zeros_like(gap), gap, (scale * R, scale * R))
+    np.testing.assert_allclose(computed.motion, plain.motion, rtol=1e-9)
+    np.testing.assert_allclose(computed.traction, scale * plain.traction, rtol=1e-9, atol=1e-9 * scale * 1e6)
 
 
-def test_modes_that_mix_motion_and_potential_are_refused():
+def test_modes_mixing_motion_and_potential_are_rejected():
     with pytest.raises(CaseError, match="either a motion or a potential"):
         PrescribedResultant(np.ones((4, 5)), np.ones((4, 5)), 1.0)
     with pytest.raises(CaseError, match="not finite"):

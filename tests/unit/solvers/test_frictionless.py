@@ -1,4 +1,4 @@
-"""Which contact laws projected conjugate gradients take."""
+"""Test which contact laws projected conjugate gradients accept."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from meeframe.solvers.cg.projected_cg import ProjectedCG
 
 @dataclass(frozen=True)
 class Capped(Signorini):
-    """Bears no more than a pressure [Pa]."""
+    """A law that limits the pressure [Pa]."""
 
     most: float = np.inf
 
@@ -27,7 +27,7 @@ class Capped(Signorini):
 
 @dataclass(frozen=True)
 class CappedSomewhere(Capped):
-    """At the last node alone."""
+    """A law that limits the pressure at the last node only."""
 
     def project(self, trial: Array) -> Array:
         traction = Signorini().project(trial)
@@ -41,7 +41,7 @@ def problem(law: Signorini | IsotropicCoulomb, n: int) -> ContactProblem:
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 12, 50])
-def test_laws_are_tried_at_pressures_of_all_sizes_at_every_node(n: int) -> None:
+def test_laws_are_evaluated_at_all_pressures_and_nodes(n: int) -> None:
     for law in (Signorini(), IsotropicCoulomb(0.0), Capped()):
         assert ProjectedCG().accepts(problem(law, n))
     for most in (0.1, 1e3, 1e7, 2e8, 1e9, 1e11):
@@ -52,7 +52,7 @@ def test_laws_are_tried_at_pressures_of_all_sizes_at_every_node(n: int) -> None:
 
 @dataclass(frozen=True)
 class CappedByNode(Signorini):
-    """Bears no more than pressures (n,) [Pa]."""
+    """A law that limits the pressures to (n,) [Pa]."""
 
     most: tuple[Array]
 
@@ -62,7 +62,7 @@ class CappedByNode(Signorini):
         return traction
 
 
-def test_laws_that_hold_something_of_each_node_are_tried_at_all_of_many() -> None:
+def test_laws_with_nodal_data_are_evaluated_at_all_nodes() -> None:
     most = np.full(2_500, np.inf)
     assert ProjectedCG().accepts(problem(CappedByNode((most,)), len(most)))
     most[-1] = 1e7
@@ -73,7 +73,7 @@ def test_laws_that_hold_something_of_each_node_are_tried_at_all_of_many() -> Non
 
 @dataclass(frozen=True)
 class CappedByName(Signorini):
-    """Bears no more than pressures (n,) [Pa] in a table."""
+    """A law that limits the pressures to (n,) [Pa], stored in a table."""
 
     most: dict[str, Array]
 
@@ -85,7 +85,7 @@ class CappedByName(Signorini):
 
 @dataclass(frozen=True, slots=True)
 class CappedInSlots(Signorini):
-    """Bears no more than pressures (n,) [Pa], in a slot."""
+    """A law that limits the pressures to (n,) [Pa], stored in a slot."""
 
     most: Array
 
@@ -96,7 +96,7 @@ class CappedInSlots(Signorini):
 
 
 class Hidden:
-    """Holds pressures (n,) [Pa] in nothing that is looked into."""
+    """An object that holds pressures (n,) [Pa] out of sight."""
 
     __slots__ = ("pressure",)
 
@@ -106,7 +106,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class CappedOutOfSight(Signorini):
-    """Bears no more than pressures (n,) [Pa] of which only trials tell."""
+    """A law that limits the pressures to (n,) [Pa], which only evaluations reveal."""
 
     most: Hidden
 

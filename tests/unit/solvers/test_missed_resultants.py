@@ -1,4 +1,4 @@
-"""What friction cannot bear at a prescribed approach is told soon; what it just bears converges as ever."""
+"""Forces above the friction limit at a prescribed approach are reported early; forces just below it converge."""
 
 import re
 from dataclasses import replace
@@ -18,49 +18,49 @@ SOON = 100
 """Steps; the patience of most solvers is 2000."""
 
 
-def pressed(law):
-    """A sphere at a given approach, and the normal force on it: friction does not change that here."""
+def pressed_sphere(law):
+    """Return a sphere at a prescribed approach, and its normal force, which friction does not change here."""
     system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, 1.0, 1.0]), 5e-3, CELLS)
     height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
     problem = indentation_problem(system, height, APPROACH, law)
     return problem, -float(system.weights @ solve(problem, Uzawa()).state.load[:, 2])
 
 
-def driven(problem, *given):
-    """given: (mode (3,) or (n, 3), total)."""
+def driven(problem, *resultants):
+    """Return a problem with prescribed resultants (mode (3,) or (n, 3), total)."""
     prescribed_resultants = []
-    for motion, total in given:
+    for motion, total in resultants:
         mode = np.zeros((len(problem.gap), 5))
         mode[:, :3] = motion
         prescribed_resultants.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, total))
     return replace(problem, prescribed_resultants=tuple(prescribed_resultants))
 
 
-def told(message):
-    """Resultants prescribed and borne, as a message names them."""
+def reported(message):
+    """Return the prescribed and the computed resultants named in a message."""
     number = r"(-?[\d.e+-]+(?:, -?[\d.e+-]+)*)"
-    found = re.search(rf"prescribed \({number} N, N m\) are more than friction bears.*they reach {number};", message)
-    assert found, message
-    return tuple(np.array([float(value) for value in part.split(", ")]) for part in found.groups())
+    match = re.search(rf"prescribed \({number} N, N m\) are more than friction bears.*they reach {number};", message)
+    assert match, message
+    return tuple(np.array([float(value) for value in part.split(", ")]) for part in match.groups())
 
 
 @pytest.mark.parametrize(("share", "missed"), [(0.5, False), (2.0, True)])
-def test_resultants_that_are_missed_before_the_laws_hold(share, missed):
-    problem, force = pressed(IsotropicCoulomb(MU))
-    found = solve(driven(problem, (X, share * MU * force)), Uzawa(), StoppingCriteria(max_iterations=4))
-    assert found.status is Status.ITERATION_LIMIT
-    assert ("the loads found miss the prescribed resultants" in found.message) == missed
+def test_missed_resultants_are_reported_before_convergence(share, missed):
+    problem, force = pressed_sphere(IsotropicCoulomb(MU))
+    solution = solve(driven(problem, (X, share * MU * force)), Uzawa(), StoppingCriteria(max_iterations=4))
+    assert solution.status is Status.ITERATION_LIMIT
+    assert ("the loads found miss the prescribed resultants" in solution.message) == missed
 
 
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("solver", SOLVERS, ids=str)
 @pytest.mark.parametrize("share", [1.02, 1.3, 2.4, 1e3])
-def test_a_force_beyond_friction_is_recognised_early(solver, share):
-    problem, force = pressed(IsotropicCoulomb(MU))
-    found = solve(driven(problem, (X, share * MU * force), (Y, 0.0)), solver)
-    assert found.status is Status.STALLED
-    assert found.iterations <= SOON
-    prescribed, borne = told(found.message)
+def test_force_above_friction_limit_is_detected_early(solver, share):
+    problem, force = pressed_sphere(IsotropicCoulomb(MU))
+    solution = solve(driven(problem, (X, share * MU * force), (Y, 0.0)), solver)
+    assert solution.status is Status.STALLED
+    assert solution.iterations <= SOON
+    prescribed, borne = reported(solution.message)
     np.testing.assert_allclose(prescribed, [share * MU * force, 0.0], rtol=1e-3)
     np.testing.assert_allclose(borne, [MU * force, 0.0], rtol=1e-2, atol=1e-2 * MU * force)
 
@@ -68,25 +68,25 @@ def test_a_force_beyond_friction_is_recognised_early(solver, share):
 @pytest.mark.full(except_for=7)
 @pytest.mark.parametrize("solver", SOLVERS, ids=str)
 @pytest.mark.parametrize("share", [0.9, 0.98, 0.999])
-def test_a_force_that_friction_just_bears_is_found(solver, share):
-    problem, force = pressed(IsotropicCoulomb(MU))
-    found = solve(driven(problem, (X, share * MU * force), (Y, 0.0)), solver)
-    assert found.status is Status.CONVERGED
-    np.testing.assert_allclose(problem.system.weights @ found.state.load[:, 0], share * MU * force, rtol=1e-8)
+def test_force_just_below_friction_limit_converges(solver, share):
+    problem, force = pressed_sphere(IsotropicCoulomb(MU))
+    solution = solve(driven(problem, (X, share * MU * force), (Y, 0.0)), solver)
+    assert solution.status is Status.CONVERGED
+    np.testing.assert_allclose(problem.system.weights @ solution.state.load[:, 0], share * MU * force, rtol=1e-8)
 
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", SOLVERS, ids=str)
 @pytest.mark.parametrize("direction", [0.3, 1.2])
-def test_the_ellipse_of_orthotropic_friction(solver, direction):
-    """Beyond it, and what is borne lies on it; within it, the force is found."""
+def test_orthotropic_friction_ellipse(solver, direction):
+    """Forces outside the ellipse are reported with a limit on it; forces inside converge."""
     mu, angle = np.array([0.2, 0.5]), 0.4
-    problem, force = pressed(OrthotropicCoulomb(*mu, angle))
+    problem, force = pressed_sphere(OrthotropicCoulomb(*mu, angle))
     axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     limit = force * (mu * [np.cos(direction), np.sin(direction)]) @ axes
     far = solve(driven(problem, (X, 1.5 * limit[0]), (Y, 1.5 * limit[1])), solver)
     assert far.iterations <= SOON
-    _, borne = told(far.message)
+    _, borne = reported(far.message)
     assert np.linalg.norm(axes @ borne / mu) == pytest.approx(force, rel=1e-2)
     near = solve(driven(problem, (X, 0.98 * limit[0]), (Y, 0.98 * limit[1])), solver)
     assert near.status is Status.CONVERGED
@@ -94,21 +94,21 @@ def test_the_ellipse_of_orthotropic_friction(solver, direction):
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", [BarzilaiBorwein(), SemismoothNewton(), Auto()], ids=str)
-def test_a_torque_beyond_friction_under_a_prescribed_force(solver):
-    """Pressure at the corners would bear it, so that it is not known beforehand: that of the sphere does not."""
-    problem, force = pressed(IsotropicCoulomb(MU))
+def test_torque_above_friction_limit_under_prescribed_force(solver):
+    """Pressure at the corners could carry it, so preflight does not reject it; the pressure of the sphere cannot."""
+    problem, force = pressed_sphere(IsotropicCoulomb(MU))
     x, y, _ = problem.system.points.T
     state = solve(problem, Uzawa()).state
     limit = MU * float(problem.system.weights @ (-state.load[:, 2] * np.hypot(x, y)))
     twist = np.column_stack([-y, x, 0.0 * x])
-    found = solve(driven(problem, (PRESS, force), (twist, 1.3 * limit)), solver)
-    assert found.iterations <= SOON
-    _, borne = told(found.message)
+    solution = solve(driven(problem, (PRESS, force), (twist, 1.3 * limit)), solver)
+    assert solution.iterations <= SOON
+    _, borne = reported(solution.message)
     np.testing.assert_allclose(borne, [limit], rtol=1e-2)
     assert solve(driven(problem, (PRESS, force), (twist, 0.98 * limit)), solver).status is Status.CONVERGED
 
 
-def test_full_stick_bears_any_force():
-    problem, force = pressed(IsotropicCoulomb(np.inf))
-    found = solve(driven(problem, (X, 3.0 * force)), SemismoothNewton(), StoppingCriteria(max_iterations=60))
-    assert "more than friction bears" not in found.message
+def test_full_stick_carries_any_force():
+    problem, force = pressed_sphere(IsotropicCoulomb(np.inf))
+    solution = solve(driven(problem, (X, 3.0 * force)), SemismoothNewton(), StoppingCriteria(max_iterations=60))
+    assert "more than friction bears" not in solution.message

@@ -1,4 +1,4 @@
-"""The judge sees every node and every field, and so does the driver, whatever a solver says of its own iterates."""
+"""The independent residual includes every node and every field, whatever a solver reports."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -48,7 +48,7 @@ SOLVED = {
 
 @dataclass(frozen=True)
 class Sure(Solver):
-    """Hands over one state and says that it is right."""
+    """A solver that returns a given state as converged."""
 
     state: ContactState
 
@@ -59,9 +59,9 @@ class Sure(Solver):
         return iterate
 
 
-def by_hand(problem: ContactProblem, state: ContactState) -> float:
-    """Frictionless and insulated: p = max(0, p - gap / C) is min(p, gap / C) = 0, all other loads vanish; node by node,
-    of a state whose displacement is that of its load."""
+def direct_residual(problem: ContactProblem, state: ContactState) -> float:
+    """Return the residual of frictionless insulated contact, evaluated directly: min(p, gap / C) = 0 with all other
+    loads zero, at each node."""
     scales = problem_scales(problem)
     worst = 0.0
     for load, displacement, gap, contact_fraction in zip(
@@ -76,8 +76,9 @@ def by_hand(problem: ContactProblem, state: ContactState) -> float:
     return worst
 
 
-def spoilt(problem: ContactProblem, state: ContactState, node: int, field: int, by: float) -> ContactState:
-    """A state whose load in one field of one node is wrong by that part of a characteristic one, and what it causes."""
+def perturbed(problem: ContactProblem, state: ContactState, node: int, field: int, by: float) -> ContactState:
+    """Return a state whose load in one field at one node is wrong by a fraction of the characteristic load, with the
+    displacement that this load causes."""
     scales = problem_scales(problem)
     load = state.load.copy()
     load[node, field] += by * (
@@ -86,21 +87,21 @@ def spoilt(problem: ContactProblem, state: ContactState, node: int, field: int, 
     return replace(state, load=load, displacement=problem.system.offset + problem.system.apply(load))
 
 
-def node_of(state: ContactState, place: str) -> int:
-    """The last node that is closed, or open."""
-    return int(np.flatnonzero((state.load[:, 2] < 0.0) == (place == "closed"))[-1])
+def node_of(state: ContactState, position: str) -> int:
+    """Return the last node in contact, or the last open node."""
+    return int(np.flatnonzero((state.load[:, 2] < 0.0) == (position == "closed"))[-1])
 
 
 @pytest.mark.parametrize("field", range(5))
-@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("position", ["closed", "open"])
 @pytest.mark.parametrize("law", SOLVED)
-def test_one_wrong_load_is_found(law: str, place: str, field: int) -> None:
+def test_single_wrong_load_is_detected(law: str, position: str, field: int) -> None:
     case, state = SOLVED[law]
     assert residual(case, state) <= TOLERANCE
-    wrong = spoilt(case, state, node_of(state, place), field, -WRONG)
+    wrong = perturbed(case, state, node_of(state, position), field, -WRONG)
     assert residual(case, wrong) > 100.0 * TOLERANCE
     if law == "frictionless":
-        assert residual(case, wrong) == pytest.approx(by_hand(case, wrong), rel=1e-8)
+        assert residual(case, wrong) == pytest.approx(direct_residual(case, wrong), rel=1e-8)
     solution = solve(case, Sure(wrong), StoppingCriteria(max_iterations=1, tolerance=TOLERANCE))
     assert solution.status is not Status.CONVERGED
     assert solution.residual == pytest.approx(residual(case, wrong), rel=1e-8)
@@ -108,11 +109,11 @@ def test_one_wrong_load_is_found(law: str, place: str, field: int) -> None:
 
 @pytest.mark.full(except_for=9)
 @pytest.mark.parametrize("part", ["load", "displacement", "contact_fraction"])
-@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("position", ["closed", "open"])
 @pytest.mark.parametrize("law", SOLVED)
-def test_one_number_that_is_none_is_found(law: str, place: str, part: str) -> None:
+def test_single_nan_is_detected(law: str, position: str, part: str) -> None:
     case, state = SOLVED[law]
-    node = node_of(state, place)
+    node = node_of(state, position)
     for field in range(1 if part == "contact_fraction" else 5):
         for value in (np.nan, np.inf):
             values: Array = getattr(state, part).copy()
@@ -125,31 +126,31 @@ def test_one_number_that_is_none_is_found(law: str, place: str, part: str) -> No
 
 
 @pytest.mark.parametrize("field", range(5))
-@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("position", ["closed", "open"])
 @pytest.mark.parametrize("law", SOLVED)
-def test_one_displacement_that_the_load_does_not_cause_is_found(law: str, place: str, field: int) -> None:
+def test_single_inconsistent_displacement_is_detected(law: str, position: str, field: int) -> None:
     case, state = SOLVED[law]
     displacement = state.displacement.copy()
-    displacement[node_of(state, place), field] += WRONG * problem_scales(case).displacement[field]
+    displacement[node_of(state, position), field] += WRONG * problem_scales(case).displacement[field]
     assert residual(case, replace(state, displacement=displacement)) >= 0.99 * WRONG
 
 
-@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("position", ["closed", "open"])
 @pytest.mark.parametrize("law", SOLVED)
-def test_one_wrong_closed_fraction_is_found(law: str, place: str) -> None:
-    """Where there is pressure, or the gap is open, by more than the fraction is off."""
+def test_single_wrong_contact_fraction_is_detected(law: str, position: str) -> None:
+    """Under pressure or across an open gap, the residual exceeds the error of the fraction."""
     case, state = SOLVED[law]
-    trial = -state.load[:, 2] if place == "closed" else case.gap - state.displacement[:, 2]
+    trial = -state.load[:, 2] if position == "closed" else case.gap - state.displacement[:, 2]
     contact_fraction = state.contact_fraction.copy()
-    contact_fraction[np.argmax(trial)] += -WRONG if place == "closed" else WRONG
+    contact_fraction[np.argmax(trial)] += -WRONG if position == "closed" else WRONG
     solution = solve(case, Sure(replace(state, contact_fraction=contact_fraction)), StoppingCriteria(max_iterations=1))
     assert solution.status is not Status.CONVERGED
     assert solution.residual >= 0.99 * WRONG
 
 
 @dataclass(frozen=True)
-class Remembering(ContactLaw):
-    """Frictionless up to pressures that only a function of it knows, (n,) [Pa]."""
+class WithClosure(ContactLaw):
+    """A frictionless law with maximum pressures (n,) [Pa] that only a closure holds."""
 
     least: Callable[[], Array]
 
@@ -165,10 +166,10 @@ class Remembering(ContactLaw):
         return traction
 
 
-def test_laws_that_remember_something_of_each_node_are_asked_at_all_of_them() -> None:
+def test_laws_with_nodal_data_are_evaluated_at_all_nodes() -> None:
     case, state = SOLVED["frictionless"]
     scales, least = problem_scales(case), np.full(len(case.gap), -np.inf)
-    law = Remembering(lambda: least)
+    law = WithClosure(lambda: least)
     assert residual(replace(case, contact_law=law), state, scales) <= TOLERANCE
     node = node_of(state, "closed")
     least[node] = 0.5 * state.load[node, 2]
@@ -176,9 +177,9 @@ def test_laws_that_remember_something_of_each_node_are_asked_at_all_of_them() ->
     assert residual(replace(case, contact_law=law), state, scales) == pytest.approx(expected, rel=1e-8)
 
 
-@pytest.mark.parametrize("place", ["closed", "open"])
-def test_one_wrong_load_is_found_among_many(place: str) -> None:
-    """At the last node that is closed, or open, with a law that is evaluated at some nodes at a time, or at all."""
+@pytest.mark.parametrize("position", ["closed", "open"])
+def test_single_wrong_load_is_detected_among_many(position: str) -> None:
+    """The load is wrong at the last closed or open node, for laws evaluated at some nodes at a time, or at all."""
     n = 130
     mesh = half_space_mesh(0.05, 5e-3, n - 1, 1, Quad4())
     body = Body(library_material("batio3-cofe2o4").stiffness, mesh, (), "contact")
@@ -187,16 +188,18 @@ def test_one_wrong_load_is_found_among_many(place: str) -> None:
     case = indentation_problem(system, height, 1e-5)
     state = solve(case, ProjectedCG()).state
     assert residual(case, state) <= TOLERANCE
-    node = node_of(state, place)
+    node = node_of(state, position)
     assert node > n**2 - 400
-    wrong = spoilt(case, state, node, 2, -100.0 * WRONG)
-    found = residual(case, wrong)
-    assert found > 100.0 * TOLERANCE
+    wrong = perturbed(case, state, node, 2, -100.0 * WRONG)
+    computed = residual(case, wrong)
+    assert computed > 100.0 * TOLERANCE
     unbounded = np.full(n**2, -np.inf)
-    assert residual(replace(case, contact_law=Remembering(lambda: unbounded)), wrong) == pytest.approx(found, rel=1e-8)
+    assert residual(replace(case, contact_law=WithClosure(lambda: unbounded)), wrong) == pytest.approx(
+        computed, rel=1e-8
+    )
 
 
-def test_coupling_so_small_that_its_scale_underflows_is_none() -> None:
+def test_underflowing_coupling_is_zero() -> None:
     xi = np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3])
     xi[2, 3] = xi[3, 2] = 1e-320
     system = half_space_system(xi, 5e-3, 8)
@@ -206,7 +209,7 @@ def test_coupling_so_small_that_its_scale_underflows_is_none() -> None:
 
 @dataclass(frozen=True)
 class Undefined(ConductivityLaw):
-    """No number where it is pressed by more than `most` [Pa]."""
+    """A law that returns NaN at pressures above `most` [Pa]."""
 
     most: float
 
@@ -215,8 +218,8 @@ class Undefined(ConductivityLaw):
 
 
 @pytest.mark.full(except_for=1)
-def test_where_a_law_says_no_number_it_does_not_hold() -> None:
-    """But the iteration may go on from there: states of larger pressure lie on the way to good ones."""
+def test_law_is_violated_where_it_returns_nan() -> None:
+    """The iteration may nevertheless continue from there: larger pressures occur on the way to solutions."""
     pressed = replace(FRICTIONAL.with_laws(electric=Undefined(1.0)), potentials=np.full((64, 2), [1.0, 0.0]))
     state = SOLVED["frictional"][1]
     assert 1.0 <= residual(pressed, state) < np.inf

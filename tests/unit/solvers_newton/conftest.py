@@ -33,7 +33,7 @@ PERFECT = StepConductivity(np.inf)
 @final
 @dataclass(frozen=True)
 class Growing(ConductivityLaw):
-    """kappa (|p| / pressure)^exponent: no jump, one solution."""
+    """kappa (|p| / pressure)^exponent: no jump, and a unique solution."""
 
     kappa: float
     pressure: float
@@ -55,13 +55,14 @@ def matrixless() -> Callable[[DenseSystem], ReducedSystem]:
 
 @pytest.fixture(scope="session")
 def sphere() -> Callable[..., ContactProblem]:
-    """Maker of sphere problems; kappa: electric and magnetic, in units of the inverse own response of a node."""
+    """Return a function that creates sphere problems; `kappa` is electric and magnetic, relative to the inverse
+    nodal compliance."""
 
     def make(material: str, law: ContactLaw, kappa: tuple[float, float] = (0.0, 0.0), **options: Any) -> ContactProblem:
         medium = MATERIALS[material]
         plain = SphereCase(medium, law, Insulating(), Insulating(), **options)
-        own = np.abs(np.diag(plain.problem().system.diagonal_blocks()[0]))[3:]
-        laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, own, strict=True)]
+        compliance = np.abs(np.diag(plain.problem().system.diagonal_blocks()[0]))[3:]
+        laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, compliance, strict=True)]
         return SphereCase(medium, law, *laws, **options).problem()
 
     return make
@@ -69,8 +70,8 @@ def sphere() -> Callable[..., ContactProblem]:
 
 @pytest.fixture(scope="session")
 def conducting() -> Callable[..., ContactProblem]:
-    """Maker of problems of a sphere pressed on n x n nodes without a matrix; contact: radius [widths] of the overlap;
-    dragged: translation [m]."""
+    """Return a function that creates problems of a sphere on n x n nodes without a matrix; `contact` is the radius
+    [widths] of the overlap, `dragged` the translation [m]."""
 
     def make(
         n: int,
@@ -92,7 +93,8 @@ def conducting() -> Callable[..., ContactProblem]:
 
 @pytest.fixture(scope="session")
 def at() -> Callable[[ContactProblem, Array, Array], ResidualState]:
-    """The equation at a load and closed fractions, nodes in between biactive."""
+    """Return a function that evaluates the contact residual at a load and contact fractions; intermediate nodes are
+    biactive."""
 
     def make(problem: ContactProblem, load: Array, contact_fraction: Array) -> ResidualState:
         return ContactResidual.of(problem).at(
@@ -104,7 +106,7 @@ def at() -> Callable[[ContactProblem, Array, Array], ResidualState]:
 
 @pytest.fixture(scope="session")
 def at_solution(at: Callable[..., ResidualState]) -> Callable[[ContactProblem], ResidualState]:
-    """The equation at the solution, nodes in between biactive."""
+    """Return a function that evaluates the contact residual at the solution; intermediate nodes are biactive."""
 
     def make(problem: ContactProblem) -> ResidualState:
         solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-11))

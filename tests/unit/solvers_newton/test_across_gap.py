@@ -1,4 +1,4 @@
-"""Conductivities that follow the gap and the drop: linearisation against differences, solvers against each other."""
+"""Conductivities that depend on gap and drop: the linearisation agrees with differences, and solvers agree."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, final
@@ -23,9 +23,9 @@ CELLS = 8
 @final
 @dataclass(frozen=True)
 class Plates(ConductivityLaw):
-    """kappa / (1 + gap / distance) (1 + (drop / strength)^2), and more under pressure; smooth, of both kinds of slope.
+    """kappa / (1 + gap / distance) (1 + (drop / strength)^2), smooth with slopes of both signs.
 
-    pressed: (kappa (|p| / pressure)^0.5 besides) or 0.
+    `pressed` adds (kappa (|p| / pressure)^0.5) or 0.
     """
 
     across_gap: ClassVar[bool] = True
@@ -44,14 +44,15 @@ class Plates(ConductivityLaw):
 
 @pytest.fixture
 def across(sphere):
-    """Maker of sphere problems; kappa: of the closed gap, strength: of the field, in characteristic units."""
+    """Return a function that creates sphere problems; `kappa` of the closed gap and field `strength` are in
+    characteristic units."""
 
     def make(law, kappa: float, strength: float, pressed: float = 1.0, **options) -> ContactProblem:
         problem = sphere("orthotropic", law, (1.0, 1.0), cells=CELLS, potentials=(2e4, -15.0), **options)
-        own, scales = potential_diagonal(problem)[0], ContactResidual.of(problem).scales
+        compliance, scales = potential_diagonal(problem)[0], ContactResidual.of(problem).scales
         laws = [
             Plates(kappa / o, 0.1 * scales.displacement[2], strength * s, pressed * kappa / o, scales.pressure)
-            for o, s in zip(own, scales.displacement[3:], strict=True)
+            for o, s in zip(compliance, scales.displacement[3:], strict=True)
         ]
         return replace(problem, channels=flux_channels(laws[0], laws[1]))
 
@@ -61,11 +62,11 @@ def across(sphere):
 @pytest.mark.parametrize("biactive", [False, True])
 @pytest.mark.parametrize("kappa", [0.3, 100.0])
 def test_linearisation_is_the_derivative_of_the_residual(across, kappa, biactive) -> None:
-    """Nodes apart, in contact and with half-closed conduction; along random loads, row by row."""
+    """Nodes are open, in contact and partially conducting; directions are random loads, equation by equation."""
     problem = across(IsotropicCoulomb(0.3), kappa, 0.5)
     equation = ContactResidual.of(problem)
     n = len(problem.gap)
-    # loads small enough for some nodes to stay apart
+    # loads small enough that some nodes remain open
     load = 0.2 * equation.scales.load * RANDOM.normal(size=(n, 5))
     load[:, 2] = -np.abs(load[:, 2]) * np.where(problem.gap < 0.0, 1.0, 0.01)
     mask = np.zeros(n, bool)
@@ -85,7 +86,7 @@ def test_linearisation_is_the_derivative_of_the_residual(across, kappa, biactive
     blocks = here.linearise()
     moved = problem.system.apply(step[:, :5])
     got = (np.einsum("nij,nj->ni", blocks.a.dense(6), step) + np.einsum("nij,nj->ni", blocks.b.dense(5), moved))[:, 3:5]
-    # at a zero gap the conductivity has a kink, and where the trial changes sign the closed fraction jumps
+    # the conductivity has a kink at zero gap, and the contact fraction jumps where the trial changes sign
     smooth = (opened * forward.relative_displacement[:, 2] > 0.0) & (
         opened * backward.relative_displacement[:, 2] > 0.0
     )
@@ -94,21 +95,21 @@ def test_linearisation_is_the_derivative_of_the_residual(across, kappa, biactive
     np.testing.assert_allclose(got[smooth], expected[smooth], atol=1e-5 * np.abs(expected).max())
 
 
-def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> None:
-    """A law whose field is felt at a millionth of the characteristic potential: differences have to be that fine."""
+def test_slopes_are_resolved_for_small_drops(across) -> None:
+    """The law varies on a millionth of the characteristic potential, so finite differences need that resolution."""
     problem = across(Signorini(), 1.0, 1e-6)
     equation = ContactResidual.of(problem)
     law, n = problem.law_of("electric"), len(problem.gap)
     gap = law.distance * 10.0 ** RANDOM.uniform(-6.0, 1.0, n)
-    drop, own = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.self_compliance[:, 0]
+    drop, compliance = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.self_compliance[:, 0]
     kappa = law.conductivity(np.zeros(n), gap, drop)
     steeper = kappa + law.kappa / (1.0 + gap / law.distance) * 2.0 * (drop / law.strength) ** 2
     relative_displacement = np.zeros((n, 5))
-    # without its own flux a node has the drop (1 + own kappa) v, of which v is left
-    relative_displacement[:, 2], relative_displacement[:, 3] = gap, (1.0 + own * kappa) * drop
+    # without its flux, a node has the drop (1 + c kappa) v, of which v remains
+    relative_displacement[:, 2], relative_displacement[:, 3] = gap, (1.0 + compliance * kappa) * drop
     by_gap, by_drop = equation.transmissivity.gap_slopes(np.zeros(n), relative_displacement, np.zeros(n))
-    left = 1.0 / (1.0 + own * steeper)
-    change = -own * left / (1.0 + own * kappa)
+    left = 1.0 / (1.0 + compliance * steeper)
+    change = -compliance * left / (1.0 + compliance * kappa)
     np.testing.assert_allclose(by_gap[:, 0], change * kappa / (law.distance + gap), rtol=1e-6)
     np.testing.assert_allclose(
         by_drop[:, 0], (drop / relative_displacement[:, 3] - left) / relative_displacement[:, 3], rtol=1e-6
@@ -118,7 +119,7 @@ def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> N
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("kappa", "strength"), [(0.1, 1.0), (1.0, 0.1), (30.0, 0.3)])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
-def test_solvers_find_the_same(across, law, kappa, strength) -> None:
+def test_solvers_agree(across, law, kappa, strength) -> None:
     problem = across(law, kappa, strength, drag=0.3)
     newton = solve(problem, SemismoothNewton())
     assert newton.status is Status.CONVERGED, newton.message
@@ -129,12 +130,12 @@ def test_solvers_find_the_same(across, law, kappa, strength) -> None:
 
 
 @pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "translation", "potentials")])
+@pytest.mark.parametrize("prescribed", [("approach",), ("potentials",), ("approach", "translation", "potentials")])
 @pytest.mark.parametrize("solver", [SemismoothNewton(), BarzilaiBorwein()], ids=lambda solver: type(solver).__name__)
-def test_prescribed_forces_and_charges(across, solver, given) -> None:
+def test_prescribed_forces_and_charges(across, solver, prescribed) -> None:
     problem = across(IsotropicCoulomb(0.4), 1.0, 0.3, drag=0.3)
     held = solve(problem, SemismoothNewton())
-    free, motion = released(problem, held.state, *given)
+    free, motion = released(problem, held.state, *prescribed)
     solution = balanced_solution(free, solver)
     check_same(solution.state, held.state)
     np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-7)

@@ -1,4 +1,4 @@
-"""A free indenter that slides almost everywhere: a Newton step must not carry it away."""
+"""A Newton step must not move a free indenter away that slides nearly everywhere."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ MU = 0.6
 
 
 def sliding(cells, approach, ratio, translation=0.0):
-    """A sphere on a few cells, free to slide with a share of its normal force; slip from where it is."""
+    """Return a problem of a sphere on a few cells with a tangential force in proportion to its normal force."""
     system = elastic_half_space(2e11, 0.3, 5e-3, cells)
     x, y, _ = system.points.T
     n = len(x)
@@ -42,14 +42,14 @@ def sliding(cells, approach, ratio, translation=0.0):
         (9, 8e-6, 3e-6, 0.95),
     ],
 )
-def test_unloading_at_a_large_share_of_friction(solver, cells, pressed, touching, share):
-    """From a pressed and dragged state to a slight touch of a few nodes, as at the end of unloading."""
+def test_unloading_near_the_friction_limit(solver, cells, pressed, touching, share):
+    """A pressed and dragged state is unloaded to a few nodes in contact."""
     start = solve(sliding(cells, pressed, share * MU), solver).state
     problem = sliding(cells, touching, share * MU)
     solution = solve(problem, solver, StoppingCriteria(max_iterations=20), replace(start, motion=np.zeros(1)))
     assert solution.status is Status.CONVERGED, solution.message
     assert residual(problem, solution.state) <= 1e-9
-    # displacement control at the motion found gives the ratio back
+    # prescribing the computed motion recovers the ratio
     driven = solve(sliding(cells, touching, None, solution.state.motion[0]), solver)
     force = driven.state.load[:, :3].sum(axis=0)
     assert driven.status is Status.CONVERGED
@@ -57,8 +57,8 @@ def test_unloading_at_a_large_share_of_friction(solver, cells, pressed, touching
 
 
 @pytest.mark.parametrize("force", [1.0, 1e-3, 1e-6])
-def test_a_light_touch_from_afar(force):
-    """An indenter that comes from 1 mm to a depth of nanometres."""
+def test_light_contact_from_a_distance(force):
+    """An indenter approaches from 1 mm to a depth of nanometres."""
     system = elastic_half_space(2e11, 0.3, 2e-4, 12)
     x, y, _ = system.points.T
     n = len(x)

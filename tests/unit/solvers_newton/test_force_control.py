@@ -1,4 +1,4 @@
-"""Prescribed resultants in Newton's method and `auto`: motions and potentials of the indenter as unknowns."""
+"""Newton's method and `auto` solve for motions and potentials of the indenter under prescribed resultants."""
 
 from dataclasses import dataclass, replace
 from typing import final
@@ -38,7 +38,8 @@ def name(value) -> str:
 
 
 def modes(system):
-    """Unit motions of an indenter on a flat zone, small rotations about the axes of the frames, unit potentials."""
+    """Return unit motions of an indenter on a flat zone, small rotations about the axes of the frames, and unit
+    potentials."""
     x, y, _ = system.points.T
     mode = dict.fromkeys((*MOTIONS, "electric", "magnetic"))
     axes = {"x": (0, 1.0), "y": (1, 1.0), "press": (2, -1.0), "electric": (3, -1.0), "magnetic": (4, -1.0)}
@@ -52,7 +53,7 @@ def modes(system):
 
 
 def prescribe_resultant(system, key, total):
-    """total: force or moment along the mode, or outward charge or flux."""
+    """Return a prescribed resultant; `total` is a force or moment along the mode, or an outward charge or flux."""
     mode = modes(system)[key]
     sign = -1.0 if key in ("electric", "magnetic") else 1.0
     return PrescribedResultant(mode, sign * system.weights[:, None] * mode, total)
@@ -69,7 +70,7 @@ def freed(problem, **totals):
     )
 
 
-def solved(problem, solver=SOLVERS[0], limits=TIGHT, start=None):
+def solve_problem(problem, solver=SOLVERS[0], limits=TIGHT, start=None):
     solution = solve(problem, solver, limits, start)
     assert solution.status is Status.CONVERGED, f"{name(solver)}: {solution.message}"
     assert residual(problem, solution.state) <= 2.0 * limits.tolerance
@@ -87,18 +88,18 @@ def assert_same(state: ContactState, expected: ContactState):
 @pytest.mark.parametrize("law", LAWS, ids=str)
 @pytest.mark.parametrize("material", ["transverse", "orthotropic"])
 @pytest.mark.parametrize("lift", [0.0, 7e-5])
-def test_resultants_give_the_motions_back(sphere, material, law, lift) -> None:
-    """Also from an indenter above the surface, which nothing touches at first."""
+def test_resultants_recover_the_motions(sphere, material, law, lift) -> None:
+    """The indenter may start above the surface without contact."""
     drag = 0.0 if law == Signorini() else 0.2
     moved = sphere(material, law, cells=10, drag=drag)
-    state = solved(moved).state
+    state = solve_problem(moved).state
     total = {key: total_of(moved, key, state.load) for key in MOTIONS}
     keys = ("press", "roll", "pitch") if law == Signorini() else MOTIONS
     still = replace(moved, gap=moved.gap + lift, translation=0.0 * moved.translation)
     for chosen in (("press",), keys):
         start = moved if len(chosen) == 1 else still
         start = replace(start, gap=still.gap)
-        got = solved(freed(start, **{key: total[key] for key in chosen})).state
+        got = solve_problem(freed(start, **{key: total[key] for key in chosen})).state
         assert_same(got, state)
         expected = {"x": moved.translation[0, 0], "y": moved.translation[0, 1], "press": lift}
         for key, motion in zip(chosen, got.motion, strict=True):
@@ -111,36 +112,36 @@ def test_resultants_give_the_motions_back(sphere, material, law, lift) -> None:
 @pytest.mark.parametrize("kappa", [(1.0, 0.3), (np.inf, 0.5), (np.inf, np.inf)])
 def test_floating_conductors_under_a_force(sphere, solver, kappa) -> None:
     given = sphere("transverse", IsotropicCoulomb(0.3), kappa, cells=10, potentials=(2e3, -3.0))
-    state = solved(given).state
+    state = solve_problem(given).state
     total = {key: total_of(given, key, state.load) for key in ("electric", "magnetic", "press")}
     floating = replace(freed(given, **total), potentials=0.0 * given.potentials, gap=given.gap + 1e-5)
-    got = solved(floating, solver).state
+    got = solve_problem(floating, solver).state
     assert_same(got, state)
     np.testing.assert_allclose(got.motion, [2e3, -3.0, 1e-5], rtol=1e-7)
-    uncharged = solved(freed(given, electric=0.0, magnetic=0.0), solver).state
+    uncharged = solve_problem(freed(given, electric=0.0, magnetic=0.0), solver).state
     charge, flux = resultant(given.system, uncharged.load)[1]
     assert max(abs(charge / total["electric"]), abs(flux / total["magnetic"])) < 1e-9
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 2.0])
 def test_floating_conductor_whose_conductivity_grows_with_pressure(sphere, growing, share) -> None:
-    """It insulates where there is no pressure yet; the charge finds its way nevertheless."""
+    """Initially there is no pressure and hence no conduction, but the charge is reached."""
     problem = sphere("orthotropic", IsotropicCoulomb(0.3), cells=8, potentials=(2e4, 0.0))
-    own = problem.system.diagonal_blocks()[0, 3, 3]
-    problem = problem.with_laws(electric=growing(1.0 / own, 1e7, 1.0))
-    state = solved(problem).state
+    compliance = problem.system.diagonal_blocks()[0, 3, 3]
+    problem = problem.with_laws(electric=growing(1.0 / compliance, 1e7, 1.0))
+    state = solve_problem(problem).state
     charge = share * resultant(problem.system, state.load)[1][0]
-    solution = solved(freed(problem, electric=charge))
-    found = replace(problem, potentials=problem.potentials + np.append(solution.state.motion, 0.0))
-    assert_same(solution.state, solved(found).state)
+    solution = solve_problem(freed(problem, electric=charge))
+    computed = replace(problem, potentials=problem.potentials + np.append(solution.state.motion, 0.0))
+    assert_same(solution.state, solve_problem(computed).state)
     if share == 1.0:
         assert abs(solution.state.motion[0]) < 1e-6 * 2e4
 
 
-def test_where_nothing_conducts_the_potential_stays(sphere) -> None:
+def test_floating_potential_is_unchanged_without_conduction(sphere) -> None:
     problem = sphere("transverse", IsotropicCoulomb(0.3), cells=8)
     for solver in SOLVERS:
-        solution = solved(freed(problem, electric=0.0, magnetic=0.0), solver)
+        solution = solve_problem(freed(problem, electric=0.0, magnetic=0.0), solver)
         np.testing.assert_array_equal(solution.state.motion, 0.0)
         failed = solve(freed(problem, electric=1e-6), solver)
         assert failed.status is not Status.CONVERGED
@@ -150,18 +151,18 @@ def test_where_nothing_conducts_the_potential_stays(sphere) -> None:
 @pytest.mark.full(except_for=5)
 @pytest.mark.parametrize("share", [0.5, 0.99, 0.9999])
 @pytest.mark.parametrize("law", [IsotropicCoulomb(0.6), IsotropicCoulomb(5.0)], ids=str)
-def test_force_up_to_the_limit_of_friction(sphere, law, share) -> None:
+def test_force_up_to_the_friction_limit(sphere, law, share) -> None:
     problem = sphere("transverse", law, cells=12, drag=0.0)
     press = 2e4
     totals = {"press": press, "x": share * law.mu * press, "y": 0.0}
-    state = solved(freed(problem, **totals)).state
-    found = np.abs(problem.system.weights @ state.load[:, :3])
-    np.testing.assert_allclose(found, [totals["x"], 0.0, press], rtol=1e-7, atol=1e-7 * press)
+    state = solve_problem(freed(problem, **totals)).state
+    computed = np.abs(problem.system.weights @ state.load[:, :3])
+    np.testing.assert_allclose(computed, [totals["x"], 0.0, press], rtol=1e-7, atol=1e-7 * press)
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
-def test_forces_beyond_the_limit_of_friction_are_named(sphere, solver) -> None:
+def test_forces_above_the_friction_limit_are_reported(sphere, solver) -> None:
     problem = sphere("transverse", IsotropicCoulomb(0.6), cells=6, drag=0.0)
     for totals in ({"press": 2e4, "x": 0.65 * 2e4}, {"press": -1.0}):
         solution = solve(freed(problem, **totals), solver)
@@ -172,8 +173,8 @@ def test_forces_beyond_the_limit_of_friction_are_named(sphere, solver) -> None:
 
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("share", [0.5, 0.95, 1.2])
-def test_tangential_force_in_proportion_to_the_normal_one(sphere, share) -> None:
-    """At given approach, F_x = share mu P: the resultants add up to zero."""
+def test_tangential_force_proportional_to_normal_force(sphere, share) -> None:
+    """At prescribed approach, F_x = share mu P, so the resultants add up to zero."""
     problem = sphere("transverse", IsotropicCoulomb(0.6), cells=10, drag=0.0)
     mode, ratio = modes(problem.system), share * 0.6
     weights = problem.system.weights[:, None]
@@ -184,18 +185,18 @@ def test_tangential_force_in_proportion_to_the_normal_one(sphere, share) -> None
     if share > 1.0:
         assert "no pressure and friction" in solve(problem, SemismoothNewton()).message
         return
-    load = solved(problem).state.load
+    load = solve_problem(problem).state.load
     assert total_of(problem, "x", load) == pytest.approx(ratio * total_of(problem, "press", load), rel=1e-9)
 
 
 def test_eccentric_force_tilts_a_flat_punch() -> None:
-    """In full contact without friction: linear equations for pressures, depth and tilt."""
+    """Full contact without friction gives linear equations for pressures, depth and tilt."""
     system = half_space_system(XI, 4e-3, 8)
     problem = indentation_problem(system, np.zeros(64), 0.0)
     x = system.points[:, 0]
     press, eccentricity = 1e3, 3e-4
     loaded = freed(problem, press=press, roll=0.0, pitch=press * eccentricity)
-    solution = solved(loaded)
+    solution = solve_problem(loaded)
     assert (solution.state.load[:, 2] < 0.0).all()
     rows = np.stack([free.mode[:, 2] for free in loaded.prescribed_resultants])
     matrix = np.block([[problem.system.matrix[:, 2, :, 2], -rows.T], [rows * system.weights, np.zeros((3, 3))]])
@@ -211,59 +212,59 @@ def test_eccentric_force_tilts_a_flat_punch() -> None:
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
-def test_hertz_at_a_given_force_with_a_charged_conductor(solver) -> None:
-    """Force, charge and magnetic flux of given approach and potentials; here the other way round."""
+def test_hertz_at_prescribed_force_with_charged_conductor(solver) -> None:
+    """Force, charge and magnetic flux recover the approach and potentials from which they were computed."""
     exact = indent(XI, Sphere(RADIUS), APPROACH, 1e4, -10.0)
     system = half_space_system(XI, 5e-3, 24)
     height = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / (2.0 * RADIUS)
     problem = indentation_problem(system, height, 0.0, Signorini(), (np.inf, np.inf))
     totals = {"press": exact.force, "electric": exact.charge, "magnetic": exact.magnetic_flux}
-    solution = solved(freed(problem, **totals), solver)
+    solution = solve_problem(freed(problem, **totals), solver)
     approach, electric, magnetic = solution.state.motion
     assert approach == pytest.approx(APPROACH, rel=2e-3)
     assert electric == pytest.approx(1e4, rel=0.03)
     assert magnetic == pytest.approx(-10.0, rel=0.03)
 
 
-def test_systems_without_a_matrix(sphere, matrixless) -> None:
+def test_matrix_free_systems(sphere, matrixless) -> None:
     problem = sphere("orthotropic", IsotropicCoulomb(0.5), (1.0, np.inf), cells=8, drag=0.0)
     totals = dict.fromkeys(MOTIONS, 0.0) | {"press": 1e4, "x": 3e3, "twist": 1.0, "pitch": 2.0, "electric": 1e-6}
-    expected = solved(freed(problem, **totals)).state
-    got = solved(freed(replace(problem, system=matrixless(problem.system)), **totals)).state
+    expected = solve_problem(freed(problem, **totals)).state
+    got = solve_problem(freed(replace(problem, system=matrixless(problem.system)), **totals)).state
     assert_same(got, expected)
     np.testing.assert_allclose(got.motion, expected.motion, rtol=1e-6, atol=1e-12)
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
-def test_units_change_nothing(sphere, scale) -> None:
+def test_solutions_do_not_depend_on_units(sphere, scale) -> None:
     problem = sphere("orthotropic", IsotropicCoulomb(0.5), (1.0, np.inf), cells=8, drag=0.0)
     problem = freed(problem, press=1e4, x=3e3, pitch=2.0, electric=1e-6)
-    reference = solved(problem)
+    reference = solve_problem(problem)
     for displacement, load in ((scale, 1.0), (1.0, scale), (scale, 1.0 / scale)):
         displacements = displacement * np.array([1.0, 1.0, 1.0, scale, 1.0])
         loads = load * np.array([1.0, 1.0, 1.0, 1.0 / scale, 1.0])
-        other = solved(rescaled(problem, displacements, loads))
+        other = solve_problem(rescaled(problem, displacements, loads))
         assert abs(other.iterations - reference.iterations) <= 1
         np.testing.assert_allclose(other.state.motion, reference.state.motion, rtol=1e-7, atol=1e-14)
 
 
-def test_converged_state_is_taken_up_and_unloaded(sphere) -> None:
+def test_start_from_converged_state_and_unloading(sphere) -> None:
     problem = sphere("transverse", IsotropicCoulomb(0.5), cells=8, drag=0.0)
     loaded = freed(problem, press=2e4, x=3e3)
-    state = solved(loaded).state
+    state = solve_problem(loaded).state
     assert solve(loaded, SemismoothNewton(), start=state).iterations == 0
     for share in (1.5, 0.5):
         onward = freed(problem, press=share * 2e4, x=share * 3e3)
-        assert_same(solved(onward, start=state).state, solved(onward).state)
-    apart = solve(freed(problem, press=0.0), SemismoothNewton(), start=replace(state, motion=state.motion[:1]))
-    assert apart.status is Status.CONVERGED
-    assert np.abs(apart.state.load[:, :3]).max() <= 1e-10 * np.abs(state.load).max()
+        assert_same(solve_problem(onward, start=state).state, solve_problem(onward).state)
+    separated = solve(freed(problem, press=0.0), SemismoothNewton(), start=replace(state, motion=state.motion[:1]))
+    assert separated.status is Status.CONVERGED
+    assert np.abs(separated.state.load[:, :3]).max() <= 1e-10 * np.abs(state.load).max()
 
 
 @final
 @dataclass(frozen=True)
 class Motionless(Solver):
-    """Knows nothing of free motions."""
+    """A solver that does not support free motions."""
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         return Iterate(np.zeros_like(problem.system.offset), np.zeros(len(problem.gap)))
@@ -272,7 +273,7 @@ class Motionless(Solver):
         return iterate
 
 
-def test_solvers_that_find_no_motion_are_refused(sphere) -> None:
+def test_solvers_without_free_motions_are_rejected(sphere) -> None:
     problem = freed(sphere("transverse", Signorini(), cells=8), press=1e3, electric=0.0)
     with pytest.raises(CaseError, match=r"found 0 of the 2 motions.*auto"):
         solve(problem, Motionless())

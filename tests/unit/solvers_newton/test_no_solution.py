@@ -1,4 +1,5 @@
-"""Full stick jumps at zero pressure: on nine nodes all 512 ways to open and close them show what there is to find."""
+"""Full stick jumps at zero pressure: on nine nodes, all 512 combinations of open and closed nodes give all
+solutions."""
 
 from itertools import product
 
@@ -26,26 +27,26 @@ def name(solver: Solver) -> str:
 
 
 def solutions(problem: ContactProblem) -> list[Array]:
-    """Tractions (n, 3) of all solutions under full stick, insulated: closed nodes stick and press, open ones do not
-    overlap, whether they are biactive or not."""
+    """Return the tractions (n, 3) of all solutions under full stick and insulation: closed nodes stick under
+    pressure, open nodes do not overlap; both include biactive nodes."""
     n = len(problem.gap)
     matrix = problem.system.matrix[:, :3, :, :3].reshape(3 * n, 3 * n)
     target = np.column_stack([problem.translation, problem.gap]).ravel()
-    found = []
+    computed = []
     for contact_fraction in map(np.array, product([False, True], repeat=n)):
         rows, traction = np.repeat(contact_fraction, 3), np.zeros(3 * n)
         traction[rows] = np.linalg.solve(matrix[np.ix_(rows, rows)], target[rows])
         gap = problem.gap - (matrix @ traction)[2::3]
         if (traction[2::3][contact_fraction] < 0.0).all() and (gap[~contact_fraction] >= 0.0).all():
-            found.append(traction.reshape(n, 3))
-    return found
+            computed.append(traction.reshape(n, 3))
+    return computed
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @pytest.mark.parametrize(("material", "drag"), [("transverse", 7.5), ("orthotropic", 5.0)])
-def test_where_no_solution_exists_nobody_says_converged(sphere, solver, material, drag) -> None:
-    """Insulated contact, dragged by several approaches: some node is pulled if it sticks and overlaps if it opens."""
+def test_no_solver_converges_without_a_solution(sphere, solver, material, drag) -> None:
+    """The translation is several approaches: some node is in tension if it sticks and overlaps if it opens."""
     problem = sphere(material, STICK, drag=drag, cells=3)
     assert not solutions(problem)
     solution = solve(problem, solver, limits(solver))
@@ -55,8 +56,8 @@ def test_where_no_solution_exists_nobody_says_converged(sphere, solver, material
 
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @pytest.mark.parametrize(("material", "drag"), [("transverse", 2.0), ("orthotropic", 1.0)])
-def test_where_a_single_solution_exists_everybody_finds_it(sphere, solver, material, drag) -> None:
-    """The same, dragged less far."""
+def test_all_solvers_find_a_unique_solution(sphere, solver, material, drag) -> None:
+    """The translation is smaller than in the previous test."""
     problem = sphere(material, STICK, drag=drag, cells=3)
     (expected,) = solutions(problem)
     solution = solve(problem, solver, limits(solver))
@@ -66,7 +67,7 @@ def test_where_a_single_solution_exists_everybody_finds_it(sphere, solver, mater
 
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @pytest.mark.parametrize(("material", "drag"), [("transverse", 7.5), ("orthotropic", 5.0)])
-def test_friction_that_is_finite_is_the_way_out(sphere, solver, material, drag) -> None:
+def test_finite_friction_has_a_solution(sphere, solver, material, drag) -> None:
     problem = sphere(material, IsotropicCoulomb(5.0), drag=drag, cells=3)
     solution = solve(problem, solver, limits(solver))
     assert solution.status is Status.CONVERGED, solution.message

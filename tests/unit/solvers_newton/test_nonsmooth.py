@@ -1,4 +1,4 @@
-"""The linearisation against differences of the residual; Newton steps with and without a matrix."""
+"""The linearisation agrees with differences of the residual; Newton steps agree with and without a matrix."""
 
 import math
 from dataclasses import replace
@@ -35,7 +35,8 @@ def test_tangent_without_an_indenter_above_is_zero() -> None:
 
 
 def test_tangent_in_principal_axes() -> None:
-    """Homogeneous of degree one: P'(t) t = P(t) (Euler); slip does not depend on the trial's size along itself."""
+    """The projection is homogeneous of degree one, so P'(t) t = P(t) (Euler); slip does not depend on the magnitude
+    of the trial."""
     law = OrthotropicCoulomb(0.1, 0.7, 0.4)
     trial = RANDOM.normal(size=(50, 3))
     np.testing.assert_allclose((law.tangent(trial) @ trial[:, :, None])[:, :, 0], law.project(trial), atol=1e-9)
@@ -45,15 +46,16 @@ def test_tangent_in_principal_axes() -> None:
 def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, biactive) -> None:
     problem = sphere("orthotropic", OrthotropicCoulomb(0.1, 0.5, 0.3), (0.5, 2.0), cells=8)
     equation = ContactResidual.of(problem)
-    pressure, own = equation.scales.pressure, equation.self_compliance[0]
-    problem = problem.with_laws(electric=growing(1.0 / own[0], pressure, 0.5))
+    pressure, compliance = equation.scales.pressure, equation.self_compliance[0]
+    problem = problem.with_laws(electric=growing(1.0 / compliance[0], pressure, 0.5))
     equation = ContactResidual.of(problem)
     n = len(problem.gap)
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
     load[:, 2] = -np.abs(load[:, 2])
     contact_fraction, mask = np.full(n, 0.5), np.zeros(n, bool)
     if biactive:
-        # where the trial is far from zero the row of the closed fraction is clipped: only the flux rows see c
+        # where the trial is far from zero the equation of the contact fraction is clipped: only the flux
+        # equations depend on it
         mask[::3] = True
     here = equation.at(load, contact_fraction, mask, AT_REST)
     step = np.column_stack(
@@ -65,7 +67,7 @@ def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, biacti
         for h in (width, -width)
     )
     between = mask & (here.switch > 0.0) & (here.switch < 1.0)
-    # a node between open and closed is written otherwise, see Point.linearise; the others must match, kinks apart
+    # an intermediate node is written differently, see ResidualState.linearise; the others must match, except at kinks
     smooth = ~between & (np.sign(forward.trial[:, 2]) == np.sign(backward.trial[:, 2]))
     assert smooth.sum() > n // 2
     expected = (forward.residual - backward.residual) / (2.0 * width)
@@ -75,7 +77,7 @@ def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, biacti
     np.testing.assert_allclose(got[smooth, rows], expected[smooth, rows], atol=2e-5 * np.abs(expected).max())
 
 
-def test_a_biactive_node_has_zero_traction_and_zero_gap(sphere) -> None:
+def test_biactive_node_has_zero_traction_and_zero_gap(sphere) -> None:
     problem = sphere("orthotropic", Signorini(), (0.0, 1.0), cells=8)
     equation = ContactResidual.of(problem)
     point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool), AT_REST)
@@ -95,7 +97,7 @@ def test_a_biactive_node_has_zero_traction_and_zero_gap(sphere) -> None:
 
 
 @pytest.mark.parametrize("kappa", [(0.0, 0.0), (np.inf, 0.3)])
-def test_newton_steps_do_not_depend_on_how_they_are_solved(sphere, matrixless, kappa) -> None:
+def test_newton_steps_agree_with_and_without_matrix(sphere, matrixless, kappa) -> None:
     problem = sphere("orthotropic", IsotropicCoulomb(0.6), kappa, cells=8)
     hidden = replace(problem, system=matrixless(problem.system))
     dense, krylov = ContactResidual.of(problem), ContactResidual.of(hidden)
@@ -113,7 +115,7 @@ def test_newton_steps_do_not_depend_on_how_they_are_solved(sphere, matrixless, k
 
 @pytest.mark.parametrize("hidden", [False, True])
 def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> None:
-    """The whole bordered system by differences of the residual: the step is that of plain Newton's method on it."""
+    """The bordered system is computed by differences of the residual: the step is that of Newton's method for it."""
     problem = sphere("orthotropic", IsotropicCoulomb(0.5), (1.0, np.inf), cells=6)
     n, weights = 36, problem.system.weights[:, None]
     modes = [np.tile(mode, (n, 1)) for mode in np.diag([1.0, 1.0, -1.0, -1.0, 1.0])[[0, 2, 3]]]
@@ -147,15 +149,15 @@ def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> N
 
 
 def test_effect_of_the_contact_fraction_on_the_trial_of_a_node(sphere) -> None:
-    """Perfect conductors in both fields: a node that opens loses its flux, and the surface moves as the matrix says."""
+    """If a node opens between perfect conductors, its flux vanishes and the surface moves according to the matrix."""
     problem = sphere("orthotropic", Signorini(), (math.inf, math.inf), cells=8)
     equation = ContactResidual.of(problem)
     n, node = len(problem.gap), 27
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
     contact_fraction, open_ = (equation.at(load, np.full(n, c), np.ones(n, bool), AT_REST) for c in (1.0, 0.0))
-    own = np.diagonal(problem.system.diagonal_blocks()[node])[3:]
-    # the fluxes with which its rows say the same as before, open and closed
-    flux = (open_.residual - contact_fraction.residual)[node, 3:5] * equation.scales.displacement[3:] / own
+    compliance = np.diagonal(problem.system.diagonal_blocks()[node])[3:]
+    # the fluxes for which its equations hold as before, open and closed
+    flux = (open_.residual - contact_fraction.residual)[node, 3:5] * equation.scales.displacement[3:] / compliance
     moved = load.copy()
     moved[node, 3:] += flux
     raised = equation.at(moved, np.ones(n), np.ones(n, bool), AT_REST).trial - contact_fraction.trial

@@ -1,4 +1,4 @@
-"""The preconditioner of Newton's equations, where it ought to be their inverse."""
+"""The preconditioner of Newton's equations is exact in special cases."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ RANDOM = np.random.default_rng(8)
 @final
 @dataclass(frozen=True, eq=False)
 class Springs(ReducedSystem):
-    """Each node moves by its own load alone. compliance: (5, 5)."""
+    """Uncoupled nodes with compliance (5, 5)."""
 
     compliance: Array
 
@@ -43,8 +43,8 @@ class Springs(ReducedSystem):
         return lambda displacement: np.linalg.solve(self.compliance[np.ix_(fields, fields)], displacement.T).T
 
 
-def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
-    """Stick, slip far and hardly at all, and no contact, conducting."""
+def test_preconditioner_is_exact_for_uncoupled_nodes() -> None:
+    """Nodes stick, slip far, slip slightly, or are open, and conduct."""
     none, kind = np.zeros((N, 5)), np.arange(N) % 4
     points, frames = RANDOM.random((N, 3)), np.tile(np.eye(3), (N, 1, 1))
     system = Springs(points, frames, np.ones(N), (), none, np.diag([3.0, 3.0, 2.0, 5.0, 7.0]))
@@ -61,8 +61,8 @@ def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
     np.testing.assert_allclose(precondition(multiply(unknowns.ravel())), unknowns.ravel(), atol=1e-12)
 
 
-def test_inverse_where_nodes_are_all_but_closed() -> None:
-    """Their gap follows from the closed fraction alone: it conducts, and flux moves them."""
+def test_preconditioner_of_nearly_closed_nodes() -> None:
+    """The gap depends on the contact fraction only: the node conducts, and flux displaces it."""
     none, biactive = np.zeros((N, 5)), np.arange(N) % 3 == 0
     compliance = np.diag([3.0, 3.0, 2.0, 5.0, 7.0])
     compliance[2, 3:], compliance[3:, 2] = [0.5, 0.3], [-0.5, -0.3]

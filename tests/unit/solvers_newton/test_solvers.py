@@ -1,4 +1,4 @@
-"""All solvers on the same problems: agreement, cost, invariance, honesty."""
+"""All solvers agree on the same problems; cost, invariance and status are as documented."""
 
 from dataclasses import replace
 
@@ -47,8 +47,8 @@ def force(problem, solver, start=None):
 
 
 def assert_agree(problem, solvers, tolerance=1e-8):
-    """Forces as of Uzawa's method. With a law that jumps, a node at the edge may have two states, pressed while it
-    conducts and open while it does not, which are both solutions: from nearby all solvers must then find this one."""
+    """Assert that forces agree with those of Uzawa's method. Under a law that jumps, a node at the edge may have two
+    states that are both solutions; from a nearby start, all solvers must then find the same one."""
     reference, solution = force(problem, Uzawa())
     state = solution.state
     for solver in solvers:
@@ -94,11 +94,11 @@ def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.6)], ids=str)
 def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, law, exponent) -> None:
     problem = sphere("orthotropic", law, cells=8)
-    own = np.abs(np.diag(problem.system.diagonal_blocks()[0]))[3:]
-    electric, magnetic = (growing(1.0 / o, 1e7, exponent) for o in own)
+    compliance = np.abs(np.diag(problem.system.diagonal_blocks()[0]))[3:]
+    electric, magnetic = (growing(1.0 / o, 1e7, exponent) for o in compliance)
     problem = replace(problem, channels=flux_channels(electric, magnetic))
     _, newton = force(problem, SemismoothNewton())
-    conductance = contact_conductivity(electric, newton.state.load[:, 2]) * own[0]
+    conductance = contact_conductivity(electric, newton.state.load[:, 2]) * compliance[0]
     assert 0.1 < conductance.max() < 100.0
     expected, _ = force(problem, Uzawa())
     for solver in FRICTIONAL:
@@ -109,7 +109,7 @@ def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, l
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3)], ids=str)
 def test_every_solver_finds_the_biactive_nodes(sphere, law) -> None:
-    """A case whose edge nodes would open and close for ever: some end between, and all solvers find the same."""
+    """Edge nodes would open and close for ever; some are biactive, and all solvers agree."""
     problem = sphere("orthotropic", law, (0.0, 0.209))
     x, y, _ = problem.system.points.T
     gap = ((x - 2.2e-4) ** 2 + (y + 1.1e-4) ** 2) / 0.2 - 4.1e-5
@@ -124,8 +124,8 @@ def test_every_solver_finds_the_biactive_nodes(sphere, law) -> None:
 @pytest.mark.full(except_for=8)
 @pytest.mark.parametrize("solver", ALL, ids=name)
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
-def test_units_change_nothing(sphere, solver, scale) -> None:
-    """Lengths, stresses and potentials in other units; fluxes so that work keeps its unit."""
+def test_solutions_do_not_depend_on_units(sphere, solver, scale) -> None:
+    """Lengths, stresses and potentials are in other units, and fluxes such that work is unchanged."""
     law, kappa = CG if solver == ProjectedCG() else (IsotropicCoulomb(0.6), (0.3, np.inf))
     problem = sphere("orthotropic", law, kappa, cells=8)
     expected, reference = force(problem, solver)
@@ -152,7 +152,7 @@ def test_units_change_nothing(sphere, solver, scale) -> None:
         )
         got, solution = force(other, solver)
         np.testing.assert_allclose(got / (stress * length**2), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
-        # round-off may decide on one look of the driver more or less
+        # round-off may change the number of evaluations by one
         assert abs(solution.iterations - reference.iterations) <= (
             1 if solver.check_interval == 1 else solver.check_interval
         )
@@ -160,7 +160,7 @@ def test_units_change_nothing(sphere, solver, scale) -> None:
 
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("solver", ALL, ids=name)
-def test_no_matrix_is_needed(sphere, matrixless, solver) -> None:
+def test_matrix_free_systems(sphere, matrixless, solver) -> None:
     law, kappa = CG if solver == ProjectedCG() else (IsotropicCoulomb(0.6), (np.inf, 0.3))
     problem = sphere("orthotropic", law, kappa, cells=8)
     expected, _ = force(problem, solver)
@@ -170,13 +170,13 @@ def test_no_matrix_is_needed(sphere, matrixless, solver) -> None:
 
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("solver", ALL, ids=name)
-def test_converged_state_is_taken_up(sphere, solver) -> None:
+def test_start_from_converged_state(sphere, solver) -> None:
     law, kappa = CG if solver == ProjectedCG() else (IsotropicCoulomb(0.6), (0.3, 0.0))
     problem = sphere("orthotropic", law, kappa, cells=8)
     _, solution = force(problem, solver)
     again = solve(problem, solver, start=solution.state)
     assert (again.status, again.iterations) == (Status.CONVERGED, 0)
-    # and a further load step leads where one from zero does
+    # a further load step gives the same solution as a start from zero
     deeper = replace(problem, gap=problem.gap - 5e-6)
     expected, _ = force(deeper, solver)
     onward = solve(deeper, solver, start=solution.state)
@@ -187,51 +187,52 @@ def test_converged_state_is_taken_up(sphere, solver) -> None:
 
 def test_no_contact_converges_at_once(sphere) -> None:
     problem = sphere("orthotropic", Signorini(), cells=8)
-    apart = replace(problem, gap=problem.gap + 1e-4)
+    separated = replace(problem, gap=problem.gap + 1e-4)
     for solver in ALL:
-        _, solution = force(apart, solver)
+        _, solution = force(separated, solver)
         assert not solution.state.load.any(), name(solver)
 
 
-def test_conjugate_gradients_where_there_is_no_indenter(sphere) -> None:
+def test_conjugate_gradients_without_indenter_above_nodes(sphere) -> None:
     problem = sphere("orthotropic", Signorini(), cells=8)
     hole = np.hypot(*problem.system.points[:, :2].T) < 1e-3
     assert_agree(replace(problem, gap=np.where(hole, np.inf, problem.gap)), ALL)
 
 
-def test_conjugate_gradients_refuse_conduction(sphere) -> None:
+def test_conjugate_gradients_reject_conduction(sphere) -> None:
     with pytest.raises(CaseError, match=r"projected-cg.*insulating contact only.*newton"):
         ProjectedCG().init(sphere("transverse", Signorini(), (0.0, 1.0), cells=8), None)
 
 
 @pytest.mark.parametrize("law", [IsotropicCoulomb(0.1), OrthotropicCoulomb(0.0, 0.2)], ids=str)
-def test_conjugate_gradients_refuse_friction(sphere, law) -> None:
+def test_conjugate_gradients_reject_friction(sphere, law) -> None:
     with pytest.raises(CaseError, match=r"projected-cg.*frictionless.*Coulomb.*newton"):
         ProjectedCG().init(sphere("transverse", law, cells=8), None)
 
 
-def test_conjugate_gradients_take_friction_coefficients_of_zero(sphere) -> None:
+def test_conjugate_gradients_accept_zero_friction(sphere) -> None:
     expected, _ = force(sphere("transverse", Signorini(), cells=8), ProjectedCG())
     got, _ = force(sphere("transverse", IsotropicCoulomb(0.0), cells=8), ProjectedCG())
     np.testing.assert_allclose(got, expected, rtol=1e-10)
 
 
-def test_conjugate_gradients_bear_an_asymmetric_compliance(sphere) -> None:
-    """As collocation makes them."""
+def test_conjugate_gradients_with_asymmetric_compliance(sphere) -> None:
+    """Collocation gives slightly asymmetric compliances."""
     problem = sphere("transverse", Signorini())
     noise = np.random.default_rng(0).normal(size=problem.system.matrix.shape)
     system = replace(problem.system, matrix=problem.system.matrix * (1.0 + 0.02 * noise))
     assert_agree(replace(problem, system=system), [ProjectedCG()])
 
 
-def test_auto_leaves_a_state_that_is_nearly_a_solution() -> None:
-    """Newton's method keeps coming back to a node that all but closes (residual 3e-5), and Uzawa's stays there."""
+def test_auto_escapes_a_nearly_converged_state() -> None:
+    """Newton's method keeps returning to a node that is nearly closed (residual 3e-5), and Uzawa's method stays
+    there."""
     law, potentials = OrthotropicCoulomb(5.0, 5.0, 2.7496612910953973), (6803.1263585648885, 38.07439080011234)
     plain = SphereCase(
         library_material("orthotropic-mee"), law, Insulating(), Insulating(), 10, 5.0, 2.3841492026488798
     )
-    own = potential_diagonal(plain.problem())[0, 1]
-    magnetic = StepConductivity(float(0.0003501238946480535 / own))
+    compliance = potential_diagonal(plain.problem())[0, 1]
+    magnetic = StepConductivity(float(0.0003501238946480535 / compliance))
     dragged = replace(plain, electric=StepConductivity(np.inf), magnetic=magnetic, potentials=potentials).problem()
     expected = solve(dragged, Nesterov())
     assert expected.status is Status.CONVERGED
@@ -248,16 +249,16 @@ def test_conformance(solver) -> None:
 
 
 @pytest.mark.parametrize("solver", ALL, ids=name)
-def test_foreign_iterates_are_refused(sphere, solver) -> None:
+def test_iterates_of_other_solvers_are_rejected(sphere, solver) -> None:
     problem = sphere("transverse", Signorini(), cells=8)
     with pytest.raises(TypeError, match="was not made by"):
         solver.step(problem, Iterate(np.zeros((64, 5)), np.zeros(64)))
 
 
-def test_nothing_is_touched_whatever_ends_the_iteration(sphere) -> None:
-    """Newton's method is asked for a step though no law is violated."""
+def test_solution_without_contact_for_every_criterion(sphere) -> None:
+    """Newton's method must make a step although no law is violated."""
     problem = sphere("transverse", IsotropicCoulomb(0.3))
-    apart = replace(problem, gap=problem.gap - problem.gap.min() + 1e-3)
-    solution = solve(apart, SemismoothNewton(), StoppingCriteria(1e-6, criterion="paper"))
+    separated = replace(problem, gap=problem.gap - problem.gap.min() + 1e-3)
+    solution = solve(separated, SemismoothNewton(), StoppingCriteria(1e-6, criterion="paper"))
     assert solution.status is Status.CONVERGED, solution.message
     assert solution.residual == 0.0

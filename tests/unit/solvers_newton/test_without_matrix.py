@@ -1,4 +1,4 @@
-"""Newton's method and `auto` where the compliance is not held as a matrix: what they cost, and which solver begins."""
+"""Test Newton's method and `auto` without a stored matrix: cost, and the solver that starts."""
 
 from dataclasses import dataclass, replace
 from typing import final
@@ -36,7 +36,8 @@ WIDTH, RADIUS, FORCE, MU = 7e-3, 0.1, 450.0, 0.3
 
 
 def dragged(n: int, law: ContactLaw, flux: ConductivityLaw, force: float = FORCE) -> ContactProblem:
-    """A sphere on the orthotropic medium, pressed by a force and dragged by half of what friction bears."""
+    """Return a problem of a sphere on the orthotropic medium under a force and half of the tangential force that
+    friction can carry."""
     mesh = half_space_mesh(10.0 * WIDTH, WIDTH * (n - 1) / n, n - 1, 1, Quad4())
     system = HalfSpace(matrix_up_to=0).reduce(Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact"))
     x, y, _ = system.points.T
@@ -54,13 +55,14 @@ def dragged(n: int, law: ContactLaw, flux: ConductivityLaw, force: float = FORCE
 
 
 def products(problem: ContactProblem) -> int:
+    """Return the number of products of a solution."""
     system = problem.system
     assert isinstance(system, OperationCounter)
     return len(system.products)
 
 
-def test_biactive_nodes_cost_newton_little() -> None:
-    """Perfect conductors whose edge nodes are neither open nor closed; insulated ones have none and cost no less."""
+def test_cost_of_biactive_nodes() -> None:
+    """Perfect conductors have biactive edge nodes; insulating contact has none and takes no fewer products."""
     conducting, insulated = (
         dragged(64, IsotropicCoulomb(MU), flux) for flux in (StepConductivity(np.inf), Insulating())
     )
@@ -75,8 +77,8 @@ def test_biactive_nodes_cost_newton_little() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-9])
-def test_steps_leave_as_much_of_the_residual_as_they_may(tolerance: float) -> None:
-    """In single precision or not: judged by the equations themselves, which are in double precision."""
+def test_inexact_steps_meet_their_tolerance(tolerance: float) -> None:
+    """The equations in double precision check steps in single and double precision."""
     problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
     near = solve(problem, SemismoothNewton(), StoppingCriteria(1e-2)).state
     equation = ContactResidual.of(problem)
@@ -95,8 +97,8 @@ def test_steps_leave_as_much_of_the_residual_as_they_may(tolerance: float) -> No
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-9])
-def test_motions_that_do_the_same_count_as_one(tolerance: float) -> None:
-    """A fourth motion is a combination of the three: nothing resists the two together, but for round-off."""
+def test_linearly_dependent_motions(tolerance: float) -> None:
+    """A fourth motion is a combination of three others, so nothing resists their difference, up to round-off."""
     problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
     near = solve(problem, SemismoothNewton(), StoppingCriteria(1e-2)).state
     three = ContactResidual.of(problem)
@@ -117,7 +119,7 @@ def test_motions_that_do_the_same_count_as_one(tolerance: float) -> None:
 @final
 @dataclass(frozen=True)
 class SteadySlip(ContactLaw):
-    """Slip along e1 for good: friction follows the pressure and knows nothing of the gap."""
+    """Friction that is proportional to the pressure along e1, independently of the gap."""
 
     def project(self, trial: Array) -> Array:
         pressed = np.minimum(trial[:, 2], 0.0)
@@ -145,8 +147,8 @@ def test_friction_that_does_not_depend_on_the_gap_is_coupled() -> None:
 
 
 @pytest.mark.parametrize("solver", [BarzilaiBorwein(), Auto()])
-def test_contacts_that_conduct_close_in_without_coupling(solver: Solver) -> None:
-    """Whole tractions in single precision, as their changes may be, leave a residual of 1e-7."""
+def test_convergence_of_uncoupled_conducting_contact(solver: Solver) -> None:
+    """Tractions in single precision, instead of their changes, would leave a residual of 1e-7."""
     mesh = half_space_mesh(10.0 * WIDTH, WIDTH, 23, 1, Quad4())
     system = HalfSpace(matrix_up_to=0).reduce(Body(Material.isotropic(2e11, 0.3).stiffness, mesh, (), "contact"))
     height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS)
@@ -157,7 +159,7 @@ def test_contacts_that_conduct_close_in_without_coupling(solver: Solver) -> None
     assert residual(problem, solution.state) <= 1e-10
 
 
-def test_auto_takes_conjugate_gradients_without_friction_and_newton_with_it() -> None:
+def test_auto_selects_conjugate_gradients_without_friction() -> None:
     pressed = dragged(32, Signorini(), Insulating())
     expected = solve(pressed, ProjectedCG(), StoppingCriteria(1e-12)).state.load
     spent = {}
@@ -174,8 +176,8 @@ def test_auto_takes_conjugate_gradients_without_friction_and_newton_with_it() ->
 
 
 @pytest.mark.parametrize("kappa", [1e-5, np.inf])
-def test_auto_takes_newtons_method_where_contacts_conduct(kappa: float) -> None:
-    """To the last digit, and to the solution of gradient steps; one potential is enough."""
+def test_auto_selects_newton_with_conduction(kappa: float) -> None:
+    """Results are bitwise those of `newton` and agree with gradient steps; one conducting potential suffices."""
     problem = dragged(32, Signorini(), Insulating()).with_laws(magnetic=StepConductivity(kappa))
     by_newton, by_auto, by_gradients = (solve(problem, solver) for solver in (SemismoothNewton(), Auto(), Nesterov()))
     assert by_auto.status is Status.CONVERGED, by_auto.message
@@ -186,11 +188,11 @@ def test_auto_takes_newtons_method_where_contacts_conduct(kappa: float) -> None:
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("exponent", [0.5, 0.95])
-def test_conductivities_that_are_steepest_without_pressure(growing, exponent: float) -> None:
-    """A Newton step from zero that used the slope there would be of no use."""
+def test_conductivities_with_infinite_slope_at_zero_pressure(growing, exponent: float) -> None:
+    """A Newton step from zero with the slope at zero pressure would be useless."""
     problem = dragged(32, Signorini(), Insulating())
-    own = problem.system.diagonal_blocks()[0, [3, 4], [3, 4]]
-    laws = [growing(100.0 / float(one), 5e8, exponent) for one in own]
+    compliance = problem.system.diagonal_blocks()[0, [3, 4], [3, 4]]
+    laws = [growing(100.0 / float(one), 5e8, exponent) for one in compliance]
     given = np.tile([5.0, 1.0], (32**2, 1))
     problem = replace(problem, channels=flux_channels(laws[0], laws[1]), potentials=given)
     expected = solve(problem, Nesterov())
@@ -203,8 +205,8 @@ def test_conductivities_that_are_steepest_without_pressure(growing, exponent: fl
 
 @pytest.mark.parametrize("flux", [Insulating(), StepConductivity(np.inf)], ids=["insulated", "conducting"])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
-def test_a_contact_that_has_lifted_off(law: ContactLaw, flux: ConductivityLaw) -> None:
-    """From a state with load where all nodes come to be open, nothing is left to be solved."""
+def test_contact_that_opens_completely(law: ContactLaw, flux: ConductivityLaw) -> None:
+    """From a state with load, all nodes open and no equation remains."""
     free = dragged(16, law, flux)
     near = ContactProblem(
         free.system, law, flux_channels(flux, flux), free.gap - 1e-5, free.translation, free.potentials
@@ -221,8 +223,8 @@ def test_a_contact_that_has_lifted_off(law: ContactLaw, flux: ConductivityLaw) -
 @pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()])
 @pytest.mark.parametrize(("n", "limits"), [(64, StoppingCriteria()), (24, StoppingCriteria(1e-6, criterion="paper"))])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
-def test_a_force_that_is_none(law: ContactLaw, n: int, limits: StoppingCriteria, solver: Solver) -> None:
-    """No law is violated from the beginning, on the coarser grid of the larger one as well."""
+def test_zero_force(law: ContactLaw, n: int, limits: StoppingCriteria, solver: Solver) -> None:
+    """No law is violated initially, on the coarser grid, either."""
     solution = solve(dragged(n, law, Insulating(), 0.0), solver, limits)
     assert solution.status is Status.CONVERGED, solution.message
     assert solution.residual == 0.0
@@ -231,8 +233,8 @@ def test_a_force_that_is_none(law: ContactLaw, n: int, limits: StoppingCriteria,
 
 @final
 @dataclass(frozen=True)
-class Torn(ContactLaw):
-    """A law with a derivative that is no number at the nodes under the most pressure."""
+class NanTangent(ContactLaw):
+    """A law whose derivative is NaN at the nodes under the highest pressure."""
 
     whole: ContactLaw
 
@@ -248,19 +250,19 @@ class Torn(ContactLaw):
         return tangent
 
 
-def test_tangents_that_are_no_numbers_leave_gradient_steps() -> None:
+def test_nan_tangents_lead_to_gradient_steps() -> None:
     given = dragged(16, Signorini(), Insulating())
     expected = solve(given, SemismoothNewton()).state.load
-    solution = solve(replace(given, contact_law=Torn(Signorini())), SemismoothNewton(), StoppingCriteria(1e-8))
+    solution = solve(replace(given, contact_law=NanTangent(Signorini())), SemismoothNewton(), StoppingCriteria(1e-8))
     assert solution.status is Status.CONVERGED, solution.message
     np.testing.assert_allclose(solution.state.load, expected, atol=1e-5 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
 @pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
-def test_no_step_from_tangents_that_are_no_numbers(law: ContactLaw, free: bool) -> None:
-    """Rather than one of zero, which would pass for the solution."""
-    problem = replace(dragged(16, Torn(law), Insulating()), gap=np.full(256, -1e-5))
+def test_no_newton_step_from_nan_tangents(law: ContactLaw, free: bool) -> None:
+    """A zero step would be mistaken for convergence."""
+    problem = replace(dragged(16, NanTangent(law), Insulating()), gap=np.full(256, -1e-5))
     problem = problem if free else replace(problem, prescribed_resultants=())
     equation = ContactResidual.of(problem)
     motion, contact_fraction = np.zeros(len(problem.prescribed_resultants)), np.ones(256)

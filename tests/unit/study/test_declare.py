@@ -1,4 +1,4 @@
-"""Study files: what they may say, how they change a case, and what is said of wrong ones."""
+"""Test study files: keys, changes of cases, messages."""
 
 import re
 from pathlib import Path
@@ -54,41 +54,41 @@ def test_runs_of_a_study(write):
 
 
 @pytest.mark.parametrize(
-    ("value", "label", "place"),
+    ("value", "label", "position"),
     [
         (0.5, "0.5", 0.5),
         ("10 um", "10 um", 1e-5),
         ("-.5 GPa", "-.5 GPa", -5e8),
         ("90 deg", "90 deg", 1.5707963267948966),
-        ("bar", "bar", None),  # a name, though a unit is called so too
+        ("bar", "bar", None),  # a name, although there is a unit of that name
         ("4 widgets", "4 widgets", None),
         (True, "True", None),
         ({"kappa": 2.0, "name": "step"}, "step kappa=2.0", None),
     ],
 )
-def test_labels_and_places_of_values(value, label, place):
+def test_labels_and_positions_of_values(value, label, position):
     (run,) = PanelTable(title="a panel", vary="some.key", values=[value]).all_runs()
     assert run.label == label
-    assert run.value == (None if place is None else pytest.approx(place))
+    assert run.value == (None if position is None else pytest.approx(position))
     assert run.set == {"some.key": value}
 
 
-def test_changes_leave_the_tables_and_each_other_alone():
+def test_changes_do_not_modify_the_tables_or_each_other():
     value = {"kappa": 1.0}
-    found = changed(TABLES, {"steps[1].approach": 2.0, "conductivity.electric": value}, {"contact.law.mu": 0.9})
-    assert found["steps"] == [{"approach": 2.0}]
-    assert found["contact"] == {"law": {"name": "isotropic-coulomb", "mu": 0.9}}
-    assert found["conductivity"] == {"electric": {"kappa": 1.0}}
-    found["conductivity"]["electric"]["kappa"] = 5.0
+    computed = changed(TABLES, {"steps[1].approach": 2.0, "conductivity.electric": value}, {"contact.law.mu": 0.9})
+    assert computed["steps"] == [{"approach": 2.0}]
+    assert computed["contact"] == {"law": {"name": "isotropic-coulomb", "mu": 0.9}}
+    assert computed["conductivity"] == {"electric": {"kappa": 1.0}}
+    computed["conductivity"]["electric"]["kappa"] = 5.0
     assert value == {"kappa": 1.0}
     assert TABLES["steps"] == [{"approach": 1.0}]
     assert TABLES["contact"]["law"]["mu"] == 0.3
 
 
-def test_later_changes_win_and_whole_entries_are_replaced():
-    found = changed(TABLES, {"contact.law.mu": 0.1}, {"contact.law": "signorini", "steps[1]": {"normal_force": 3}})
-    assert found["contact"] == {"law": "signorini"}
-    assert found["steps"] == [{"normal_force": 3}]
+def test_later_changes_replace_complete_entries():
+    computed = changed(TABLES, {"contact.law.mu": 0.1}, {"contact.law": "signorini", "steps[1]": {"normal_force": 3}})
+    assert computed["contact"] == {"law": "signorini"}
+    assert computed["steps"] == [{"normal_force": 3}]
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_later_changes_win_and_whole_entries_are_replaced():
         ("contact[1]", "contact[1]: leads into a table, not into a list"),
     ],
 )
-def test_changes_that_lead_nowhere(key, text):
+def test_changes_of_unknown_keys(key, text):
     with pytest.raises(CaseError) as caught:
         changed(TABLES, {key: 1})
     assert text in str(caught.value)
@@ -124,7 +124,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("kind", WRONG)
-def test_wrong_studies(write, kind):
+def test_invalid_studies(write, kind):
     change, text = WRONG[kind]
     with pytest.raises(CaseError) as caught:
         load_study(write(change))
@@ -141,7 +141,7 @@ def test_maps_that_show_different_quantities(write):
         load_study(path)
 
 
-def test_the_documented_study_is_one(tmp_path):
+def test_documented_study(tmp_path):
     page = Path(__file__).parents[3] / "docs" / "howto" / "reproduce.md"
     (example,) = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     (tmp_path / "emii.toml").write_text("")
@@ -152,6 +152,6 @@ def test_the_documented_study_is_one(tmp_path):
     assert study.quantities_of(panel) == {"force": "frictionless"}
 
 
-def test_a_panel_without_runs(write):
+def test_panel_without_runs(write):
     with pytest.raises(CaseError, match="nothing to run"):
         load_study(write(('vary = "contact.law.mu"\nvalues = [0.0, 0.5, inf]\n', ""), ("runs = [{", "# runs = [{")))

@@ -1,4 +1,4 @@
-"""Quantities of a study: signs, axes and what they are measured by."""
+"""Test quantities of studies: signs, axes, divisors."""
 
 from dataclasses import replace
 
@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from meeframe.results.records import resultants
-from meeframe.study.quantities import TOTALS, largest, nodal
+from meeframe.study.quantities import largest, nodal, totals
 
 
 @pytest.fixture
-def turned(synthetic):
-    """The made-up zone and step with e1 along global x2: the pull along e1 is one along x2."""
+def rotated(synthetic):
+    """Return the synthetic zone and step with e1 along global x2, so that the tangential traction is along x2."""
     zone = synthetic.zone()
     frames = np.tile([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]], (len(zone.points), 1, 1))
     return replace(zone, frames=frames), synthetic.step(1e-6)
 
 
-def test_totals_are_those_of_the_indenter(turned):
-    zone, step = turned
-    found = {name: total(resultants(zone, step)) for name, total in TOTALS.items()}
+def test_signs_of_totals(rotated):
+    zone, step = rotated
+    found = {name: total(resultants(zone, step)) for name, total in totals().items()}
     nodes = (np.linalg.norm(zone.points[:, :2], axis=1) < 1.5e-3).sum()
     assert found["force"] == pytest.approx(nodes * 1e-6 * 1e6)
     assert found["force_y"] == pytest.approx(0.1 * found["force"])
@@ -30,8 +30,8 @@ def test_totals_are_those_of_the_indenter(turned):
     assert found["magnetic_flux"] == pytest.approx(-3.0 * nodes * 1e-6)
 
 
-def test_fields_are_in_global_axes_and_measured_by_their_largest_value(turned):
-    zone, step = turned
+def test_fields_are_in_global_axes_and_normalised(rotated):
+    zone, step = rotated
     assert nodal("traction_y", zone, step).max() == pytest.approx(1e5)
     np.testing.assert_array_equal(nodal("traction_x", zone, step), 0.0)
     np.testing.assert_array_equal(nodal("tangential_traction", zone, step)[:, 1], nodal("traction_y", zone, step))

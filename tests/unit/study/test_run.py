@@ -1,4 +1,4 @@
-"""Runs into a folder: what is written, when it is refused, and what an interruption leaves."""
+"""Test runs into a folder: written files, rejected folders, interruptions."""
 
 import json
 import time
@@ -16,6 +16,7 @@ from meeframe.contact.problem import Status
 from meeframe.laws import Signorini
 from meeframe.model.case import Output
 from meeframe.model.load import load_case
+from meeframe.results.figures import write_figures
 from meeframe.results.files import write_result
 from meeframe.results.output import RESULT_FILE, SERIES, output_files
 from meeframe.study import run as run_module
@@ -29,15 +30,15 @@ def case(write_case, registry):
 
 
 @pytest.fixture
-def bare(case):
-    """The case without figures, which take most of its time."""
+def without_figures(case):
+    """Return the case without figures, which take most of the time."""
     return replace(case, output=Output(figures=False, vtu=False))
 
 
 def test_all_files_are_written_and_agree(case, tmp_path):
     out = tmp_path / "new" / "out"
     result = meeframe.run(case, out)
-    absent = {"electric_potential.png", "magnetic_potential.png", "stick_slip.png"}  # springs, without friction
+    absent = {"electric_potential.png", "magnetic_potential.png", "stick_slip.png"}  # springs without friction
     there = {*output_files(), SERIES} - absent
     assert {path.name for path in out.iterdir()} == there
     read = meeframe.read_result(out)
@@ -53,26 +54,26 @@ def test_all_files_are_written_and_agree(case, tmp_path):
     assert summary["steps"][1]["force"] == pytest.approx(meeframe.resultants(result.zone, result.steps[1]).force)
 
 
-def test_figures_and_fields_can_be_left_out(write_case, registry, tmp_path):
+def test_figures_and_fields_are_optional(write_case, registry, tmp_path):
     case = load_case(write_case(more="\n[output]\nfigures = false\nvtu = false\n"), registry)
     meeframe.run(case, tmp_path / "out")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["result.h5", "summary.json"]
 
 
-def test_results_are_replaced_only_when_asked(bare, tmp_path):
+def test_results_are_replaced_on_request_only(without_figures, tmp_path):
     out = tmp_path / "out"
-    meeframe.run(bare, out)
+    meeframe.run(without_figures, out)
     (out / "notes.txt").write_text("mine")
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     with pytest.raises(ResultError, match=r"is not empty.*--overwrite.*overwrite=True"):
-        meeframe.run(bare, out)
+        meeframe.run(without_figures, out)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
-    meeframe.run(bare, out, overwrite=True)
+    meeframe.run(without_figures, out, overwrite=True)
     assert (out / "notes.txt").read_text() == "mine"
     assert (out / "result.h5").read_bytes() != before["result.h5"]
 
 
-def test_output_is_tried_before_anything_is_computed(case, tmp_path):
+def test_output_is_checked_early(case, tmp_path):
     (tmp_path / "file").write_text("in the way")
     stages = []
     with pytest.raises(ResultError, match="cannot be written"):
@@ -80,22 +81,22 @@ def test_output_is_tried_before_anything_is_computed(case, tmp_path):
     assert stages == ["reading"]
 
 
-def test_a_refused_body_leaves_earlier_results_alone(bare, tmp_path, monkeypatch):
+def test_rejected_body_preserves_earlier_results(without_figures, tmp_path, monkeypatch):
     out = tmp_path / "out"
-    meeframe.run(bare, out)
+    meeframe.run(without_figures, out)
     before = {path.name: path.read_bytes() for path in out.iterdir()}
 
     def refuse(*_):
         raise MeshError("not with me")
 
-    monkeypatch.setattr(type(bare.formulation), "reduce", refuse)
+    monkeypatch.setattr(type(without_figures.formulation), "reduce", refuse)
     with pytest.raises(MeshError):
-        meeframe.run(bare, out, overwrite=True)
+        meeframe.run(without_figures, out, overwrite=True)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt, MemoryError])
-def test_an_interrupted_run_keeps_its_finished_steps(bare, tmp_path, interruption):
+def test_interrupted_run_saves_finished_steps(without_figures, tmp_path, interruption):
     out = tmp_path / "out"
     finished = []
 
@@ -105,7 +106,7 @@ def test_an_interrupted_run_keeps_its_finished_steps(bare, tmp_path, interruptio
             raise interruption
 
     with pytest.raises(interruption) as caught:
-        meeframe.run(bare, out, progress=interrupt)
+        meeframe.run(without_figures, out, progress=interrupt)
     assert caught.value.__notes__ == [f"1 of 2 increments are finished and in {out}"]
     result = meeframe.read_result(out)
     assert (str(result.status), len(result.steps), result.planned_steps) == ("unfinished", 1, 2)
@@ -114,28 +115,28 @@ def test_an_interrupted_run_keeps_its_finished_steps(bare, tmp_path, interruptio
 
 
 @pytest.mark.parametrize("stage", ["springs", "contact"])
-def test_interrupted_before_the_first_step_nothing_is_written(bare, tmp_path, stage):
+def test_interruption_before_the_first_step_writes_nothing(without_figures, tmp_path, stage):
     def interrupt(current, _fraction):
         if current == stage:
             raise KeyboardInterrupt
 
     out = tmp_path / "deep" / "out"
     with pytest.raises(KeyboardInterrupt) as caught:
-        meeframe.run(bare, out, progress=interrupt)
+        meeframe.run(without_figures, out, progress=interrupt)
     assert caught.value.__notes__ == [f"no increment was finished; nothing was written to {out}"]
     assert not out.parent.exists()
 
-    meeframe.run(bare, out)
+    meeframe.run(without_figures, out)
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     with pytest.raises(KeyboardInterrupt) as caught:
-        meeframe.run(bare, out, overwrite=True, progress=interrupt)
+        meeframe.run(without_figures, out, overwrite=True, progress=interrupt)
     assert caught.value.__notes__ == [f"no increment was finished; {out} holds the results of an earlier run as before"]
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
-def test_files_of_a_failed_run_are_reported(bare, tmp_path, monkeypatch):
+def test_files_of_a_failed_run_are_reported(without_figures, tmp_path, monkeypatch):
     out = tmp_path / "out"
-    meeframe.run(bare, out)
+    meeframe.run(without_figures, out)
     append = run_module.ResultWriter.append
 
     def fails(writer, step):
@@ -144,23 +145,23 @@ def test_files_of_a_failed_run_are_reported(bare, tmp_path, monkeypatch):
         append(writer, step)
 
     monkeypatch.setattr(run_module.ResultWriter, "append", fails)
-    for failing, told in enumerate(  # read by `fails`
+    for failing, message in enumerate(  # read by `fails`
         ("the results of an earlier run are gone from", "1 of 2 increments are finished and in")
     ):
         with pytest.raises(ResultError, match="no space left") as caught:
-            meeframe.run(bare, out, overwrite=True)
-        assert told in caught.value.__notes__[0]
+            meeframe.run(without_figures, out, overwrite=True)
+        assert message in caught.value.__notes__[0]
         assert (out / RESULT_FILE).exists() == bool(failing)
 
 
-def test_a_body_too_large_for_the_memory_is_bad_input(case, tmp_path, monkeypatch):
+def test_body_too_large_for_memory_is_invalid_input(case, tmp_path, monkeypatch):
     monkeypatch.setattr(type(case.formulation), "reduce", lambda *_: np.empty(1 << 59))
     with pytest.raises(CaseError, match="80 elements with 82 nodes need more memory than is available"):
         meeframe.run(case, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-def test_nothing_is_read_back_that_was_written(case, tmp_path, monkeypatch):
+def test_written_results_are_not_read_again(case, tmp_path, monkeypatch):
     def refuse(*_):
         raise AssertionError
 
@@ -171,29 +172,29 @@ def test_nothing_is_read_back_that_was_written(case, tmp_path, monkeypatch):
     assert len(meeframe.read_result(tmp_path / "out").steps) == len(result.steps) == 2
 
 
-def test_a_second_run_into_the_same_folder_is_refused_at_its_start(bare, tmp_path):
+def test_second_run_into_the_same_folder_is_rejected(without_figures, tmp_path):
     out, stages = tmp_path / "out", []
 
     def second(stage, _fraction):
         if stage == "contact" and not stages:
             with pytest.raises(ResultError, match=r"out is in use: another process writes there"):
-                meeframe.run(bare, out, overwrite=True, progress=lambda stage, _: stages.append(stage))
+                meeframe.run(without_figures, out, overwrite=True, progress=lambda stage, _: stages.append(stage))
 
-    assert str(meeframe.run(bare, out, progress=second).status) == "converged"
+    assert str(meeframe.run(without_figures, out, progress=second).status) == "converged"
     assert stages == ["reading"]
     assert len(meeframe.read_result(out).steps) == 2
     assert not (out / ".lock").exists()
 
 
-def test_what_a_killed_run_left_is_an_occupied_folder(bare, tmp_path):
+def test_folder_of_a_killed_run_is_occupied(without_figures, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / ".lock").touch()
-    meeframe.run(bare, out)
+    meeframe.run(without_figures, out)
     (out / ".lock").touch()
     with pytest.raises(ResultError, match="is not empty"):
-        meeframe.run(bare, out)
-    meeframe.run(bare, out, overwrite=True)
+        meeframe.run(without_figures, out)
+    meeframe.run(without_figures, out, overwrite=True)
 
 
 @pytest.mark.parametrize(
@@ -205,7 +206,7 @@ def test_what_a_killed_run_left_is_an_occupied_folder(bare, tmp_path):
     ],
     ids=["frictionless", "friction", "asked for"],
 )
-def test_a_result_file_holds_what_the_case_loads_or_asks_for(write_case, registry, tmp_path, law, more, stored):
+def test_stored_fields(write_case, registry, tmp_path, law, more, stored):
     optional = {"boundary", "slip", "total_slip", "slip_path", "gap", "pressure"}
     case = load_case(write_case(more=f"translation = ['3 um', '0 um']\n{law}{more}"), registry)
     result = meeframe.run(replace(case, output=replace(case.output, vtu=False, figures=False)), tmp_path / "out")
@@ -219,15 +220,30 @@ def test_a_result_file_holds_what_the_case_loads_or_asks_for(write_case, registr
         np.testing.assert_allclose(getattr(read, name), getattr(result.steps[0], name), rtol=0.0, atol=1e-12 * scale)
 
 
-def test_unknown_fields_are_refused(write_case, registry):
+def test_unknown_fields_are_rejected(write_case, registry):
     with pytest.raises(CaseError, match=r"output\.fields.*'slips'.*allowed: .*slip, total_slip"):
         load_case(write_case(more='[output]\nfields = ["slips"]\n'), registry)
     with pytest.raises(CaseError, match=r"fields: 'slips'.*allowed: .*boundary"):
         Output(fields=("slips",))
 
 
-def test_slips_that_are_not_stored_follow_from_the_increments_before(write_case, registry, tmp_path):
-    """Three increments back and forth, after one that does not converge and counts nothing."""
+def test_figures_of_the_increment_chosen_in_output(write_case, registry, tmp_path):
+    """The figures equal those drawn later for the same increment, and differ from those of other increments."""
+    out = tmp_path / "out"
+    result = meeframe.run(load_case(write_case(more='increments = 3\n[output]\nstep = "1.2"\n'), registry), out)
+    same, other = (write_figures(result, tmp_path / which, which) for which in ("1.2", "last"))
+    assert [path.read_bytes() == (out / path.name).read_bytes() for path in same] == [True] * len(same)
+    assert (out / "pressure.png").read_bytes() != next(p for p in other if p.name == "pressure.png").read_bytes()
+
+
+def test_figures_of_an_unfinished_run_show_the_peak_load(write_case, registry, tmp_path):
+    case = replace(load_case(write_case(), registry), output=Output(step="4.7"))
+    meeframe.run(case, tmp_path / "out")
+    assert (tmp_path / "out" / "pressure.png").is_file()
+
+
+def test_slips_are_restored_from_earlier_increments(write_case, registry, tmp_path):
+    """Three increments follow back and forth after one that does not converge and does not count."""
     more = """
 [[steps]]
 translation = ["4 um", "1 um"]
@@ -250,7 +266,7 @@ twist = 0.001
     np.testing.assert_allclose(read[2].slip, read[1].slip, rtol=0.0, atol=0.0)
 
 
-def test_a_continued_run_stores_its_slips(write_case, registry, tmp_path):
+def test_restarted_run_stores_its_slips(write_case, registry, tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
     meeframe.run(load_case(write_case(more="translation = ['1 um', '0 um']\n"), registry), first)
     continued = write_case(more=f"translation = ['3 um', '0 um']\n[output]\nfields = []\n[restart]\nfrom = '{first}'\n")
@@ -259,8 +275,8 @@ def test_a_continued_run_stores_its_slips(write_case, registry, tmp_path):
     assert result.steps[0].slip_path.max() > np.abs(result.steps[0].slip).max()
 
 
-def test_times_are_booked_under_what_they_are(case, tmp_path, monkeypatch):
-    """What is slow counts in its own stage: the contact law between two increments, recovery, writing, diagnostics."""
+def test_times_are_assigned_to_stages(case, tmp_path, monkeypatch):
+    """Slow contact laws, recovery, writing and diagnostics count in their stages."""
 
     @dataclass(frozen=True)
     class Slow(Signorini):
@@ -289,7 +305,7 @@ def test_times_are_booked_under_what_they_are(case, tmp_path, monkeypatch):
 
 
 def slowed(function):
-    """The function, but it takes 0.1 s more."""
+    """Return the function with a delay of 0.1 s."""
 
     @wraps(function)
     def slow(*arguments, **named):

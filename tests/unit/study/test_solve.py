@@ -1,4 +1,4 @@
-"""Studies solved on independent springs, whose contact has a closed form."""
+"""Studies on independent springs agree with closed forms."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def write(write_case):
 
 
 def test_quantities_are_divided_by_their_references(write, registry, tmp_path):
-    """Pressure at the apex is stiffness times depth; the reference has a tenth of the stiffness, at 10 um."""
+    """The pressure at the apex is stiffness times depth; the reference has a tenth of the stiffness, at 10 um."""
     study = solve_study(write('{ max_pressure = "soft", force = 2.0 }'), tmp_path / "cache", registry=registry)
     (panel,) = study.panels
     np.testing.assert_allclose(panel.quantities["max_pressure"], [10.0, 20.0], rtol=1e-9)
@@ -46,7 +46,7 @@ def test_quantities_are_divided_by_their_references(write, registry, tmp_path):
     assert len(list((tmp_path / "cache").iterdir())) == 2  # one for each stiffness
 
 
-def test_references_that_do_not_converge_count(write, registry, tmp_path):
+def test_unconverged_references_are_reported(write, registry, tmp_path):
     study = solve_study(write(solver='{ name = "uzawa", max_iterations = 1 }'), tmp_path / "cache", registry=registry)
     assert study.panels[0].converged == (False, False)
     assert study.not_converged == ("depth, 1e-05", "depth, 2e-05")
@@ -58,7 +58,7 @@ def test_references_that_do_not_converge_count(write, registry, tmp_path):
 )
 @pytest.mark.parametrize("kind", ["sections", "maps"])
 def test_every_run_has_the_zone_of_its_mesh(write, registry, tmp_path, kind, vary, values, sizes):
-    """Springs: the pressure is their stiffness times the depth of the paraboloid, at the nodes of each mesh."""
+    """The pressure is the stiffness of the springs times the depth of the paraboloid, at the nodes of each mesh."""
     path = write("{ pressure = 1.0 }", kind=kind, vary=vary, values=values)
     study = solve_study(path, tmp_path / "cache", registry=registry)
     (panel,) = study.panels
@@ -70,14 +70,14 @@ def test_every_run_has_the_zone_of_its_mesh(write, registry, tmp_path, kind, var
     study_figure(study)
 
 
-def test_values_with_units_have_their_place_in_si(write, registry, tmp_path):
+def test_values_with_units_are_placed_in_si(write, registry, tmp_path):
     study = solve_study(write(values='["10 um", "0.02 mm"]'), tmp_path / "cache", registry=registry)
     np.testing.assert_allclose(study.panels[0].values, [1e-5, 2e-5])
     assert study.panels[0].runs == ("10 um", "0.02 mm")
 
 
 @pytest.mark.parametrize("reference", ['"soft"', "0.0"])
-def test_division_by_zero_is_refused(write, registry, tmp_path, reference):
+def test_division_by_zero_is_rejected(write, registry, tmp_path, reference):
     path = write(f"{{ charge = {reference} }}")
     with pytest.raises(CaseError, match=r"study.toml: depth: charge is divided by .*, where it is 0; allowed"):
         solve_study(path, tmp_path / "cache", registry=registry)

@@ -1,4 +1,4 @@
-"""The studies that come with the package: their keys lead into their cases, and their numbers are the closed forms'."""
+"""The studies of the paper's figures load, and their values agree with closed forms."""
 
 from pathlib import Path
 
@@ -14,22 +14,22 @@ from meeframe.testing.closed_forms import CONDITIONS, Sphere, indent
 STUDIES = known_studies(Path(__file__).parents[3] / "validation")
 
 
-def test_the_papers_figures_are_there():
+def test_studies_of_all_figures_exist():
     assert {f"fig-{number:02d}" for number in range(3, 15)} <= set(STUDIES)
 
 
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("name", STUDIES)
-def test_first_and_last_run_and_references_are_cases(name):
+def test_first_and_last_run_and_references_load(name):
     study, tables = load_study(STUDIES[name])
     tables = changed(tables, {"mesh.divisions": 4, "mesh.rings": 2})
     for panel in study.panels:
-        runs = [panel.all_runs()[place].set for place in (0, -1)]
+        runs = [panel.all_runs()[position].set for position in (0, -1)]
         for changes in (*runs, *study.references.values()):
             case_from_tables(changed(tables, panel.set, changes), folder=STUDIES[name].parent)
 
 
-def test_numbers_of_figs_3_and_4_are_the_half_spaces():
+def test_figs_3_and_4_match_the_half_space():
     case = load_case(STUDIES["fig-03"].parent / "emii.toml")
     xi = axisymmetric_compliance(case.material.stiffness)
     exact = {

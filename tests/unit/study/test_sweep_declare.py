@@ -1,4 +1,4 @@
-"""Study files of sweeps: the points that they stand for, and what is said of wrong ones."""
+"""Test study files of sweeps: points, and messages."""
 
 import re
 from pathlib import Path
@@ -45,15 +45,15 @@ def axis_of(study):
     return axis, changes
 
 
-def test_every_combination_the_last_axis_fastest(read):
+def test_all_combinations_with_last_axis_fastest(read):
     study = read(STUDY)
-    found = list(study.changes())
-    assert [label for label, _ in found][:3] == [
+    computed = list(study.changes())
+    assert [label for label, _ in computed][:3] == [
         "contact.law.mu = 0, load = light",
         "contact.law.mu = 0, load = heavy",
         "contact.law.mu = 0.3, load = light",
     ]
-    assert found[3][1] == {"solver.tolerance": 1e-6, "contact.law.mu": 0.3, "steps[1].approach": "20 um"}
+    assert computed[3][1] == {"solver.tolerance": 1e-6, "contact.law.mu": 0.3, "steps[1].approach": "20 um"}
     mu, load = study.result_axes()
     np.testing.assert_array_equal(mu.values, [0.0, 0.3, np.inf])
     assert (load.labels, load.values) == (("light", "heavy"), None)
@@ -91,14 +91,14 @@ def test_values_of_an_axis(read, values, expected, unit):
         np.testing.assert_allclose(axis.values, expected, rtol=1e-13)
 
 
-def test_a_longer_range_has_the_same_numbers(read):
+def test_longer_range_contains_the_same_values(read):
     text = 'case = "c.toml"\n[axes]\nmu = {{ from = 1e-5, to = {}, count = {} }}'
     (short, _), (long, _) = (axis_of(read(text.format(*ends))) for ends in (("3e-5", 3), ("8e-5", 8)))
     assert short.labels == long.labels[:3]
     np.testing.assert_array_equal(short.values, long.values[:3])
 
 
-def test_keys_side_by_side(read):
+def test_keys_that_change_together(read):
     text = 'case = "c.toml"\n[axes.size]\n"mesh.divisions" = [4, 8]\n"mesh.rings" = [{}, 3]'
     axis, changes = axis_of(read(text.format(2)))
     np.testing.assert_array_equal(axis.values, [4, 8])
@@ -115,7 +115,7 @@ def test_nearly_equal_values_are_distinguished(read):
     assert [change["mu"] for change in changes] == [0.1, 0.1000000001, 0.2]
 
 
-def test_a_plot_stands_at_the_value_that_is_meant(read):
+def test_values_of_at_in_plots(read):
     text = """
         case = "c.toml"
         axes = { mu = [0.1, 0.1000000001], depth = [1, 2] }
@@ -127,7 +127,7 @@ def test_a_plot_stands_at_the_value_that_is_meant(read):
     assert [axis and axis.name for axis in plot.plot_axes(study.result_axes())] == ["depth", None]
 
 
-def test_points_of_their_own(read):
+def test_single_points(read):
     points = '[[points]]\nlabel = "a"\nvalue = 1\n[[points]]\nlabel = "b"\nvalue = 2\nset = { "solver" = "auto" }\n'
     (axis,) = read(f'case = "c.toml"\n{points}').result_axes()
     assert (axis.name, axis.labels, axis.values.tolist()) == ("point", ("a", "b"), [1.0, 2.0])
@@ -197,7 +197,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("kind", WRONG)
-def test_wrong_studies(read, tmp_path, kind):
+def test_invalid_studies(read, tmp_path, kind):
     (old, new), *texts = WRONG[kind]
     assert old in STUDY
     with pytest.raises(CaseError) as caught:
@@ -213,15 +213,15 @@ def test_nothing_to_run(read):
         read('case = "case.toml"')
 
 
-def test_the_documented_study_is_one(read):
+def test_documented_study(read):
     page = Path(__file__).parents[3] / "docs" / "howto" / "sweep.md"
     first, *_ = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     study = read(first)
     assert len(list(study.changes())) == 5 * 2 * 2 + 1
 
 
-def test_the_documented_selections_work(read, tmp_path, monkeypatch):
-    """Quantities that are the numbers of the points, over the axes of the page."""
+def test_documented_selections(read, tmp_path, monkeypatch):
+    """Quantities are the numbers of the points, over the axes of the page."""
     page = (Path(__file__).parents[3] / "docs" / "howto" / "sweep.md").read_text(encoding="utf-8")
     first, *_ = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     (select,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "open_dataset" in code]
@@ -233,14 +233,14 @@ def test_the_documented_selections_work(read, tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     write_sweep(tmp_path / "out", made)
     monkeypatch.chdir(tmp_path)
-    found: dict = {}
-    exec(select, found)
-    np.testing.assert_array_equal(found["deep"], numbers[:, 1])
-    np.testing.assert_array_equal(found["frictional"], numbers[2])
-    np.testing.assert_array_equal(found["insulating"], numbers[:, :, 0])
+    namespace: dict = {}
+    exec(select, namespace)
+    np.testing.assert_array_equal(namespace["deep"], numbers[:, 1])
+    np.testing.assert_array_equal(namespace["frictional"], numbers[2])
+    np.testing.assert_array_equal(namespace["insulating"], numbers[:, :, 0])
 
 
-def test_an_axis_may_have_a_name(read):
+def test_named_axis(read):
     axis, changes = axis_of(read('case = "c.toml"\n[axes.mu]\n"contact.law.mu" = [0.1, 0.3]'))
     assert axis.name == "mu"
     np.testing.assert_array_equal(axis.values, [0.1, 0.3])

@@ -1,4 +1,4 @@
-"""The engine of sweeps: groups that share systems, keys by content, systems that travel, what is kept."""
+"""Test the engine of sweeps: groups with shared systems, keys by content, transfer of systems, stored results."""
 
 import errno
 import tomllib
@@ -40,7 +40,7 @@ def point(tables, registry, tmp_path):
 
 @dataclass(frozen=True)
 class Hidden(Formulation):
-    """Springs without a matrix, and a system that cannot be pickled as it holds a lock."""
+    """Springs without a matrix, whose system holds a lock and cannot be pickled."""
 
     portable: bool
 
@@ -72,7 +72,7 @@ class HiddenSystem(ReducedSystem):
         return NodalFields(self.points, self.cells, load, load)
 
 
-def test_toml_is_read_back_the_same(tables):
+def test_toml_round_trip(tables):
     odd = {
         "a": True, "b": [1, 2.5, float("inf"), "x\"\\\n\x7fµ"], "c": {"d e": {"f": [{"g": 1}, {}]}}, "h": [[1], []],
         "i": 1e-300, "j": [{"k": "l", "m": {"n": -1}}], "o": [], "p": {},
@@ -81,7 +81,7 @@ def test_toml_is_read_back_the_same(tables):
         assert tomllib.loads(toml_text(given)) == given
 
 
-def test_the_key_of_a_point_is_what_determines_its_result(point):
+def test_key_of_a_point_contains_everything_relevant(point):
     key = point().key
     assert point("a label", title="another title", **{"output": {"figures": False}}).key == key
     for change in (
@@ -94,7 +94,7 @@ def test_the_key_of_a_point_is_what_determines_its_result(point):
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "message"),
     [
         (None, "indenter.radius: TOML does not support values of type NoneType: None"),
         ([10**5000], "indenter.radius[1]: an integer of 16610 binary digits"),
@@ -102,13 +102,13 @@ def test_the_key_of_a_point_is_what_determines_its_result(point):
         (np.array([0.1, 0.2]), "radius"),
     ],
 )
-def test_values_that_are_no_radius_refuse_their_point(point, value, told):
+def test_invalid_values_reject_their_point(point, value, message):
     refused = point(**{"indenter.radius": value})
     assert refused.case is None
-    assert told in str(refused.problems[0])
+    assert message in str(refused.problems[0])
 
 
-def test_points_are_grouped_by_the_bodies_that_they_share(point):
+def test_points_are_grouped_by_bodies(point):
     points = [
         point(f"{stiffness} {approach}", **{"formulation.stiffness": stiffness, "steps[1].approach": approach})
         for approach in (1e-5, 2e-5)
@@ -126,37 +126,37 @@ def test_points_are_grouped_by_the_bodies_that_they_share(point):
 def test_equal_points_are_solved_once(point, tmp_path):
     points = [point("a"), point("b", **{"steps[1].approach": "20 um"}), point("c", title="c")]
     assert points[0].key == points[2].key
-    found = dict(solve_points(points, InProcess(), tmp_path / "systems", tmp_path / "points"))
-    assert found.keys() == {points[0].key, points[1].key}
-    assert {path.name for path in (tmp_path / "points").iterdir()} == found.keys()
+    solution = dict(solve_points(points, InProcess(), tmp_path / "systems", tmp_path / "points"))
+    assert solution.keys() == {points[0].key, points[1].key}
+    assert {path.name for path in (tmp_path / "points").iterdir()} == solution.keys()
 
 
-def test_an_outcome_is_read_back_bit_for_bit(point, tmp_path):
+def test_stored_outcome_is_bitwise_identical(point, tmp_path):
     here = point(**{"contact.law": {"name": "isotropic-coulomb", "mu": 0.3}})
     ((_, made),) = solve_points([here], InProcess(), tmp_path / "systems")
     write_outcome(tmp_path / "point", made)
-    found = read_outcome(tmp_path / "point")
-    assert (found.status, found.message) == (made.status, made.message)
+    computed = read_outcome(tmp_path / "point")
+    assert (computed.status, computed.message) == (made.status, made.message)
     for name in ("traction", "displacement", "potentials", "slip", "region"):
-        values = [getattr(outcome.result.steps[-1], name) for outcome in (found, made)]
+        values = [getattr(outcome.result.steps[-1], name) for outcome in (computed, made)]
         np.testing.assert_array_equal(*values, strict=True)
-    assert found.result.provenance == made.result.provenance
+    assert computed.result.provenance == made.result.provenance
     assert case_key(here.case) == here.key
 
 
 def test_finished_points_are_reused_and_failed_ones_repeated(tmp_path):
     for status, kept in ((PointStatus.REFUSED, True), (PointStatus.FAILED, False)):
         write_outcome(tmp_path / status, Outcome(status, "why"))
-        found = read_outcome(tmp_path / status)
-        assert (found is not None) is kept
+        computed = read_outcome(tmp_path / status)
+        assert (computed is not None) is kept
     assert read_outcome(tmp_path / "refused").message == "why"
     (tmp_path / "refused" / "refused.json").write_text('{"mess')
     assert read_outcome(tmp_path / "refused") is None, "a damaged file is none"
 
 
 @pytest.mark.parametrize("seen", [True, False])
-def test_a_dense_system_travels(point, tmp_path, seen):
-    """seen: whether the worker sees the folder of systems; if not, the system travels alone."""
+def test_dense_system_is_sent_to_workers(point, tmp_path, seen):
+    """`seen` tells whether the worker can access the folder of systems; if not, the system itself is sent."""
     here = point(**{"formulation": {"name": "dense-bem", "quadrature_tolerance": 1e-2}})
     folder = tmp_path / "systems"
     if seen:
@@ -174,7 +174,7 @@ def test_a_dense_system_travels(point, tmp_path, seen):
 
 
 @pytest.mark.parametrize("portable", [True, False])
-def test_a_system_without_a_matrix_travels_or_is_made_again(point, monkeypatch, tmp_path, portable):
+def test_matrix_free_system_is_sent_or_recomputed(point, monkeypatch, tmp_path, portable):
     case = replace(point().case, formulation=Hidden(portable))
     made = []
     original = sweep_dask.reduce_body
@@ -191,7 +191,7 @@ def test_a_system_without_a_matrix_travels_or_is_made_again(point, monkeypatch, 
 
 @dataclass(frozen=True)
 class Ending(Formulation):
-    """Springs whose reductions end with an error, or of which but one may be there at a time."""
+    """Springs whose reductions raise an error, or of which only one may exist at a time."""
 
     error: type[BaseException] | None = None
     alive: WeakSet = field(default_factory=WeakSet)
@@ -209,7 +209,7 @@ class Ending(Formulation):
 
 
 def group_of(point, formulation, **changes):
-    """A point whose case has this formulation."""
+    """Return a point whose case has this formulation."""
     given = point(**changes)
     case = replace(given.case, formulation=formulation)
     return replace(given, case=case, key=case_key(case))
@@ -225,17 +225,17 @@ ENDS = [
 
 
 @pytest.mark.parametrize(("error", "status"), ENDS)
-def test_a_reduction_that_ends_is_the_end_of_its_points_alone(point, tmp_path, error, status):
+def test_failed_reduction_affects_only_its_points(point, tmp_path, error, status):
     points = [group_of(point, Ending(error)), point()]
-    found = dict(solve_points(points, InProcess(), tmp_path / "systems", tmp_path / "points"))
-    assert [found[each.key].status for each in points] == [status, PointStatus.CONVERGED]
-    assert "no" in found[points[0].key].message
-    kept = {path.name for path in (tmp_path / "points").iterdir()}
-    assert kept == {each.key for each in points if found[each.key].status is not PointStatus.FAILED}
+    solution = dict(solve_points(points, InProcess(), tmp_path / "systems", tmp_path / "points"))
+    assert [solution[each.key].status for each in points] == [status, PointStatus.CONVERGED]
+    assert "no" in solution[points[0].key].message
+    files = {path.name for path in (tmp_path / "points").iterdir()}
+    assert files == {each.key for each in points if solution[each.key].status is not PointStatus.FAILED}
 
 
 @pytest.mark.parametrize(("error", "status"), ENDS)
-def test_so_it_is_on_a_worker(point, tmp_path, error, status):
+def test_failed_reduction_on_a_worker(point, tmp_path, error, status):
     case = group_of(point, Ending(error)).case
     (body,) = bodies_of(case)
     carried = reduced("key", Sealed.of(body, ()), str(tmp_path / "absent"))
@@ -245,7 +245,7 @@ def test_so_it_is_on_a_worker(point, tmp_path, error, status):
 
 
 @pytest.mark.parametrize("module", ["meeframe.model.cache.read_system", "meeframe.model.cache.write_system"])
-def test_memory_that_ends_around_a_reduction(point, tmp_path, monkeypatch, module):
+def test_memory_error_during_reduction(point, tmp_path, monkeypatch, module):
     def end(*_):
         raise MemoryError("no")
 
@@ -257,8 +257,8 @@ def test_memory_that_ends_around_a_reduction(point, tmp_path, monkeypatch, modul
     assert reduced(key, Sealed.of(body, ()), str(tmp_path / "systems")).instead.status is PointStatus.FAILED
 
 
-def test_a_full_disk_is_nothing_of_a_point(point, tmp_path, monkeypatch):
-    """It ends the sweep; with room again the same points are solved."""
+def test_full_disk_ends_the_sweep(point, tmp_path, monkeypatch):
+    """With space available again, the same points are solved."""
 
     def full(*_):
         raise ResultError("no space left")
@@ -277,8 +277,8 @@ def test_a_full_disk_is_nothing_of_a_point(point, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("number", "ends"), [(errno.ENOSPC, True), (errno.EIO, True), (errno.ENOENT, False)])
-def test_files_of_a_plugin_end_a_sweep_if_the_disk_does(number, ends):
-    """A file that it does not find is an affair of its point, which is tried again."""
+def test_file_errors_of_a_plugin(number, ends):
+    """A missing file fails its point, which is tried again; a full disk ends the sweep."""
     fault = PluginFault("no")
     fault.__cause__ = OSError(number, "no")
     if ends:
@@ -289,15 +289,15 @@ def test_files_of_a_plugin_end_a_sweep_if_the_disk_does(number, ends):
         assert Outcome.without_result(fault).status is PointStatus.FAILED
 
 
-def test_one_group_holds_its_systems_at_a_time(point, tmp_path):
+def test_only_one_group_holds_systems_at_a_time(point, tmp_path):
     alive = WeakSet()
     points = [group_of(point, Ending(None, alive), **{"mesh.rings": rings}) for rings in (2, 3)]
     assert len(grouped(points)) == 2
-    found = dict(solve_points(points, InProcess(), tmp_path / "systems"))
-    assert [outcome.status for outcome in found.values()] == [PointStatus.CONVERGED] * 2
+    solution = dict(solve_points(points, InProcess(), tmp_path / "systems"))
+    assert [outcome.status for outcome in solution.values()] == [PointStatus.CONVERGED] * 2
 
 
-def test_workers_with_other_code_are_found_out(point, monkeypatch):
+def test_workers_with_different_code_are_detected(point, monkeypatch):
     case = point().case
     sealed = Sealed.of(case, (), code_key(case))
     assert case_key(sealed.open()) == case_key(case)
@@ -308,7 +308,7 @@ def test_workers_with_other_code_are_found_out(point, monkeypatch):
         Sealed((), b"cabsent_plugin\nSprings\n.").open()
 
 
-def test_the_key_of_code_is_of_classes_not_of_what_they_hold(point):
+def test_key_of_code_depends_on_classes_only(point):
     key = code_key(point().case)
     assert code_key(point(**{"steps[1].approach": "11 um"}).case) == key
     assert code_key(group_of(point, Hidden(True)).case) != key
@@ -323,7 +323,7 @@ def test_the_key_of_code_is_of_classes_not_of_what_they_hold(point):
         (None, " ", "scheduler = ' ': allowed: the address of a running scheduler"),
     ],
 )
-def test_wrong_pools(workers, scheduler, text):
+def test_invalid_pools(workers, scheduler, text):
     with pytest.raises(CaseError, match=text), pool_of(workers, scheduler):
         pass
 

@@ -1,4 +1,4 @@
-"""Richardson's extrapolation on manufactured sequences."""
+"""Richardson extrapolation is correct for manufactured sequences."""
 
 import numpy as np
 import pytest
@@ -23,111 +23,112 @@ def sequence(limit, coefficient, order, sizes):
     st.floats(1.2, 3.0),
     st.floats(1.2, 3.0),
 )
-def test_the_order_and_the_limit_of_a_power_are_found(order, limit, coefficient, first, second):
-    """On meshes whose sizes are in no constant ratio."""
+def test_order_and_limit_of_a_power(order, limit, coefficient, first, second):
+    """The ratios of mesh sizes are not constant."""
     sizes = (first * second, second, 1.0)
-    found = richardson(sizes, sequence(limit, coefficient, order, sizes), theoretical=order * 1.2)
-    assert found.basis is Basis.OBSERVED
-    assert found.order == pytest.approx(order, rel=1e-6)
-    assert found.value == pytest.approx(limit, abs=1e-6 * abs(coefficient))
-    assert found.error >= abs(limit - found.finest) * (1 - 1e-6)
+    extrapolated = richardson(sizes, sequence(limit, coefficient, order, sizes), theoretical=order * 1.2)
+    assert extrapolated.basis is Basis.OBSERVED
+    assert extrapolated.order == pytest.approx(order, rel=1e-6)
+    assert extrapolated.value == pytest.approx(limit, abs=1e-6 * abs(coefficient))
+    assert extrapolated.error >= abs(limit - extrapolated.finest) * (1 - 1e-6)
 
 
 @pytest.mark.parametrize(("order", "theoretical"), [(4.0, 2.0), (0.2, 2.0), (3.0, 1.0)])
-def test_orders_out_of_bounds_give_way_to_theory_and_the_error_says_so(order, theoretical):
-    found = richardson(SIZES, sequence(1.0, 0.5, order, SIZES), theoretical)
-    assert (found.basis, found.order) == (Basis.THEORETICAL, None)
-    fine, coarse = found.finest, 1.0 + 0.5 * SIZES[1] ** order
-    assert found.value == pytest.approx(fine + (fine - coarse) / (2.0**theoretical - 1.0), rel=1e-12)
-    assert found.error > 0.0
+def test_orders_out_of_bounds_are_replaced_by_theory(order, theoretical):
+    extrapolated = richardson(SIZES, sequence(1.0, 0.5, order, SIZES), theoretical)
+    assert (extrapolated.basis, extrapolated.order) == (Basis.THEORETICAL, None)
+    fine, coarse = extrapolated.finest, 1.0 + 0.5 * SIZES[1] ** order
+    assert extrapolated.value == pytest.approx(fine + (fine - coarse) / (2.0**theoretical - 1.0), rel=1e-12)
+    assert extrapolated.error > 0.0
     if order > theoretical:
-        assert abs(found.value - 1.0) <= found.error
+        assert abs(extrapolated.value - 1.0) <= extrapolated.error
 
 
-def test_one_order_for_two_methods_leaves_common_scatter_out():
-    """Of the same scatter nothing is left in the difference of the limits; the rest is extrapolated."""
+def test_common_scatter_cancels_with_equal_orders():
+    """Equal scatter cancels in the difference of the limits, and the remainder is extrapolated."""
     scatter = np.random.default_rng(5).normal(size=3)
     one, other = (np.array(sequence(limit, c, 3.0, SIZES)) + scatter for limit, c in ((2.0, 0.4), (2.5, -7.0)))
     assert of_order(SIZES, other, 3.0) - of_order(SIZES, one, 3.0) == pytest.approx(0.5, abs=1e-12)
     assert of_order(SIZES[1:], sequence(2.0, 0.4, 3.0, SIZES[1:]), 3.0) == pytest.approx(2.0, abs=1e-12)
 
 
-def test_the_next_term_is_within_the_error():
-    """Values with a term of another order: the limit is missed by less than estimated."""
+def test_error_covers_a_second_term():
+    """For values with a term of another order, the error of the limit is below its estimate."""
     for coefficient in (-1.0, -0.3, 0.3, 1.0):
         values = [2.0 + h**2 + coefficient * h**3 for h in SIZES]
-        found = richardson(SIZES, values)
-        assert 0.0 < abs(found.value - 2.0) <= found.error
+        extrapolated = richardson(SIZES, values)
+        assert 0.0 < abs(extrapolated.value - 2.0) <= extrapolated.error
 
 
-def test_noise_of_the_nodes_on_the_edge_is_within_the_error():
-    """A quarter of the error of each mesh at random, as spheres on grids have it: nine in ten limits are within."""
+def test_error_covers_noise():
+    """With random noise of a quarter of the error of each mesh, as for spheres on grids, nine of ten limits are
+    within the error."""
     rng = np.random.default_rng(3)
     within = []
     for _ in range(300):
         values = [1.0 + h**2 * (1.0 + 0.25 * rng.uniform(-1.0, 1.0)) for h in (0.225, 0.15, 0.1)]
-        found = richardson((0.225, 0.15, 0.1), values)
-        within.append(abs(found.value - 1.0) <= found.error)
+        extrapolated = richardson((0.225, 0.15, 0.1), values)
+        within.append(abs(extrapolated.value - 1.0) <= extrapolated.error)
     assert np.mean(within) > 0.9
 
 
 def springs(divisions, approach):
-    """Force of a paraboloid on springs at the nodes of a square, over that of as many as one likes."""
+    """Return the force of a paraboloid on springs at the nodes of a square, relative to that in the limit."""
     x = np.linspace(-2.5, 2.5, divisions + 1)
     overlap = np.maximum(approach - 0.5 * np.add.outer(x**2, x**2), 0.0)
     return overlap.sum() * (5.0 / divisions) ** 2 / (np.pi * approach**2)
 
 
 def test_springs_under_a_paraboloid_are_within_the_error():
-    """Without any smooth error: nothing but nodes that fall into the contact or not."""
+    """There is no smooth error: nodes are either in contact or not."""
     within = []
     for approach in np.linspace(0.7, 2.0, 9):
         for divisions in range(12, 40):
             counts = [round(divisions / 2.25), round(divisions / 1.5), divisions]
-            found = richardson([1 / n for n in counts], [springs(n, approach) for n in counts])
-            within.append(abs(found.value - 1.0) <= found.error)
+            extrapolated = richardson([1 / n for n in counts], [springs(n, approach) for n in counts])
+            within.append(abs(extrapolated.value - 1.0) <= extrapolated.error)
     assert np.mean(within) > 0.85
 
 
-def test_oscillating_values_stand_as_they_are_with_their_range():
-    found = richardson(SIZES, [1.0, 1.2, 1.1])
-    assert (found.basis, found.value, found.order) == (Basis.FINEST, 1.1, None)
-    assert found.error == pytest.approx(0.2)
+def test_oscillating_values_are_not_extrapolated():
+    extrapolated = richardson(SIZES, [1.0, 1.2, 1.1])
+    assert (extrapolated.basis, extrapolated.value, extrapolated.order) == (Basis.FINEST, 1.1, None)
+    assert extrapolated.error == pytest.approx(0.2)
 
 
-def test_growing_differences_are_no_order():
-    found = richardson(SIZES, [1.0, 1.1, 1.4])
-    assert (found.basis, found.order) == (Basis.THEORETICAL, None)
-    assert found.value == pytest.approx(1.5)
-    assert found.error == pytest.approx(1.5 - (1.0 + 0.1 + 0.1 / 3.0))
+def test_growing_differences_have_no_order():
+    extrapolated = richardson(SIZES, [1.0, 1.1, 1.4])
+    assert (extrapolated.basis, extrapolated.order) == (Basis.THEORETICAL, None)
+    assert extrapolated.value == pytest.approx(1.5)
+    assert extrapolated.error == pytest.approx(1.5 - (1.0 + 0.1 + 0.1 / 3.0))
 
 
 def test_equal_values_have_no_error():
-    found = richardson(SIZES, [3.0, 3.0, 3.0])
-    assert (found.basis, found.value, found.error) == (Basis.CONSTANT, 3.0, 0.0)
+    extrapolated = richardson(SIZES, [3.0, 3.0, 3.0])
+    assert (extrapolated.basis, extrapolated.value, extrapolated.error) == (Basis.CONSTANT, 3.0, 0.0)
     assert richardson(SIZES, [0.0, 0.0, 0.0]).value == 0.0
 
 
 def test_values_that_stop_changing():
-    found = richardson(SIZES, [1.0, 1.1, 1.1])
-    assert (found.basis, found.value) == (Basis.FINEST, 1.1)
-    assert found.error == pytest.approx(0.1)
+    extrapolated = richardson(SIZES, [1.0, 1.1, 1.1])
+    assert (extrapolated.basis, extrapolated.value) == (Basis.FINEST, 1.1)
+    assert extrapolated.error == pytest.approx(0.1)
 
 
-def test_what_follows_no_order_is_not_extrapolated():
+def test_values_without_order_are_not_extrapolated():
     values = sequence(1.0, 1.0, 2.0, SIZES)
     for noise, error in ((0.01, 0.03), (0.05, 0.05)):
-        found = richardson(SIZES, values, noise=noise)
-        assert (found.basis, found.value) == (Basis.FINEST, values[-1])
-        assert found.error == pytest.approx(error)
+        extrapolated = richardson(SIZES, values, noise=noise)
+        assert (extrapolated.basis, extrapolated.value) == (Basis.FINEST, values[-1])
+        assert extrapolated.error == pytest.approx(error)
 
 
-def test_the_last_three_meshes_count():
+def test_last_three_meshes_are_used():
     sizes = (0.8, *SIZES)
     assert richardson(sizes, [77.0, *sequence(1.0, 0.5, 1.5, SIZES)]).value == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("sizes", [(0.2, 0.1), (0.1, 0.2, 0.4), (0.2, 0.1, 0.1)])
-def test_sizes_that_are_none_are_refused(sizes):
+def test_invalid_sizes_are_rejected(sizes):
     with pytest.raises(CaseError, match="needs 3 or more, decreasing"):
         richardson(sizes, [1.0] * len(sizes))

@@ -1,4 +1,4 @@
-"""The same case on coarser meshes: which keys follow, and how."""
+"""Test coarser meshes of a case: which keys change, and how."""
 
 from copy import deepcopy
 
@@ -10,20 +10,20 @@ from meeframe.study.refinement import coarsen, element_size
 MESH = {"divisions": 16, "rings": 8, "layers": 4, "height": "120 mm", "half_width": 0.05}
 
 
-def test_counts_are_divided_and_growths_raised(registry):
+def test_counts_and_growth_factors(registry):
     tables = {"mesh": MESH | {"layer_growth": 1.2}, "formulation": {"name": "skfem", "growth": 1.3, "layers": 6}}
     before = deepcopy(tables)
-    found = coarsen(tables, 2.0, registry)
-    assert found["mesh"] == MESH | {"divisions": 8, "rings": 4, "layers": 2, "layer_growth": pytest.approx(1.44)}
-    assert found["formulation"] == {"name": "skfem", "growth": pytest.approx(1.69), "layers": 3}
+    coarse = coarsen(tables, 2.0, registry)
+    assert coarse["mesh"] == MESH | {"divisions": 8, "rings": 4, "layers": 2, "layer_growth": pytest.approx(1.44)}
+    assert coarse["formulation"] == {"name": "skfem", "growth": pytest.approx(1.69), "layers": 3}
     assert tables == before
 
 
-def test_defaults_follow_too(registry):
-    """skfem has a growth of 1.5, a block a growth of its layers of 1.5, a half space none."""
-    found = coarsen({"mesh": MESH, "formulation": "skfem"}, 2.0, registry)
-    assert found["mesh"]["layer_growth"] == pytest.approx(2.25)
-    assert found["formulation"] == {"name": "skfem", "growth": pytest.approx(2.25)}
+def test_defaults_are_coarsened(registry):
+    """skfem has a growth of 1.5, a block a layer growth of 1.5, a half space none."""
+    coarse = coarsen({"mesh": MESH, "formulation": "skfem"}, 2.0, registry)
+    assert coarse["mesh"]["layer_growth"] == pytest.approx(2.25)
+    assert coarse["formulation"] == {"name": "skfem", "growth": pytest.approx(2.25)}
     half_space = {"type": "half-space", "divisions": [16, 9], "rings": 8}
     assert coarsen({"mesh": half_space}, 2.0, registry)["mesh"] == half_space | {"divisions": [8, 4], "rings": 4}
     assert coarsen({"mesh": MESH, "formulation": "dense-bem"}, 2.0, registry)["formulation"] == {"name": "dense-bem"}
@@ -32,18 +32,18 @@ def test_defaults_follow_too(registry):
 
 
 def test_the_same_size_is_the_same_mesh(registry):
-    found = coarsen({"mesh": MESH}, 1.0, registry)
-    assert found["mesh"] == MESH | {"layer_growth": 1.5}
+    coarse = coarsen({"mesh": MESH}, 1.0, registry)
+    assert coarse["mesh"] == MESH | {"layer_growth": 1.5}
 
 
-def test_both_bodies_follow(registry):
+def test_both_bodies_are_coarsened(registry):
     second_body = {"mesh": MESH | {"divisions": 12}, "formulation": {"name": "skfem"}}
-    found = coarsen({"mesh": MESH, "second_body": second_body}, 4.0, registry)
-    assert (found["mesh"]["divisions"], found["second_body"]["mesh"]["divisions"]) == (4, 3)
-    assert found["second_body"]["formulation"]["growth"] == pytest.approx(1.5**4)
+    coarse = coarsen({"mesh": MESH, "second_body": second_body}, 4.0, registry)
+    assert (coarse["mesh"]["divisions"], coarse["second_body"]["mesh"]["divisions"]) == (4, 3)
+    assert coarse["second_body"]["formulation"]["growth"] == pytest.approx(1.5**4)
 
 
-def test_an_element_is_left(registry):
+def test_at_least_one_element_remains(registry):
     assert coarsen({"mesh": MESH}, 100.0, registry)["mesh"]["layers"] == 1
 
 
@@ -65,6 +65,6 @@ def test_sizes_of_elements():
         ({"mesh": MESH, "formulation": "skfen"}, PluginError, "unknown formulation 'skfen'"),
     ],
 )
-def test_a_mesh_that_cannot_be_coarsened_is_named(registry, tables, error, message):
+def test_mesh_from_a_file_is_rejected(registry, tables, error, message):
     with pytest.raises(error, match=message):
         coarsen(tables, 2.0, registry)

@@ -1,4 +1,4 @@
-"""What cases warn of is told when a study starts, each once."""
+"""Warnings of cases are printed once when a study starts."""
 
 from dataclasses import replace
 
@@ -21,61 +21,61 @@ def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, aw
     values = ", ".join(f'"{depth} um"' for depth in depths)
     axes = f'"steps[1].approach" = [{values}]\n"indenter.radius" = ["100 mm", "50 mm"]'
     study.write_text(f'case = "{write_case().name}"\n[axes]\n{axes}\n', encoding="utf-8")
-    told = []
-    sweep(study, tmp_path / "out", registry=registry, warn=told.append)
-    for depth, text in zip(away, told, strict=False):
+    messages = []
+    sweep(study, tmp_path / "out", registry=registry, warn=messages.append)
+    for depth, text in zip(away, messages, strict=False):
         assert text.startswith(f"steps[1].approach = {depth} um, indenter.radius = 100 mm: ")
         assert AWAY.format(f"{depth * 1e-6:.3g}", f"{-depth * 1e-6:.3g}") in text
-    assert len(told) == len(away) + bool(rest)
-    assert not rest or told[-1] == f"{rest} of {2 * len(depths)} points were not checked for such warnings"
+    assert len(messages) == len(away) + bool(rest)
+    assert not rest or messages[-1] == f"{rest} of {2 * len(depths)} points were not checked for such warnings"
 
 
 @pytest.mark.full
 def test_sweeps_check_some_points_of_many_and_no_finished_ones(write_case, registry, tmp_path, monkeypatch):
-    """From the first to the last; those that are kept have been told of."""
+    """Checked points are distributed from the first to the last; finished points are skipped."""
     study = tmp_path / "study.toml"
     axis = '"steps[1].approach" = { from = 1e-6, to = -30e-6, count = 62 }'
     study.write_text(f'case = "{write_case().name}"\n[axes]\n{axis}\n', encoding="utf-8")
-    asked, doubts = [], Case.preflight.fget
+    calls, preflight = [], Case.preflight.fget
 
-    def counted(case):
-        asked.append(case.steps[0].approach)
-        return ("it is deep",) if case.steps[0].approach < -25e-6 else doubts(replace(case, steps=(Step(1e-6),)))
+    def count(case):
+        calls.append(case.steps[0].approach)
+        return ("it is deep",) if case.steps[0].approach < -25e-6 else preflight(replace(case, steps=(Step(1e-6),)))
 
-    monkeypatch.setattr(Case, "preflight", property(counted))
-    told = []
-    sweep(study, tmp_path / "out", registry=registry, warn=told.append)
-    assert asked == pytest.approx(np.linspace(1e-6, -30e-6, 62)[::3])
-    assert told[0].endswith(": it is deep")
-    assert told[1:] == ["41 of 62 points were not checked for such warnings"]
-    asked.clear()
-    sweep(study, tmp_path / "out", registry=registry, warn=told.append)
-    assert not asked
-    assert len(told) == 2
+    monkeypatch.setattr(Case, "preflight", property(count))
+    messages = []
+    sweep(study, tmp_path / "out", registry=registry, warn=messages.append)
+    assert calls == pytest.approx(np.linspace(1e-6, -30e-6, 62)[::3])
+    assert messages[0].endswith(": it is deep")
+    assert messages[1:] == ["41 of 62 points were not checked for such warnings"]
+    calls.clear()
+    sweep(study, tmp_path / "out", registry=registry, warn=messages.append)
+    assert not calls
+    assert len(messages) == 2
 
 
 def test_comparisons_warn_once_for_equal_bodies(write_case, registry, tmp_path):
-    """And not of a law that attracts."""
+    """There is no warning about a law with attraction."""
     case = write_case(('"10 um"', '"-10 um"'))
-    told = []
+    messages = []
     laws = ["signorini", '{ name = "isotropic-coulomb", mu = 0.3 }']
     dmt = '{ name = "dmt", work_of_adhesion = "0.1 J/m^2", equilibrium_distance = "1 nm" }'
-    compare(case, {"contact-law": [*laws, dmt]}, tmp_path / "out", registry=registry, warn=told.append)
-    assert len(told) == 1
-    assert told[0].startswith(AWAY.format("-1e-05", "1e-05"))
-    told.clear()
-    compare(case, {"contact-law": [dmt]}, tmp_path / "dmt", registry=registry, warn=told.append)
-    assert not told
+    compare(case, {"contact-law": [*laws, dmt]}, tmp_path / "out", registry=registry, warn=messages.append)
+    assert len(messages) == 1
+    assert messages[0].startswith(AWAY.format("-1e-05", "1e-05"))
+    messages.clear()
+    compare(case, {"contact-law": [dmt]}, tmp_path / "dmt", registry=registry, warn=messages.append)
+    assert not messages
 
 
-class Told(Exception):
-    """Stops a study before anything is computed."""
+class Stop(Exception):
+    """An exception that stops a study before anything is computed."""
 
 
 def test_verifications_warn_about_the_case(write_case, registry, tmp_path):
     def warn(text):
-        raise Told(text)
+        raise Stop(text)
 
     case = write_case(('"10 um"', '"-10 um"'))
-    with pytest.raises(Told, match=AWAY.format("-1e-05", "1e-05")):
+    with pytest.raises(Stop, match=AWAY.format("-1e-05", "1e-05")):
         verify(case, tmp_path / "out", ["winkler", "dense-bem"], registry=registry, warn=warn)

@@ -1,4 +1,4 @@
-"""Contact laws that do not keep their contract, and nodes that the approach never brings to touch."""
+"""Contact laws that violate their contract are rejected, and nodes that the approach never closes are handled."""
 
 import re
 from collections.abc import Callable
@@ -30,9 +30,9 @@ N = 25
 
 
 @dataclass(frozen=True)
-class Unfit(ContactLaw):
-    """No friction. columns: of its traction, later: those once it has slipped; rows: of its scaling; forgets: to return
-    a law for an increment."""
+class InvalidLaw(ContactLaw):
+    """A frictionless law. `columns` of its traction, `later` of that after slip; `rows` of its scaling; `forgets` to
+    return a law for an increment."""
 
     columns: int = 3
     rows: int = 2
@@ -48,38 +48,39 @@ class Unfit(ContactLaw):
     def for_increment(self, slip_path, duration):
         if self.forgets:
             return None
-        return self if self.later is None or not slip_path.any() else Unfit(self.later)
+        return self if self.later is None or not slip_path.any() else InvalidLaw(self.later)
 
 
 @pytest.fixture
 def laws(registry):
-    entry = Entry(Kind.CONTACT_LAW, Record("unfit", Unfit, "for tests", "none"), Provider("tests", "0"))
+    """Return the registry with the laws of this module."""
+    entry = Entry(Kind.CONTACT_LAW, Record("unfit", InvalidLaw, "for tests", "none"), Provider("tests", "0"))
     return replace(registry, entries=(*registry.entries, entry))
 
 
 @pytest.fixture
 def case(write_case, registry):
-    """The sphere on springs."""
+    """Return the sphere on springs."""
     return load_case(write_case(), registry)
 
 
 @pytest.mark.parametrize(
     ("key", "text"),
     [
-        ("columns = 2", rf"project of the contact law Unfit has shape \({N}, 2\); allowed: \({N}, 3\)"),
-        ("rows = 1", r"tangential_scaling of the contact law Unfit has shape \(1, 2\); allowed: \(2, 2\)"),
-        ("forgets = true", "for_increment of the contact law Unfit returns None; allowed: a contact law"),
+        ("columns = 2", rf"project of the contact law InvalidLaw has shape \({N}, 2\); allowed: \({N}, 3\)"),
+        ("rows = 1", r"tangential_scaling of the contact law InvalidLaw has shape \(1, 2\); allowed: \(2, 2\)"),
+        ("forgets = true", "for_increment of the contact law InvalidLaw returns None; allowed: a contact law"),
     ],
 )
-def test_unfit_laws_are_found_at_their_place_before_anything_is_computed(write_case, laws, key, text):
+def test_invalid_laws_are_reported_at_their_key(write_case, laws, key, text):
     with pytest.raises(CaseError, match=rf"contact\.law: {text}"):
         load_case(write_case(more=f'\n[contact]\nlaw = {{name = "unfit", {key}}}\n'), laws)
-    assert load_case(write_case(more='\n[contact]\nlaw = "unfit"\n'), laws).contact_law == Unfit()
+    assert load_case(write_case(more='\n[contact]\nlaw = "unfit"\n'), laws).contact_law == InvalidLaw()
 
 
 @dataclass(frozen=True)
-class Careless(Signorini):
-    """Works in the array that it is given."""
+class ModifiesTrial(Signorini):
+    """A law that modifies its argument."""
 
     def project(self, trial):
         np.minimum(trial[:, 2], 0.0, out=trial[:, 2])
@@ -87,14 +88,14 @@ class Careless(Signorini):
         return trial
 
 
-def test_a_law_that_changes_what_it_is_given_is_refused(case):
-    with pytest.raises(CaseError, match="project of the contact law Careless changes its argument"):
-        replace(case, contact_law=Careless())
+def test_law_that_modifies_its_argument_is_rejected(case):
+    with pytest.raises(CaseError, match="project of the contact law ModifiesTrial changes its argument"):
+        replace(case, contact_law=ModifiesTrial())
 
 
 @dataclass(frozen=True)
 class Overwriting(Signorini, ConductivityLaw):
-    """Zeroes what `method` is given first, or its gap."""
+    """A law that zeroes the first argument of `method`, or its gap."""
 
     method: str = ""
     argument: int = 0
@@ -115,21 +116,21 @@ class Overwriting(Signorini, ConductivityLaw):
 
 
 @pytest.mark.parametrize(("method", "argument"), [("resolve", 0), ("resolve", 1), ("tangent", 0)])
-def test_no_method_may_change_what_it_is_given(case, method, argument):
+def test_no_method_may_modify_its_arguments(case, method, argument):
     assert replace(case, contact_law=Overwriting()).contact_law == Overwriting()
     with pytest.raises(CaseError, match=f"{method} of the contact law Overwriting changes its argument"):
         replace(case, contact_law=Overwriting(method, argument))
 
 
 @pytest.mark.parametrize("argument", [0, 1, 2])
-def test_conductivities_leave_alone_what_they_are_given(case, argument):
+def test_conductivities_may_not_modify_their_arguments(case, argument):
     with pytest.raises(CaseError, match="conductivity of the conductivity law Overwriting changes its arguments"):
         replace(case, conductivity={"electric": Overwriting("conductivity", argument)})
 
 
 @dataclass(frozen=True)
-class Strange(ConductivityLaw):
-    """kappa, whatever is asked for."""
+class Constant(ConductivityLaw):
+    """A law that returns kappa for all arguments."""
 
     kappa: object
 
@@ -146,14 +147,14 @@ class Strange(ConductivityLaw):
     ],
 )
 @pytest.mark.parametrize("field", ["electric", "magnetic"])
-def test_unfit_conductivities_are_found_before_anything_is_computed(case, field, kappa, text):
-    with pytest.raises(CaseError, match=f"conductivity of the conductivity law Strange {text}"):
-        replace(case, conductivity={field: Strange(kappa)})
+def test_invalid_conductivities_are_rejected_early(case, field, kappa, text):
+    with pytest.raises(CaseError, match=f"conductivity of the conductivity law Constant {text}"):
+        replace(case, conductivity={field: Constant(kappa)})
 
 
 @dataclass(frozen=True)
-class Falling(ConductivityLaw):
-    """kappa = 1e-6 (1 - pressure / limit), and beyond the limit that or another number."""
+class Decreasing(ConductivityLaw):
+    """kappa = 1e-6 (1 - pressure / limit), and above the limit that or another number."""
 
     limit: float
     beyond: float | None = None
@@ -163,31 +164,31 @@ class Falling(ConductivityLaw):
         return kappa if self.beyond is None else np.where(normal_traction < -self.limit, self.beyond, kappa)
 
 
-TOLD = r"conductivity\.electric: .* law Falling is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numbers"
+TOLD = r"conductivity\.electric: .* law Decreasing is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numbers"
 
 
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("beyond", [None, np.nan, -np.inf])
 @pytest.mark.parametrize("solver", [Auto(), Uzawa()])
 def test_conductivities_are_checked_where_the_case_needs_them(case, solver, beyond):
-    """The sphere presses with 1 GPa: a law may be anything beyond, and nothing but a conductivity up to there."""
+    """The pressure under the sphere is 1 GPa; a law must return conductivities up to there only."""
     case = replace(case, solver=solver, potentials={"electric_potential": 100.0})
-    (step,) = meeframe.solve_case(replace(case, conductivity={"electric": Falling(1e10, beyond)})).steps
+    (step,) = meeframe.solve_case(replace(case, conductivity={"electric": Decreasing(1e10, beyond)})).steps
     assert step.status is Status.CONVERGED
     with pytest.raises(CaseError, match=TOLD):
-        meeframe.solve_case(replace(case, conductivity={"electric": Falling(1e8, beyond)}))
+        meeframe.solve_case(replace(case, conductivity={"electric": Decreasing(1e8, beyond)}))
 
 
 @pytest.mark.parametrize("solver", [Auto(), Uzawa()])
 def test_intermediate_states_are_reported_and_not_evaluated(case, solver):
-    """Negative resistances, smoothly beyond 0.1 GPa: the iteration ends at its limit before they spoil it."""
+    """Resistances become negative above 0.1 GPa: the iteration ends at the limit before they affect the results."""
     limits = replace(case.limits, max_iterations=1)
     case = replace(
         case,
         solver=solver,
         limits=limits,
         potentials={"electric_potential": 100.0},
-        conductivity={"electric": Falling(1e8)},
+        conductivity={"electric": Decreasing(1e8)},
     )
     (step,) = meeframe.solve_case(case).steps
     assert step.status is not Status.CONVERGED
@@ -196,8 +197,8 @@ def test_intermediate_states_are_reported_and_not_evaluated(case, solver):
 
 
 @dataclass(frozen=True)
-class Exploding(Solver):
-    """After a step to `pressure` [Pa] the loads are no numbers."""
+class Diverging(Solver):
+    """A solver whose loads are NaN after a step to `pressure` [Pa]."""
 
     pressure: float
 
@@ -214,28 +215,28 @@ class Exploding(Solver):
 
 
 @dataclass(frozen=True)
-class Probed(ConductivityLaw):
-    """No number at pressures that no case comes to."""
+class UndefinedAbove(ConductivityLaw):
+    """A law that returns NaN at pressures that no case reaches."""
 
     def conductivity(self, normal_traction, gap, drop):
         return np.where(normal_traction < -1e14, np.nan, 1e-6 * (normal_traction < 0.0))
 
 
 @pytest.mark.parametrize(
-    ("law", "pressure", "told", "refused"),
+    ("law", "pressure", "message", "refused"),
     [
-        (Falling(1e8), 1e6, False, False),
-        (Falling(1e8), 1e9, True, True),
-        (Falling(1e8, np.nan), 1e9, True, True),
-        (Falling(1e8), 1e13, True, False),
-        (Falling(1e8, np.nan), 1e13, True, False),
-        (Probed(), 1e9, False, False),
+        (Decreasing(1e8), 1e6, False, False),
+        (Decreasing(1e8), 1e9, True, True),
+        (Decreasing(1e8, np.nan), 1e9, True, True),
+        (Decreasing(1e8), 1e13, True, False),
+        (Decreasing(1e8, np.nan), 1e13, True, False),
+        (UndefinedAbove(), 1e9, False, False),
     ],
 )
-def test_an_iteration_that_goes_astray_is_not_laid_to_a_law(case, law, pressure, told, refused):
-    """Unless that said something else than a conductivity at a pressure as the problem has it, 1 GPa."""
+def test_divergence_is_not_attributed_to_a_law(case, law, pressure, message, refused):
+    """The law is responsible only if it returns no conductivity at a pressure of the problem, here 1 GPa."""
     case = replace(
-        case, solver=Exploding(pressure), potentials={"electric_potential": 100.0}, conductivity={"electric": law}
+        case, solver=Diverging(pressure), potentials={"electric_potential": 100.0}, conductivity={"electric": law}
     )
     if refused:
         with pytest.raises(CaseError, match=TOLD):
@@ -245,43 +246,43 @@ def test_an_iteration_that_goes_astray_is_not_laid_to_a_law(case, law, pressure,
     (step,) = meeframe.solve_case(case).steps
     assert step.status is Status.DIVERGED
     assert "not a finite number at iteration 2" in step.message
-    assert bool(re.search(TOLD, step.message)) is told
+    assert bool(re.search(TOLD, step.message)) is message
     outcome = solved(case, [reduce(case)])
     assert outcome.status is PointStatus.NOT_CONVERGED
     assert outcome.message == step.message
 
 
 @dataclass(frozen=True)
-class Bare(Signorini):
-    """Signorini's law, but for what `method` says."""
+class WithReturnValue(Signorini):
+    """Signorini's law with a replaced return value of `method`."""
 
     method: str = ""
-    says: Callable[[np.ndarray], object] = lambda array: array
+    returns: Callable[[np.ndarray], object] = lambda array: array
 
-    def _said(self, method, right):
-        return self.says(right) if method == self.method else right
+    def _returned(self, method, right):
+        return self.returns(right) if method == self.method else right
 
     def project(self, trial):
-        return self._said("project", super().project(trial))
+        return self._returned("project", super().project(trial))
 
     def tangential_scaling(self):
-        return self._said("tangential_scaling", np.zeros((2, 2)))
+        return self._returned("tangential_scaling", np.zeros((2, 2)))
 
     def resolve(self, trial, gap, r):
-        return self._said("resolve", super().project(trial))
+        return self._returned("resolve", super().project(trial))
 
     def adhesion(self, gap):
-        return self._said("adhesion", np.zeros(len(gap)))
+        return self._returned("adhesion", np.zeros(len(gap)))
 
     def initial_gap(self, points):
-        return self._said("initial_gap", np.zeros(len(points)))
+        return self._returned("initial_gap", np.zeros(len(points)))
 
     def tangent(self, trial):
-        return self._said("tangent", np.zeros((len(trial), 3, 3)))
+        return self._returned("tangent", np.zeros((len(trial), 3, 3)))
 
     def tangents(self, trial, gap, r):
-        here = self._said("by trial", np.zeros((len(trial), 3, 3)))
-        return self._said("tangents", (here, self._said("by gap", np.zeros((len(trial), 3, 3)))))
+        here = self._returned("by trial", np.zeros((len(trial), 3, 3)))
+        return self._returned("tangents", (here, self._returned("by gap", np.zeros((len(trial), 3, 3)))))
 
 
 SHAPES = {
@@ -296,89 +297,89 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("method", [*SHAPES, "initial_gap"])
-def test_what_laws_say_is_checked_before_anything_is_computed(case, method):
-    assert replace(case, contact_law=Bare()).contact_law == Bare()
+def test_return_values_are_checked_early(case, method):
+    assert replace(case, contact_law=WithReturnValue()).contact_law == WithReturnValue()
     shape = SHAPES.get(method, (N,))
-    what = "tangents of the contact law Bare, " + method + "," if method.startswith("by") else method
+    what = "tangents of the contact law WithReturnValue, " + method + "," if method.startswith("by") else method
     what = "the initial gap" if method == "initial_gap" else what
-    for says, text in [
+    for returns, text in [
         (lambda array: array[..., :1], f"has shape {(*shape[:-1], 1)}; allowed: {shape}"),
         (lambda array: array.tolist(), f"returns a list; allowed: an array of real numbers of shape {shape}"),
         (lambda _: None, f"returns None; allowed: an array of real numbers of shape {shape}"),
         (lambda array: array.astype(str), "returns an array of <U"),
     ]:
         with pytest.raises(CaseError, match=f"^{what}.*{re.escape(text)}"):
-            replace(case, contact_law=Bare(method, says))
+            replace(case, contact_law=WithReturnValue(method, returns))
 
 
 @pytest.mark.parametrize(
-    ("says", "text"),
+    ("returns", "text"),
     [
         (lambda pair: np.concatenate(pair), "returns an array of float64; allowed: two arrays, by trial and by gap"),
         (lambda pair: (*pair, pair[0]), "returns a tuple; allowed: two arrays"),
         (lambda _: None, "returns None; allowed: two arrays"),
     ],
 )
-def test_tangents_are_two_arrays(case, says, text):
-    with pytest.raises(CaseError, match=f"tangents of the contact law Bare {text}"):
-        replace(case, contact_law=Bare("tangents", says))
+def test_tangents_are_two_arrays(case, returns, text):
+    with pytest.raises(CaseError, match=f"tangents of the contact law WithReturnValue {text}"):
+        replace(case, contact_law=WithReturnValue("tangents", returns))
 
 
 @pytest.mark.parametrize("method", ["project", "resolve", "tangent", "by trial", "by gap"])
-def test_laws_say_numbers_of_finite_tractions(case, method):
-    """NaN where nothing presses."""
+def test_laws_must_be_finite_for_finite_tractions(case, method):
+    """The law returns NaN without pressure."""
 
-    def says(array):
+    def returns(array):
         spoilt = array.copy()
         spoilt[4::5] = np.nan
         return spoilt
 
     with pytest.raises(CaseError, match=r" is nan at a trial traction of \(0, 0, 0\) Pa; allowed: finite numbers"):
-        replace(case, contact_law=Bare(method, says))
+        replace(case, contact_law=WithReturnValue(method, returns))
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 @pytest.mark.parametrize(("method", "where"), [("tangential_scaling", ""), ("adhesion", " at a gap of 0 m")])
-def test_laws_say_numbers_that_are_finite(case, method, where, number):
+def test_laws_must_return_finite_numbers(case, method, where, number):
     with pytest.raises(
-        CaseError, match=f"^{method} of the contact law Bare is {number}{where}; allowed: finite numbers"
+        CaseError, match=f"^{method} of the contact law WithReturnValue is {number}{where}; allowed: finite numbers"
     ):
-        replace(case, contact_law=Bare(method, lambda array: array + number))
+        replace(case, contact_law=WithReturnValue(method, lambda array: array + number))
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
-def test_small_zones_try_every_traction(n):
-    """NaN where nothing presses."""
+def test_small_zones_evaluate_every_traction(n):
+    """The law returns NaN without pressure."""
 
     @dataclass(frozen=True)
-    class Spoilt(Signorini):
+    class Nan(Signorini):
         def project(self, trial):
             return np.where(trial.any(axis=1, keepdims=True), super().project(trial), np.nan)
 
     check_tractions(Signorini(), n)
     with pytest.raises(CaseError, match=r" is nan at a trial traction of \(0, 0, 0\) Pa; allowed: finite numbers"):
-        check_tractions(Spoilt(), n)
+        check_tractions(Nan(), n)
 
 
-def test_a_law_that_is_unfit_later_is_refused_then(case):
-    """By the second increment nodes have slipped: it goes over a frictionless surface."""
+def test_law_that_becomes_invalid_is_rejected(case):
+    """By the second increment nodes have slipped, because the indenter slides over a frictionless surface."""
     steps = (Step(approach=1e-5), Step(translation=(1e-6, 0.0), increments=2))
-    slides = replace(case, contact_law=Unfit(later=2), steps=steps)
-    with pytest.raises(CaseError, match=rf"project of the contact law Unfit has shape \({N}, 2\)"):
+    slides = replace(case, contact_law=InvalidLaw(later=2), steps=steps)
+    with pytest.raises(CaseError, match=rf"project of the contact law InvalidLaw has shape \({N}, 2\)"):
         meeframe.solve_case(slides)
 
 
 @dataclass(frozen=True)
 class Film(Signorini):
-    """A film as thick everywhere."""
+    """A film of uniform thickness."""
 
     def initial_gap(self, points):
         return np.full(len(points), -1e-6)
 
 
 @pytest.mark.parametrize("slope", [0.0, -0.05])
-def test_nodes_that_approach_does_not_bring_nearer_do_not_say_where_it_touches(case, slope):
-    """A tilted sphere is above the node whose normal leans over to its side; it moves along its axis, not to that."""
+def test_nodes_that_the_approach_does_not_close_do_not_define_first_contact(case, slope):
+    """The normal of one node leans towards a tilted sphere, which moves along its axis and not towards that node."""
     tilted = replace(case, placement=Placement(tilt_2=0.2))
     system = reduce(tilted)
     frames = system.frames.copy()

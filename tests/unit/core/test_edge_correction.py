@@ -1,4 +1,4 @@
-"""Nodes that respond more to their own load, as a matrix, an operator and a part of the fields; covered parts."""
+"""Test edge-corrected systems: nodal compliance as a matrix, an operator and a selection of fields; area fractions."""
 
 import numpy as np
 import pytest
@@ -29,34 +29,34 @@ def test_matrix_and_operator_agree():
 
 
 def problem(kappa, area_fraction=None) -> ContactProblem:
-    found = indentation_problem(SYSTEM, np.zeros(25), 0.1, Signorini(), (kappa, 0.0))
+    computed = indentation_problem(SYSTEM, np.zeros(25), 0.1, Signorini(), (kappa, 0.0))
     return ContactProblem(
-        found.system,
-        found.contact_law,
-        found.with_laws(electric=StepConductivity(kappa)).channels,
-        found.gap,
-        found.translation,
-        found.potentials,
+        computed.system,
+        computed.contact_law,
+        computed.with_laws(electric=StepConductivity(kappa)).channels,
+        computed.gap,
+        computed.translation,
+        computed.potentials,
         area_fraction=area_fraction,
     )
 
 
-def test_covered_parts_conduct_with_and_without_pressure():
+def test_area_fractions_conduct_with_and_without_pressure():
     area_fraction = np.where(np.arange(25) < 10, 0.25, np.where(np.arange(25) < 20, 1.0, 0.0))
     traction = np.where(np.arange(25) % 2 == 0, -1.0, 0.0)
     contact_fraction = (traction < 0.0).astype(float)
     case = problem(4.0, area_fraction)
-    found = resistances(case, traction, contact_fraction, np.abs(potential_diagonal(case)))
-    assert found[:10, 0] == pytest.approx(1.0)
-    assert (found[10:20, 0] == np.where(contact_fraction[10:20] > 0.0, 0.25, np.inf)).all()
-    assert np.isinf(found[20:, 0]).all()  # whether there is pressure or not
-    assert np.isinf(found[:, 1]).all()
+    computed = resistances(case, traction, contact_fraction, np.abs(potential_diagonal(case)))
+    assert computed[:10, 0] == pytest.approx(1.0)
+    assert (computed[10:20, 0] == np.where(contact_fraction[10:20] > 0.0, 0.25, np.inf)).all()
+    assert np.isinf(computed[20:, 0]).all()  # whether there is pressure or not
+    assert np.isinf(computed[:, 1]).all()
     perfect = resistances(problem(np.inf, area_fraction), traction, contact_fraction, np.abs(potential_diagonal(case)))
     assert (perfect[:10, 0] == 0.0).all()
     assert np.isinf(perfect[20:, 0]).all()
 
 
 @pytest.mark.parametrize("area_fraction", [np.ones(3), np.full(25, 1.5), np.full(25, np.nan)])
-def test_covered_parts_are_parts(area_fraction):
+def test_area_fractions_are_between_zero_and_one(area_fraction):
     with pytest.raises(CaseError, match="area_fraction"):
         problem(1.0, area_fraction)

@@ -1,4 +1,5 @@
-"""Moved points against the equation at the same load, and what is linearised where fractions are at their ends."""
+"""Incrementally updated residual states agree with new evaluations, and fractions at their bounds are linearised
+correctly."""
 
 from dataclasses import replace
 
@@ -17,17 +18,17 @@ SINGLE = float(np.finfo(np.float32).eps)
 
 
 def moving(problem, fields=(0, 2, 3, 4)):
-    """With an indenter that may go along these fields, a tilt among them."""
-    found = []
+    """Return a problem whose indenter may move along these fields, including a tilt."""
+    computed = []
     for field in fields:
         mode = np.zeros_like(problem.system.offset)
         mode[:, field] = 1.0 + (100.0 * problem.system.points[:, 0] if field == 2 else 0.0)
-        found.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, 1.0))
-    return replace(problem, prescribed_resultants=tuple(found))
+        computed.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, 1.0))
+    return replace(problem, prescribed_resultants=tuple(computed))
 
 
 def far_off(problem) -> ResidualState:
-    """Loads as large as those of a contact, but any."""
+    """Return arbitrary loads of the magnitude of contact loads."""
     equation, random = ContactResidual.of(problem), np.random.default_rng(7)
     n = len(problem.gap)
     load = equation.scales.load * random.normal(size=(n, 5))
@@ -37,12 +38,12 @@ def far_off(problem) -> ResidualState:
 
 
 def beyond(point: ResidualState, node: int, end: float, share: float) -> ResidualState:
-    """A solution whose node is taken to be biactive, its fraction just beyond an end, and its pressure such that its
-    trial is a share of sigma from zero, positive if it is open."""
+    """Return a solution with a biactive node whose fraction is just beyond a bound and whose trial is a fraction of
+    sigma from zero, positive if open."""
     equation, mask = point.equation, np.arange(len(point.load)) == node
     load, contact_fraction = point.load.copy(), point.contact_fraction.copy()
     contact_fraction[node] = end + (0.005 if end else -0.005)
-    for _ in range(3):  # the trial is linear in the node's own pressure
+    for _ in range(3):  # the trial is linear in the pressure of the node
         moved = equation.at(load, contact_fraction, mask, AT_REST)
         off = share * moved.sigma[node] - moved.trial[node, 2]
         load[node, 2] += off / (1.0 - equation.r * equation.blocks[node, 2, 2])
@@ -53,8 +54,8 @@ def beyond(point: ResidualState, node: int, end: float, share: float) -> Residua
 
 
 def solved_edge(problem, end: float) -> tuple[ResidualState, int]:
-    """The solution, and of the nodes that are pressed, or open, the one nearest to the other, where that
-    makes a difference."""
+    """Return the solution and, of the nodes in contact or open, the one nearest to the other state where that
+    matters."""
     equation = ContactResidual.of(problem)
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-13)).state
     point = equation.at(state.load, state.contact_fraction, np.zeros(len(state.load), bool), AT_REST)
@@ -67,8 +68,8 @@ def solved_edge(problem, end: float) -> tuple[ResidualState, int]:
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("end", [1.0, 0.0], ids=["closed", "open"])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
-def test_nodes_at_an_end_are_found_again_in_a_step(law: ContactLaw, end: float, sphere) -> None:
-    """Though the trial is hardly on the other side; without friction the equations are linear there."""
+def test_step_restores_nodes_at_a_bound(law: ContactLaw, end: float, sphere) -> None:
+    """The trial hardly differs from zero; without friction the equations are linear there."""
     problem = sphere("orthotropic", law, (np.inf, np.inf), cells=12)
     point, node = solved_edge(problem, end)
     moved = beyond(point, node, end, 1e-3 if end else -1e-3)
@@ -88,8 +89,8 @@ def test_nodes_at_an_end_are_found_again_in_a_step(law: ContactLaw, end: float, 
     [Signorini(), IsotropicCoulomb(MU), IsotropicCoulomb(np.inf), OrthotropicCoulomb(0.2, 0.5, 0.4)],
     ids=["smooth", "rough", "glued", "orthotropic"],
 )
-def test_nodes_at_an_end_are_linearised_by_that(law: ContactLaw, end: float, sphere) -> None:
-    """The derivative is that of the residual where the trial is on the side of the fraction."""
+def test_nodes_at_a_bound_are_linearised_by_their_fraction(law: ContactLaw, end: float, sphere) -> None:
+    """The derivative is that of the residual where the trial has the sign of the fraction."""
     problem = sphere("orthotropic", law, (np.inf, np.inf), cells=12)
     point, node = solved_edge(problem, end)
     side = 1.0 if end else -1.0
@@ -102,14 +103,14 @@ def test_nodes_at_an_end_are_linearised_by_that(law: ContactLaw, end: float, sph
     assert (here.trial[node, 2] < 0.0) != (there.trial[node, 2] < 0.0)
     expected = (rows[0].residual - rows[1].residual)[node, :5] / np.ptp(widths)
     blocks, caused = here.linearise(), problem.system.apply(change)
-    found = (blocks.a.dense(6)[node, :5, :5] @ change[node]) + blocks.b.dense(5)[node, :5] @ caused[node]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
-    apart = 2e-6 * point.sigma[node] / equation.scales.pressure  # as far as the two points are
-    np.testing.assert_allclose(blocks.residual[node, :3], there.residual[node, :3], rtol=1e-5, atol=apart)
+    computed = (blocks.a.dense(6)[node, :5, :5] @ change[node]) + blocks.b.dense(5)[node, :5] @ caused[node]
+    np.testing.assert_allclose(computed, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
+    separated = 2e-6 * point.sigma[node] / equation.scales.pressure  # to the distance of the two states
+    np.testing.assert_allclose(blocks.residual[node, :3], there.residual[node, :3], rtol=1e-5, atol=separated)
 
 
-def test_other_fractions_are_those_of_the_equation_there(conducting) -> None:
-    """Beside the same load and gaps, some without an indenter above, whatever was biactive before."""
+def test_changed_fractions_match_a_new_evaluation(conducting) -> None:
+    """Loads and gaps are the same, some nodes have no indenter above, and any nodes were biactive before."""
     problem = conducting(24, 0.3, IsotropicCoulomb(MU))
     problem = replace(problem, gap=np.where(np.arange(24 * 24) % 7 == 0, np.inf, problem.gap))
     equation, random = ContactResidual.of(problem), np.random.default_rng(8)
@@ -119,10 +120,12 @@ def test_other_fractions_are_those_of_the_equation_there(conducting) -> None:
     load[~np.isfinite(problem.gap)] = 0.0
     fractions, masks = random.normal(0.5, 0.7, (2, n)), random.random((2, n)) < 0.5
     point = equation.at(load, fractions[0], masks[0], AT_REST)
-    found, expected = (
+    computed, expected = (
         point.with_contact_fraction(fractions[1], masks[1]),
         equation.at_relative_displacement(point.load, point.relative_displacement, fractions[1], masks[1], AT_REST),
     )
     for name in ("contact_fraction", "biactive", "transmissivity", "switch", "sigma", "drive", "residual"):
-        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-12, atol=1e-13, err_msg=name)
-    assert not np.allclose(found.residual, point.residual)
+        np.testing.assert_allclose(
+            getattr(computed, name), getattr(expected, name), rtol=1e-12, atol=1e-13, err_msg=name
+        )
+    assert not np.allclose(computed.residual, point.residual)

@@ -1,4 +1,4 @@
-"""Laws that are more than a projection: compliant, dependent on slip, attractive. Linearisation and solvers."""
+"""Laws with more than a projection (compliant, slip-dependent, attractive): linearisation and solvers."""
 
 from dataclasses import dataclass, replace
 from typing import final
@@ -28,8 +28,8 @@ SOLVERS = (Uzawa(), BarzilaiBorwein(), Nesterov())
 
 @final
 @dataclass(frozen=True)
-class Soft(ContactLaw):
-    """Surfaces overlap by `closing` times the pressure [m/Pa]."""
+class Compliant(ContactLaw):
+    """A law whose overlap is `closing` times the pressure [m/Pa]."""
 
     closing: float
 
@@ -46,7 +46,7 @@ class Soft(ContactLaw):
 @final
 @dataclass(frozen=True)
 class Weakening(ContactLaw):
-    """Friction coefficient least + (mu - least) exp(-slip / distance)."""
+    """A law with the friction coefficient least + (mu - least) exp(-slip / distance)."""
 
     mu: float
     least: float
@@ -70,8 +70,8 @@ class Weakening(ContactLaw):
 
 @final
 @dataclass(frozen=True)
-class Sticky(ContactLaw):
-    """Coulomb friction of surfaces that attract each other with strength exp(-gap / distance)."""
+class Attractive(ContactLaw):
+    """Coulomb friction with the attraction strength exp(-gap / distance)."""
 
     mu: float
     strength: float
@@ -88,13 +88,13 @@ class Sticky(ContactLaw):
 
 
 def laws(problem) -> dict[str, ContactLaw]:
-    """One of each kind, with the magnitudes of a problem."""
+    """Return one law of each kind, with the magnitudes of a problem."""
     scales = problem_scales(problem)
     depth = scales.pressure * scales.normal_compliance
     return {
-        "soft": Soft(0.3 * scales.normal_compliance),
+        "soft": Compliant(0.3 * scales.normal_compliance),
         "weakening": Weakening(0.4, 0.3, 0.5 * depth),
-        "sticky": Sticky(0.3, 0.1 * scales.pressure, depth),
+        "sticky": Attractive(0.3, 0.1 * scales.pressure, depth),
     }
 
 
@@ -129,7 +129,7 @@ def test_linearisation_is_the_derivative_of_the_residual(problem, kind) -> None:
     expected = (forward.residual - backward.residual) / (2.0 * width)
     error = np.abs(got - expected)[smooth, :5] / np.abs(expected).max()
     assert smooth.sum() > n // 2
-    # a node or two may cross a kink of friction within the width
+    # a node or two may cross a kink of friction within the step of the difference
     assert np.sort(error.max(axis=1))[: -2 if kind != "soft" else None].max() < 2e-5
 
 
@@ -155,7 +155,7 @@ def test_solvers_agree(problem, kind, free) -> None:
     np.testing.assert_allclose(problem.system.weights @ hidden.state.load, force, atol=1e-8 * np.abs(force[2]))
 
 
-def test_soft_surfaces_overlap_in_proportion_to_the_pressure(problem) -> None:
+def test_compliant_overlap_is_proportional_to_pressure(problem) -> None:
     law = laws(problem)["soft"]
     problem = replace(problem, contact_law=law)
     state = solve(problem, SemismoothNewton()).state
@@ -166,8 +166,8 @@ def test_soft_surfaces_overlap_in_proportion_to_the_pressure(problem) -> None:
     np.testing.assert_allclose(gap[pressed], law.closing * state.load[pressed, 2], atol=1e-9 * depth)
 
 
-def test_attraction_comes_on_top_of_the_contact(problem) -> None:
-    """Open nodes bear the attraction alone, touching ones that less their pressure; friction is of the pressure."""
+def test_attraction_adds_to_contact_traction(problem) -> None:
+    """Open nodes carry the attraction only, nodes in contact also their pressure, which limits friction."""
     law = laws(problem)["sticky"]
     problem = replace(problem, contact_law=law)
     state = solve(problem, SemismoothNewton()).state
@@ -187,7 +187,7 @@ def test_attraction_comes_on_top_of_the_contact(problem) -> None:
 
 
 @pytest.mark.parametrize("kind", ["soft", "weakening", "sticky"])
-def test_solutions_do_not_depend_on_the_length_of_the_step(problem, kind) -> None:
+def test_solutions_do_not_depend_on_the_step_length(problem, kind) -> None:
     law = laws(problem)[kind]
     problem = replace(problem, contact_law=law)
     state = solve(problem, SemismoothNewton()).state
@@ -203,7 +203,7 @@ def test_solutions_do_not_depend_on_the_length_of_the_step(problem, kind) -> Non
 @final
 @dataclass(frozen=True)
 class BeyondPressure(ConductivityLaw):
-    """kappa beyond a pressure, growing from there over as much again."""
+    """kappa above a pressure, reached linearly over an interval of the same size."""
 
     kappa: float
     pressure: float
@@ -212,19 +212,19 @@ class BeyondPressure(ConductivityLaw):
         return self.kappa * np.clip(-normal_traction / self.pressure - 1.0, 0.0, 1.0)
 
 
-def test_charge_is_borne_where_only_the_highest_pressure_conducts(problem) -> None:
-    """Under the characteristic pressure of the problem the law insulates."""
+def test_charge_with_conduction_at_highest_pressure_only(problem) -> None:
+    """The law insulates at the characteristic pressure of the problem."""
     equation = ContactResidual.of(problem)
     law = BeyondPressure(1.0 / equation.self_compliance[0, 0], 1.1 * equation.scales.pressure)
     problem = replace(problem.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
-    given = solve(problem, SemismoothNewton())
-    charge = problem.system.weights @ given.state.load[:, 3]
-    assert given.status == "converged"
+    reference = solve(problem, SemismoothNewton())
+    charge = problem.system.weights @ reference.state.load[:, 3]
+    assert reference.status == "converged"
     assert abs(charge) > 0.0
     mode = np.tile([0.0, 0.0, 0.0, -1.0, 0.0], (256, 1))
     resultant = PrescribedResultant(mode, -problem.system.weights[:, None] * mode, charge)
     free = replace(problem, potentials=np.zeros((256, 2)), prescribed_resultants=(resultant,))
     for solver in (SemismoothNewton(), BarzilaiBorwein()):
-        found = solve(free, solver)
-        assert found.status == "converged", found.message
-        assert found.state.motion[0] == pytest.approx(1e3, rel=1e-6)
+        solution = solve(free, solver)
+        assert solution.status == "converged", solution.message
+        assert solution.state.motion[0] == pytest.approx(1e3, rel=1e-6)

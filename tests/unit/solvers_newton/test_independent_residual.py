@@ -1,4 +1,4 @@
-"""The violation that an equation knows of against the judge's, at states beside solutions."""
+"""The violation computed by the contact residual agrees with the independent residual near solutions."""
 
 from dataclasses import replace
 
@@ -23,18 +23,18 @@ KAPPA = {"perfect": (np.inf, np.inf), "alone": (np.inf, 0.0), "finite": (1.0, 0.
 
 
 @pytest.fixture
-def made(conducting):
-    """Maker of a problem by the name of its conduction, or of free motions."""
+def make_problem(conducting):
+    """Return a function that creates a problem by the name of its conduction or of its free motions."""
 
     def make(law, name: str) -> ContactProblem:
         problem = conducting(NODES, 0.3, law, Insulating(), dragged=(3e-7, 1e-7))
-        own = np.abs(diagonal(problem.system, (3, 4))[0])
+        compliance = np.abs(diagonal(problem.system, (3, 4))[0])
         if name == "insulated":
             return problem
         if name == "power":
-            laws = [PowerLaw(1.0 / o, 1e8, exponent) for o, exponent in zip(own, (0.5, 0.95), strict=True)]
+            laws = [PowerLaw(1.0 / o, 1e8, exponent) for o, exponent in zip(compliance, (0.5, 0.95), strict=True)]
         else:
-            laws = [StepConductivity(k / o) for k, o in zip(KAPPA.get(name, KAPPA["perfect"]), own, strict=True)]
+            laws = [StepConductivity(k / o) for k, o in zip(KAPPA.get(name, KAPPA["perfect"]), compliance, strict=True)]
         problem = replace(problem, channels=flux_channels(laws[0], laws[1]))
         if name != "free":
             return problem
@@ -49,8 +49,8 @@ def made(conducting):
     return make
 
 
-def beside(problem: ContactProblem, state: ContactState, changed: str, size: float) -> ResidualState:
-    """The equation where one part of a solution is another; the tractions admissible."""
+def perturb(problem: ContactProblem, state: ContactState, changed: str, size: float) -> ResidualState:
+    """Return the contact residual at a perturbed solution with admissible tractions."""
     equation, random = ContactResidual.of(problem), np.random.default_rng(5)
     load, contact_fraction, motion = state.load.copy(), state.contact_fraction.copy(), state.motion.copy()
     biactive = (contact_fraction > 0.0) & (contact_fraction < 1.0)
@@ -65,7 +65,7 @@ def beside(problem: ContactProblem, state: ContactState, changed: str, size: flo
         contact_fraction[biactive] = np.clip(
             contact_fraction[biactive] + size * random.normal(size=biactive.sum()), 1e-6, 1.0 - 1e-6
         )
-    elif changed == "biactive":  # some that are pressed: their fractions do not fit
+    elif changed == "biactive":  # some nodes in contact get inconsistent fractions
         biactive[np.argsort(load[:, 2])[:6]] = True
         contact_fraction[biactive] *= 1.0 - size
     elif changed == "motion":
@@ -80,12 +80,12 @@ def beside(problem: ContactProblem, state: ContactState, changed: str, size: flo
     [(COULOMB, name) for name in ("perfect", "alone", "finite", "little", "power", "insulated", "free")]
     + [(Signorini(), "perfect"), (OrthotropicCoulomb(0.2, 0.5, 0.4), "perfect")],
 )
-def test_the_equation_agrees_with_the_independent_residual(law, name: str, changed: str, made) -> None:
-    problem = made(law, name)
+def test_contact_residual_agrees_with_independent_residual(law, name: str, changed: str, make_problem) -> None:
+    problem = make_problem(law, name)
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
     scales, biactive = problem_scales(problem), ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
     for size in (1e-2, 1e-4, 1e-6):
-        point = beside(problem, state, changed, size)
+        point = perturb(problem, state, changed, size)
         caused = problem.system.offset + problem.system.apply(point.load)
         expected = law_residual(
             problem,
@@ -105,10 +105,11 @@ def test_the_equation_agrees_with_the_independent_residual(law, name: str, chang
         assert point.law_residual == pytest.approx(expected, rel=1e-3, abs=1e-12)
 
 
-def test_a_drop_counts_as_on_a_body_as_compliant_as_the_contact_is_wide(made) -> None:
-    """Where little conducts, and where fractions are between: more than the rows of the equation themselves leave."""
-    problem = made(COULOMB, "perfect")
+def test_scale_of_potential_drops(make_problem) -> None:
+    """The scale exceeds that of the rows of the contact residual where little conducts and where fractions are
+    intermediate."""
+    problem = make_problem(COULOMB, "perfect")
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
     assert ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
-    point = beside(problem, state, "fraction", 1e-3)
+    point = perturb(problem, state, "fraction", 1e-3)
     assert point.law_residual > 2.0 * point.violation

@@ -1,4 +1,4 @@
-"""Newton's method on the part of a half space around the contact, against the same on all of it."""
+"""Newton's method restricted to a neighbourhood of the contact agrees with that on the whole zone."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -46,7 +46,8 @@ def half_space(n: int = 63, stiffness: Array | None = None, **options: Any) -> R
 
 
 def sphere(system: ReducedSystem, at: Sequence[float], contact: float = 0.15, **given: Any) -> ContactProblem:
-    """A sphere pressed onto a place [widths], conducting and rubbing, dragged a little."""
+    """Return a problem of a sphere at a position [widths], conducting and with friction, moved slightly along the
+    surface."""
     depth = (contact * WIDTH) ** 2 / RADIUS
     gap = ((system.points[:, :2] - WIDTH * np.array(at)) ** 2).sum(axis=1) / (2.0 * RADIUS) - depth
     translation, flux = np.tile([0.3 * MU * depth, 0.0], (len(gap), 1)), StepConductivity(np.inf)
@@ -59,42 +60,45 @@ def sphere(system: ReducedSystem, at: Sequence[float], contact: float = 0.15, **
 def solutions(
     problem: ContactProblem, monkeypatch: pytest.MonkeyPatch, start: ContactState | None = None
 ) -> tuple[ContactSolution, ContactSolution]:
-    """With parts and without; the second one beforehand would find entries made."""
-    found = solve(problem, SemismoothNewton(), LIMITS, start)
+    """Return solutions with and without restriction; the latter comes second, so that the first one computes
+    entries."""
+    computed = solve(problem, SemismoothNewton(), LIMITS, start)
     with monkeypatch.context() as without:
         without.setattr(newton, "contact_neighbourhood", lambda problem, contact: None)
-        return found, solve(problem, SemismoothNewton(), LIMITS, start)
+        return computed, solve(problem, SemismoothNewton(), LIMITS, start)
 
 
-def sizes_of_parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Of all that are taken from now on."""
+def record_sizes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that records the sizes of all restrictions from now on."""
     sizes: list[int] = []
 
-    class Seen(ContactNeighbourhood):
+    class Recorder(ContactNeighbourhood):
         def __init__(self, problem: ContactProblem, nodes: Indices, equation: Any) -> None:
             super().__init__(problem, nodes, equation)
             sizes.append(len(nodes))
 
-    monkeypatch.setattr("meeframe.solvers.newton.neighbourhood.ContactNeighbourhood", Seen)
+    monkeypatch.setattr("meeframe.solvers.newton.neighbourhood.ContactNeighbourhood", Recorder)
     return sizes
 
 
-def check_alike(found: ContactSolution, other: ContactSolution) -> None:
-    assert found.status is other.status is Status.CONVERGED
+def check_same(computed: ContactSolution, other: ContactSolution) -> None:
+    assert computed.status is other.status is Status.CONVERGED
     for field in range(5):
         largest = np.abs(other.state.load[:, field]).max()
-        np.testing.assert_allclose(found.state.load[:, field], other.state.load[:, field], atol=1e-7 * largest, rtol=0)
-    np.testing.assert_array_equal(found.state.contact_fraction > 0.0, other.state.contact_fraction > 0.0)
+        np.testing.assert_allclose(
+            computed.state.load[:, field], other.state.load[:, field], atol=1e-7 * largest, rtol=0
+        )
+    np.testing.assert_array_equal(computed.state.contact_fraction > 0.0, other.state.contact_fraction > 0.0)
 
 
 def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[PrescribedResultant, ...]:
-    """Pressed by a force and dragged with half of what friction bears."""
-    totals, found = {2: -force, 0: 0.5 * MU * force, 1: 0.0}, []
+    """Return a normal force and half of the tangential force that friction can carry."""
+    totals, computed = {2: -force, 0: 0.5 * MU * force, 1: 0.0}, []
     for field, total in totals.items():
         mode = np.zeros_like(system.offset)
         mode[:, field] = 1.0
-        found.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))
-    return tuple(found)
+        computed.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))
+    return tuple(computed)
 
 
 @pytest.mark.full(except_for=3)
@@ -110,7 +114,7 @@ def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[Prescrib
     ],
     ids=["fixed", "corner", "frictionless", "resistance", "force", "pair"],
 )
-def test_parts_have_the_solution_of_the_whole(given: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_restriction_does_not_change_the_solution(given: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     given = dict(given)
     body, other = half_space(), Material.isotropic(1e11, 0.25).stiffness
     system = OperationCounter.of(
@@ -124,106 +128,104 @@ def test_parts_have_the_solution_of_the_whole(given: dict[str, Any], monkeypatch
         problem = replace(
             problem, gap=gap, translation=still, prescribed_resultants=prescribed_resultants(system, force)
         )
-    sizes = sizes_of_parts(monkeypatch)
-    found, whole = solutions(problem, monkeypatch)
+    sizes = record_sizes(monkeypatch)
+    restricted, unrestricted = solutions(problem, monkeypatch)
     assert min(sizes) < 0.5 * len(problem.gap)
-    check_alike(found, whole)
+    check_same(restricted, unrestricted)
 
 
-def halved(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
-    """Parts that have too little, wherever they are taken: half of what was asked for."""
+def halve_restrictions(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
+    """Reduce every restriction to half of the requested nodes."""
     return contact_neighbourhood(problem, contact & (problem.system.points[:, 0] > 0.05 * WIDTH))
 
 
-def test_contact_beside_the_part_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_contact_outside_the_restriction_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = sphere(half_space(), (0.05, -0.1))
     with monkeypatch.context() as given:
-        given.setattr(newton, "contact_neighbourhood", halved)
-        found = solve(problem, SemismoothNewton(), LIMITS)
-    check_alike(found, solutions(problem, monkeypatch)[1])
+        given.setattr(newton, "contact_neighbourhood", halve_restrictions)
+        computed = solve(problem, SemismoothNewton(), LIMITS)
+    check_same(computed, solutions(problem, monkeypatch)[1])
 
 
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
-def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
-    law: ContactLaw, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The coarser grid does not see it, and the part does not hold it."""
+def test_asperity_outside_the_restriction_is_found(law: ContactLaw, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither the coarser grid nor the restriction contains it."""
     smooth = sphere(half_space(), (0.05, -0.1), contact_law=law)
     coarse = coarse_problem(smooth)
     assert coarse is not None
     between = np.setdiff1d(np.arange(len(smooth.gap)), coarse.coarsening.nodes)
-    place = WIDTH * np.array([-0.36, 0.35])
-    node = between[np.linalg.norm(smooth.system.points[between, :2] - place, axis=1).argmin()]
+    position = WIDTH * np.array([-0.36, 0.35])
+    node = between[np.linalg.norm(smooth.system.points[between, :2] - position, axis=1).argmin()]
     bump = np.arange(len(smooth.gap)) == node
     problem = replace(smooth, gap=np.where(bump, 0.6 * smooth.gap.min(), smooth.gap))
-    started = newton._memory(SemismoothNewton().init(problem, None))
+    started = SemismoothNewton().init(problem, None).memory_as(newton._Memory)
     assert started.neighbourhood is not None
     assert node not in started.neighbourhood.nodes
-    found, whole = solutions(problem, monkeypatch)
-    check_alike(found, whole)
-    assert found.state.load[node, 2] < 0.0
-    assert law_residual(problem, found.state, problem_scales(problem)) <= LIMITS.tolerance
+    restricted, unrestricted = solutions(problem, monkeypatch)
+    check_same(restricted, unrestricted)
+    assert restricted.state.load[node, 2] < 0.0
+    assert law_residual(problem, restricted.state, problem_scales(problem)) <= LIMITS.tolerance
 
 
-def test_a_part_without_a_step_gives_way_to_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before gradient steps are made, which are those of the whole problem."""
+def test_failed_step_leads_to_the_whole_zone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gradient steps are made on the whole problem only."""
     problem = sphere(half_space(), (0.05, -0.1))
     step, failed = newton.newton_step, list[int]()
 
     def once_without(equation: ContactResidual, *given: Any) -> Step:
-        found = step(equation, *given)
+        computed = step(equation, *given)
         if failed or len(equation.blocks) == equation.count:
-            return found
+            return computed
         failed.append(len(equation.blocks))
-        return replace(found, local=np.full_like(found.local, np.nan))
+        return replace(computed, local=np.full_like(computed.local, np.nan))
 
     with monkeypatch.context() as given:
         given.setattr(newton, "newton_step", once_without)
-        found = solve(problem, SemismoothNewton(), LIMITS)
+        computed = solve(problem, SemismoothNewton(), LIMITS)
     assert failed
-    check_alike(found, solutions(problem, monkeypatch)[1])
+    check_same(computed, solutions(problem, monkeypatch)[1])
 
 
 @pytest.mark.parametrize(("before", "after"), [((0.05, -0.1), (0.08, -0.1)), ((0.4, 0.4), (-0.4, -0.4))])
-def test_what_was_solved_before_does_not_matter(
+def test_earlier_solutions_have_no_influence(
     before: tuple[float, float], after: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A load step from a converged state goes on in a part, and nothing is left of the contact that was."""
+    """A load step from a converged state starts on a restriction, without data of the earlier contact."""
     system = half_space()
     start = solve(sphere(system, before), SemismoothNewton(), LIMITS).state
-    sizes = sizes_of_parts(monkeypatch)
-    found, whole = solutions(sphere(system, after), monkeypatch, start)
+    sizes = record_sizes(monkeypatch)
+    restricted, unrestricted = solutions(sphere(system, after), monkeypatch, start)
     assert sizes
-    check_alike(found, whole)
-    for solution in (found, whole):
+    check_same(restricted, unrestricted)
+    for solution in (restricted, unrestricted):
         open_ = solution.state.contact_fraction == 0.0
         assert not solution.state.load[open_].any()
 
 
-def test_contact_that_shrinks_gets_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shrinking_contact_uses_a_restriction(monkeypatch: pytest.MonkeyPatch) -> None:
     system = half_space()
     start = solve(sphere(system, (0.0, 0.0), 0.5), SemismoothNewton(), LIMITS).state
     assert contact_neighbourhood(sphere(system, (0.0, 0.0)), start.load.any(axis=1)) is None
-    sizes = sizes_of_parts(monkeypatch)
-    found, whole = solutions(sphere(system, (0.0, 0.0)), monkeypatch, start)
+    sizes = record_sizes(monkeypatch)
+    restricted, unrestricted = solutions(sphere(system, (0.0, 0.0)), monkeypatch, start)
     assert sizes
-    check_alike(found, whole)
+    check_same(restricted, unrestricted)
 
 
-def test_edges_between_nodes_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nodes that are covered in part conduct without pressure, so that they belong to it."""
+def test_edge_resolution_on_a_restriction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nodes with an area fraction conduct without pressure, so the restriction contains them."""
     problem = sphere(half_space(edges="resolved"), (0.05, -0.1))
     start = solve(problem, SemismoothNewton(), LIMITS).state
     finer = resolve_edges(problem, start)
     assert finer is not None
-    sizes = sizes_of_parts(monkeypatch)
-    found, whole = solutions(finer, monkeypatch, start)
+    sizes = record_sizes(monkeypatch)
+    restricted, unrestricted = solutions(finer, monkeypatch, start)
     assert sizes
-    check_alike(found, whole)
+    check_same(restricted, unrestricted)
 
 
-def test_a_tilt_shifts_a_paraboloid(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tilted, it is the same one elsewhere: where the moment of the force is the prescribed one."""
+def test_tilt_shifts_a_paraboloid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tilted paraboloid is a shifted one; the prescribed moment determines its position."""
     system, force, shift = half_space(), 40.0, 0.1 * WIDTH
     about, still = (0.05, -0.1), np.zeros((len(system.points), 2))
     plain, shifted = (
@@ -243,13 +245,13 @@ def test_a_tilt_shifts_a_paraboloid(monkeypatch: pytest.MonkeyPatch) -> None:
     assert moment == pytest.approx(-force * shift, rel=0.05)  # not axisymmetric, and divided into nodes
     tilt = PrescribedResultant(mode, system.weights[:, None] * mode, moment)
     tilted = replace(plain, prescribed_resultants=(press, tilt))
-    sizes = sizes_of_parts(monkeypatch)
-    check_alike(solve(tilted, SemismoothNewton(), LIMITS), there)
+    sizes = record_sizes(monkeypatch)
+    check_same(solve(tilted, SemismoothNewton(), LIMITS), there)
     assert sizes
 
 
-def test_parts_measure_in_the_units_of_the_whole() -> None:
-    """A tilt moves the border of the zone farther than that of a part."""
+def test_restriction_uses_the_scales_of_the_whole_problem() -> None:
+    """A tilt moves the border of the zone farther than that of a restriction."""
     system = half_space()
     problem, mode = sphere(system, (0.0, 0.0)), np.zeros_like(system.offset)
     mode[:, 2] = system.points[:, 0]
@@ -259,13 +261,13 @@ def test_parts_measure_in_the_units_of_the_whole() -> None:
     np.testing.assert_array_equal(part.equation.units, ContactResidual.of(tilted).units)
 
 
-def test_indenters_that_end_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A round flat punch: no indenter above the other nodes."""
+def test_indenter_edge_inside_a_restriction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A circular flat punch has no indenter above the other nodes."""
     system = half_space()
     problem, radius = sphere(system, (0.0, 0.0)), np.hypot(*system.points[:, :2].T)
     punch = replace(problem, gap=np.where(radius < 0.2 * WIDTH, -1e-3 * WIDTH, np.inf))
-    sizes = sizes_of_parts(monkeypatch)
-    found, whole = solutions(punch, monkeypatch)
+    sizes = record_sizes(monkeypatch)
+    restricted, unrestricted = solutions(punch, monkeypatch)
     assert sizes
-    assert (found.state.load[np.isfinite(punch.gap), 2] < 0.0).mean() > 0.5
-    check_alike(found, whole)
+    assert (restricted.state.load[np.isfinite(punch.gap), 2] < 0.0).mean() > 0.5
+    check_same(restricted, unrestricted)

@@ -1,4 +1,4 @@
-"""Solvers that know which residual is asked for: they do no more than that, and no less."""
+"""Solvers use the requested tolerance to save work and reach it."""
 
 from dataclasses import replace
 
@@ -22,8 +22,8 @@ from meeframe.testing.operation_counter import OperationCounter
 DRAGGED = (3e-6, 1e-6)
 
 
-def spent(problem: ContactProblem, solver: Solver, tolerance: float) -> int:
-    """How many products a solution took, which is one."""
+def count_products(problem: ContactProblem, solver: Solver, tolerance: float) -> int:
+    """Return the number of products of a converged solution."""
     counting = replace(problem, system=OperationCounter.of(problem.system))
     solution = solve(counting, solver, StoppingCriteria(tolerance))
     products = len(counting.system.products)
@@ -35,11 +35,11 @@ def spent(problem: ContactProblem, solver: Solver, tolerance: float) -> int:
 @pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()], ids=["newton", "auto"])
 def test_less_accuracy_costs_less(solver: Solver, conducting) -> None:
     problem = conducting(48, 0.3, IsotropicCoulomb(0.3), Insulating(), dragged=DRAGGED)
-    assert spent(problem, solver, 1e-3) < spent(problem, solver, 1e-10)
+    assert count_products(problem, solver, 1e-3) < count_products(problem, solver, 1e-10)
 
 
 @pytest.mark.parametrize("solver", [SemismoothNewton(), Auto(), BarzilaiBorwein(), Nesterov(), Uzawa()])
-def test_the_first_iterate_does_not_depend_on_the_tolerance(solver: Solver, conducting) -> None:
+def test_first_iterate_does_not_depend_on_the_tolerance(solver: Solver, conducting) -> None:
     problem = conducting(32, 0.3, Signorini())
     strict, loose = (solver.init(problem, None, tolerance) for tolerance in (1e-10, 1e-3))
     for name in ("load", "contact_fraction", "motion"):

@@ -1,4 +1,4 @@
-"""What meeframe itself registers, and the templates of new plugins: their texts."""
+"""Test built-in registrations and the templates of new plugins."""
 
 from importlib import resources
 from pathlib import Path
@@ -12,7 +12,7 @@ from meeframe.solvers.auto import STAGES
 TEMPLATES = resources.files("meeframe.plugin") / "templates"
 
 
-def test_the_summary_of_auto_names_its_stages_in_their_order():
+def test_summary_of_auto_names_its_stages_in_order():
     registry = load()
     names = {registry.get(Kind.SOLVER, name).factory: name for name in registry.names(Kind.SOLVER)}
     words = registry.get(Kind.SOLVER, "auto").summary.replace(",", "").split()
@@ -29,7 +29,7 @@ def test_imports_of_templates_are_sorted(kind, file):
     assert modules == sorted(modules)
 
 
-def test_packages_of_this_repository_are_the_projects_own():
+def test_bundled_packages():
     folder = Path(__file__).parents[3] / "plugins"
     assert {plugin.name.replace("-", "_") for plugin in folder.iterdir() if (plugin / "pyproject.toml").exists()} == (
         BUNDLED_PACKAGES

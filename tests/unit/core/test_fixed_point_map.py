@@ -1,4 +1,4 @@
-"""Derivatives of the map whose fixed points are the solutions, against differences of that map."""
+"""Derivatives of the fixed-point map agree with finite differences."""
 
 from dataclasses import dataclass
 from typing import final
@@ -16,8 +16,8 @@ R, PRESSURE = (2.0, 0.7), 1.0
 
 @final
 @dataclass(frozen=True)
-class Sticky(ContactLaw):
-    """Coulomb's law under an attraction that fades with the gap."""
+class Adhesive(ContactLaw):
+    """Coulomb's law under an attraction that decreases with the gap."""
 
     inner: ContactLaw
 
@@ -34,7 +34,7 @@ class Sticky(ContactLaw):
 @final
 @dataclass(frozen=True)
 class Layered(ContactLaw):
-    """A soft layer: the traction bends with the gap itself, beside the trial."""
+    """A compliant layer whose traction depends on the gap in addition to the trial."""
 
     inner: ContactLaw
 
@@ -49,36 +49,36 @@ class Layered(ContactLaw):
 
 
 COULOMB = OrthotropicCoulomb(0.2, 0.5)
-LAWS = [Signorini(), IsotropicCoulomb(0.4), COULOMB, Sticky(Signorini()), Sticky(COULOMB), Layered(COULOMB)]
+LAWS = [Signorini(), IsotropicCoulomb(0.4), COULOMB, Adhesive(Signorini()), Adhesive(COULOMB), Layered(COULOMB)]
 
 
 @pytest.mark.parametrize(
     "law", LAWS, ids=lambda law: f"{type(law).__name__} {type(getattr(law, 'inner', law)).__name__}"
 )
-def test_tangents_of_the_map(law: ContactLaw) -> None:
+def test_derivatives_of_the_fixed_point_map(law: ContactLaw) -> None:
     random, n, width = np.random.default_rng(4), 200, 1e-6
     traction, gap = random.normal(size=(2, n, 3)) * PRESSURE
     traction[:, 2] -= 0.5
 
-    def lawful(traction: Array, gap: Array) -> Array:
+    def fixed_point(traction: Array, gap: Array) -> Array:
         return fixed_point_map(law, augmented_traction(law, traction, gap, R), gap, R)
 
     def differences(change: Array) -> Array:
-        return (lawful(traction + change, gap) - lawful(traction - change, gap)) / (2.0 * width)
+        return (fixed_point(traction + change, gap) - fixed_point(traction - change, gap)) / (2.0 * width)
 
     def of_gap(change: Array) -> Array:
-        return (lawful(traction, gap + change) - lawful(traction, gap - change)) / (2.0 * width)
+        return (fixed_point(traction, gap + change) - fixed_point(traction, gap - change)) / (2.0 * width)
 
     axes = width * np.eye(3)
     expected = [np.stack([derivative(axis) for axis in axes], axis=2) for derivative in (differences, of_gap)]
-    found = traction_tangents(law, augmented_traction(law, traction, gap, R), gap, R)
-    for one, other in zip(found, expected, strict=True):
+    computed = traction_tangents(law, augmented_traction(law, traction, gap, R), gap, R)
+    for one, other in zip(computed, expected, strict=True):
         off = np.abs(one - other).max(axis=(1, 2)) > 1e-4
         assert off.sum() <= 2, "but at kinks"
         assert np.abs(other).max() > 0.1
 
 
-def test_nodes_that_bear_nothing_whatever_the_trial_says() -> None:
+def test_open_nodes_have_zero_derivatives() -> None:
     law, trial, gap = COULOMB, np.tile([0.1, 0.0, -1.0], (4, 1)), np.zeros((4, 3))
     untouched = np.array([True, False, True, False])
     plain, masked = traction_tangents(law, trial, gap, R), traction_tangents(law, trial, gap, R, untouched)
@@ -88,8 +88,8 @@ def test_nodes_that_bear_nothing_whatever_the_trial_says() -> None:
         assert one[untouched].any(), "the law's own derivatives stay as they are"
 
 
-def test_slopes_without_end_are_nothing_in_gaps_that_do_not_count() -> None:
-    """A law without friction whose traction jumps with the tangential trial: its scaling is zero, and 0 inf is none."""
+def test_infinite_slopes_times_zero_scaling_vanish() -> None:
+    """A frictionless law whose traction jumps with the tangential trial has zero scaling, so 0 inf must be zero."""
 
     @dataclass(frozen=True)
     class Jumping(Signorini):

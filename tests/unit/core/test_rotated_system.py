@@ -1,4 +1,4 @@
-"""Turned frames: the same relation in other components, and what friction makes of a direction field."""
+"""Test rotated frames: the same relation in other components, and friction along a direction field."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ RANDOM = np.random.default_rng(3)
 
 
 def random_system() -> DenseSystem:
-    """On normals all over the sphere, with fields that are known for any load."""
+    """Return a system with random normals and known fields for any load."""
     normals = RANDOM.normal(size=(N, 3))
     frames = local_frames(normals / np.linalg.norm(normals, axis=1, keepdims=True))
     points, matrix = RANDOM.normal(size=(N, 3)), RANDOM.normal(size=(N, 5, N, 5))
@@ -51,7 +51,7 @@ def in_local_axes(system: ReducedSystem, fields: Array) -> Array:
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_a_rotated_system_is_the_same_relation(hidden: bool) -> None:
+def test_rotated_system_is_equivalent(hidden: bool) -> None:
     system = random_system()
     directions = RANDOM.normal(size=(N, 3)) * 10.0 ** RANDOM.uniform(-200, 200, (N, 1))
     other = rotate_frames(MatrixFree.of(system) if hidden else system, directions)
@@ -92,7 +92,7 @@ def test_nodes_without_a_direction_keep_their_frame() -> None:
     assert np.abs(np.delete(frames - system.frames, [2, 5], axis=0)).max(axis=(1, 2)).min() > 1e-3
 
 
-def test_directions_of_another_shape_or_not_finite_are_refused() -> None:
+def test_invalid_directions_are_rejected() -> None:
     system = random_system()
     with pytest.raises(CaseError, match=r"shape \(12, 2\); \(12, 3\) is needed"):
         rotate_frames(system, np.ones((N, 2)))
@@ -101,7 +101,8 @@ def test_directions_of_another_shape_or_not_finite_are_refused() -> None:
 
 
 def cap_system() -> ReducedSystem:
-    """A sphere of radius 10 mm held at its lower sixth, contact on the upper one, by boundary elements."""
+    """Return a sphere of radius 10 mm clamped at its lower sixth, with contact on the upper one, by boundary
+    elements."""
     sphere = sphere_mesh(0.01, 5, Quad4())
     (block,) = sphere.blocks
     heights = sphere.points[block.connectivity].mean(axis=1)[:, 2]
@@ -117,7 +118,7 @@ def cap_system() -> ReducedSystem:
 
 
 def socket_problem(system: ReducedSystem, law: ContactLaw) -> ContactProblem:
-    """A conforming socket of slightly larger radius, pressed down and dragged along (1, -0.6, 0)."""
+    """Return a problem of a conforming socket of slightly larger radius, pressed down and moved along (1, -0.6, 0)."""
     normals = system.frames[:, 2]
     drag = system.frames @ np.array([1.0, -0.6, 0.0]) * 2e-5
     gap = 5e-5 * (1.0 - normals[:, 2]) - 2e-5 * normals[:, 2] + drag[:, 2]
@@ -126,7 +127,7 @@ def socket_problem(system: ReducedSystem, law: ContactLaw) -> ContactProblem:
 
 
 def tractions(system: ReducedSystem, problem: ContactProblem) -> Array:
-    """Tractions (n, 5) in global axes."""
+    """Return the loads (n, 5) in global axes."""
     solution = solve(problem, Auto())
     assert solution.status is Status.CONVERGED, solution.message
     return in_global_axes(system, solution.state.load)
@@ -138,24 +139,24 @@ def cap() -> ReducedSystem:
 
 
 @pytest.mark.parametrize("angle", [0.7, -2.0])
-def test_rotated_frames_and_opposite_angle_give_the_same_answer_on_a_curved_zone(cap, angle) -> None:
+def test_rotated_frames_with_opposite_angle_on_curved_zone(cap, angle) -> None:
     expected = tractions(cap, socket_problem(cap, OrthotropicCoulomb(0.1, 0.5, 0.3)))
     e1, e2 = cap.frames[:, 0], cap.frames[:, 1]
     other = rotate_frames(cap, np.cos(angle) * e1 + np.sin(angle) * e2)
-    found = tractions(other, socket_problem(other, OrthotropicCoulomb(0.1, 0.5, 0.3 - angle)))
+    computed = tractions(other, socket_problem(other, OrthotropicCoulomb(0.1, 0.5, 0.3 - angle)))
     scale = np.abs(expected).max(axis=0)
-    assert (np.abs(found - expected).max(axis=0) <= 1e-8 * scale).all()
+    assert (np.abs(computed - expected).max(axis=0) <= 1e-8 * scale).all()
     wrong = tractions(other, socket_problem(other, OrthotropicCoulomb(0.1, 0.5, 0.3)))
     assert np.abs(wrong - expected)[:, :2].max() > 1e-2 * scale[:2].max()
     touching = expected[:, 2] != 0.0
     assert 4 < touching.sum() < len(touching)
 
 
-def test_isotropic_friction_knows_no_frames(cap) -> None:
+def test_isotropic_friction_does_not_depend_on_frames(cap) -> None:
     expected = tractions(cap, socket_problem(cap, IsotropicCoulomb(0.3)))
     other = rotate_frames(cap, np.random.default_rng(0).normal(size=cap.points.shape))
-    found = tractions(other, socket_problem(other, IsotropicCoulomb(0.3)))
-    assert (np.abs(found - expected).max(axis=0) <= 1e-8 * np.abs(expected).max(axis=0)).all()
+    computed = tractions(other, socket_problem(other, IsotropicCoulomb(0.3)))
+    assert (np.abs(computed - expected).max(axis=0) <= 1e-8 * np.abs(expected).max(axis=0)).all()
 
 
 SIDE, CELLS = 2.0, 17
@@ -171,17 +172,18 @@ def flat_problem(system: ReducedSystem, law: ContactLaw, translation: tuple[floa
 
 
 @pytest.mark.parametrize("angle", [0.5, 2.0, -0.9])
-def test_one_direction_is_an_angle_on_a_flat_zone(angle: float) -> None:
+def test_direction_equals_angle_on_flat_zone(angle: float) -> None:
     system = half_space_system(XI, SIDE, CELLS)
     expected = tractions(system, flat_problem(system, OrthotropicCoulomb(0.1, 0.5, angle), (0.03, 0.02)))
     axes = FrictionAxes(direction=(3.0 * np.cos(angle), 3.0 * np.sin(angle), 5.0))
     other = rotate_frames(system, axes.directions(system.points))
-    found = tractions(other, flat_problem(other, OrthotropicCoulomb(0.1, 0.5), (0.03, 0.02)))
-    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    computed = tractions(other, flat_problem(other, OrthotropicCoulomb(0.1, 0.5), (0.03, 0.02)))
+    np.testing.assert_allclose(computed, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def twisted(mu1: float, mu2: float, twist: float, radial: bool) -> tuple[Array, Array, Array]:
-    """Points, pressure (n,) and (radial, circumferential) traction (n, 2) of a sphere pressed, twisted and swollen."""
+    """Return points, pressure (n,) and (radial, circumferential) traction (n, 2) of a pressed, twisted and expanding
+    sphere."""
     system: ReducedSystem = half_space_system(XI, SIDE, CELLS)
     if radial:
         system = rotate_frames(system, FrictionAxes(around=(0.0, 0.0, 2.0)).directions(system.points))
@@ -196,23 +198,23 @@ def twisted(mu1: float, mu2: float, twist: float, radial: bool) -> tuple[Array, 
     return points, -load[:, 2], np.column_stack([(load[:, :2] * axis).sum(axis=1) for axis in (away, around)])
 
 
-def test_radial_axes_keep_the_symmetry_about_the_axis() -> None:
-    """Exactly under quarter turns; between (3, 4) and (5, 0) cells from the axis up to discretisation."""
+def test_radial_axes_preserve_axisymmetry() -> None:
+    """Exact under quarter turns; up to discretisation between (3, 4) and (5, 0) cells from the axis."""
     points, pressure, traction = twisted(0.1, 0.5, 0.3, radial=True)
     quarter = np.arange(CELLS**2).reshape(CELLS, CELLS)[:, ::-1].T.ravel()
     np.testing.assert_allclose(points[quarter], np.cross([0.0, 0.0, 1.0], points), atol=1e-12)
     scale = np.abs(traction).max()
     np.testing.assert_allclose(traction[quarter], traction, atol=1e-8 * scale)
     cells = np.rint(points[:, :2] * CELLS / SIDE).astype(int)
-    straight, oblique = (int(np.flatnonzero((cells == place).all(axis=1))[0]) for place in ([5, 0], [3, 4]))
+    straight, oblique = (int(np.flatnonzero((cells == position).all(axis=1))[0]) for position in ([5, 0], [3, 4]))
     assert pressure[straight] > 0.0
     np.testing.assert_allclose(traction[oblique], traction[straight], atol=0.03 * scale)
     _, _, wrong = twisted(0.1, 0.5, 0.3, radial=False)
     assert np.abs(wrong[quarter] - wrong).max() > 0.2 * scale
 
 
-def test_radial_axes_bound_a_twist_by_the_second_coefficient() -> None:
-    """Far beyond the limit the traction is that of the associated rule, in radial components."""
+def test_radial_axes_limit_twist_by_second_coefficient() -> None:
+    """Far above the limit, the traction follows the associated rule in radial components."""
     mu = np.array([0.1, 0.5])
     points, pressure, traction = twisted(*mu, 1e4, radial=True)
     slip = np.array([0.3, 1.0])

@@ -1,4 +1,4 @@
-"""Which resultants can be reached at all: statics of rigid bodies."""
+"""The feasibility check of prescribed resultants agrees with the statics of rigid bodies."""
 
 from dataclasses import replace
 
@@ -14,12 +14,12 @@ from meeframe.testing.half_space import half_space_system, indentation_problem
 PRESS, X, Y = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
-def reaches(law, *given, cells=6) -> bool:
-    """given: (mode (3,) or (n, 3), total)."""
+def is_feasible(law, *resultants, cells=6) -> bool:
+    """Return True if resultants (mode (3,) or (n, 3), total) are feasible."""
     system = half_space_system(2e-12 * np.eye(3), 5e-3, cells)
     problem = indentation_problem(system, np.zeros(cells**2), 0.0, law)
     prescribed_resultants = []
-    for motion, total in given:
+    for motion, total in resultants:
         mode = np.zeros((cells**2, 5))
         mode[:, :3] = motion(system.points) if callable(motion) else motion
         prescribed_resultants.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))
@@ -36,33 +36,33 @@ def twist(points):
 
 
 @pytest.mark.parametrize("force", [1e-9, 1.0, 1e9])
-def test_the_sense_of_a_force(force) -> None:
-    assert reaches(Signorini(), (PRESS, force))
-    assert reaches(Signorini(), (PRESS, 0.0))
-    assert not reaches(Signorini(), (PRESS, -force))
-    assert not reaches(Signorini(), (PRESS, force), (X, 0.01 * force))
+def test_direction_of_a_force(force) -> None:
+    assert is_feasible(Signorini(), (PRESS, force))
+    assert is_feasible(Signorini(), (PRESS, 0.0))
+    assert not is_feasible(Signorini(), (PRESS, -force))
+    assert not is_feasible(Signorini(), (PRESS, force), (X, 0.01 * force))
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, 2.0])
-def test_the_friction_ellipse(angle) -> None:
+def test_friction_ellipse(angle) -> None:
     law = OrthotropicCoulomb(0.2, 0.7, angle)
     axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     for direction in np.linspace(0.0, 6.0, 7):
         limit = np.array([0.2 * np.cos(direction), 0.7 * np.sin(direction)]) @ axes
         for share, expected in ((0.999, True), (1.001, False)):
             force = share * limit
-            assert reaches(law, (PRESS, 1.0), (X, force[0]), (Y, force[1])) == expected
+            assert is_feasible(law, (PRESS, 1.0), (X, force[0]), (Y, force[1])) == expected
 
 
-def test_full_stick_bears_any_tangential_force_under_pressure() -> None:
-    assert reaches(IsotropicCoulomb(np.inf), (PRESS, 1.0), (X, 1e3))
+def test_full_stick_carries_any_tangential_force_under_pressure() -> None:
+    assert is_feasible(IsotropicCoulomb(np.inf), (PRESS, 1.0), (X, 1e3))
 
 
 def test_moments_within_the_base() -> None:
-    """The force must pass through the base; a torque goes as far as friction with all pressure at the corners."""
+    """The line of action must pass through the base; the largest torque has all pressure at the corners."""
     edge = 2.5e-3 * 5 / 6
-    assert reaches(Signorini(), (PRESS, 1.0), (pitch, 0.999 * edge))
-    assert not reaches(Signorini(), (PRESS, 1.0), (pitch, 1.001 * edge))
+    assert is_feasible(Signorini(), (PRESS, 1.0), (pitch, 0.999 * edge))
+    assert not is_feasible(Signorini(), (PRESS, 1.0), (pitch, 1.001 * edge))
     corner = np.sqrt(2.0) * edge
-    assert reaches(IsotropicCoulomb(0.3), (PRESS, 1.0), (twist, 0.999 * 0.3 * corner))
-    assert not reaches(IsotropicCoulomb(0.3), (PRESS, 1.0), (twist, 1.001 * 0.3 * corner))
+    assert is_feasible(IsotropicCoulomb(0.3), (PRESS, 1.0), (twist, 0.999 * 0.3 * corner))
+    assert not is_feasible(IsotropicCoulomb(0.3), (PRESS, 1.0), (twist, 1.001 * 0.3 * corner))

@@ -1,4 +1,4 @@
-"""The driver's first look, which is left out at a start that the solver itself knows to be far off."""
+"""The driver does not evaluate the initial residual if the solver's estimate is far from convergence."""
 
 from dataclasses import dataclass, field, replace
 
@@ -23,7 +23,7 @@ LIMITS = StoppingCriteria(TOLERANCE)
 
 @pytest.fixture
 def problem() -> ContactProblem:
-    """A sphere on a few cells, whose products are counted."""
+    """Return a sphere on a few cells, whose products are counted."""
     system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3]), 5e-3, 8)
     height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
     return indentation_problem(OperationCounter.of(system), height, 5e-5)
@@ -42,10 +42,10 @@ def products(problem: ContactProblem) -> list[None]:
 
 
 @dataclass(frozen=True, eq=False)
-class Guessing(Solver):
-    """Makes no product. estimates: of the start and after each step; found: the state after the last of them, that
-    before is without load, or the same if `still`; before: products there had been when a step began; aims: what it was
-    told."""
+class Estimating(Solver):
+    """A solver without products. `estimates` are those of the start and after each step; `found` is the state after
+    the last step, `unloaded` before, or the same if `still`; `before` counts products at the beginning of steps;
+    `aims` are the tolerances received."""
 
     found: ContactState
     estimates: tuple[float | None, ...]
@@ -71,89 +71,89 @@ class Guessing(Solver):
 
 
 def unloaded(problem: ContactProblem, solution: ContactState) -> float:
-    """Residual without load."""
+    """Return the residual without load."""
     return residual(
         problem, ContactState(*(0.0 * part for part in (solution.load, solution.load, solution.contact_fraction)))
     )
 
 
 @pytest.mark.parametrize("estimate", [2.0 * TOLERANCE, 0.7, 1e30])
-def test_a_start_known_to_be_far_off_costs_no_product(problem, solution, estimate: float) -> None:
-    """The history has the estimate in its place, and progress counts from it."""
+def test_initial_estimate_saves_a_product(problem, solution, estimate: float) -> None:
+    """The history contains the estimate instead, and progress starts from it."""
     fractions: list[float] = []
-    solver = Guessing(solution, (estimate, 0.5 * TOLERANCE))
-    found = solve(problem, solver, LIMITS, progress=lambda _, fraction: fractions.append(fraction))
+    solver = Estimating(solution, (estimate, 0.5 * TOLERANCE))
+    computed = solve(problem, solver, LIMITS, progress=lambda _, fraction: fractions.append(fraction))
     assert solver.before == [0]
-    assert len(products(problem)) == 1  # the judge's
-    assert found.status is Status.CONVERGED
-    assert found.iterations == 1
-    assert found.residual == pytest.approx(residual(problem, solution), abs=1e-14)
-    np.testing.assert_array_equal(found.history, [[0, estimate], [1, found.residual]])
+    assert len(products(problem)) == 1  # the independent residual
+    assert computed.status is Status.CONVERGED
+    assert computed.iterations == 1
+    assert computed.residual == pytest.approx(residual(problem, solution), abs=1e-14)
+    np.testing.assert_array_equal(computed.history, [[0, estimate], [1, computed.residual]])
     assert fractions == [1.0]
 
 
 @pytest.mark.parametrize("estimate", [None, np.nan, np.inf, -np.inf, TOLERANCE, 0.0])
-def test_other_starts_are_looked_at(problem, solution, estimate: float | None) -> None:
-    """Those that may be solutions, and those of which nothing is known."""
+def test_other_initial_states_are_evaluated(problem, solution, estimate: float | None) -> None:
+    """The residual is evaluated for possible solutions and without an estimate."""
     expected = unloaded(problem, solution)
     products(problem).clear()
-    solver = Guessing(solution, (estimate, 0.0))
-    found = solve(problem, solver, LIMITS)
+    solver = Estimating(solution, (estimate, 0.0))
+    computed = solve(problem, solver, LIMITS)
     assert solver.before[0] > 0
-    assert found.status is Status.CONVERGED
-    assert found.iterations == 1
+    assert computed.status is Status.CONVERGED
+    assert computed.iterations == 1
     assert expected > 0.1
-    assert found.history[0] == pytest.approx([0, expected])
+    assert computed.history[0] == pytest.approx([0, expected])
 
 
 @pytest.mark.parametrize("estimate", [None, 0.1 * TOLERANCE])
-def test_a_start_that_is_a_solution_is_one(problem, solution, estimate: float | None) -> None:
-    solver = Guessing(solution, (estimate,), still=True)
-    found = solve(problem, solver, LIMITS)
-    assert found.status is Status.CONVERGED
-    assert found.iterations == 0
+def test_initial_state_may_be_the_solution(problem, solution, estimate: float | None) -> None:
+    solver = Estimating(solution, (estimate,), still=True)
+    computed = solve(problem, solver, LIMITS)
+    assert computed.status is Status.CONVERGED
+    assert computed.iterations == 0
     assert not solver.before
-    assert found.residual == pytest.approx(residual(problem, solution), abs=1e-14)
-    np.testing.assert_array_equal(found.history, [[0, found.residual]])
-    np.testing.assert_array_equal(found.state.load, solution.load)
+    assert computed.residual == pytest.approx(residual(problem, solution), abs=1e-14)
+    np.testing.assert_array_equal(computed.history, [[0, computed.residual]])
+    np.testing.assert_array_equal(computed.state.load, solution.load)
 
 
-def test_a_solution_that_does_not_know_it_is_found_by_a_step(problem, solution) -> None:
-    found = solve(problem, Guessing(solution, (0.5, 0.0), still=True), LIMITS)
-    assert (found.status, found.iterations) == (Status.CONVERGED, 1)
+def test_solution_with_pessimistic_estimate(problem, solution) -> None:
+    computed = solve(problem, Estimating(solution, (0.5, 0.0), still=True), LIMITS)
+    assert (computed.status, computed.iterations) == (Status.CONVERGED, 1)
 
 
 def test_iterations_that_end_between_checks_are_evaluated(problem, solution) -> None:
-    """At the limit, by the laws and not by what the solver says."""
+    """At the iteration limit, the laws determine the status and not the estimate."""
     estimates = (0.7, *np.full(9, 0.5), 0.0)
-    found = solve(problem, Guessing(solution, estimates), replace(LIMITS, max_iterations=4))
-    assert (found.status, found.iterations) == (Status.ITERATION_LIMIT, 4)
-    assert found.residual == pytest.approx(unloaded(problem, solution))
-    assert found.history == pytest.approx(np.array([[0, 0.7], [4, found.residual]]))
+    computed = solve(problem, Estimating(solution, estimates), replace(LIMITS, max_iterations=4))
+    assert (computed.status, computed.iterations) == (Status.ITERATION_LIMIT, 4)
+    assert computed.residual == pytest.approx(unloaded(problem, solution))
+    assert computed.history == pytest.approx(np.array([[0, 0.7], [4, computed.residual]]))
 
 
 @pytest.mark.parametrize("estimate", [None, 0.5, 0.0])
-def test_the_criterion_of_the_paper_looks_at_each_state(problem, solution, estimate: float | None) -> None:
-    """The first change is that of the first step; no residual is asked for, so that the default tolerance holds."""
-    solver = Guessing(solution, (estimate, estimate))
-    found = solve(problem, solver, StoppingCriteria(1e-6, criterion="paper"))
+def test_criterion_of_the_paper_evaluates_each_state(problem, solution, estimate: float | None) -> None:
+    """The first change is that of the first step; solvers receive the default tolerance."""
+    solver = Estimating(solution, (estimate, estimate))
+    computed = solve(problem, solver, StoppingCriteria(1e-6, criterion="paper"))
     assert solver.before[0] == 1
-    assert found.status is Status.CONVERGED
-    np.testing.assert_array_equal(found.history[:, 0], [1, 2])
+    assert computed.status is Status.CONVERGED
+    np.testing.assert_array_equal(computed.history[:, 0], [1, 2])
     pressures = np.linalg.norm(solution.load[:, :3]) / 1e9
-    assert found.history[:, 1] == pytest.approx([pressures, 0.0])
+    assert computed.history[:, 1] == pytest.approx([pressures, 0.0])
     assert solver.aims == [StoppingCriteria().tolerance]
 
 
 def test_solvers_receive_the_tolerance_once(problem, solution) -> None:
-    solver = Guessing(solution, (0.7, 0.5, 0.0))
+    solver = Estimating(solution, (0.7, 0.5, 0.0))
     solve(problem, solver, LIMITS)
     assert solver.aims == [TOLERANCE]
 
 
 @dataclass(frozen=True, eq=False)
 class Watched(Solver):
-    """Another solver. between: products that there had been after its start and before its steps, in this order."""
+    """Another solver; `between` records the products after its start and before its steps."""
 
     solver: Solver
     between: list[int] = field(default_factory=list)
@@ -173,8 +173,9 @@ class Watched(Solver):
     [(SemismoothNewton(), IsotropicCoulomb(0.3)), (Auto(), IsotropicCoulomb(0.3)), (ProjectedCG(), Signorini())],
     ids=["newton", "auto", "projected-cg"],
 )
-def test_solvers_that_know_are_not_looked_at_first(solver: Solver, law: ContactLaw) -> None:
-    """Without a matrix, from no load and from that of a smaller approach; the judge has the last word all the same."""
+def test_solvers_with_estimates(solver: Solver, law: ContactLaw) -> None:
+    """Without a matrix, from zero load and from a smaller approach; the independent residual decides about
+    convergence."""
     mesh = half_space_mesh(0.05, 5e-3, 31, 1, Quad4())
     body = Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact")
     system = OperationCounter.of(HalfSpace(matrix_up_to=0).reduce(body))
@@ -182,10 +183,10 @@ def test_solvers_that_know_are_not_looked_at_first(solver: Solver, law: ContactL
     less, more = (indentation_problem(system, height, approach, law) for approach in (2e-5, 3e-5))
     for start in (None, solve(less, solver, LIMITS).state):
         watched, estimate = Watched(solver), solver.init(more, start).estimate
-        found = solve(more, watched, LIMITS, start)
-        assert found.status is Status.CONVERGED, found.message
+        computed = solve(more, watched, LIMITS, start)
+        assert computed.status is Status.CONVERGED, computed.message
         assert watched.between[0] == watched.between[1]
         assert estimate is not None
-        assert found.history[0] == pytest.approx([0, estimate], rel=1e-12)
-        assert found.residual == pytest.approx(residual(more, found.state), abs=1e-14)
-        assert found.residual <= TOLERANCE
+        assert computed.history[0] == pytest.approx([0, estimate], rel=1e-12)
+        assert computed.residual == pytest.approx(residual(more, computed.state), abs=1e-14)
+        assert computed.residual <= TOLERANCE

@@ -1,0 +1,66 @@
+"""Contact zones that are simpler than a general mesh: one frame for all nodes, and nodes on a rectangular grid."""
+
+import numpy as np
+
+from meeframe.fields import Array, Indices
+
+
+def shared_frames(frame: Array, count: int) -> Array:
+    """Return one frame (3, 3) for all nodes, (count, 3, 3), as a view that takes no memory."""
+    return np.broadcast_to(frame, (count, 3, 3))
+
+
+def shares_frame(frames: Array) -> bool:
+    """Return whether frames (n, 3, 3) are a view of a single one."""
+    return len(frames) > 0 and frames.strides[0] == 0
+
+
+def local_components(frames: Array, vectors: Array) -> Array:
+    """Return the components of vectors (n, 3) along the rows of frames (n, k, 3), (n, k)."""
+    if shares_frame(frames):
+        return np.asarray(vectors @ frames[0].T)
+    components: Array = np.einsum("nai,ni->na", frames, vectors)
+    return components
+
+
+def global_components(frames: Array, components: Array) -> Array:
+    """Return the vectors (n, 3) whose components along the rows of frames (n, k, 3) are given, (n, k)."""
+    if shares_frame(frames):
+        return np.asarray(components @ frames[0])
+    vectors: Array = np.einsum("na,nai->ni", components, frames)
+    return vectors
+
+
+def grid_cells(numbers: Indices) -> Indices:
+    """Return the cells of a grid of point numbers (nx, ny), counter-clockwise from above, ((nx - 1) (ny - 1), 4)."""
+    cells = np.empty((numbers.shape[0] - 1, numbers.shape[1] - 1, 4), np.int64)
+    for k, corner in enumerate((numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:])):
+        cells[:, :, k] = corner
+    return cells.reshape(-1, 4)
+
+
+def grid_shape(cells: tuple[tuple[str, Indices], ...], count: int) -> tuple[int, int] | None:
+    """Return the numbers (nx, ny) of nodes of a grid whose cells are quadrilaterals numbered row by row.
+
+    Parameters
+    ----------
+    cells : tuple of tuple
+        meshio cell type and connectivity of each block.
+    count : int
+        Number of nodes.
+
+    Returns
+    -------
+    tuple of int or None
+        The shape, None if the cells are not those of `grid_cells` for numbers that count along the second axis first.
+    """
+    if len(cells) != 1 or cells[0][0] != "quad" or not len(cells[0][1]):
+        return None
+    quads = cells[0][1]
+    ny = int(quads[0, 1] - quads[0, 0])
+    if ny < 2 or count % ny or len(quads) != (count // ny - 1) * (ny - 1):
+        return None
+    first = np.arange(count).reshape(-1, ny)[:-1, :-1].ravel()
+    if any(not np.array_equal(quads[:, k], first + offset) for k, offset in enumerate((0, ny, ny + 1, 1))):
+        return None
+    return count // ny, ny

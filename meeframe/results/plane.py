@@ -1,0 +1,72 @@
+"""Pictures of scalar fields on plane sections of a body."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from meeframe.fields import Array
+from meeframe.results.canvas import MAP_COLOURS, head, label_panels, prefixed, sheet, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_PANEL: Final = (5.2, 3.6)
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneField:
+    """Scalar field on a plane section.
+
+    Attributes
+    ----------
+    name, unit
+        Name of the field and its SI unit.
+    values
+        (p, q) values.
+    axes
+        Names of the two axes along the plane and of the one across it.
+    coordinates
+        Coordinates along the plane, (p,) and (q,) [m].
+    position
+        Coordinate of the plane along the axis across it [m].
+    """
+
+    name: str
+    unit: str
+    values: Array
+    axes: tuple[str, str, str]
+    coordinates: tuple[Array, Array]
+    position: float
+
+    @property
+    def title(self) -> str:
+        """Name of the field and position of the plane."""
+        factor, unit = prefixed(np.array([self.position]), "m")
+        place = f"{self.position / factor:.4g} {unit}" if self.position else "0"
+        return f"{self.name}, {self.axes[2]} = {place}"
+
+
+@styled
+def draw_plane(axes: Any, field: PlaneField) -> None:
+    """Draw a field on a plane section, with its bar of colours, on axes of matplotlib."""
+    length, metre = prefixed(np.concatenate(field.coordinates), "m")
+    factor, unit = prefixed(field.values, field.unit)
+    x, y = (values / length for values in field.coordinates)
+    drawn = axes.pcolormesh(x, y, field.values.T / factor, shading="gouraud", cmap=MAP_COLOURS)
+    axes.figure.colorbar(drawn, ax=axes, label=f"{field.name} [{unit}]")
+    axes.set(aspect="equal", xlabel=f"{field.axes[0]} [{metre}]", ylabel=f"{field.axes[1]} [{metre}]")
+    axes.set_title(field.title)
+
+
+@styled
+def planes_figure(fields: Sequence[PlaneField], title: str = "") -> "Figure":
+    """Return the figure of fields on a plane section, one below the other."""
+    figure = sheet((_PANEL[0], _PANEL[1] * len(fields)))
+    rows = figure.subplots(len(fields), squeeze=False)[:, 0]
+    for axes, field in zip(rows, fields, strict=True):
+        draw_plane(axes, field)
+    head(rows[0], fields[0].title, title)
+    label_panels(rows)
+    return figure
