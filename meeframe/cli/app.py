@@ -1,5 +1,7 @@
 """The application and the arguments that several commands share."""
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -39,4 +41,7 @@ def _options(
         ),
     ] = False,
 ) -> None:
-    pass
+    threads = os.environ.get("NUMBA_NUM_THREADS", "1")
+    if not (threads.isdecimal() and int(threads) > 0):
+        print(f"error: environment variable NUMBA_NUM_THREADS = {threads!r}; allowed: an integer > 0", file=sys.stderr)
+        raise typer.Exit(2)

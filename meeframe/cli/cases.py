@@ -7,6 +7,7 @@ import typer
 
 from meeframe.cli import console
 from meeframe.cli.app import CaseFile, PluginFiles, Threads, app
+from meeframe.common.literal import printable
 
 
 @app.command()
@@ -49,8 +50,9 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
             loaded = load_case(case, console.registry(plugin))
         steps = len(loaded.steps)
         nodes = len(find_contact_zone(loaded.mesh, loaded.zone).points)
+        name = printable(loaded.material.name or "without a name")
         print(
-            f"{case}: ok: material {loaded.material.name or 'without a name'}, {loaded.mesh.n_elements} elements, "
+            f"{case}: ok: material {name}, {loaded.mesh.n_elements} elements, "
             f"contact zone {loaded.zone} of {nodes} nodes, {steps} step{'s' * (steps > 1)}"
         )
         for warning in loaded.warnings:

@@ -2,6 +2,7 @@
 
 import errno
 import gc
+import os
 import signal
 import sys
 import threading
@@ -13,9 +14,9 @@ from types import FrameType
 from typing import TYPE_CHECKING, Final
 
 import typer
-from rich.console import Console
 
 from meeframe.common.errors import MeeframeError
+from meeframe.common.literal import LiteralConsole, printable
 
 if TYPE_CHECKING:
     from meeframe.plugin.registry import Registry
@@ -26,6 +27,8 @@ NOT_CONVERGED: Final = 1
 BAD_INPUT: Final = 2
 INTERRUPTED: Final = 130
 
+_HDF5: Final = "meeframe.results.hdf5"
+"""Module that HDF5 calls to write."""
 _PATH_ERRORS: Final = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP)
 """Error numbers caused by the paths that users give."""
 
@@ -48,12 +51,16 @@ def exit_status(memory_status: int = BAD_INPUT, interruption_note: str = "") -> 
         with _handle_termination(), _print_warnings():
             yield
     except MeeframeError as error:
-        print(f"error: {_with_notes(str(error), error)}", file=sys.stderr)
+        print(f"error: {printable(_with_notes(str(error), error))}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except OSError as error:
+        if error.errno == errno.ENOSPC and error.filename is None:  # files are reported with their names
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python writes the rest at its end
+            print("error: the standard output cannot be written: no space is left on its device", file=sys.stderr)
+            raise typer.Exit(BAD_INPUT) from None
         if error.errno not in _PATH_ERRORS or error.filename is None:
             raise
-        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        print(printable(f"error: {error.filename}: {error.strerror}"), file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except RuntimeError as error:
         if "no locator available" not in str(error):  # raised by numba for its cache
@@ -95,7 +102,8 @@ def _handle_termination() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():  # signal handlers can be set in the main thread only
         yield
         return
-    hook, handlers = sys.unraisablehook, {signal.SIGTERM: signal.signal(signal.SIGTERM, _interrupt)}
+    hook, numbers = sys.unraisablehook, (signal.SIGTERM, signal.SIGALRM)
+    handlers = {number: signal.signal(number, _interrupt) for number in numbers}
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # background jobs of a shell ignore it
         handlers[signal.SIGINT] = signal.signal(signal.SIGINT, _interrupt)
     sys.unraisablehook = lambda ignored: (
@@ -105,18 +113,20 @@ def _handle_termination() -> Iterator[None]:
         yield
     finally:
         sys.unraisablehook = hook
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in handlers.items():
             signal.signal(number, handler)
 
 
 def _interrupt(_number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, or raise it later while numba unpickles a return value.
+    """Raise KeyboardInterrupt, or raise it later while numba unpickles a return value or HDF5 writes a file.
 
     At the end of every long call compiled code asks Python to unpickle what it returns. An exception raised there is
-    lost: numba returns all the same, and Python turns it into a SystemError.
+    lost: numba returns all the same, and Python turns it into a SystemError. HDF5 calls Python to write; it takes an
+    exception for an error of the file.
     """
     while frame is not None:
-        if frame.f_code.co_name == "_numba_unpickle":
+        if frame.f_code.co_name == "_numba_unpickle" or frame.f_globals.get("__name__") == _HDF5:
             _interrupt_soon()
             return
         frame = frame.f_back
@@ -124,13 +134,12 @@ def _interrupt(_number: int, frame: FrameType | None) -> None:
 
 
 def _interrupt_soon() -> None:
-    """Interrupt again in a moment by a signal, which also ends waiting calls, unless the command has ended by then."""
+    """Interrupt again in a moment by a signal, which also ends waiting calls, unless the command has ended by then.
 
-    def ask() -> None:
-        if signal.getsignal(signal.SIGTERM) is _interrupt:
-            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
-
-    threading.Timer(0.01, ask).start()
+    No thread may start here: it may collect garbage, which waits for h5py, which waits for this function.
+    """
+    if signal.getsignal(signal.SIGALRM) is _interrupt:
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
 
 
 def _repeat_interrupt(ignored: "sys.UnraisableHookArgs") -> bool:
@@ -166,9 +175,9 @@ def loading() -> Iterator[None]:
             gc.enable()
 
 
-def stdout() -> Console:
+def stdout() -> LiteralConsole:
     """Return the standard output, on which text appears literally and is not wrapped unless it is a terminal."""
-    return Console(width=None if sys.stdout.isatty() else 240, markup=False, emoji=False)
+    return LiteralConsole(width=None if sys.stdout.isatty() else 240, markup=False, emoji=False)
 
 
 def registry(files: list[Path] | None) -> "Registry":
@@ -183,7 +192,7 @@ def registry(files: list[Path] | None) -> "Registry":
 
 def warn(text: str) -> None:
     """Print a warning on standard error."""
-    print(f"warning: {text}", file=sys.stderr)
+    print(printable(f"warning: {text}"), file=sys.stderr)
 
 
 def progress() -> "AbstractContextManager[Progress]":

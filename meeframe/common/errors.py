@@ -1,5 +1,11 @@
 """Errors that a user can cause and correct; any other exception is a defect of meeframe."""
 
+from collections.abc import Iterable
+from itertools import islice
+from typing import Final
+
+_MAX_PROBLEMS: Final = 50
+
 
 class MeeframeError(Exception):
     """Base class of all errors that bad input can cause; its text is the complete message shown to the user."""
@@ -31,3 +37,11 @@ class PluginFault(PluginError):
 
 class ResultError(MeeframeError):
     """A result cannot be written or read."""
+
+
+def listed(problems: Iterable[object], separator: str = "\n") -> str:
+    """Return the first problems as one text, and the number of further ones."""
+    lines = iter(problems)
+    first = list(map(str, islice(lines, _MAX_PROBLEMS)))
+    more = sum(1 for _ in lines)
+    return separator.join([*first, *([f"and {more} more problems"] if more else [])])

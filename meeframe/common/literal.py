@@ -1,10 +1,30 @@
-"""Tables of rich whose texts appear literally."""
+"""Texts of others on the terminal: tables of rich whose texts appear literally, and no escape sequences."""
 
-from typing import Any
+import re
+from collections.abc import Iterable
+from typing import Any, Final
 
-from rich.console import RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
+
+_CONTROL: Final = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Pattern of characters that control a terminal or cannot be printed; not of line feeds and tabs."""
+
+
+def printable(text: str) -> str:
+    """Return a text with control characters as escape sequences of Python, which a terminal does not obey."""
+    return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
+
+
+class LiteralConsole(Console):
+    """A console that passes on no control characters but its own."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Render as `Console.render` does."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=printable(segment.text))
 
 
 class LiteralTable(Table):

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
+from meeframe.common.files import MAX_TEXT_BYTES, check_file
 
 _MAX_BITS: Final = 10_000
 """Bits of the largest integer accepted; Python prints no integer of more than 4300 decimal digits."""
@@ -44,6 +45,7 @@ def read_toml(file: Path) -> tuple[str, dict[str, Any]]:
         If the file cannot be read or is not a TOML file.
     """
     try:
+        check_file(file, MAX_TEXT_BYTES)
         text = file.read_text(encoding="utf-8-sig")  # editors on Windows write a byte order mark first
         return text, toml_tables(text)
     except OSError as error:

@@ -301,10 +301,10 @@ def _with_area_fraction(
     """Return the resistances (n, channels) corrected at nodes whose area is partly in contact.
 
     At these nodes, conduction without pressure counts on the area fraction (n,) alone, whether the node itself has
-    pressure or not.
+    pressure or not: a node outside the contact edge may bear a little pressure, but no area of it touches.
     """
     resistance = unscaled.copy()
-    nodes = np.flatnonzero((area_fraction > 0.0) & (area_fraction < 1.0))
+    nodes = np.flatnonzero(area_fraction < 1.0)
     for k, law in enumerate(channel.law for channel in problem.channels):
         if law.across_gap:
             continue
@@ -312,9 +312,8 @@ def _with_area_fraction(
         pressed = contact_conductivity(law, np.minimum(normal_traction[nodes], MIN_TRACTION))
         with np.errstate(divide="ignore", invalid="ignore"):
             increase = np.where(touching < pressed, pressed - touching, 0.0)
-            resistance[nodes, k] = np.where(
-                touching > 0.0, 1.0 / (area_fraction[nodes] * touching + increase), unscaled[nodes, k]
-            )
+            partial = np.where(area_fraction[nodes] > 0.0, area_fraction[nodes] * touching, 0.0)
+            resistance[nodes, k] = np.where(touching > 0.0, 1.0 / (partial + increase), unscaled[nodes, k])
     return resistance
 
 

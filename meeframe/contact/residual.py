@@ -144,7 +144,7 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
 
     The violation is one where a law returns NaN: the law is not satisfied there, but the iteration may still proceed.
     """
-    compliance, potential = np.diag(scales.compliance)[POTENTIALS], scales.displacement[POTENTIALS]
+    compliance, potential = np.diag(scales.compliance)[POTENTIALS], scales.drop
     if not conducting(problem):
         insulated = zip(state.load.T[POTENTIALS], compliance, potential, strict=True)
         return [largest(flux) * c / scale for flux, c, scale in insulated]

@@ -40,12 +40,16 @@ class Scales:
         (fields,), expected magnitudes of the tractions and flux densities, positive.
     totals : Array
         (m,), expected magnitudes of the prescribed resultants, positive.
+    drop : Array
+        (channels,), expected magnitudes of the part of the potentials that the conductance of the contact transmits,
+        positive: all of it for a perfect conductor, little for a poor one.
     """
 
     compliance: Array
     displacement: Array
     load: Array
     totals: Array
+    drop: Array
 
     @property
     def normal_compliance(self) -> float:
@@ -82,7 +86,9 @@ def problem_scales(problem: ContactProblem) -> Scales:
     fields, self_compliance = range(problem.fields.size)[POTENTIALS], np.diag(compliance)[POTENTIALS]
     drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in fields]
     potential = np.maximum(drop, prescribed_flux * self_compliance)
-    flux = np.where([channel.is_conducting for channel in problem.channels], potential / self_compliance, 0.0)
+    is_conducting = np.array([channel.is_conducting for channel in problem.channels])
+    share = _transmitted(problem, pressure, potential, self_compliance)
+    flux = np.where(is_conducting, np.maximum(prescribed_flux, share * drop / self_compliance), 0.0)
     pressure = float(np.max([pressure, *(compliance[2, POTENTIALS] * flux / compliance[2, 2])]))
     induced = compliance[POTENTIALS, 2] * pressure
     load = np.array([*(pressure,) * N_MECHANICAL, *np.maximum(flux, induced / self_compliance)])
@@ -90,12 +96,15 @@ def problem_scales(problem: ContactProblem) -> Scales:
     tangential_motion = [largest(indenter_field(problem, axis, motion)) for axis in range(2)]
     displacement[:2] = np.maximum(displacement[:2], tangential_motion)
     displacement[POTENTIALS] = np.maximum(displacement[POTENTIALS], potential)
+    transmitted = np.maximum(share * displacement[POTENTIALS], prescribed_flux * self_compliance)
     load = _positive(load)
     totals = [
         max(abs(resultant.total), _resultant_scale(resultant, loaded, load))
         for resultant in problem.prescribed_resultants
     ]
-    return Scales(compliance, _positive(displacement), load, _positive(np.array(totals)))
+    return Scales(
+        compliance, _positive(displacement), load, _positive(np.array(totals)), _positive(np.array(transmitted))
+    )
 
 
 def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
@@ -169,6 +178,22 @@ def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
             measure = np.abs(resultant.measure[loaded, POTENTIALS]).sum(axis=0)
             flux += np.divide(abs(resultant.total), measure, out=np.zeros_like(flux), where=measure > 0.0)
     return flux
+
+
+def _transmitted(problem: ContactProblem, pressure: float, potential: Array, self_compliance: Array) -> Array:
+    """Return the share (channels,) in [0, 1] of a drop that the conductance in contact transmits to the body.
+
+    It is that of a conductor of the largest conductivity under a pressure [Pa] and a drop (channels,), in series with
+    the body; one where the law states none, as below a threshold, or insulates.
+    """
+    n, share = len(problem.gap), np.ones(len(problem.channels))
+    for k, law in enumerate(channel.law for channel in problem.channels):
+        # by its class: checks of values that instances record concern states alone
+        kappa = type(law).conductivity(law, np.full(n, -pressure), np.zeros(n), np.full(n, potential[k]))
+        highest = float(np.nan_to_num(kappa, nan=np.inf, posinf=np.inf).max(initial=0.0))
+        if 0.0 < highest < np.inf:
+            share[k] = 1.0 / (1.0 + 1.0 / (highest * self_compliance[k]))
+    return share
 
 
 def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance: float) -> float:

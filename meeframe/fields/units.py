@@ -24,6 +24,9 @@ _DIGITS: Final = 20
 _OTHER: Final = "cannot be read as one number and then units"
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
+MAX_MAGNITUDE: Final = 1e60
+"""Largest magnitude of prescribed quantities and material constants in SI units; products of some stay finite."""
+
 
 class Quantity:
     """Annotation of a float as a quantity; the field holds numbers in SI units.

@@ -10,6 +10,7 @@ import numpy as np
 import scipy  # submodules load on first use
 
 from meeframe.common.errors import CaseError
+from meeframe.common.files import MAX_DATA_BYTES, check_file, read_npy
 from meeframe.fields import Array, Indices
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.indenters.base import Indenter
@@ -178,9 +179,9 @@ class SampledHeights(Indenter):
 def _read(file: str, _modified: int, unit: float, interpolation: Interpolation) -> "HeightGrid | _HeightNodes":
     """Return the surface in a file, cached until the file changes."""
     if file.lower().endswith(".npy"):
-        with open(file, "rb") as raw:
-            rows = np.lib.format.read_array(raw, allow_pickle=False)
+        rows = read_npy(file)
     else:
+        check_file(file, MAX_DATA_BYTES)
         with open(file, encoding="utf-8") as text:
             lines = [line.partition("#")[0].replace(",", " ").replace(";", " ") for line in text]
         rows = np.loadtxt(lines, ndmin=2) if any(line.strip() for line in lines) else np.empty((0, 3))

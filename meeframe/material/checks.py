@@ -4,6 +4,7 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.fields import Array
+from meeframe.fields.units import MAX_MAGNITUDE
 from meeframe.material.voigt import mandel_matrix
 
 _SYMMETRIES = {
@@ -57,10 +58,12 @@ def validate_tensor(material: str, symbol: str, values: Array) -> Array:
         raise MaterialError(
             f"{material_phrase(material)}: {symbol} has shape {tensor.shape}, must have shape {(3,) * dimensions}"
         )
-    if not np.isfinite(tensor).all():
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(tensor))[0])
+    allowed = np.abs(tensor) <= MAX_MAGNITUDE
+    if not allowed.all():
+        index = tuple(int(i) for i in np.argwhere(~allowed)[0])
         raise MaterialError(
-            f"{material_phrase(material)}: {component_name(symbol, index)} is {tensor[index]}, must be a finite number"
+            f"{material_phrase(material)}: {component_name(symbol, index)} is {tensor[index]}, must be a finite number "
+            f"of at most {MAX_MAGNITUDE:g}"
         )
     for law, axes in _SYMMETRIES[symbol]:
         _check_symmetry(material, symbol, tensor, law, axes)
@@ -88,7 +91,7 @@ def validate_coefficient(material: str, name: str, values: Array) -> Array:
         If the shape is wrong, an entry is not finite, or the tensor is not symmetric and positive definite.
     """
     tensor: Array = np.array(values, dtype=float)
-    if tensor.shape != (3, 3) or not np.isfinite(tensor).all():
+    if tensor.shape != (3, 3) or not (np.abs(tensor) <= MAX_MAGNITUDE).all():
         raise MaterialError(f"{material_phrase(material)}: {name} must be finite numbers of shape (3, 3)")
     _check_symmetry(material, name, tensor, f"{name}_kl = {name}_lk", (1, 0))
     tensor = (tensor + tensor.T) / 2.0

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from meeframe.common.errors import MaterialError
 from meeframe.fields import ELECTRIC, MAGNETIC, MEE, Array, FieldScaling, FieldSet, ScalarField
+from meeframe.fields.units import MAX_MAGNITUDE
 from meeframe.material.checks import check_elastic, check_electromagnetic, validate_coefficient, validate_tensor
 from meeframe.material.rotation import validate_rotation
 from meeframe.material.voigt import coupling_tensor, elastic_tensor
@@ -144,8 +145,11 @@ class Material:
         MaterialError
             If a constant is out of bounds.
         """
-        if not (0.0 < young_modulus < np.inf):
-            raise MaterialError(f"material {name!r}: young_modulus is {young_modulus} Pa, must be positive and finite")
+        if not (0.0 < young_modulus <= MAX_MAGNITUDE):
+            raise MaterialError(
+                f"material {name!r}: young_modulus is {young_modulus} Pa, must be positive and finite, at most "
+                f"{MAX_MAGNITUDE:g} Pa"
+            )
         if not (-1.0 < poisson_ratio < 0.5):
             raise MaterialError(f"material {name!r}: poisson_ratio is {poisson_ratio}, must lie between -1 and 0.5")
         shear = young_modulus / (2.0 * (1.0 + poisson_ratio))

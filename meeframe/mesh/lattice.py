@@ -1,7 +1,7 @@
 """Meshes of any element type from surfaces of straight quadrilateral cells."""
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Array, Indices
 from meeframe.mesh.regular import grid_cells
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
+
+MIN_SIZE: Final = 1e-60
+"""Least size of a body [m]; ratios of sizes stay finite."""
 
 Entry = TypeVar("Entry", np.float64, np.int64)
 
@@ -200,7 +203,7 @@ def border_sides(divisions: tuple[int, int], sides: tuple[int, int, int, int]) -
 
 
 def check_values(name: str, values: tuple[float, ...], *, at_least: float | None = None) -> None:
-    """Check that all values are finite and positive, or integers of at least `at_least`.
+    """Check that all values are finite and at least MIN_SIZE, or integers of at least `at_least`.
 
     Raises
     ------
@@ -208,7 +211,7 @@ def check_values(name: str, values: tuple[float, ...], *, at_least: float | None
         If a value is not; the message names it.
     """
     for value in values:
-        if at_least is None and not (np.isfinite(value) and value > 0):
-            raise MeshError(f"{name} = {value!r}: must be a finite positive number")
+        if at_least is None and not (np.isfinite(value) and value >= MIN_SIZE):
+            raise MeshError(f"{name} = {value!r}: must be a finite positive number, at least {MIN_SIZE:g}")
         if at_least is not None and (int(value) != value or value < at_least):
             raise MeshError(f"{name} = {value!r}: must be an integer of at least {at_least:g}")

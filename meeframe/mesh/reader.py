@@ -107,6 +107,10 @@ def read_any(file: Path) -> Any:
             raise MeshError("no such file")
     except PermissionError as error:
         raise MeshError(f"cannot be read: {error.strerror}") from None
+    if file.suffix.lower() == ".wkt":
+        raise MeshError(
+            "format wkt: its reader may take forever for damaged files; allowed: another format, such as vtu"
+        )
     _check_hdf5(file)
     output = io.StringIO()
     try:

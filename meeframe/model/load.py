@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from meeframe.common.errors import CaseError, MeeframeError
+from meeframe.common.errors import CaseError, MeeframeError, listed
 from meeframe.common.toml import check_integers, read_toml
 from meeframe.contact.problem import Solver
 from meeframe.fields import FieldSet
@@ -60,7 +60,7 @@ def load_case(path: str | Path, registry: Registry | None = None) -> Case:
     try:
         return case_from_tables(tables, registry, file.parent, text, str(file))
     except TableError as error:
-        raise CaseError("\n".join(f"{file}: {problem}" for problem in error.problems)) from error.__cause__
+        raise CaseError(listed(f"{file}: {problem}" for problem in error.problems)) from error.__cause__
 
 
 def case_from_tables(

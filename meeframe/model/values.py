@@ -8,12 +8,12 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationInfo, create_model
 
 from meeframe.fields import MEE, FieldSet
-from meeframe.fields.units import Quantity
+from meeframe.fields.units import MAX_MAGNITUDE, Quantity
 from meeframe.plugin.registry import CONTRACTS, Registry
 
 DEFAULT_FORMULATION: Final = "dense-bem"
 DEFAULT_SOLVER: Final = "auto"
-FINITE: Final = {"gt": -math.inf, "lt": math.inf}
+FINITE: Final = {"ge": -MAX_MAGNITUDE, "le": MAX_MAGNITUDE}
 
 Text = Annotated[str, Strict(), Field(min_length=1)]
 Flag = Annotated[bool, Strict()]

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from meeframe.common.errors import MaterialError as MaterialError
     from meeframe.common.errors import MeshError as MeshError
     from meeframe.common.errors import TooLargeError as TooLargeError
+    from meeframe.common.files import check_file as check_file
+    from meeframe.common.files import read_npy as read_npy
     from meeframe.common.hdf5 import open_hdf5 as open_hdf5
     from meeframe.contact.channels import FluxChannel as FluxChannel
     from meeframe.contact.conduction import Switches as Switches
@@ -189,7 +191,9 @@ _HOMES = {
     "diagonal": "meeframe.system.capabilities",
     "rescale_inverse": "meeframe.system.capabilities",
     # Files
+    "check_file": "meeframe.common.files",
     "open_hdf5": "meeframe.common.hdf5",
+    "read_npy": "meeframe.common.files",
     # Compiled code and threads
     "ONE_BLAS_THREAD": "meeframe.common.blas",
     "prefetch": "meeframe.greens._kernels.prefetch",

@@ -211,12 +211,16 @@ def _collect(provider: Provider, plugin: object) -> tuple[list[Entry], list[Brok
     broken: list[Broken] = []
     try:
         hooks = _hooks(plugin)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # plugins may also raise SystemExit and the like
         return [], [Broken(provider, reason(error), line_in(error, file))]
     for kind in Kind:
         try:
             records = [record for result in getattr(hooks, kind.hook)() for record in result]
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             broken.append(Broken(provider, f"{kind.hook}: {reason(error)}", line_in(error, file)))
             continue
         for record in records:

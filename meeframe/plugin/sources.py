@@ -17,6 +17,7 @@ from typing import Final
 from packaging.requirements import InvalidRequirement, Requirement
 
 from meeframe.common.errors import MeeframeError, PluginError, PluginFault
+from meeframe.common.files import MAX_TEXT_BYTES, check_file
 from meeframe.plugin.hookspecs import PROJECT
 
 LOCAL: Final = f"{PROJECT}_file_"
@@ -79,7 +80,9 @@ def installed() -> Plugins:
             continue
         try:
             plugins.append((provider, entry_point.load()))
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # plugins may also raise SystemExit and the like
             broken.append(Broken(provider, f"{_location(error)}{reason(error)}"))
     return plugins, broken
 
@@ -93,6 +96,7 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
         If the file cannot be read or fails; the message names the file, the line and the cause.
     """
     try:
+        check_file(path, MAX_TEXT_BYTES)
         source = path.read_bytes()
     except OSError as error:
         raise PluginError(f"plugin file {path} cannot be read: {error.strerror or error}") from None
@@ -108,8 +112,10 @@ def load_source(path: Path, source: bytes) -> tuple[Provider, ModuleType]:
     sys.modules[name] = module  # annotations are resolved there
     try:
         exec(compile(source, module.__file__, "exec"), module.__dict__)
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # plugins may also raise SystemExit and the like
         del sys.modules[name]
+        if isinstance(error, KeyboardInterrupt):
+            raise
         raise PluginError(file_fault(path, reason(error), line_in(error, module.__file__))) from None
     return Provider(str(path), f"sha256:{name.rpartition('_')[2]}"), module
 
@@ -152,8 +158,9 @@ def faults_of_plugins(*passing: type[Exception]) -> Iterator[None]:
     """Turn an exception from the code of a plugin into a PluginFault that names file, line and cause.
 
     The original exception is its __cause__, and the innermost frame is named if it is not in the plugin. These
-    exceptions pass unchanged: those without a plugin frame, which are defects of meeframe; MeeframeError and
-    MemoryError; and those raised by the caller of the plugin in a callback.
+    exceptions pass unchanged: those without a plugin frame, which are defects of meeframe; MeeframeError, MemoryError
+    and KeyboardInterrupt; and those raised by the caller of the plugin in a callback. SystemExit is a fault like any
+    other: it would end the run without a result.
 
     Parameters
     ----------
@@ -162,8 +169,8 @@ def faults_of_plugins(*passing: type[Exception]) -> Iterator[None]:
     """
     try:
         yield
-    except Exception as error:
-        if isinstance(error, (MeeframeError, MemoryError, *passing)):
+    except BaseException as error:
+        if isinstance(error, (MeeframeError, MemoryError, KeyboardInterrupt, *passing)):
             raise
         packages = {
             entry_point.module.partition(".")[0] for entry_point in metadata.entry_points(group=PROJECT)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final, Union, get_args, get_origin, get_type_
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, Strict, ValidationError, create_model
 
-from meeframe.common.errors import CaseError, MeeframeError
+from meeframe.common.errors import CaseError, MeeframeError, listed
 from meeframe.fields.units import Quantity
 from meeframe.plugin.aliases import names_for
 from meeframe.plugin.sources import faults_of_plugins
@@ -95,7 +95,7 @@ class TableError(CaseError, ValueError):  # a ValueError passes through validato
     """A table has invalid entries, listed in `problems`; `__cause__` is the first cause among them."""
 
     def __init__(self, *problems: Problem) -> None:
-        super().__init__("; ".join(map(str, problems)))
+        super().__init__(listed(problems, "; "))
         self.problems = problems
         self.__cause__ = next((problem.cause for problem in problems if problem.cause is not None), None)
 

@@ -75,7 +75,10 @@ class ResultWriter:
     def append(self, step: StepResult) -> None:
         """Write one more increment, completely or not at all. Raises ResultError if it cannot be written."""
         increments = self.folder / INCREMENTS
-        increments.mkdir(exist_ok=True)
+        try:
+            increments.mkdir(exist_ok=True)
+        except OSError as error:
+            raise ResultError(f"folder {increments} cannot be written: {error.strerror or error}") from None
         if step.boundary is not None and not self._has_boundary and self._stores(BOUNDARY):
             with replacing(increments / _BOUNDARY_FILE) as path, changed_file(path, "w") as file:
                 _put_boundary_mesh(file, step.boundary)

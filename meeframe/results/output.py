@@ -1,5 +1,6 @@
 """Output folder: checked before anything is computed, locked for one run at a time, with complete files only."""
 
+import errno
 import fcntl
 import os
 import re
@@ -168,19 +169,35 @@ def _unwritable(folder: Path, error: OSError) -> ResultError:
 def replacing(target: Path) -> Iterator[Path]:
     """Provide the path of a temporary file that replaces the target at the end, unless an exception passes.
 
-    In any case the target holds either its old content or its new one. Raises ResultError if writing fails.
+    In any case, also after a power failure, the target holds either its old content or its new one. Raises ResultError
+    if writing fails.
     """
     temporary = target.with_name(f".{target.stem}.{get_native_id()}{target.suffix}")
     try:
         yield temporary
+        _flush(temporary)
         os.replace(temporary, target)
+        _flush(target.parent)
     except (OSError, RuntimeError) as error:
         message = _of_files(error)
         if message is None:
             raise
         raise ResultError(f"{target} cannot be written: {message}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # the folder itself may be gone
+            temporary.unlink(missing_ok=True)
+
+
+def _flush(path: Path) -> None:
+    """Write a file, or the names of the files in a folder, from the memory of the system to the disk."""
+    file = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(file)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # file systems without it
+            raise
+    finally:
+        os.close(file)
 
 
 def _of_files(error: OSError | RuntimeError) -> str | None:

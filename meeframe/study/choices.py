@@ -8,7 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
-from meeframe.common.errors import CaseError
+from meeframe.common.errors import CaseError, listed
 from meeframe.common.toml import toml_tables
 from meeframe.fields import MEE, FieldSet
 from meeframe.model.case import Case
@@ -161,7 +161,7 @@ def combinations(
             problems |= {text: line for text, line in messages.items() if text not in problems}
             entries.append(Combination(labels, None, str(error)))
     if all(combination.case is None for combination in entries):
-        raise CaseError("\n".join(problems.values())) from cause
+        raise CaseError(listed(problems.values())) from cause
     if all(combination.labels.get("fundamental-solution") == NOTHING for combination in entries):
         raise CaseError(
             f"{file}: --fundamental-solution: the formulation takes no fundamental solution; omit this option"

@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from meeframe.common.errors import CaseError
+from meeframe.common.errors import CaseError, listed
 from meeframe.common.toml import read_toml
 from meeframe.fields import MEE, FieldSet
 from meeframe.fields.units import read_quantity
@@ -251,7 +251,7 @@ def checked(model: type[Model], file: Path, registry: Registry | None = None) ->
         return model.model_validate(tables, context={"fields": MEE if registry is None else registry.fields})
     except ValidationError as error:
         problems = (_brief(problem) for problem in problems_of(error, model))
-        raise CaseError("\n".join(f"{file}: {problem}" for problem in problems)) from None
+        raise CaseError(listed(f"{file}: {problem}" for problem in problems)) from None
 
 
 def fields_of(info: ValidationInfo) -> FieldSet:

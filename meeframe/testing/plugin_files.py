@@ -94,7 +94,9 @@ def _checked(registry: Registry, entry: Entry, table: Mapping[str, Any], magnitu
         _check_of(entry.kind, magnitudes)(made)
     except CaseError as error:
         return dataclasses.replace(result, failure=f"not checked: {error}")
-    except Exception as error:  # code of a plugin may raise anything
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # code of a plugin may raise anything
         text = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
         return dataclasses.replace(result, failure=text)
     return result

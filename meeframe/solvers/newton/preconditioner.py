@@ -60,7 +60,7 @@ def preconditioner(jacobian: ReducedJacobian) -> Linear:
                 row,
                 jacobian.displacement_fields.index(field),
                 conducting,
-                1.0 / jacobian.equation.scales.displacement[field],
+                1.0 / jacobian.equation.scales.drop[field - N_MECHANICAL],
             )
     solve = _solution_of_loads(replace(jacobian, a=a, b=b, coupled=coupled))
     fraction_row = np.array([a.entry(last, column)[between] for column in range(last + 1)], jacobian.precision)

@@ -193,7 +193,7 @@ class ContactResidual:
         contact = load[:, MECHANICAL] - fixed_point_map(law, trial, gap, (self.r, self.r))
         np.divide(contact, self.scales.pressure, out=residual[:, MECHANICAL])
         flux += transmissivity * drive
-        np.divide(flux, self.scales.displacement[POTENTIALS], out=residual[:, FLUX_ROWS])
+        np.divide(flux, self.scales.drop, out=residual[:, FLUX_ROWS])
         biactive_nodes = np.flatnonzero(biactive)
         deviation = contact_fraction[biactive_nodes] - np.clip(switch[biactive_nodes], 0.0, 1.0)
         residual[biactive_nodes, FRACTION] = deviation * sigma[biactive_nodes] / self.scales.pressure
@@ -287,7 +287,7 @@ class ResidualState:
         )
         transmissivity[nodes] += change
         switch[nodes] = fraction - self.trial[nodes, 2] / sigma
-        residual[nodes, FLUX_ROWS] += change * self.drive[nodes] / scales.displacement[POTENTIALS]
+        residual[nodes, FLUX_ROWS] += change * self.drive[nodes] / scales.drop
         deviation = np.where(biactive[nodes], fraction - np.clip(switch[nodes], 0.0, 1.0), 0.0)
         residual[nodes, FRACTION] = deviation * sigma / scales.pressure
         state = replace(self, contact_fraction=contact_fraction, biactive=biactive)
@@ -404,7 +404,7 @@ class ResidualState:
             by_attraction = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
             gap_slope = -by_attraction if gap_slope is None else gap_slope - by_attraction
         for k, field in enumerate(range(N_MECHANICAL, fraction)):
-            unit = scales.displacement[field]
+            unit = scales.drop[k]
             drive = self.drive[:, k] / unit
             a[field, field] = equation.self_compliance[:, k] / unit * (1.0 - share[:, k])
             a[field, 2] = drive * slope[:, k]

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.common.errors import CaseError
+from meeframe.common.errors import CaseError, listed
 from meeframe.common.toml import read_toml
 from meeframe.fields import MEE, Array, FieldSet
 from meeframe.model.cache import distinct_bodies
@@ -148,12 +148,12 @@ def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Po
         try:
             point_tables = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
         except TableError as error:
-            raise CaseError("\n".join(f"{file}: {label}: {problem}" for problem in error.problems)) from None
+            raise CaseError(listed(f"{file}: {label}: {problem}" for problem in error.problems)) from None
         points.append(Point.of(label, point_tables, case_file.parent, registry))
     if all(point.case is None for point in points):
         messages = {str(problem): f"{file}: {point.label}: {problem}" for point in points for problem in point.problems}
         causes = (problem.cause for point in points for problem in point.problems)
-        raise CaseError("\n".join(messages.values())) from next(filter(None, causes), None)
+        raise CaseError(listed(messages.values())) from next(filter(None, causes), None)
     return points
 
 

@@ -10,12 +10,14 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.plugin import Array, CaseError, Quantity, open_hdf5
+from meeframe.plugin import Array, CaseError, Quantity, check_file, open_hdf5, read_npy
 
 AnyArray = NDArray[Any]
 
 SURFER_BLANK: Final = 1.70141e38
 """Heights of at least this value are missing in a Surfer grid."""
+MAX_BYTES: Final = 2**30
+"""Largest size of a file."""
 _POSITIVE: Final = Quantity("m", gt=0, lt=float("inf"))
 _MATRIX_HEADER: Final = re.compile(r"#\s*(width|height|value units)\s*:\s*(.+)", re.IGNORECASE)
 
@@ -129,6 +131,7 @@ class _Reader:
 
 
 def _reader(path: Path) -> _Reader:
+    check_file(path, MAX_BYTES)
     suffix = path.suffix.lower()
     with path.open(encoding="utf-8", errors="replace") as text:
         first = text.readline(100).split()
@@ -144,8 +147,7 @@ def _reader(path: Path) -> _Reader:
 
 
 def _read_npy(path: Path, scales: Scales) -> HeightMap:
-    with path.open("rb") as file:
-        return _from_array(np.lib.format.read_array(file, allow_pickle=False), scales)
+    return _from_array(read_npy(path), scales)
 
 
 def _read_hdf5(path: Path, scales: Scales) -> HeightMap:

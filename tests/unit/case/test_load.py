@@ -197,7 +197,7 @@ WRONG = {
     "wrong unit": ([('"100 mm"', '"100 V"')], "indenter.radius = '100 V': has the wrong unit; expected a number in m"),
     "no quantity": ([('"10 um"', '"deep"')], "steps[1].approach = 'deep': cannot be read as one number and then units"),
     "NaN": ([('"10 um"', "nan")], "steps[1].approach = nan: is not a number (NaN)"),
-    "infinite": ([('"10 um"', "inf")], "steps[1].approach = inf: must be finite"),
+    "infinite": ([('"10 um"', "inf")], "steps[1].approach = inf: must be >= -1e+60 and <= 1e+60"),
     "not positive": ([('radius = "100 mm"', "radius = -0.1")], "indenter.radius = -0.1: must be > 0"),
     "true is no number": ([('radius = "100 mm"', "radius = true")], "indenter.radius = true: expected a number"),
     "no whole number": ([("divisions = 4", "divisions = 4.5")], "mesh.divisions = 4.5: should be a whole number"),

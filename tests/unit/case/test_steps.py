@@ -67,7 +67,7 @@ REFUSED = {
     'torque = "1 N"': "steps[2].torque = '1 N': has the wrong unit; expected a number in N m",
     'twist = "1 m"': "steps[2].twist = '1 m': has the wrong unit; expected a number in rad",
     'magnetic_flux = "1 T"': "steps[2].magnetic_flux = '1 T': has the wrong unit; expected a number in Wb",
-    "charge = inf": "steps[2].charge = inf: must be finite",
+    "charge = inf": "steps[2].charge = inf: must be >= -1e+60 and <= 1e+60",
     "tilt = 1": "steps[2].tilt = 1: should be a list",
     "moment = [1]": "steps[2].moment[2]: missing entry",
     "translation = [1, 2, 3]": "steps[2].translation = [1, 2, 3]: should have 2 entries",

@@ -48,10 +48,12 @@ def test_area_fractions_conduct_with_and_without_pressure():
     case = problem(4.0, area_fraction)
     computed = resistances(case, traction, contact_fraction, np.abs(potential_diagonal(case)))
     assert computed[:10, 0] == pytest.approx(1.0)
-    assert (computed[10:, 0] == np.where(contact_fraction[10:] > 0.0, 0.25, np.inf)).all()
+    assert (computed[10:20, 0] == np.where(contact_fraction[10:20] > 0.0, 0.25, np.inf)).all()
+    assert np.isinf(computed[20:, 0]).all()  # whether there is pressure or not
     assert np.isinf(computed[:, 1]).all()
     perfect = resistances(problem(np.inf, area_fraction), traction, contact_fraction, np.abs(potential_diagonal(case)))
     assert (perfect[:10, 0] == 0.0).all()
+    assert np.isinf(perfect[20:, 0]).all()
 
 
 @pytest.mark.parametrize("area_fraction", [np.ones(3), np.full(25, 1.5), np.full(25, np.nan)])

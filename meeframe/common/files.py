@@ -1,0 +1,75 @@
+"""Files named by users: regular files of a limited size, and arrays that fit into their files."""
+
+import errno
+import math
+import os
+import stat
+from pathlib import Path
+from tokenize import TokenError
+from typing import Any, Final
+
+import numpy as np
+
+MAX_TEXT_BYTES: Final = 2**26
+"""Largest size of a case file, study file or plugin file."""
+MAX_DATA_BYTES: Final = 2**30
+"""Largest size of a file of heights."""
+
+
+def check_file(path: str | Path, max_bytes: int) -> None:
+    """Check that a file may be read as a whole.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    max_bytes : int
+        Its largest allowed size.
+
+    Raises
+    ------
+    OSError
+        If it does not exist, if it is a device, a pipe or a folder, which may never end, or if it is too large.
+    """
+    status = os.stat(path)
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "is a device or a pipe; allowed: a regular file")
+    if status.st_size > max_bytes:
+        raise OSError(errno.EFBIG, f"has {status.st_size} bytes; allowed: at most {max_bytes}")
+
+
+def read_npy(path: str | Path) -> Any:
+    """Return the array of a .npy file, without objects.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    ndarray
+        The array.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, or as `check_file`.
+    ValueError
+        If it is damaged or holds objects; the shape in its header is compared with the size of the file.
+    """
+    check_file(path, MAX_DATA_BYTES)
+    with open(path, "rb") as file:
+        try:
+            version = np.lib.format.read_magic(file)
+            reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            shape, _, dtype = reader(file)
+        except (TokenError, SyntaxError, RecursionError, OverflowError, TypeError, LookupError) as error:
+            raise ValueError(f"its header is damaged: {error}") from None
+        size, left = math.prod(shape) * dtype.itemsize, os.fstat(file.fileno()).st_size - file.tell()
+        if not dtype.hasobject and not 0 <= size <= left:
+            raise ValueError(f"its header declares an array of shape {shape}, {size} bytes; {left} follow")
+        file.seek(0)
+        return np.lib.format.read_array(file, allow_pickle=False)

@@ -1,0 +1,189 @@
+"""Inputs that are damaged, endless or beyond anything physical: one clear message and exit status 2, at once."""
+
+import os
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from meeframe.cli import app
+from meeframe.common.errors import CaseError, MeshError, ResultError
+from meeframe.indenters.heights import Heights
+from meeframe.mesh.reader import read_any
+from meeframe.results.fclib import LocalProblem, read_local, write_local
+from meeframe.results.files import ResultWriter
+from meeframe.results.output import replacing
+
+CASE = """
+[material]
+name = "isotropic"
+young_modulus = "200 GPa"
+poisson_ratio = 0.2
+
+[mesh]
+type = "half-space"
+contact_width = "5 mm"
+divisions = 8
+
+[formulation]
+name = "half-space"
+
+[indenter]
+name = "sphere"
+radius = "100 mm"
+
+[[steps]]
+approach = "10 um"
+"""
+
+
+@pytest.fixture
+def check(tmp_path):
+    def run(path):
+        return CliRunner().invoke(app, ["check", str(path)])
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"10 um"', "1e200", "steps[1].approach = 1e+200: must be >= -1e+60 and <= 1e+60"),
+        ('"10 um"', "-1e200", "steps[1].approach = -1e+200: must be >= -1e+60 and <= 1e+60"),
+        ('"5 mm"', "5e-324", "mesh: half_width = 8e-323: must be a finite positive number, at least 1e-60"),
+    ],
+)
+def test_magnitudes_beyond_anything_physical(tmp_path, check, old, new, message):
+    path = tmp_path / "case.toml"
+    path.write_text(CASE.replace(old, new), encoding="utf-8")
+    done = check(path)
+    assert done.exit_code == 2
+    assert f"{path}: {message}" in done.stderr
+
+
+def test_moduli_beyond_anything_physical(tmp_path, check):
+    path = tmp_path / "case.toml"
+    path.write_text(CASE.replace('"200 GPa"', "1e308"), encoding="utf-8")
+    done = check(path)
+    assert done.exit_code == 2
+    assert "young_modulus is 1e+308 Pa, must be positive and finite, at most 1e+60 Pa" in done.stderr
+
+
+def test_many_problems_are_counted(tmp_path, check):
+    path = tmp_path / "case.toml"
+    path.write_text(CASE + "".join(f"k{number} = 1\n" for number in range(20_000)), encoding="utf-8")
+    done = check(path)
+    assert done.exit_code == 2
+    assert done.stderr.count("\n") == 51
+    assert done.stderr.endswith("and 19950 more problems\n")
+
+
+@pytest.mark.parametrize("kind", ["device", "pipe", "folder"])
+def test_case_files_that_are_no_files(tmp_path, check, kind):
+    path = tmp_path / "case.toml"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path = "/dev/zero"
+    done = check(path)
+    assert done.exit_code == 2
+    assert f"error: {path}: cannot be read: " in done.stderr
+
+
+@pytest.mark.parametrize("name", ["map.txt", "map.npy"])
+def test_heights_that_are_no_files(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(CaseError, match=rf"{name}: cannot be read: is a device or a pipe"):
+        Heights(tmp_path / name).height(np.zeros(1), np.zeros(1))
+
+
+def test_large_case_files(tmp_path, check):
+    path = tmp_path / "case.toml"
+    with path.open("wb") as file:
+        file.truncate(2**40)  # takes no place on the disk
+    done = check(path)
+    assert done.exit_code == 2
+    assert "has 1099511627776 bytes; allowed: at most 67108864" in done.stderr
+
+
+def test_flipped_bits_of_npy_headers(tmp_path):
+    np.save(tmp_path / "a.npy", np.random.default_rng(1).random((25, 3)))
+    content = (tmp_path / "a.npy").read_bytes()
+    refused = 0
+    for position in range(128):
+        for bit in (0x01, 0x08, 0x40):
+            path = tmp_path / f"{position}-{bit}.npy"
+            path.write_bytes(content[:position] + bytes([content[position] ^ bit]) + content[position + 1 :])
+            with suppress(CaseError):  # any other exception is a defect
+                Heights(path).height(np.zeros(1), np.zeros(1))
+                continue
+            refused += 1
+    assert refused > 200
+
+
+def test_arrays_larger_than_their_file(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros((25, 3)))
+    path.write_bytes(path.read_bytes().replace(b"(25, 3), }       ", b"(99999999999, 3),}"[:17].ljust(17)))
+    with pytest.raises(CaseError, match=r"a\.npy: its header"):
+        Heights(path).height(np.zeros(1), np.zeros(1))
+
+
+def test_infinite_entries_of_fclib_files(tmp_path):
+    import h5py
+
+    path = tmp_path / "problem.hdf5"
+    write_local(path, LocalProblem(np.eye(3), -np.ones(3), np.array([0.3])))
+    with h5py.File(path, "r+") as file:
+        del file["fclib_local/W/m"]
+        file["fclib_local/W/m"] = np.array([np.inf])
+    with pytest.raises(CaseError, match=r"problem\.hdf5: "):
+        read_local(path)
+
+
+def test_meshes_in_wkt(tmp_path):
+    path = tmp_path / "mesh.wkt"
+    path.write_text("TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)))", encoding="utf-8")
+    with pytest.raises(MeshError, match="format wkt"):
+        read_any(path)
+
+
+def replace_by_file(folder, path):
+    folder.rmdir()
+    folder.touch()
+    path.write_text("")
+
+
+def test_a_folder_that_becomes_a_file(tmp_path, synthetic):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    step = synthetic.step(1e-6)
+    writer = ResultWriter(folder, synthetic.result(step))
+    with (
+        pytest.raises(ResultError, match=r"summary\.json cannot be written"),
+        replacing(folder / "summary.json") as path,
+    ):
+        replace_by_file(folder, path)
+    with pytest.raises(ResultError, match=r"out.* cannot be written: Not a directory"):
+        writer.append(step)
+
+
+@pytest.mark.parametrize("threads", ["0", "-1", "x", "1.5"])
+def test_numbers_of_threads_in_the_environment(threads):
+    done = CliRunner().invoke(app, ["materials"], env={"NUMBA_NUM_THREADS": threads})
+    assert done.exit_code == 2
+    assert f"NUMBA_NUM_THREADS = '{threads}'; allowed: an integer > 0" in done.stderr
+
+
+def test_a_full_standard_output():
+    import subprocess
+    import sys
+
+    command = [sys.executable, "-c", "from meeframe.cli import main; main()", "materials"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "error: the standard output cannot be written: no space is left on its device\n"
