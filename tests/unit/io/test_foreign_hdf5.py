@@ -1,4 +1,4 @@
-"""HDF5 files that refer to other files, or declare more than they hold: nothing else is read."""
+"""HDF5 files that refer to other files, or declare more data than they contain, are rejected."""
 
 import h5py
 import numpy as np
@@ -15,7 +15,7 @@ KINDS = ("link", "linked group", "stored", "virtual")
 
 @pytest.fixture
 def private(tmp_path):
-    """Another file, with numbers that nobody may see."""
+    """Return another file with numbers that must not be read."""
     path = tmp_path / "private.h5"
     with h5py.File(path, "w") as file:
         file["data"] = np.full((8, 3), 42.0)
@@ -24,7 +24,7 @@ def private(tmp_path):
 
 
 def put(file, name, kind, private):
-    """Replace a dataset by one whose numbers are in another file."""
+    """Replace a dataset by one whose data are in another file."""
     shape, dtype = ((8, 3), np.dtype(float)) if name not in file else (file[name].shape, file[name].dtype)
     file.pop(name, None)
     if kind == "link":
@@ -41,13 +41,13 @@ def put(file, name, kind, private):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_files_are_refused(tmp_path, private, kind):
+def test_files_are_rejected(tmp_path, private, kind):
     path = tmp_path / "foreign.h5"
     with h5py.File(path, "w") as file:
         put(file, "a/b", kind, private)
     with pytest.raises(ValueError, match="allowed: data in the file itself"), open_hdf5(path):
         pass
-    if kind != "stored":  # what HDF5 by itself would have read
+    if kind != "stored":  # the data that HDF5 itself would have read
         with h5py.File(path) as file:
             assert (file["a/b"][()] == 42.0).all()
 
@@ -63,7 +63,7 @@ def test_links_within_a_file_and_cycles_are_allowed(tmp_path):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_results_are_refused(tmp_path, synthetic, private, kind):
+def test_results_are_rejected(tmp_path, synthetic, private, kind):
     folder = tmp_path / "run"
     folder.mkdir()
     write_result(folder, synthetic.result(synthetic.step(1e-6)))
@@ -86,7 +86,7 @@ def test_links_to_the_increments_of_an_unfinished_run_are_followed(tmp_path, syn
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_increments_are_checked_too(tmp_path, synthetic, private, kind):
+def test_increments_are_checked(tmp_path, synthetic, private, kind):
     folder = unfinished(tmp_path / "run", synthetic)
     with h5py.File(folder / "result.increments/0001.h5", "r+") as file:
         put(file, "history", kind, private)
@@ -95,7 +95,7 @@ def test_increments_are_checked_too(tmp_path, synthetic, private, kind):
 
 
 @pytest.mark.parametrize("target", ["{private}", "../private.h5", "result.increments/../../private.h5", "0001.h5"])
-def test_increments_elsewhere_are_refused(tmp_path, synthetic, private, target):
+def test_increments_elsewhere_are_rejected(tmp_path, synthetic, private, target):
     folder = unfinished(tmp_path / "run", synthetic)
     with h5py.File(folder / "result.h5", "r+") as file:
         del file["steps/0001"]
@@ -105,7 +105,7 @@ def test_increments_elsewhere_are_refused(tmp_path, synthetic, private, target):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_fclib_problems_are_refused(tmp_path, private, kind):
+def test_fclib_problems_are_rejected(tmp_path, private, kind):
     path = tmp_path / "problem.hdf5"
     write_local(path, LocalProblem(np.eye(3), -np.ones(3), np.array([0.3])))
     with h5py.File(path, "r+") as file:
@@ -114,7 +114,7 @@ def test_fclib_problems_are_refused(tmp_path, private, kind):
         read_local(path)
 
 
-def test_meshes_are_refused(tmp_path, private):
+def test_meshes_are_rejected(tmp_path, private):
     path = tmp_path / "mesh.med"
     with h5py.File(path, "w") as file:
         put(file, "ENS_MAA", "link", private)
