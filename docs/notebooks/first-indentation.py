@@ -141,7 +141,8 @@ axes.loglog(
     grids["divisions"], 0.3 * grids["divisions"] ** -2.0, "--", label="second order"
 )
 axes.set(
-    xlabel="divisions of the contact zone", ylabel="relative error of the force"
+    xlabel="divisions of the contact zone [1]",
+    ylabel="relative error of the force [1]",
 )
 axes.set_xticks(grids["divisions"], grids["divisions"])
 axes.minorticks_off()
