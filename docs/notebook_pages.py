@@ -40,7 +40,10 @@ TABLE: Final = re.compile(r'<table border="1" class="dataframe">')
 """Tables of pandas, which the theme styles if they have no class."""
 
 WIDGET: Final = "application/vnd.jupyter.widget-view+json"
-"""Type of the output of a widget."""
+"""Type of the output of a widget; progress bars need a kernel."""
+
+EMPTY: Final = re.compile(r"<pre[^>]*></pre>\s*")
+"""Output that rich writes after its bars."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -82,6 +85,7 @@ def executed(source: Path) -> NotebookNode:
             timeout=CELL_SECONDS,
             kernel_name="python3",
             config=Config(KernelManager={"transport": "ipc", "ip": f"{folder}/kernel"}),  # no open port
+            shutdown_kernel="immediate",
             resources={"metadata": {"path": folder}},
             extra_arguments=["--InlineBackend.figure_formats={'retina'}"],
         )
@@ -94,7 +98,7 @@ def executed(source: Path) -> NotebookNode:
             if output.output_type == "stream" and output.name == "stderr":
                 raise PluginError(f"{source.name}: a cell writes to the standard error\n{cell.source}\n{output.text}")
         if "outputs" in cell:
-            cell.outputs = [output for output in cell.outputs if not _is_hidden(output, cell.outputs)]
+            cell.outputs = list(_shown(cell.outputs))
     LOG.info("%s: run in %.1f s", source.name, time.monotonic() - start)
     notebook.metadata.pop("widgets", None)
     notebook.metadata["digest"] = digest
@@ -116,20 +120,30 @@ def _is_code(path: Path) -> bool:
     return path.suffix in (".py", ".toml", ".mplstyle") and "tests" not in path.parts
 
 
-def _is_hidden(output: NotebookNode, outputs: list[NotebookNode]) -> bool:
-    """Return True for progress bars, which need a kernel, and for the text of objects beside their picture."""
-    data = output.get("data", {})
-    has_picture = any("image/png" in other.get("data", {}) for other in outputs)
-    return WIDGET in data or (output.output_type == "execute_result" and "text/html" not in data and has_picture)
+def _shown(outputs: list[NotebookNode]) -> Iterator[NotebookNode]:
+    """Yield outputs without progress bars and the text of objects beside their picture; join printed lines."""
+    has_picture = any("image/png" in output.get("data", {}) for output in outputs)
+    printed = None
+    for output in outputs:
+        data = output.get("data", {})
+        if WIDGET in data or EMPTY.fullmatch(data.get("text/html", " ")):
+            continue
+        if output.output_type == "execute_result" and "text/html" not in data and has_picture:
+            continue
+        if output.output_type == "stream" and printed is not None:
+            printed.text += output.text
+            continue
+        printed = output if output.output_type == "stream" else None
+        yield output
 
 
 def _page(name: str, notebook: NotebookNode, pictures: dict[str, bytes]) -> Iterator[str]:
     """Yield the parts of the page of a notebook, and add its pictures."""
-    heading = name
-    for number, cell in enumerate(notebook.cells):
+    heading = ""
+    for cell in notebook.cells:
         if cell.cell_type == "markdown":
             yield cell.source
-            if number == 0:
+            if not heading:
                 yield f"*Download this page as a notebook: [{name}.ipynb]({name}.ipynb).*"
             heading = next(iter(re.findall(r"^#+ (.*)$", cell.source, re.MULTILINE)[-1:]), heading)
         elif cell.source:
@@ -150,7 +164,7 @@ def _output(name: str, heading: str, output: NotebookNode, pictures: dict[str, b
         width = output.metadata.get("image/png", {}).get("width")
         attributes = f'{{ width="{width}" .output }}' if width else "{ .output }"
         yield f"![{heading}]({path}){attributes}"
-    elif "text/html" in data:
+    elif "text/html" in data and "xr-wrap" not in data["text/html"]:  # xarray's HTML is long and needs its styles
         html = TABLE.sub("<table>", data["text/html"])
         lines = (line for line in html.splitlines() if line.strip())  # an empty line ends HTML in Markdown
         yield "\n".join(['<div class="output">', *lines, "</div>"])

@@ -163,7 +163,7 @@ for name, result in runs.items():
     history = result[6].history
     axes.semilogy(np.arange(1, len(history) + 1), history, ".-", label=name)
 axes.set(
-    xlabel="recorded iteration",
+    xlabel="recorded iteration [1]",
     ylabel="residual [1]",
     title="first increment of the drag",
 )

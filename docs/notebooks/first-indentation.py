@@ -103,7 +103,8 @@ right.legend()
 # %%
 worst = curve[["force_error", "pressure_error"]].abs().max()
 print(
-    f"largest deviation from Hertz: force {worst.force_error:.2%}, pressure {worst.pressure_error:.2%}"
+    "largest deviation from Hertz: "
+    f"force {worst.force_error:.2%}, pressure {worst.pressure_error:.2%}"
 )
 assert worst.force_error < 0.01
 assert curve["force_error"].abs().idxmax() == 0  # the first increment
@@ -140,7 +141,8 @@ axes.loglog(
     grids["divisions"], 0.3 * grids["divisions"] ** -2.0, "--", label="second order"
 )
 axes.set(
-    xlabel="divisions of the contact zone", ylabel="relative error of the force"
+    xlabel="divisions of the contact zone [1]",
+    ylabel="relative error of the force [1]",
 )
 axes.set_xticks(grids["divisions"], grids["divisions"])
 axes.minorticks_off()
@@ -244,9 +246,7 @@ for run, closed, name in (
     right.plot(1e3 * fields.x, 1e-6 * fields["pressure"], "o", ms=3)
     potential = closed.electric_potential(np.abs(fields.x.values))
     deviation = np.abs(fields["electric_potential"] - potential).max() / centre
-    print(
-        f"{name}: largest deviation of the potential on the section, relative to the peak: {float(deviation):.2%}"
-    )
+    print(f"{name}: potential deviates by {float(deviation):.2%} of the peak")
     assert deviation < 0.005
 left.set(xlabel="x [mm]", ylabel="electric potential [V]")
 left.legend(fontsize="small")

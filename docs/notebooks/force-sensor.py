@@ -83,9 +83,9 @@ left.legend()
 # ## Charge per force
 #
 # The three charges coincide. The closed form explains why: at zero potential, pressure and flux have the same distribution, in a
-# ratio that the material determines,
+# ratio that follows from the response $\xi$ of displacement and potential to a point source,
 #
-# $$\frac{Q}{P} = -\frac{(\xi^{-1})_{21}}{(\xi^{-1})_{11}}, \qquad \text{with the response } \xi \text{ of displacement and potential to a point source.}$$
+# $$\frac{Q}{P} = -\frac{(\xi^{-1})_{21}}{(\xi^{-1})_{11}}.$$
 #
 # The constant $d_{33}$ of data sheets is the charge per force under uniform stress; the stress below an indenter is not uniform.
 
@@ -205,7 +205,7 @@ THICKNESS = ["20 mm", "4 mm", "1 mm", "0.5 mm"]
 plates = pd.DataFrame(
     {"thickness": THICKNESS, "charge per force [pC/N]": map(plate, THICKNESS)}
 )
-plates
+plates.round(1)
 
 # %%
 sensitivity = abs(plates["charge per force [pC/N]"])

@@ -60,7 +60,7 @@ class FallingCoulomb(ContactLaw):
         return self.mu * pressure / (1 + pressure / self.half_pressure)
 
     def project(self, trial: Array) -> Array:
-        """Project tractions (n, 3) [Pa] on the disc that the pressure allows; none where the trial is open."""
+        """Project tractions (n, 3) [Pa] on the disc of radius `limit`."""
         normal = np.minimum(trial[:, 2:], 0.0)
         size = np.linalg.norm(trial[:, :2], axis=1, keepdims=True)
         limit = self.limit(-normal)
@@ -181,7 +181,8 @@ def sliding_force(law):
 computed = falling.to_dataframe()["tangential_force_1"].iloc[-1]
 exact = sliding_force(law)
 print(
-    f"sliding force: computed {computed:.2f} N, integral {exact:.2f} N, deviation {computed / exact - 1:.2%}"
+    f"sliding force: computed {computed:.2f} N, integral {exact:.2f} N, "
+    f"deviation {computed / exact - 1:.2%}"
 )
 assert abs(computed / exact - 1) < 0.01
 

@@ -143,10 +143,11 @@ for increments, result in loops.items():
     turn = loop_of(result)
     work = np.trapezoid(turn["tangential_force_1"], turn["translation_1"])
     work += np.trapezoid(turn["normal_force"], turn["approach"])
-    rows.append((increments, work, turn["dissipated_energy"].iloc[1:].sum()))
-energy = pd.DataFrame(rows, columns=["increments", "work [J]", "dissipated [J]"])
-energy["difference"] = energy["work [J]"] / energy["dissipated [J]"] - 1
-energy
+    dissipated = turn["dissipated_energy"].iloc[1:].sum()
+    rows.append((increments, 1e6 * work, 1e6 * dissipated, work / dissipated - 1))
+columns = ["increments", "work [µJ]", "dissipated [µJ]", "difference"]
+energy = pd.DataFrame(rows, columns=columns)
+energy.round(5)
 
 # %%
 logarithms = np.log(energy["increments"]), np.log(abs(energy["difference"]))
@@ -155,7 +156,8 @@ print(f"order of the energy balance: {order:.1f}")
 assert order > 1.8
 assert abs(energy["difference"].iloc[-1]) < 2e-3
 
-deviation = energy["dissipated [J]"].iloc[-1] / mindlin.loop_dissipation(FORCE) - 1
+exact = 1e6 * mindlin.loop_dissipation(FORCE)
+deviation = energy["dissipated [µJ]"].iloc[-1] / exact - 1
 print(f"dissipated energy against Mindlin: {deviation:+.1%}")
 assert abs(deviation) < 0.02
 

@@ -86,26 +86,22 @@ assert (conditions["status"] == "converged").all()
 table = pd.DataFrame(
     {
         "force [N]": conditions["normal_force"],
-        "closed form [N]": [form.force for form in exact.values()],
-        "charge [C]": conditions["charge"],
-        "closed form [C]": [form.charge for form in exact.values()],
-        "magnetic flux [Wb]": conditions["magnetic_flux"],
-        "closed form [Wb]": [form.magnetic_flux for form in exact.values()],
+        "exact [N]": [form.force for form in exact.values()],
+        "charge [µC]": 1e6 * conditions["charge"],
+        "exact [µC]": [1e6 * form.charge for form in exact.values()],
+        "flux [µWb]": 1e6 * conditions["magnetic_flux"],
+        "exact [µWb]": [1e6 * form.magnetic_flux for form in exact.values()],
     },
     index=list(CONDUCTS),
 )
-table
+table.round(3)
 
 # %%
-deviation = table["force [N]"] / table["closed form [N]"] - 1
-charge = table.loc["EMCI", "charge [C]"] / table.loc["EMCI", "closed form [C]"] - 1
-flux = (
-    table.loc["EMCI", "magnetic flux [Wb]"] / table.loc["EMCI", "closed form [Wb]"]
-    - 1
-)
-print(
-    f"deviations: force {abs(deviation).max():.2%}, charge {charge:.2%}, flux {flux:.2%}"
-)
+deviation = table["force [N]"] / table["exact [N]"] - 1
+emci = table.loc["EMCI"]
+charge = emci["charge [µC]"] / emci["exact [µC]"] - 1
+flux = emci["flux [µWb]"] / emci["exact [µWb]"] - 1
+print(f"force {abs(deviation).max():.2%}, charge {charge:.2%}, flux {flux:.2%}")
 assert abs(deviation).max() < 0.015
 assert abs(charge) < 0.02
 assert abs(flux) < 0.03
@@ -169,7 +165,8 @@ for field, condition, total in (
     curve, limit = swept[field], exact[condition]
     values = curve[total] / getattr(limit, total)
     print(
-        f"{condition}: {total} from {float(values[0]):.3f} to {float(values[-1]):.3f} of the closed form, force {float(curve['normal_force'][-1]) / limit.force:.3f}"
+        f"{condition}: {total} from {float(values[0]):.3f} to "
+        f"{float(values[-1]):.3f} of the closed form"
     )
     assert (curve["status"] == "converged").all()
     assert (values.diff("kappa") > 0).all()
@@ -240,7 +237,9 @@ for field, own, other in (
     inside = abs(sections[field][f"zone_{own}"].sel(x=0, y=0, method="nearest"))
     change = sections[field][f"zone_{other}"].sel(x=0, y=0, method="nearest")
     print(
-        f"{field}: potential at the centre {np.round((inside / peak[0]).values, 3)}, other potential {np.round((change / change[0]).values, 3)}"
+        f"{field} conduction, at the centre: {own} "
+        f"{(inside / peak[0]).values.round(3)}, "
+        f"{other} {(change / change[0]).values.round(3)}"
     )
     assert (inside.diff("kappa") < 0).all()
     assert inside[-1] < 1e-6 * peak[0]
