@@ -1,6 +1,6 @@
 """Draw all pictures of the documentation in the house style: `uv run python docs/make_images.py [NAME ...]`.
 
-Each name stands for the pictures of one script; without names all are drawn. Pages of numbers that belong to the
+Each name stands for the pictures of some scripts; without names all are drawn. Pages of numbers that belong to the
 pictures are written with them. Indenters of the gallery come from the cases of section 7.1 of the reference paper, with
 one mesh, one material and one reduced system.
 """
@@ -49,37 +49,29 @@ class Source:
         Patterns of the paths of the pictures in the folder of this script.
     scripts
         Command lines of Python, relative to the root of the repository; none for this script.
-    minutes
-        Time on two cores.
     """
 
     pictures: tuple[str, ...]
     scripts: tuple[str, ...]
-    minutes: float
 
 
 SOURCES = {
-    "gallery": Source(("images/overview.png", "images/indenters.png", "images/hysteresis.png"), (), 1),
-    "rough": Source(
-        ("images/rough.png",), ("plugins/meeframe-halfspace/examples/pictures.py docs/images/rough.png",), 1
-    ),
+    "gallery": Source(("images/overview.png", "images/indenters.png", "images/hysteresis.png"), ()),
+    "rough": Source(("images/rough.png",), ("plugins/meeframe-halfspace/examples/pictures.py docs/images/rough.png",)),
     "laws": Source(
         ("images/laws/*.png",),
         tuple(f"plugins/meeframe-laws/pictures/{kind}.py" for kind in ("friction", "interface", "conductivity")),
-        5,
     ),
     "performance": Source(
         ("images/dense_*.png", "images/half_space*.png", "images/hierarchical_*.png", "images/solver_*.png"),
         ("validation/benchmarks/report.py --page",),
-        1,
     ),
     "indentation": Source(
         ("validation/transversely_isotropic_indentation_*.png",),
         ("validation/transversely_isotropic_indentation/regenerate.py",),
-        5,
     ),
-    "friction": Source(("validation/exact_friction_*.png",), ("validation/exact_friction/regenerate.py",), 30),
-    "orthotropic": Source(("validation/orthotropic_*.png",), ("validation/orthotropic_claims/regenerate.py",), 30),
+    "friction": Source(("validation/exact_friction_*.png",), ("validation/exact_friction/regenerate.py",)),
+    "orthotropic": Source(("validation/orthotropic_*.png",), ("validation/orthotropic_claims/regenerate.py",)),
 }
 
 
@@ -254,8 +246,8 @@ def draw(name: str) -> list[Path]:
 def main() -> int:
     """Draw the pictures that are named, or all, and report those that nothing draws."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    listed = ", ".join(f"{name} ({source.minutes:g} min)" for name, source in SOURCES.items())
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"sources and their time on two cores: {listed}")
+    studies = "indentation, friction and orthotropic solve whole studies, the others take minutes"
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(SOURCES)}; {studies}")
     names = parser.parse_args().names or list(SOURCES)
     unknown = [name for name in names if name not in SOURCES]
     if unknown:

@@ -175,7 +175,7 @@ def _figures(sweeps: list[Sweep]) -> list[str]:
     for result in sweeps:
         d = differences(result.solved[-1], result.limit)
         named = ", ".join(f"{key.replace('_', ' ')} {_percent(value)} %" for key, value in d.items())
-        lines.append(f"- {result.condition}: {named} of the perfectly conducting half space.")
+        lines.append(f"- {result.condition}: {named} relative to the perfectly conducting half space.")
     return [
         *lines,
         "",
