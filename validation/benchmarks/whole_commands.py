@@ -13,8 +13,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 import half_space
 import numpy as np
 from common import Record, command_line, prose, table, users_environment
@@ -22,12 +20,14 @@ from half_space_others import WIDTH
 from isotropic import POISSON, YOUNG
 
 from meeframe.common.toml import toml_text
+from meeframe.material import Material
+from meeframe.material.tables import material_table
 
 TITLE = "Whole commands"
 SIZES, QUICK = (512, 1024, 2048), (128,)
 COUPLED_SIZES = (256, 512)
 """Nodes along a side of the jobs of the fields that friction and conduction load, besides those of QUICK."""
-ELASTIC = {"young": YOUNG, "poisson": POISSON}
+ELASTIC = material_table(Material.isotropic(YOUNG, POISSON))
 MU = 0.3
 
 
