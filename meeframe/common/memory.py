@@ -1,4 +1,4 @@
-"""A setting of the C library that retains freed memory in the process for later arrays.
+"""Memory of the machine, and a setting of the C library that retains freed memory for later arrays.
 
 Solvers allocate and free arrays of some megabytes all the time. By default the C library returns free memory at the
 end of its heap to the system, which has to provide and clear it again page by page. That takes a tenth of the time of
@@ -17,6 +17,11 @@ MIN_MAPPED_BYTES: Final = 2**25
 _TRIM_THRESHOLD: Final = -1
 _MMAP_THRESHOLD: Final = -3
 _TUNING_VARIABLES: Final = "MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_", "GLIBC_TUNABLES"
+
+
+def physical_memory() -> int:
+    """Return the memory of this machine in bytes."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 @cache

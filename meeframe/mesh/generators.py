@@ -1,11 +1,13 @@
 """Mesh generators: the graded block of the paper (Fig. 2), a plain box and a sphere."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Final
 
 import numpy as np
 
-from meeframe.common.errors import MeshError
+from meeframe.common.errors import MeshError, TooLargeError
+from meeframe.common.memory import physical_memory
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
@@ -22,6 +24,9 @@ from meeframe.mesh.surface import SurfaceMesh
 
 BLOCK_GROUPS: Final = ("contact", "top", "side_x-", "side_x+", "side_y-", "side_y+", "base")
 BOX_GROUPS: Final = ("x-", "x+", "y-", "y+", "z-", "z+")
+
+BYTES_PER_NODE: Final = 500
+"""Memory of a run without friction, conduction, figures and fields, per node of the grid of a half space."""
 
 PerAxis = float | tuple[float, float]
 CountPerAxis = int | tuple[int, int]
@@ -169,12 +174,26 @@ def half_space_mesh(
     Raises
     ------
     MeshError
-        If a size or a number is out of bounds.
+        If a size or a number is out of bounds, or as TooLargeError if a run needs more memory than the machine has.
     """
     half, contact, cells = _lengths_per_axis(half_width), _lengths_per_axis(contact_width), _counts_per_axis(divisions)
     _check_sizes(half, 1.0, contact)
+    _check_memory(cells)
     surface = frame_surface(*_top(half, contact, cells, rings, grading or Grading()), BLOCK_GROUPS[:2])
     return replace(place_nodes(surface, element), semi_infinite=True)
+
+
+def _check_memory(cells: tuple[int, int]) -> None:
+    """Raise TooLargeError if a run with a grid of so many cells needs more memory than the machine has."""
+    nodes = (cells[0] + 1) * (cells[1] + 1)
+    required, available = BYTES_PER_NODE * nodes, physical_memory()
+    if required > available:
+        most = math.isqrt(available // BYTES_PER_NODE) - 1
+        raise TooLargeError(
+            f"divisions = {cells[0]} x {cells[1]}: a run with {nodes} nodes needs at least {required / 1e9:.3g} GB, "
+            f"{BYTES_PER_NODE} bytes per node; this machine has {available / 1e9:.3g} GB; allowed: about "
+            f"{most} x {most}"
+        )
 
 
 def box_mesh(

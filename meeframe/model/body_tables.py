@@ -19,6 +19,7 @@ from meeframe.model.values import (
     Flag,
     FreeLength,
     FreePressure,
+    GridCountPair,
     Size,
     SizePair,
     Table,
@@ -60,6 +61,7 @@ class HalfSpaceTable(GradedTable):
     """
 
     type: Literal["half-space"]
+    divisions: GridCountPair
     half_width: SizePair | None = None
     rings: Count = 6
 

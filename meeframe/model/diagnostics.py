@@ -229,7 +229,9 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     along = step.slip / np.where(way > 0.0, way, 1.0)[:, None]
     # the free motion closest to the slip
     across = np.einsum("knt,nt->nk", modes[:, slips], along[slips, ::-1] * [-1.0, 1.0])
-    motion = np.einsum("knt,k->nt", modes, np.linalg.svd(across)[2][-1])
+    # by its small triangular factor: singular vectors along the nodes would fill a matrix of all pairs of them
+    least = np.linalg.svd(np.linalg.qr(across, mode="r"))[2][-1]
+    motion = np.einsum("knt,k->nt", modes, least)
     motion *= np.copysign(1.0, (motion * along)[slips].sum()) / np.abs(motion).max()
     # far enough to reverse opposite slip
     distance = 2.0 * max(np.abs(step.slip).max(), np.abs(step.displacement).max())

@@ -87,3 +87,6 @@ def _pair(check: Callable[[Any], Any]) -> BeforeValidator:
 
 SizePair = Annotated[tuple[Size, Size], _pair(Quantity("m", gt=0, lt=math.inf).check)]
 CountPair = Annotated[tuple[Count, Count], _pair(TypeAdapter(Count).validate_python)]
+_GridCount = Annotated[int, Strict(), Field(ge=1, le=100_000)]
+GridCountPair = Annotated[tuple[_GridCount, _GridCount], _pair(TypeAdapter(_GridCount).validate_python)]
+"""Divisions of a regular grid, which the memory limits; see meeframe.mesh.half_space_mesh."""

@@ -26,6 +26,7 @@ PARTS = (
     "main_job",
     "dense",
     "half_space",
+    "whole_commands",
     "half_space_friction",
     "five_fields",
     "histories",

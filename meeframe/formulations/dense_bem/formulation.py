@@ -1,7 +1,6 @@
 """The dense boundary element formulation, which condenses a body to a reduced system."""
 
 import math
-import os
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Annotated, final
@@ -9,6 +8,7 @@ from typing import Annotated, final
 import numpy as np
 
 from meeframe.common.errors import CaseError, TooLargeError
+from meeframe.common.memory import physical_memory
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.fields import Array, FieldScaling
 from meeframe.fields.units import Quantity, check_quantities
@@ -156,7 +156,7 @@ def _check_memory(body: Body) -> None:
     unknowns = n_fields * len(body.mesh.points)
     loads = 0 if body.contact_group is None else n_fields * len(body.mesh.group_points(body.contact_group))
     required = 8 * unknowns * (unknowns + loads)
-    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    available = physical_memory()
     if required > available:
         other = "half-space" if body.mesh.semi_infinite else "hmatrix-bem"
         raise TooLargeError(

@@ -5,10 +5,21 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from meeframe.common.errors import MeeframeError, MeshError
+from meeframe.common.errors import MeeframeError, MeshError, TooLargeError
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.elements.base import SurfaceElement, shape_functions
-from meeframe.mesh import Grading, area, block_mesh, box_mesh, check_mesh, sphere_mesh, volume
+from meeframe.mesh import (
+    Grading,
+    area,
+    block_mesh,
+    box_mesh,
+    check_mesh,
+    find_contact_zone,
+    half_space_mesh,
+    sphere_mesh,
+    volume,
+)
+from meeframe.mesh.regular import global_components, grid_shape, local_components, shared_frames, shares_frame
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.mesh.topology import find_edges
 
@@ -195,3 +206,31 @@ def test_invalid_gradings_boxes_and_spheres_are_rejected() -> None:
         box_mesh((1.0, 1.0, 1.0), (1, 1, 0), Quad4())
     with pytest.raises(MeshError, match="radius = nan"):
         sphere_mesh(float("nan"), 2, Quad4())
+
+
+def test_a_grid_that_exceeds_the_memory_is_refused_before_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.sysconf", lambda _: 1000)
+    with pytest.raises(TooLargeError, match=r"1000 x 1000: a run with 1002001 nodes needs .* allowed: about"):
+        half_space_mesh(2.0, 1.0, 1000, 1, Quad4())
+    assert half_space_mesh(2.0, 1.0, 20, 1, Quad4()).n_elements == 20 * 20 + 4 * 20
+
+
+def test_the_zone_of_a_half_space_shares_a_frame_and_the_arrays_of_its_mesh() -> None:
+    mesh = half_space_mesh(2.0, 1.0, (3, 5), 2, Quad4())
+    zone = find_contact_zone(mesh, "contact")
+    np.testing.assert_array_equal(zone.frames, np.tile(np.eye(3), (24, 1, 1)))
+    assert shares_frame(zone.frames)
+    assert np.shares_memory(zone.points, mesh.points)
+    assert zone.weights.sum() == pytest.approx(1.0)
+    assert grid_shape(zone.cells, 24) == (4, 6)
+    assert grid_shape(((zone.cells[0][0], zone.cells[0][1][::-1]),), 24) is None
+    assert grid_shape(zone.cells[:0], 24) is None
+
+
+def test_components_in_shared_frames_are_those_in_frames_of_each_node() -> None:
+    rng = np.random.default_rng(5)
+    frame, vectors = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.normal(size=(7, 3))
+    shared, separate = shared_frames(frame, 7), np.tile(frame, (7, 1, 1))
+    np.testing.assert_allclose(local_components(shared, vectors), local_components(separate, vectors))
+    np.testing.assert_allclose(global_components(shared, vectors), global_components(separate, vectors))
+    np.testing.assert_allclose(global_components(shared, local_components(shared, vectors)), vectors)

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from meeframe.mesh.regular import grid_cells, shared_frames
 from meeframe.results.picture import Picture
+from meeframe.results.records import Zone
 
 
 def test_figures_do_not_depend_on_friction_axes(synthetic) -> None:
@@ -51,3 +53,22 @@ def test_triangulation_of_elements_of_each_kind(synthetic) -> None:
     corner = np.abs(zone.points[:, :2]).min(axis=1) > 1.5e-3
     assert len(picture.triangles_at(corner).triangles) == 4 * 4
     assert len(picture.triangles_at(middle, corner).triangles) == len(picture.triangulation.triangles) == 4 * 16
+
+
+def test_a_grid_finer_than_a_figure_is_an_image_of_its_nodes(synthetic) -> None:
+    """A section of the image's values is that of the triangles, and each pixel is a node; nodes outside have none."""
+    from matplotlib.figure import Figure
+
+    x, y = np.linspace(-1e-3, 1e-3, 501), np.linspace(-2e-3, 2e-3, 402)
+    points = np.stack([*(grid.ravel() for grid in np.meshgrid(x, y, indexing="ij")), np.zeros(501 * 402)], axis=1)
+    frames = shared_frames(np.eye(3), len(points))
+    zone = Zone(points, frames, np.ones(len(points)), (("quad", grid_cells(np.arange(len(points)).reshape(501, 402))),))
+    picture = Picture.of(zone)
+    values = 3.0 + picture.points @ [2.0, 5.0]
+    along = np.linspace(-0.9, 0.9, 7)
+    (section,) = picture.section(along, values)
+    np.testing.assert_allclose(section, 3.0 + 2.0 * along, atol=1e-12)
+    inside = points[:, 0] > 0.0
+    image = picture.shade(Figure().subplots(), values, inside).get_array()
+    np.testing.assert_array_equal(np.ma.getmaskarray(image).T.ravel(), ~inside)
+    np.testing.assert_array_equal(image.T.ravel()[inside], values[inside])
