@@ -71,6 +71,7 @@ SOURCES = {
         ("validation/transversely_isotropic_indentation/regenerate.py",),
     ),
     "friction": Source(("validation/exact_friction_*.png",), ("validation/exact_friction/regenerate.py",)),
+    "density": Source(("validation/rough_density.png",), ("validation/rough_surface/regenerate.py",)),
     "orthotropic": Source(("validation/orthotropic_*.png",), ("validation/orthotropic_claims/regenerate.py",)),
 }
 

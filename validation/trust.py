@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from meeframe.study.reports.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
-from meeframe.study.reports.validation_table import reason_of, words_of
+from meeframe.study.reports.validation_table import reason_of, table_cells
 from meeframe.study.validate import known_cases
 
 HERE = Path(__file__).parent
@@ -117,8 +117,8 @@ def _section(case: CaseReport) -> Iterator[str]:
     for row in case.rows:
         verdict = row.item.verdict
         reason = f": {reason_of(row.item)}" if reason_of(row.item) else ""
-        words = (word.replace("|", "\\|") for word in words_of(row)[:-1])
-        yield f"| {' | '.join(words)} | {verdict if verdict is Verdict.PASS else f'**{verdict}**'}{reason} |"
+        cells = (word.replace("|", "\\|") for word in table_cells(row)[:-1])
+        yield f"| {' | '.join(cells)} | {verdict if verdict is Verdict.PASS else f'**{verdict}**'}{reason} |"
 
 
 if __name__ == "__main__":

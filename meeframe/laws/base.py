@@ -12,6 +12,8 @@ from meeframe.fields import Array
 
 _WIDTH: Final = 6e-6
 """Width of central differences as a fraction of the argument, the cube root of round-off."""
+_MIN_GAP_RATIO: Final = 1e-3
+"""Least gap, relative to trial tractions over step lengths, of which such a width is taken: laws may vary as fast."""
 PRESSURES: Final = -np.logspace(-3, 15, 19)
 GAPS: Final = np.logspace(-12, 0, 13)
 DROPS: Final = np.outer([1.0, -1.0], np.logspace(-6, 9, 16)).ravel()
@@ -128,7 +130,7 @@ class ContactLaw(ABC):
         finite = np.asarray(np.isfinite(trial).all(axis=1) & np.isfinite(gap).all(axis=1))
         base, base_gap = np.where(finite[:, None], trial, 0.0), np.where(finite[:, None], gap, 0.0)
         size = np.abs(base).max(axis=1)
-        distance = size / max(r) + np.abs(base_gap).max(axis=1)
+        distance = _MIN_GAP_RATIO * size / max(r) + np.abs(base_gap).max(axis=1)
         by_trial = _differences(
             lambda argument: resolve(self, argument, base_gap, r),
             base,

@@ -1,5 +1,6 @@
 """Blocks of a cluster and those far from it by cross approximation, from few of its equations."""
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -186,12 +187,9 @@ def _sample(
     for first in range(0, len(positions), SOURCES_PER_CALL):
         group = positions[first : first + SOURCES_PER_CALL]
         offsets = (sample_positions - group[:, None]).reshape(-1, 3)
-        u, t = integrals.kernel.evaluate(offsets, np.tile(normals, (len(group), 1)))
-        local_rows = rows[first : first + SOURCES_PER_CALL]
-        n_offsets = len(offsets)
-        enter_samples(
-            integrals.fields, u.reshape(n_offsets, -1), t.reshape(n_offsets, -1), local_rows, samples, squares
-        )
+        values = integrals.kernel.evaluate(offsets, np.tile(normals, (len(group), 1)))
+        u, t = (array.reshape(len(offsets), math.prod(array.shape[1:])) for array in values)  # there may be no offsets
+        enter_samples(integrals.fields, u, t, rows[first : first + SOURCES_PER_CALL], samples, squares)
     norms: Array = np.sqrt(squares)
     return norms
 
