@@ -69,6 +69,8 @@ if TYPE_CHECKING:
     from meeframe.mesh.body import Body as Body
     from meeframe.mesh.body import BoundaryCondition as BoundaryCondition
     from meeframe.mesh.body import check_conditions as check_conditions
+    from meeframe.mesh.regular import Cells as Cells
+    from meeframe.mesh.regular import GridCells as GridCells
     from meeframe.mesh.surface import SurfaceMesh as SurfaceMesh
     from meeframe.mesh.zone import ContactZone as ContactZone
     from meeframe.mesh.zone import find_contact_zone as find_contact_zone
@@ -89,6 +91,7 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import PointFields as PointFields
     from meeframe.system.capabilities import Restriction as Restriction
     from meeframe.system.capabilities import Subsystem as Subsystem
+    from meeframe.system.capabilities import ZoneRecovery as ZoneRecovery
     from meeframe.system.capabilities import apply_fields as apply_fields
     from meeframe.system.capabilities import diagonal as diagonal
     from meeframe.system.capabilities import rescale_inverse as rescale_inverse
@@ -165,6 +168,8 @@ _HOMES = {
     "find_contact_zone": "meeframe.mesh.zone",
     "local_frames": "meeframe.mesh.zone",
     "SurfaceMesh": "meeframe.mesh.surface",
+    "Cells": "meeframe.mesh.regular",
+    "GridCells": "meeframe.mesh.regular",
     # Reduced systems
     "NodalFields": "meeframe.system.reduced",
     "Progress": "meeframe.system.reduced",
@@ -187,6 +192,7 @@ _HOMES = {
     "PointFields": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
     "Subsystem": "meeframe.system.capabilities",
+    "ZoneRecovery": "meeframe.system.capabilities",
     "apply_fields": "meeframe.system.capabilities",
     "diagonal": "meeframe.system.capabilities",
     "rescale_inverse": "meeframe.system.capabilities",

@@ -289,9 +289,6 @@ class ConvergenceMonitor:
         if status is not Status.CONVERGED:
             reason = self._infeasibility(state) or self._missed_resultants(state)
             message = f"{message}: {reason}" if reason else message
-        # stored as it is read from a file, so that sums over it are the same to the last digit
-        load, displacement = np.ascontiguousarray(state.load), np.ascontiguousarray(state.displacement)
-        state = replace(state, load=load, displacement=displacement)
         return ContactSolution(state, status, self.iteration, self._residual, np.array(self._history), message)
 
     def _evaluate(self, iterate: Iterate) -> ContactState:
