@@ -21,6 +21,7 @@ from meeframe.model.data import CaseData
 from meeframe.model.data import Output as Output
 from meeframe.model.frames import frames_along
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
+from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
@@ -85,11 +86,11 @@ class Case(CaseData):
     MeshError, CaseError
         If the parts do not fit together. The message names the problem: a face group that does not exist; a condition
         on the contact zone; a body that the formulation refuses (a rigid motion or a potential that nothing fixes); an
-        indenter that is nowhere above the zone; a contact law whose initial gap is not finite or that has not one
-        traction for each node; a conductivity law likewise; a second body whose zone does not match; a first step that
-        neither moves nor presses the indenter; a step without the duration that the contact law needs; a resultant that
-        the laws cannot resist; a solver that does not accept the contact law or the prescribed quantities; an earlier
-        run with another contact zone or other axes.
+        indenter that is nowhere above the zone; a grid that needs more memory than the machine has; a contact law whose
+        initial gap is not finite or that has not one traction for each node; a conductivity law likewise; a second body
+        whose zone does not match; a first step that neither moves nor presses the indenter; a step without the duration
+        that the contact law needs; a resultant that the laws cannot resist; a solver that does not accept the contact
+        law or the prescribed quantities; an earlier run with another contact zone or other axes.
     """
 
     def __post_init__(self) -> None:
@@ -101,6 +102,7 @@ class Case(CaseData):
         _check_keys("conductivity", self.conductivity, self.fields.names)
         _check_keys("potentials", self.potentials, [scalar.value_name for scalar in self.fields.scalars])
         check_contact_zone(self.mesh, self.zone)
+        check_memory(self.mesh, self.contact_law, self.channels)
         self.formulation.check(self.body)
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
@@ -148,6 +150,7 @@ class Case(CaseData):
             return (
                 *preflight(kinematics),
                 *unused_potentials(kinematics),
+                *memory_warning(self.mesh, self.contact_law, self.channels),
                 *coarse_zone(self.second_body, self.mesh, self.zone),
             )
 

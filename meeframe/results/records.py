@@ -17,6 +17,8 @@ from meeframe.mesh.measures import corners, vector_areas
 from meeframe.mesh.regular import Cells, GridCells, global_components
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
+_BLOCK: Final = 2**16
+"""Number of nodes whose forces are summed at once."""
 _ALIKE: Final = 1e-12
 """Difference of nodal weights that counts as round-off, as a fraction of the largest weight."""
 
@@ -353,20 +355,23 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
 def _resultants(step: StepResult, zone: Zone) -> Resultants:
     normal = step.traction[:, 2]
     scalars, potentials = step.fields.scalars, [largest(potential) for potential in step.potentials.T]
-    # one memory layout, on which last digits depend, whether the step is solved or read
-    traction, fluxes = np.ascontiguousarray(step.traction), [np.ascontiguousarray(flux) for flux in step.fluxes.T]
-    forces = global_components(zone.frames, traction)
-    forces *= zone.weights[:, None]
-    arms = zone.points - step.loading.reference
-    products = arms.T @ forces  # of all components: the moment is their antisymmetric part
+    total, products = np.zeros(3), np.zeros((3, 3))
+    for first in range(0, len(normal), _BLOCK):  # blocks of nodes take little memory
+        nodes = slice(first, first + _BLOCK)
+        # one memory layout, on which last digits depend, whether the step is solved or read
+        traction = np.ascontiguousarray(step.traction[nodes])
+        forces = zone.weights[nodes, None] * global_components(zone.frames[nodes], traction)
+        total += forces.sum(axis=0)
+        products += (zone.points[nodes] - step.loading.reference).T @ forces
+    # products of all components: the moment is their antisymmetric part
     moment = np.array(
         [products[1, 2] - products[2, 1], products[2, 0] - products[0, 2], products[0, 1] - products[1, 0]]
     )
     # no -0.0
-    force, about = (step.loading.axes @ each + 0.0 for each in (forces.sum(axis=0), moment))
-    totals = [float(zone.weights @ flux + 0.0) for flux in fluxes]
+    force, about = (step.loading.axes @ each + 0.0 for each in (total, moment))
+    totals = [float(zone.weights @ np.ascontiguousarray(flux) + 0.0) for flux in step.fluxes.T]
     return Resultants(
-        force=forces.sum(axis=0),
+        force=total,
         normal_force=float(0.0 - force[2]),
         tangential_force=force[:2],
         moment=about[:2],

@@ -306,8 +306,8 @@ class ConvergenceMonitor:
 
     def _follow(self, iterate: Iterate) -> None:
         """Compare load, contact fraction and motion, in characteristic units, with earlier ones."""
-        loads, motion = (iterate.load / self._scales.load).ravel(), iterate.motion / self._motion_scales
-        entry = np.concatenate([loads, iterate.contact_fraction, motion])
+        loads = [iterate.load[:, field] / self._scales.load[field] for field in essential_fields(self._problem)]
+        entry = np.concatenate([*loads, iterate.contact_fraction, iterate.motion / self._motion_scales])
         self._cycle = self._cycle.add(self.iteration, entry, self._criteria.tolerance)
 
     def _is_due(self, iterate: Iterate) -> bool:
