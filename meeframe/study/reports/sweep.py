@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 PlotAxes = tuple[SweepAxis, SweepAxis | None]
 """Axis of abscissae, and axis of lines or ordinates if there is one."""
-DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", f"max_abs_{ELECTRIC_FIELD.value_name}")
-"""Quantities shown by default, to which those of fields besides the default field set are added."""
+DEFAULT: Final = ("normal_force", "contact_area", "max_pressure")
+"""Quantities shown by default, to which the potentials of scalar fields are added."""
 _AT_BOUNDARY: Final = "contact_at_zone_boundary"
 _LABEL_CHARACTERS: Final = 42
 """Characters of horizontal labels that fit below a picture."""
@@ -100,8 +100,9 @@ class SweepPlot:
 
 def default_quantities(sweep: SweepResult) -> tuple[str, ...]:
     """Return the quantities that a sweep shows unless its study selects others."""
-    further = (scalar for scalar in sweep.field_set.scalars if scalar not in MEE.scalars)
-    return (*DEFAULT, *(f"max_abs_{scalar.value_name}" for scalar in further))
+    shown = (scalar for scalar in sweep.field_set.scalars if scalar == ELECTRIC_FIELD or scalar not in MEE.scalars)
+    potentials = (f"max_abs_{scalar.value_name}" for scalar in shown)
+    return (*DEFAULT, *(name for name in potentials if np.nan_to_num(sweep.quantities.get(name, np.nan)).any()))
 
 
 @styled

@@ -29,6 +29,8 @@ def test_points_match_separate_cases():
     pressure = changed.to_xarray()["pressure"].isel(increment=-1).transpose("y", "x")
     np.testing.assert_allclose(point["zone_pressure"], pressure, rtol=1e-6, atol=1.0)
     assert sweep["normal_force"].attrs["units"] == "N"
+    assert {"charge", "max_abs_electric_potential"} <= set(sweep), "piezoelectric"
+    assert not [name for name in sweep.variables if "magnetic" in name or "conductance" in name]
 
 
 def test_points_are_stored_in_a_folder(tmp_path):
