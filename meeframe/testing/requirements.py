@@ -95,7 +95,7 @@ REASONS: Final = {
     "flux through a sphere": "the source has unit strength, which fixes sign and magnitude of U and T.",
     "differs from the reference": "the line integral is exact to round-off.",
 }
-"""Reasons why properties matter, by a fragment of their messages; the earliest match counts, and of several the longest."""
+"""Reasons why properties matter, by a fragment of their messages: the earliest match counts, of several the longest."""
 
 
 def require(holds: bool, message: str, value: object) -> None:
