@@ -107,7 +107,7 @@ class FiniteElements(Formulation):
 
     def _volume(self, body: Body) -> VolumeMesh:
         if self.volume is not None:
-            return read_volume(self.volume, self.unit)
+            return read_volume(self.volume, self.unit, body.fields.size)
         return box_volume(body, self.growth, self.outside, self.layers, self.grid)
 
 

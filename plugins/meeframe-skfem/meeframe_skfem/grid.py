@@ -52,7 +52,9 @@ def box_volume(body: Body, growth: float, outside: int | None, layers: int | Non
     low, high = _box(body.mesh)
     element, normal, top, lines = _zone_grid(body.mesh, body.contact_group, low, high)
     if grid == "shells":
-        return _shells(element, (normal, top, lines), (low, high), growth, outside)
+        mesh = _shells((normal, top, lines), (low, high), growth, outside)
+        check_memory(_NODES_PER_CELL[element.name] * len(mesh.points), body.fields.size)
+        return mesh if element is HEX8 else convert_cells(mesh, element)
     axes: list[Array] = [np.empty(0)] * 3
     for axis, coordinates in lines.items():
         steps = np.diff(coordinates)
@@ -63,7 +65,7 @@ def box_volume(body: Body, growth: float, outside: int | None, layers: int | Non
     axes[normal] = high[normal] - depths[::-1] if top else low[normal] + depths
     for axis in range(3):  # the exact corners of the box
         axes[axis][[0, -1]] = low[axis], high[axis]
-    check_memory(_NODES_PER_CELL[element.name] * math.prod(len(axis) for axis in axes))
+    check_memory(_NODES_PER_CELL[element.name] * math.prod(len(axis) for axis in axes), body.fields.size)
     return tensor_grid((axes[0], axes[1], axes[2]), element)
 
 
@@ -72,13 +74,15 @@ def _mean_step(lines: dict[int, Array]) -> float:
 
 
 def _shells(
-    element: VolumeElement,
     zone: tuple[int, bool, dict[int, Array]],
     box: tuple[Array, Array],
     growth: float,
     outside: int | None,
 ) -> VolumeMesh:
-    """Return a mesh of shells; zone: axis of the normal, True at its upper end, grid lines; box: two corners."""
+    """Return a mesh of shells with cells of eight nodes.
+
+    zone: axis of the normal, True at its upper end, grid lines; box: two corners.
+    """
     (normal, top, lines), (low, high) = zone, box
     step = _mean_step(lines)
     depths = step * np.arange(min(len(coordinates) for coordinates in lines.values()))
@@ -94,9 +98,7 @@ def _shells(
     distance = float(distances.mean())
     core = tensor_grid((axes[0], axes[1], axes[2]), HEX8)
     plane = core.points[:, normal] == (last if top else first)[normal]
-    mesh = shells_around(core, low, high, graded_positions(distance, step, growth, outside) / distance, plane)
-    check_memory(_NODES_PER_CELL[element.name] * len(mesh.points))
-    return mesh if element is HEX8 else convert_cells(mesh, element)
+    return shells_around(core, low, high, graded_positions(distance, step, growth, outside) / distance, plane)
 
 
 def graded_positions(distance: float, first: float, growth: float, count: int | None) -> Array:
