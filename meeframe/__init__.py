@@ -20,6 +20,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import meeframe.indenters.topography as topography
     import meeframe.mesh as mesh
     from meeframe.api.case import Case as Case
     from meeframe.api.case import run as run
@@ -125,12 +126,14 @@ _HOMES = {
     "interior": "meeframe.study.interior",
 }
 
-__all__ = ["__version__", "mesh", *_HOMES]
+_MODULES = {"mesh": "meeframe.mesh", "topography": "meeframe.indenters.topography"}
+
+__all__ = ["__version__", "mesh", "topography", *_HOMES]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "mesh":
-        return import_module("meeframe.mesh")
+    if name in _MODULES:
+        return import_module(_MODULES[name])
     if name not in _HOMES:
         raise AttributeError(f"module 'meeframe' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)
