@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from meeframe.api.parts import Contact as Contact
     from meeframe.api.parts import SecondBody as SecondBody
     from meeframe.api.parts import Step as Step
+    from meeframe.api.rough import rough as rough
     from meeframe.api.sweep import sweep as sweep
     from meeframe.common.errors import CaseError as CaseError
     from meeframe.common.errors import MeeframeError as MeeframeError
@@ -86,6 +87,7 @@ _HOMES = {
     "Contact": "meeframe.api.parts",
     "SecondBody": "meeframe.api.parts",
     "Step": "meeframe.api.parts",
+    "rough": "meeframe.api.rough",
     "sweep": "meeframe.api.sweep",
     "CaseError": "meeframe.common.errors",
     "MeeframeError": "meeframe.common.errors",

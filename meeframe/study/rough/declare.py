@@ -28,6 +28,8 @@ DEFAULT_RANGE: Final = (0.01, 0.3)
 """Mean pressures without a choice of the user, relative to the contact modulus times the root mean square slope."""
 DEFAULT_COUNT: Final = 8
 MAX_COUNT: Final = 10_000
+_FLAT: Final = 1e-9
+"""Slope without the mean plane, relative to that with it, of a plane."""
 _DIRECTIONS: Final = 32
 """Number of directions over which the response of the surface is averaged."""
 
@@ -216,8 +218,8 @@ def _map_of(description: Any, registry: Registry) -> HeightMap:
 
 def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> RoughStudy:
     statistics = SurfaceStatistics.of(surface)
-    if not statistics.rms_slope_spectrum > 0.0:
-        raise TableError(Problem(("surface",), "is flat: all heights are equal; allowed: a rough surface"))
+    if not statistics.rms_slope_spectrum > _FLAT * statistics.rms_slope:  # a plane has no waves but round-off
+        raise TableError(Problem(("surface",), "is flat: its heights are those of a plane; allowed: a rough surface"))
     first = _case(table, surface, (1.0,), registry, folder)
     modulus, _ = mean_response(first.material)
     pressures = table.given_pressures()

@@ -16,7 +16,7 @@ from meeframe.results.figures import save_figure
 from meeframe.results.hdf5 import sink
 from meeframe.results.output import replacing
 from meeframe.results.sweep_files import check_installed
-from meeframe.study.reports.rough import contact_figure, surface_figure
+from meeframe.study.rough.figures import contact_figure, surface_figure
 from meeframe.study.rough.quantities import QUANTITIES
 from meeframe.study.rough.run import RoughResult
 

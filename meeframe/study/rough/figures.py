@@ -48,7 +48,8 @@ def surface_figure(result: RoughResult) -> "Figure":
 
 def _draw_map(axes: Any, surface: HeightMap, values: Array, unit: str, name: str) -> None:
     """Draw values (nx, ny) over the surface, with a bar of colours."""
-    (factor, value_unit), (scale, length_unit) = prefixed(values, unit), prefixed(np.array(surface.size), "m")
+    shown = values[np.isfinite(values)]
+    (factor, value_unit), (scale, length_unit) = prefixed(shown, unit), prefixed(np.array(surface.size), "m")
     mesh = axes.pcolormesh(
         surface.x / scale, surface.y / scale, values.T / factor, cmap=MAP_COLOURS, shading="nearest", rasterized=True
     )
@@ -68,16 +69,18 @@ def contact_figure(result: RoughResult) -> "Figure":
     """Return the figure of the contact: area beside theories, mean gap, stiffness and electric quantities, pressure."""
     drawn = [name for name in _CURVES if name in result.values]
     count = 3 + ("stiffness" in result.values) + len(drawn)
-    rows = -(-count // 2)
-    figure = sheet((_SIZE[0], 3.7 * rows))
-    panels = figure.subplots(rows, 2).ravel()
+    columns = 2 if count <= 4 else 3
+    rows = -(-count // columns)
+    figure = sheet((4.8 * columns, 3.7 * rows))
+    panels = figure.subplots(rows, columns).ravel()
     _draw_area(panels[0], result)
     _draw_gap(panels[1], result)
     position = 2
     for name in (*(["stiffness"] if "stiffness" in result.values else []), *drawn):
         _draw_curve(panels[position], result, name)
         position += 1
-    _draw_map(panels[position], result.study.surface, result.nodal_pressure, "Pa", "pressure at the last load")
+    pressure = np.where(result.nodal_pressure > 0.0, result.nodal_pressure, np.nan)
+    _draw_map(panels[position], result.study.surface, pressure, "Pa", "pressure at the last load")
     for panel in panels[position + 1 :]:
         panel.remove()
     head(panels[0], "rough contact", result.study.table.title)
@@ -119,7 +122,12 @@ def _draw_curve(axes: Any, result: RoughResult, name: str) -> None:
     factor, unit = prefixed(result.pressures, "Pa")
     finite = values[np.isfinite(values)]
     draw = axes.loglog if (finite > 0.0).all() else axes.plot
-    draw(result.pressures / factor, values, "o-")
+    draw(result.pressures / factor, values, "o-", label="meeframe")
+    if name == "conductance" and "stiffness" in result.values and not result.study.is_coupled:
+        conductivity = result.study.table.electrical_conductivity or np.nan
+        barber = 2.0 * conductivity / result.study.modulus * result.values["stiffness"]
+        draw(result.pressures / factor, barber, "x", color=LINE_COLOURS[1], label="from the stiffness (Barber)")
+        axes.legend()
     axes.set(xlabel=f"mean pressure [{unit}]", ylabel=f"{quantity.label} [{_printed(quantity.unit)}]")
     axes.grid(visible=True)
 
