@@ -50,11 +50,12 @@ def _draw_map(axes: Any, surface: HeightMap, values: Array, unit: str, name: str
     """Draw values (nx, ny) over the surface, with a bar of colours."""
     shown = values[np.isfinite(values)]
     (factor, value_unit), (scale, length_unit) = prefixed(shown, unit), prefixed(np.array(surface.size), "m")
-    mesh = axes.pcolormesh(
-        surface.x / scale, surface.y / scale, values.T / factor, cmap=MAP_COLOURS, shading="nearest", rasterized=True
-    )
-    axes.figure.colorbar(mesh, ax=axes, label=f"{name} [{value_unit}]")
-    axes.set(xlabel=f"x [{length_unit}]", ylabel=f"y [{length_unit}]", aspect="equal")
+    x, y = surface.x / scale, surface.y / scale
+    (dx, dy) = np.array(surface.spacing) / (2.0 * scale)
+    extent = (x[0] - dx, x[-1] + dx, y[0] - dy, y[-1] + dy)
+    image = axes.imshow(values.T / factor, cmap=MAP_COLOURS, origin="lower", extent=extent, interpolation="nearest")
+    axes.figure.colorbar(image, ax=axes, label=f"{name} [{value_unit}]")
+    axes.set(xlabel=f"x [{length_unit}]", ylabel=f"y [{length_unit}]")
 
 
 def _draw_spectrum(axes: Any, surface: HeightMap) -> None:

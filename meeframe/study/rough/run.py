@@ -53,7 +53,7 @@ class RoughResult:
 
     @property
     def is_converged(self) -> bool:
-        """Whether all pressures are finished and converged."""
+        """True if all pressures are finished and converged."""
         return len(self.status) == len(self.study.pressures) and set(self.status) == {Status.CONVERGED.value}
 
 

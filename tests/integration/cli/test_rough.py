@@ -119,6 +119,7 @@ def test_other_files_are_refused(tmp_path, study):
     assert "is a case file" in case.output
 
 
+@pytest.mark.full
 def test_exit_status_of_loads_beyond_the_hardness(study, tmp_path):
     done = invoke(study, "--out", tmp_path / "out", "--hardness", "0.8 GPa")
     assert done.exit_code == 1, done.output
@@ -127,6 +128,7 @@ def test_exit_status_of_loads_beyond_the_hardness(study, tmp_path):
     assert [row.rsplit(",", 1)[1] for row in rows[1:]] == ["converged", "stalled"]
 
 
+@pytest.mark.full
 def test_interruption_leaves_finished_pressures(study, tmp_path):
     """A process that is interrupted at its second pressure reports what is in the folder."""
     script = (

@@ -221,6 +221,7 @@ def test_dataset_and_table_hold_the_same():
     assert float(data.height.sel(x=peak.x, y=peak.y).max()) > 0.5 * float(data.height.max())
 
 
+@pytest.mark.full
 def test_python_function(tmp_path):
     data = meeframe.rough(wave(32)[0], "steel", ["20 MPa"], tmp_path / "out", stiffness=False)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
