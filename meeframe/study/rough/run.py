@@ -214,6 +214,5 @@ def _collect(study: RoughStudy, points: list[_Point]) -> RoughResult:
     status = tuple(Status.CONVERGED.value if step is None else step.status.value for step in failed)
     message = tuple("" if step is None else step.message for step in failed)
     last = points[-1].nodal_pressure if points else np.empty(0)
-    shape = study.surface.shape
-    nodal = last.reshape(shape[::-1]).T if points else np.empty((0, 0))
+    nodal = last.reshape(study.surface.shape) if points else np.empty((0, 0))
     return RoughResult(study, values, status, message, nodal)

@@ -63,13 +63,13 @@ def test_wave_of_westergaard():
     np.testing.assert_allclose(values["stiffness"], np.pi * MODULUS / (length * -np.log(shares)), rtol=0.03)
 
 
-def hertz(n, radius=10e-3, width=1e-3, radii=(0.21e-3, 0.25e-3, 0.3e-3, 0.34e-3)):
+def hertz(n, radius=10e-3, width=1e-3, radii=(0.21e-3, 0.25e-3, 0.3e-3, 0.34e-3), stiffness=True):
     """Return the result of a sphere on a free half space, with the radii of its contact."""
     x = y = np.linspace(-width / 2, width / 2, n)
     ball = meeframe.topography.HeightMap(x, y, -(x[:, None] ** 2 + y**2) / (2 * radius))
     radii = np.array(radii)
     forces = 4 * MODULUS * radii**3 / (3 * radius)
-    checked = study(surface=ball, pressures=list(forces / width**2), electrical_conductivity=SIGMA)
+    checked = study(surface=ball, pressures=list(forces / width**2), electrical_conductivity=SIGMA, stiffness=stiffness)
     return solve_rough(checked).values, radii, width**2
 
 
@@ -87,7 +87,7 @@ def test_conductance_of_a_spot_converges():
     nodes."""
     errors = []
     for n in (33, 65, 129):
-        values, radii, area = hertz(n, radii=np.linspace(0.2e-3, 0.35e-3, 7))
+        values, radii, area = hertz(n, radii=np.linspace(0.2e-3, 0.35e-3, 6), stiffness=False)
         errors.append(np.sqrt(np.mean((values["conductance"] * area / (4 * SIGMA * radii) - 1) ** 2)))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert errors[-1] < 4e-3
@@ -217,8 +217,8 @@ def test_dataset_and_table_hold_the_same():
     assert [row["status"] for row in rows] == ["converged"] * 2
     total = float(data.nodal_pressure.mean())
     assert total == pytest.approx(1e9, rel=1e-8)
-    peak = data.nodal_pressure.where(data.nodal_pressure == data.nodal_pressure.max(), drop=True)
-    assert float(data.height.sel(x=peak.x, y=peak.y).max()) > 0.5 * float(data.height.max())
+    touching = data.nodal_pressure > 0.0
+    assert float(data.height.where(touching).min()) > float(data.height.quantile(1.0 - 2.0 * touching.mean()))
 
 
 @pytest.mark.full
