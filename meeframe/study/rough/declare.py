@@ -218,7 +218,8 @@ def _map_of(description: Any, registry: Registry) -> HeightMap:
 
 def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> RoughStudy:
     statistics = SurfaceStatistics.of(surface)
-    if not statistics.rms_slope_spectrum > _FLAT * statistics.rms_slope:  # a plane has no waves but round-off
+    # a plane has no waves but round-off
+    if not statistics.rms_slope_spectrum > _FLAT * max(statistics.rms_slope, np.finfo(float).eps / _FLAT):
         raise TableError(Problem(("surface",), "is flat: its heights are those of a plane; allowed: a rough surface"))
     first = _case(table, surface, (1.0,), registry, folder)
     modulus, _ = mean_response(first.material)
