@@ -53,6 +53,11 @@ if TYPE_CHECKING:
     from meeframe.indenters.base import Indenter as Indenter
     from meeframe.indenters.heights import HeightGrid as HeightGrid
     from meeframe.indenters.heights import SampledHeights as SampledHeights
+    from meeframe.indenters.topography import HeightMap as HeightMap
+    from meeframe.indenters.topography import SampledSurface as SampledSurface
+    from meeframe.indenters.topography import detrend as detrend
+    from meeframe.indenters.topography import fill_missing as fill_missing
+    from meeframe.indenters.topography import remove_outliers as remove_outliers
     from meeframe.laws.base import AdhesiveLaw as AdhesiveLaw
     from meeframe.laws.base import ConductivityLaw as ConductivityLaw
     from meeframe.laws.base import ContactLaw as ContactLaw
@@ -137,6 +142,12 @@ _HOMES = {
     "Indenter": "meeframe.indenters.base",
     "HeightGrid": "meeframe.indenters.heights",
     "SampledHeights": "meeframe.indenters.heights",
+    # Surface topography
+    "HeightMap": "meeframe.indenters.topography",
+    "SampledSurface": "meeframe.indenters.topography",
+    "detrend": "meeframe.indenters.topography",
+    "fill_missing": "meeframe.indenters.topography",
+    "remove_outliers": "meeframe.indenters.topography",
     # Elements and fundamental solutions
     "SurfaceElement": "meeframe.elements.base",
     "FundamentalSolution": "meeframe.greens.base",
