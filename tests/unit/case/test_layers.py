@@ -62,8 +62,8 @@ def test_layers_of_a_case_are_objects_in_si_units():
     stack = meeframe.Case(**PARTS, layers=LAYERS, base=meeframe.Base("5 um", magnetic="insulating")).checked.layers
     assert [layer.thickness for layer in stack.layers] == [1e-6, 2e-7, 3e-7]
     assert stack.thickness == pytest.approx(1.5e-6)
-    turned = library_material("pzt-4").rotated(rotation_about([1, 0, 0], np.pi / 6))
-    np.testing.assert_allclose(stack.layers[0].material.stiffness, turned.stiffness, rtol=1e-14, atol=1e-20)
+    rotated = library_material("pzt-4").rotated(rotation_about([1, 0, 0], np.pi / 6))
+    np.testing.assert_allclose(stack.layers[0].material.stiffness, rotated.stiffness, rtol=1e-14, atol=1e-20)
     assert vars(stack.layers[0].interface) == vars(Interface(1e17, electrode="grounded"))
     assert stack.layers[1].interface.conductances == {"electric": 2.0}
     assert stack.layers[2].interface.is_bonded
