@@ -64,7 +64,7 @@ class Medium:
     def of(cls, stiffness: Array, frame: Array, angles: Array) -> "Medium":
         """Return the medium of a stiffness [SI] for directions at angles (directions,) in a frame (3, 3)."""
         local = _in_frame(stiffness, frame)
-        scaling = FieldScaling.of(local)
+        scaling = FieldScaling.of(stiffness)  # the same in all frames
         scaled, f = scaling.scale_stiffness(local), len(scaling.factors)
         m = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
         q = np.einsum("pi,iJKm,pm->pJK", m, scaled, m)
@@ -153,6 +153,11 @@ class SurfaceSymbol:
     def top(self) -> Complex:
         """Y of a half space of the top material, the limit of short waves, (directions, fields, fields), scaled."""
         return self.media[0].plus
+
+    @property
+    def slowest_decay(self) -> float:
+        """Smallest exponent of waves in the top layer per k z."""
+        return float(np.linalg.eigvals(self.media[0].descent).real.min())
 
     def evaluate(self, k: Array) -> Complex:
         """Return Y(k, m) for wave numbers k > 0 [1/m], (n,), as (n, directions, fields, fields), scaled."""
@@ -283,8 +288,8 @@ def _short_difference(medium: Medium, depth: Array, u: Complex, v: Complex) -> C
 
 def _divide(left: Complex, right: Complex) -> Complex:
     """Return left right^-1."""
-    quotient: Complex = np.linalg.solve(right.swapaxes(-1, -2), left.swapaxes(-1, -2)).swapaxes(-1, -2)
-    return quotient
+    transposed = np.linalg.solve(right.swapaxes(-1, -2), left.swapaxes(-1, -2))
+    return np.asarray(transposed.swapaxes(-1, -2), complex)
 
 
 def _hermitian(matrices: Complex) -> Complex:
@@ -326,8 +331,8 @@ def _series_of_exponential(x: Complex) -> Complex:
     square = x @ x
     powers = (one, x, square)
     cube = square @ x
-    total: Complex = np.zeros_like(x)
+    total = np.zeros(x.shape, complex)
     for first in range(_TERMS // 3 * 3, -1, -3):
         block = sum(coefficients[first + n] * powers[n] for n in range(3) if first + n <= _TERMS)
-        total = np.asarray(total @ cube + block)
+        total[...] = total @ cube + block
     return total

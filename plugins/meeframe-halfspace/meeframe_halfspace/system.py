@@ -238,7 +238,7 @@ def convolution_of(response: GridResponse) -> Convolution:
     """Return the convolution in SI units with the signs of ReducedSystem; its entries are computed on demand."""
     factors = response.response.factors
     scale = np.outer(factors * potential_signs(len(factors)), factors)
-    symbol = Symbol(response.symbol, response.response.numbers, response.response.parities)
+    symbol = Symbol(response.symbol, response.series.numbers, response.series.parities)
     return Convolution(symbol, response.size, response.padded, scale)
 
 

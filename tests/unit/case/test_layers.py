@@ -18,7 +18,7 @@ PARTS = {
     "mesh": MESH,
     "indenter": meeframe.Sphere("10 um"),
     "steps": (meeframe.Step(approach="10 nm"),),
-    "formulation": HalfSpace(),
+    "formulation": HalfSpace(periodic=True),
 }
 LAYERS = (
     meeframe.Layer("pzt-4", "1 um", TURN, meeframe.Interface(electrode="grounded", normal_stiffness="1e17 N/m^3")),
@@ -43,11 +43,6 @@ approach = 1e-8
 material = "pzt-4"
 thickness = "1 um"
 """
-
-
-@pytest.fixture(autouse=True)
-def _supported(monkeypatch):
-    monkeypatch.setattr(HalfSpace, "supports_layers", lambda _: True)
 
 
 def assert_same_layers(one: LayerStack, other: LayerStack) -> None:
@@ -78,7 +73,7 @@ def test_jumps_at_an_interface():
 
 def test_round_trip_of_both_bodies(tmp_path, monkeypatch):
     base = meeframe.Base("5 um", electric="insulating")
-    second = meeframe.SecondBody("silicon", MESH, formulation=HalfSpace(), layers=LAYERS[:2], base=base)
+    second = meeframe.SecondBody("silicon", MESH, formulation=HalfSpace(periodic=True), layers=LAYERS[:2], base=base)
     case = meeframe.Case(**PARTS, layers=LAYERS, base=base, second_body=second)
     (tmp_path / "inner").mkdir()
     case.to_toml(tmp_path / "inner" / "case.toml")
@@ -144,6 +139,13 @@ def test_formulations_refuse_layers_that_they_do_not_support(tmp_path):
     second = meeframe.SecondBody("silicon", MESH, base=meeframe.Base("5 um"))
     with pytest.raises(CaseError, match=r"second_body\.base.*: formulation DenseBEM does not support layers"):
         meeframe.Case(**PARTS | {"formulation": meeframe.DenseBEM()}, second_body=second)
+
+
+def test_insulating_base_of_a_free_surface():
+    with pytest.raises(
+        CaseError, match=r"formulation: half-space: the base insulates magnetic: the potential of a layer"
+    ):
+        meeframe.Case(**PARTS | {"formulation": HalfSpace()}, base=meeframe.Base("5 um", magnetic="insulating"))
 
 
 def test_only_half_spaces_have_a_rigid_base():
