@@ -54,7 +54,9 @@ def point_difference(series: RadialSeries, thickness: float, distance: float) ->
         integrals = [_integrals(series, *ends) for ends in zip(low, high, strict=True)]
         return np.array(integrals) * scale
 
-    panels, coefficients, errors = interpolate(values, np.array(edges), TOLERANCE, _NARROWEST * thickness)
+    # the largest difference is that at the source
+    tolerance = TOLERANCE * float(np.abs(values(np.zeros(1), np.array(edges[1:2]))).max())
+    panels, coefficients, errors = interpolate(values, np.array(edges), tolerance, _NARROWEST * thickness)
     in_k = float(series.errors @ np.diff(series.edges)) / (2.0 * np.pi)
     return RadialSeries(series.terms, panels, coefficients, errors + in_k / len(errors))
 

@@ -142,6 +142,10 @@ class LayeredFreeGrid(GridResponse):
         values[self.response.layout.n_symmetric :] = 0.0  # odd functions vanish at zero
         return np.asarray(values + self.homogeneous.diagonal)
 
+    def wave_response(self) -> "LayeredPeriodicGrid":
+        """Return the response to waves on the padded grid."""
+        return LayeredPeriodicGrid.of(self.layers, self.spacing, self.padded, self.homogeneous.shape)
+
     def coarsen(self) -> "LayeredFreeGrid":
         """Return the coarser grid, on which the difference is the same function."""
         return self._on(self.homogeneous.coarsen())
@@ -213,6 +217,10 @@ class LayeredPeriodicGrid(GridResponse):
     def diagonal(self) -> Array:
         """Response (entries,) of a node to the density around it."""
         return periodic_diagonal(self)
+
+    def wave_response(self) -> None:
+        """Return None: the symbol of the grid is that of the waves."""
+        return
 
     def coarsen(self) -> "LayeredPeriodicGrid | None":
         """Return the coarser grid; None unless numbers of nodes are even."""
