@@ -26,8 +26,8 @@ Complex = NDArray[np.complex128]
 Number = TypeVar("Number", Array, Complex)
 
 MAX_SERIES_DEPTH: Final = 0.2
-"""Thickness times wave number up to which solutions in a layer are summed as a series: on a rigid base Y is as small as
-this number, and the recursion would lose its digits."""
+"""Thickness times wave number up to which `SurfaceSymbol.evaluate` sums the solutions in a layer as a series: on a
+rigid base Y is as small as this number, and the recursion would lose its digits, other than the difference from Y_+."""
 _MAX_NORM: Final = 0.5  # of the argument of the series of an exponential, which is then squared
 _TERMS: Final = 14  # of that series; the next one is 0.5^15 / 15!
 _MAX_TERMS: Final = 200
@@ -44,8 +44,9 @@ class Medium:
         Factors (fields,) of its scaled fields.
     plus, minus
         Compliances Y of the solutions that decay downwards and upwards, (directions, fields, fields).
-    descent, ascent
-        Derivatives of t / k with respect to k z in these solutions, (directions, fields, fields).
+    descent
+        Derivative of t / k with respect to k z in the first of them, (directions, fields, fields); that in the second
+        is -conj(descent).
     state
         Matrix of the derivatives of (u, t / k) with respect to k z, (directions, 2 fields, 2 fields).
     normal_compliance
@@ -56,7 +57,6 @@ class Medium:
     plus: Complex
     minus: Complex
     descent: Complex
-    ascent: Complex
     state: Complex
     normal_compliance: Array
 
@@ -75,9 +75,9 @@ class Medium:
         lower = np.concatenate([q - flux @ r.swapaxes(1, 2), -1j * flux], axis=2)
         plus = surface_compliance(local, _NORMAL, m) / np.outer(scaling.factors, scaling.factors)
         minus = -plus.conj()
-        descent, ascent = (lower[:, :, :f] @ y + lower[:, :, f:] for y in (plus, minus))
+        descent = lower[:, :, :f] @ plus + lower[:, :, f:]
         state = np.concatenate([upper, lower], axis=1)
-        return cls(scaling.factors, plus, minus, descent, ascent, state, t_inverse)
+        return cls(scaling.factors, plus, minus, descent, state, t_inverse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +136,9 @@ class SurfaceSymbol:
         if layers.base is not None:
             thicknesses.append(layers.base.thickness)
             insulating = np.array([*(0.0,) * 3, *(float(name in layers.base.insulating) for name in fields.names)])
+        media = {key: Medium.of(one, frame, angles) for key, one in {one.tobytes(): one for one in stiffnesses}.items()}
         return cls(
-            tuple(Medium.of(one, frame, angles) for one in stiffnesses),
+            tuple(media[one.tobytes()] for one in stiffnesses),
             tuple(thicknesses),
             tuple(layer.interface for layer in layers.layers),
             insulating,
@@ -161,48 +162,45 @@ class SurfaceSymbol:
 
     def evaluate(self, k: Array) -> Complex:
         """Return Y(k, m) for wave numbers k > 0 [1/m], (n,), as (n, directions, fields, fields), scaled."""
-        return _hermitian(_divide(*self._above(np.asarray(k, float), 0)))
+        return _hermitian(_divide(*self._above(np.asarray(k, float), 0, MAX_SERIES_DEPTH)))
 
     def difference(self, k: Array) -> Complex:
         """Return Y(k, m) less that of the top material, without cancellation; as `evaluate`."""
-        k = np.asarray(k, float)
-        result = np.empty((len(k), *self.top.shape), complex)
         if not self.thicknesses:
-            result[:] = 0.0
-            return result
-        depth = k * self.thicknesses[0]
-        for chosen, is_short in ((depth <= MAX_SERIES_DEPTH, True), (depth > MAX_SERIES_DEPTH, False)):
-            if chosen.any():
-                below = self._below(k[chosen], 0)
-                cross = _short_difference if is_short else _difference
-                result[chosen] = cross(self.media[0], depth[chosen], *below)
-        return _hermitian(result)
+            return np.zeros((len(k), *self.top.shape), complex)
+        g = _reflection(self.media[0], k * self.thicknesses[0], *self._below(k, 0, 0.0))
+        return _hermitian((self.media[0].minus - self.media[0].plus) @ _divide(g, np.eye(g.shape[-1]) + g))
 
-    def _below(self, k: Array, number: int) -> tuple[Complex, Complex]:
-        """Return the subspace u = U c, t / k = V c at the lower side of a medium, in its scaled fields."""
+    def _below(self, k: Array, number: int, series_depth: float) -> tuple[Complex, Complex]:
+        """Return the subspace u = U c, t / k = V c at the lower side of a medium, in its scaled fields.
+
+        series_depth: k times thickness up to which layers are crossed by series.
+        """
         medium = self.media[number]
         if number == len(self.thicknesses) - 1 and self.insulating is not None:
             free = np.diag(self.insulating).astype(complex)
             shape = len(k), *medium.plus.shape
             return np.broadcast_to(free, shape), np.broadcast_to(np.eye(len(free)) - free, shape)
         lower = self.media[number + 1]
-        u, v = self._above(k, number + 1)
+        u, v = self._above(k, number + 1, series_depth)
         u, v = _cross_interface(self.interfaces[number], self.fields, lower.factors, k, u, v)
         ratio = medium.factors / lower.factors
         return u / (ratio[:, None] * ratio), v * (ratio[:, None] / ratio)
 
-    def _above(self, k: Array, number: int) -> tuple[Complex, Complex]:
+    def _above(self, k: Array, number: int, series_depth: float) -> tuple[Complex, Complex]:
         """Return the subspace at the upper side of a medium, as `_below`."""
         medium = self.media[number]
         if number == len(self.thicknesses):  # the half space
             shape = len(k), *medium.plus.shape
             return np.broadcast_to(medium.plus, shape), np.broadcast_to(np.eye(shape[-1], dtype=complex), shape)
-        u, v = self._below(k, number)
+        u, v = self._below(k, number, series_depth)
         depth = k * self.thicknesses[number]
-        short = depth <= MAX_SERIES_DEPTH
+        short = depth <= series_depth
+        if not short.any():
+            g = _reflection(medium, depth, u, v)
+            return medium.plus + medium.minus @ g, np.eye(g.shape[-1]) + g
         u, v = u.copy(), v.copy()
-        if short.any():
-            u[short], v[short] = _sum_series(medium, depth[short], u[short], v[short])
+        u[short], v[short] = _sum_series(medium, depth[short], u[short], v[short])
         if not short.all():
             g = _reflection(medium, depth[~short], u[~short], v[~short])
             u[~short], v[~short] = medium.plus + medium.minus @ g, np.eye(g.shape[-1]) + g
@@ -269,21 +267,9 @@ def _reflection(medium: Medium, depth: Array, u: Complex, v: Complex) -> Complex
     u, v: the subspace at its lower side; the subspace at its upper side is Y_+ + Y_- G, I + G.
     """
     down = exponential(-depth[:, None, None, None] * medium.descent)
-    up = exponential(depth[:, None, None, None] * medium.ascent)
     jump = (medium.plus - medium.minus) @ down
-    result: Complex = up @ (v @ np.linalg.solve(u - medium.minus @ v, jump) - down)
+    result: Complex = down.conj() @ (v @ np.linalg.solve(u - medium.minus @ v, jump) - down)
     return result
-
-
-def _difference(medium: Medium, depth: Array, u: Complex, v: Complex) -> Complex:
-    """Return Y - Y_+ at the upper side of a layer from the subspace at its lower side."""
-    g = _reflection(medium, depth, u, v)
-    return (medium.minus - medium.plus) @ _divide(g, np.eye(g.shape[-1]) + g)
-
-
-def _short_difference(medium: Medium, depth: Array, u: Complex, v: Complex) -> Complex:
-    """Return `_difference` for a layer that is thin compared with the wave."""
-    return _divide(*_sum_series(medium, depth, u, v)) - medium.plus
 
 
 def _divide(left: Complex, right: Complex) -> Complex:
