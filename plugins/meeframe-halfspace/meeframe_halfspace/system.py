@@ -114,7 +114,7 @@ class HalfSpaceSystem(
             load = load.astype(precision, copy=False)
         else:
             load = np.multiply(load, self.shares.astype(precision, copy=False), dtype=precision, order="C")
-        return self.grid.scatter(self.convolution.response(self.grid.place(load), loaded, fields))
+        return self.grid.scatter(self.convolution.response(self.grid.to_grid(load), loaded, fields))
 
     @cached_property
     def _inside(self) -> bool:
@@ -158,7 +158,7 @@ class HalfSpaceSystem(
             waves = made()
             nonzero = [column for column in range(len(chosen)) if displacement[:, column].any()]
             values = displacement.T if len(nonzero) == len(chosen) else displacement.T[nonzero]
-            on_grid = self.grid.place(values.astype(np.float32, copy=False))
+            on_grid = self.grid.to_grid(values.astype(np.float32, copy=False))
             answer = waves.response(on_grid, [chosen[column] for column in nonzero], chosen)
             load = self.grid.scatter(answer).astype(displacement.dtype, copy=False)
             if waves.size != self.convolution.padded:
