@@ -1,7 +1,7 @@
 """The formulation `half-space`: body in, reduced system out."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, final
+from typing import Annotated, Final, Literal, final
 
 import numpy as np
 from pydantic import Field
@@ -27,6 +27,9 @@ from meeframe_halfspace.layered_grid import LayeredFreeGrid, LayeredPeriodicGrid
 from meeframe_halfspace.layered_symbol import LayeredResponse
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
+
+MIN_CELLS_OF_EDGES: Final = 4.0
+"""Smallest thickness of the top layer, in spacings, for contact edges between the nodes."""
 
 
 @final
@@ -142,13 +145,32 @@ class HalfSpace(Formulation):
                     "half space is free of traction and flux beside its contact zone and at rest at infinity; allowed: "
                     "zero fluxes"
                 )
-        if body.layers.base is not None and body.layers.base.insulating and not self.periodic:
-            raise CaseError(
-                f"half-space: the base insulates {', '.join(body.layers.base.insulating)}: the potential of a layer "
-                "without ground has no limit far away; allowed: 'grounded', or periodic = true"
-            )
+        if not self.periodic:
+            _check_grounded(body)
         zone = flat_zone(body.mesh, body.contact_group)
-        return zone, find_grid(zone, body.contact_group)
+        grid = find_grid(zone, body.contact_group)
+        if body.layers and self.edges == "resolved":
+            _check_resolved(body, grid)
+        return zone, grid
+
+
+def _check_grounded(body: Body) -> None:
+    base = body.layers.base
+    if base is not None and base.insulating:
+        raise CaseError(
+            f"half-space: the base insulates {', '.join(base.insulating)}: the potential of a layer without ground has "
+            "no limit far away; allowed: 'grounded', or periodic = true"
+        )
+
+
+def _check_resolved(body: Body, grid: Grid) -> None:
+    thickness, spacing = body.layers.top_thickness, max(grid.spacing)
+    if thickness < MIN_CELLS_OF_EDGES * spacing:
+        raise CaseError(
+            f"half-space: edges = 'resolved' with a top layer of {thickness:.3g} m and a spacing of {spacing:.3g} m: "
+            "near an edge the response is that of the top material; allowed: thicknesses of "
+            f"{MIN_CELLS_OF_EDGES:g} spacings and more, or edges = 'nodes'"
+        )
 
 
 def _with_matrix(system: HalfSpaceSystem) -> DenseSystem:

@@ -65,9 +65,7 @@ class LayeredResponse:
     @property
     def thickness(self) -> float:
         """Thickness of the top layer [m]."""
-        layers, base = self.body.layers.layers, self.body.layers.base
-        thicknesses = [layer.thickness for layer in layers] + ([] if base is None else [base.thickness])
-        return thicknesses[0]
+        return self.body.layers.top_thickness
 
     @cached_property
     def decay(self) -> float:

@@ -284,6 +284,22 @@ def test_force_control_and_friction_histories():
     assert force == pytest.approx(force_of(without_friction), rel=0.05)
 
 
+def test_resolved_edges():
+    """The charge of a grounded sphere, singular at the contact edge on layers, is accurate on coarse grids."""
+    film = LayerStack((Layer(library_material("batio3"), UM),))
+    reference = AxisymmetricLayers(library_material("cofe2o4").stiffness, film, {ELECTRIC: 0.0, MAGNETIC: 0.0})
+    exact, errors = reference.press_sphere_by(10 * UM, 40e-9).fluxes[ELECTRIC], {}
+    for edges in ("nodes", "resolved"):
+        formulation = HalfSpace(matrix_up_to=0, edges=edges)
+        layers = (meeframe.Layer("batio3", UM),)
+        result = sphere(layers, divisions=16, conductivity=CONDUCTING, formulation=formulation)
+        errors[edges] = abs(result.zone.weights @ result[-1].fluxes[:, 0] / exact - 1.0)
+    assert errors["resolved"] < 4e-3
+    assert errors["resolved"] < 0.3 * errors["nodes"]
+    with pytest.raises(CaseError, match="thicknesses of 4 spacings"):
+        HalfSpace(edges="resolved").check(body(LayerStack((Layer(library_material("batio3"), 0.5 * UM),))))
+
+
 def test_refusals():
     with pytest.raises(CaseError, match="insulates electric"):
         HalfSpace().check(body(LayerStack((), RigidBase(UM, ("electric",)))))
