@@ -71,6 +71,8 @@ if TYPE_CHECKING:
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
+    from meeframe.material.layers import LayerStack as LayerStack
+    from meeframe.material.surface_symbol import SurfaceSymbol as SurfaceSymbol
     from meeframe.mesh.body import Body as Body
     from meeframe.mesh.body import BoundaryCondition as BoundaryCondition
     from meeframe.mesh.body import check_conditions as check_conditions
@@ -169,6 +171,8 @@ _HOMES = {
     "Formulation": "meeframe.formulations.base",
     "PersistentFormulation": "meeframe.formulations.base",
     "surface_compliance": "meeframe.material.half_space",
+    "LayerStack": "meeframe.material.layers",
+    "SurfaceSymbol": "meeframe.material.surface_symbol",
     "Body": "meeframe.mesh.body",
     "BoundaryCondition": "meeframe.mesh.body",
     "check_conditions": "meeframe.mesh.body",

@@ -151,7 +151,7 @@ class HalfSpaceSystem(
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Return the inverse of each wave, in single precision."""
-        made, chosen = cache(partial(wave_inverse, self.convolution, fields)), list(fields)
+        made, chosen = cache(partial(wave_inverse, self.convolution, fields, self._waves)), list(fields)
 
         def inverse(displacement: Array) -> Array:
             # made at the first call: entries in double precision, from which it takes less time, may exist by then
@@ -166,6 +166,12 @@ class HalfSpaceSystem(
             return load
 
         return inverse
+
+    @cached_property
+    def _waves(self) -> Symbol | None:
+        """Symbol of the waves of a free surface if the approximate inverse is made of it."""
+        source = self.grid_response.wave_response()
+        return None if source is None else Symbol(source.symbol, source.series.numbers, source.series.parities)
 
     def coarsen(self) -> Coarsening:
         """Return the system on every second node along both axes."""
@@ -238,7 +244,7 @@ def convolution_of(response: GridResponse) -> Convolution:
     """Return the convolution in SI units with the signs of ReducedSystem; its entries are computed on demand."""
     factors = response.response.factors
     scale = np.outer(factors * potential_signs(len(factors)), factors)
-    symbol = Symbol(response.symbol, response.response.numbers, response.response.parities)
+    symbol = Symbol(response.symbol, response.series.numbers, response.series.parities)
     return Convolution(symbol, response.size, response.padded, scale)
 
 
