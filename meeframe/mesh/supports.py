@@ -15,7 +15,8 @@ Flags = NDArray[np.bool_]
 def check_supports(body: Body) -> None:
     """Check that prescribed values fix the rigid motions and potentials of each separate part of a body.
 
-    Loads on the contact zone fix nothing. A grounded electrode of a layer fixes the electric potential. A semi-infinite body needs no supports, since its fields vanish at infinity.
+    Loads on the contact zone fix nothing. A grounded electrode of a layer fixes the electric potential. A semi-infinite
+    body needs no supports, since its fields vanish at infinity.
 
     Raises
     ------

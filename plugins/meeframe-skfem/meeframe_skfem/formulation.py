@@ -37,8 +37,8 @@ class FiniteElements(Formulation):
     """Displacements and potentials in the volume, int u_J,i C_iJKm v_K,m dV = int t_J v_J dS; direct sparse solution.
 
     A body that is a box is filled with a graded grid of hexahedra, which continues the contact zone: hex8 under quad4,
-    hex20 under quad8, hex27 under quad9. Other bodies come with a volume mesh of hex8, hex20, hex27 or tet10. Layers on a
-    rigid base are the box below the mesh of the half space; so is a half space without base for a `depth`.
+    hex20 under quad8, hex27 under quad9. Other bodies come with a volume mesh of hex8, hex20, hex27 or tet10. Layers on
+    a rigid base are the box below the mesh of the half space; so is a half space without base for a `depth`.
 
     growth: largest ratio of the widths of successive elements, outside the zone and downwards; outside: elements from
     the zone to each edge of the box instead; layers: elements from the zone's face to the opposite one instead, not
@@ -121,13 +121,13 @@ class FiniteElements(Formulation):
         base = body.layers.base
         if self.depth is not None and (base is not None or not body.mesh.semi_infinite):
             raise CaseError(
-                f"skfem: depth = {self.depth:g} m: the depth of a block or of layers on a rigid base is known; allowed: "
-                "half spaces without [base]"
+                f"skfem: depth = {self.depth:g} m: the depth of a block or of layers on a rigid base is known; "
+                "allowed: half spaces without [base]"
             )
         if base is not None and base.insulating:
             raise CaseError(
-                f"skfem: the base insulates {', '.join(base.insulating)}: the potential of a layer without ground has no "
-                "limit far away; allowed: 'grounded'"
+                f"skfem: the base insulates {', '.join(base.insulating)}: the potential of a layer without ground has "
+                "no limit far away; allowed: 'grounded'"
             )
         depth = self.depth if base is None else body.layers.thickness + base.thickness
         return body if depth is None or body.contact_group is None else box_below(body, depth)
@@ -139,8 +139,8 @@ class FiniteElements(Formulation):
         refused = [key for key, is_set in keys.items() if is_set]
         if body.layers.layers and refused:
             raise CaseError(
-                f"skfem: {refused[0]}: the grid is not fitted to layers of other materials; allowed: growth and outside "
-                'with grid = "tensor"'
+                f"skfem: {refused[0]}: the grid is not fitted to layers of other materials; allowed: growth and "
+                'outside with grid = "tensor"'
             )
         return box_volume(body, self.growth, self.outside, self.layers, self.grid)
 

@@ -1,7 +1,6 @@
 """The materials of the cells of a volume mesh, and the nodes of the interfaces between layers."""
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -12,7 +11,7 @@ from meeframe_skfem.volume import VolumeMesh
 
 INTERFACE_TOLERANCE: Final = 1e-6  # distance of a cell beyond an interface, relative to its extent along the depth
 PLANE_TOLERANCE: Final = (
-    1e-6  # distance of the zone's points from their plane relative to its width; difference of normals
+    1e-6  # distance of points of the zone from a plane, relative to its width; difference of normals
 )
 
 
@@ -101,8 +100,8 @@ def check_thickness(body: Body, depth: float) -> None:
     total = body.layers.thickness
     if total >= depth * (1.0 - INTERFACE_TOLERANCE):
         raise MeshError(
-            f"the layers are {total:.6g} m thick, the body is {depth:.6g} m deep below the contact zone; allowed: thinner "
-            "layers, below which there is some of [material]"
+            f"the layers are {total:.6g} m thick, the body is {depth:.6g} m deep below the contact zone; allowed: "
+            "thinner layers, below which there is some of [material]"
         )
 
 
@@ -175,8 +174,8 @@ def _springs(compliance: Array, normal: Array, number: int) -> tuple[Array, Arra
         axis = int(np.abs(normal).argmax())
         if np.abs(normal[axis]) < 1.0 - PLANE_TOLERANCE**2:
             raise CaseError(
-                f"interface below layer {number}: only one of normal_stiffness and tangential_stiffness is finite and the "
-                "interface is oblique to the axes; allowed: both of them, or neither"
+                f"interface below layer {number}: only one of normal_stiffness and tangential_stiffness is finite and "
+                "the interface is oblique to the axes; allowed: both of them, or neither"
             )
         jumps[MECHANICAL] = np.where(np.arange(3) == axis, jumps[2], jumps[0])
     return springs, jumps

@@ -29,9 +29,10 @@ from meeframe_skfem.volume import VolumeMesh
 class FiniteElementSolution:
     """values = constant + respond(nodal forces on the zone), in units of the system.
 
-    mesh: the volume, with p nodes; stiffnesses: scaled, (3, fields, fields, 3), of its regions; constant: (p, fields) values at zero load; respond:
-    values (p, fields) of nodal forces (n, fields) on the zone; flexibility: (fields n, fields n) values of the zone's
-    nodes by their forces, symmetric; mass: (n, n) of the zone's faces, forces from fluxes.
+    mesh: the volume, with p nodes; stiffnesses: scaled, (3, fields, fields, 3), of its regions; constant: (p, fields)
+    values at zero load; respond: values (p, fields) of nodal forces (n, fields) on the zone; flexibility: (fields n,
+    fields n) values of the zone's nodes by their forces, symmetric; mass: (n, n) of the zone's faces, for forces from
+    fluxes.
     """
 
     matched: MatchedBody
