@@ -19,6 +19,7 @@ from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.model.body_tables import SecondBodyTable
 from meeframe.model.case import Case, check_indenter, check_title, resistance
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
+from meeframe.model.memory import check_memory
 from meeframe.model.preflight import check_solver
 from meeframe.model.restart import Restart, check_same_zone
 from meeframe.model.schema import CaseTable
@@ -107,6 +108,8 @@ def _case_checks(
 ) -> Iterator[Check]:
     yield Problem(("title",), "", table.title), partial(check_title, table.title)
     zone = table.contact.zone
+    laws = table.contact.law, flux_channels(*table.conductivity.laws.values(), fields=body.fields)
+    yield Problem(("mesh",), ""), partial(check_memory, body.mesh, *laws)
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_indenter, table.indenter.named, placement, body.mesh, zone)

@@ -76,6 +76,8 @@ if TYPE_CHECKING:
     from meeframe.mesh.body import Body as Body
     from meeframe.mesh.body import BoundaryCondition as BoundaryCondition
     from meeframe.mesh.body import check_conditions as check_conditions
+    from meeframe.mesh.regular import Cells as Cells
+    from meeframe.mesh.regular import GridCells as GridCells
     from meeframe.mesh.surface import SurfaceMesh as SurfaceMesh
     from meeframe.mesh.zone import ContactZone as ContactZone
     from meeframe.mesh.zone import find_contact_zone as find_contact_zone
@@ -96,6 +98,7 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import PointFields as PointFields
     from meeframe.system.capabilities import Restriction as Restriction
     from meeframe.system.capabilities import Subsystem as Subsystem
+    from meeframe.system.capabilities import ZoneRecovery as ZoneRecovery
     from meeframe.system.capabilities import apply_fields as apply_fields
     from meeframe.system.capabilities import diagonal as diagonal
     from meeframe.system.capabilities import rescale_inverse as rescale_inverse
@@ -180,6 +183,8 @@ _HOMES = {
     "find_contact_zone": "meeframe.mesh.zone",
     "local_frames": "meeframe.mesh.zone",
     "SurfaceMesh": "meeframe.mesh.surface",
+    "Cells": "meeframe.mesh.regular",
+    "GridCells": "meeframe.mesh.regular",
     # Reduced systems
     "NodalFields": "meeframe.system.reduced",
     "Progress": "meeframe.system.reduced",
@@ -202,6 +207,7 @@ _HOMES = {
     "PointFields": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
     "Subsystem": "meeframe.system.capabilities",
+    "ZoneRecovery": "meeframe.system.capabilities",
     "apply_fields": "meeframe.system.capabilities",
     "diagonal": "meeframe.system.capabilities",
     "rescale_inverse": "meeframe.system.capabilities",
