@@ -51,6 +51,8 @@ from meeframe.study.sweep.run import sweep
 
 LIMIT: Final = 20
 """Longest time to an answer [s]."""
+HANGS: Final = 3 * LIMIT
+"""Time after which a process is killed [s]."""
 MAX_MEMORY: Final = 2**31
 """Largest additional address space [bytes]."""
 MAX_MESSAGE: Final = 20_000
@@ -385,9 +387,12 @@ def campaign(name: str, seeds: Sequence[int], keep: Path | None = None) -> Itera
             sender.close()
             done = 0
             with suppress(EOFError):
-                while done < len(waiting):
+                while done < len(waiting) and receiver.poll(HANGS):
                     yield receiver.recv()
                     done += 1
+            process.join(0 if done == len(waiting) else 1)
+            if process.is_alive() and done < len(waiting):
+                process.kill()  # compiled code takes no notice of the alarm
             process.join()
             if done < len(waiting):
                 yield waiting[done], "crash", f"exit status {process.exitcode}"

@@ -27,6 +27,8 @@ FLUXES: Final = {"electric": "electric_flux", "magnetic": "magnetic_flux"}
 TOTALS: Final = {"electric": "charge", "magnetic": "magnetic_flux"}
 NOISE: Final = 1e-7
 """Potentials and fluxes below this fraction of those that would do the work of the mechanical loads are noise."""
+PAST: Final = 0.1
+"""Least unit of a quantity, as a fraction of its largest value in the run: an unloaded body holds round-off."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ class _State:
         gap = fields["initial_gap"] - self.displacement[:, 2]
         self.total_slip = self._tangential_motion() - self.displacement[:, :2]
         pressure = laws.attraction(self.law, np.where(np.isfinite(gap), gap, np.inf)) - fields["traction"][:, 2]
-        self.pressure_unit = float(np.abs(fields["traction"]).max()) or 1.0
+        self.pressure_unit = self._largest("traction") or 1.0
         self.length_unit = self._length_unit()
         duration = increment.loading.get("duration")
         self.nodes = laws.Nodes(
@@ -136,6 +138,11 @@ class _State:
             length_unit=self.length_unit,
             duration=None if duration is None else float(duration),
         )
+
+    def _largest(self, name: str) -> float:
+        """Return the largest modulus of a field now, or a fraction of that in any converged increment."""
+        past = (np.abs(each.fields[name]).max() for each in self.file.increments if each.status == "converged")
+        return max(float(np.abs(self.increment.fields[name]).max()), PAST * float(max(past)))
 
     def _length_unit(self) -> float:
         loading = self.increment.loading
@@ -192,9 +199,8 @@ class _State:
 
     def _flux_units(self, name: str) -> tuple[float, float]:
         """Return units of drop and flux: the largest of the solution, unless that is noise."""
-        fields = self.increment.fields
         work = self.pressure_unit * self.length_unit
-        flux, potential = (np.abs(fields[key]).max() for key in (FLUXES[name], f"{name}_potential"))
+        flux, potential = (self._largest(key) for key in (FLUXES[name], f"{name}_potential"))
         loading = abs(float(self.increment.loading[f"{name}_potential"]))
         second = 0.0 if self.increment.second is None else np.abs(self.increment.second[f"{name}_potential"]).max()
         potential = max(float(potential), loading, float(second))

@@ -133,13 +133,17 @@ def main() -> int:
         done = answers(seeds, options.solver, options.workers)
     counts: Counter[str] = Counter()
     worst = slowest = 0.0
-    for number, each in enumerate(done, 1):
-        counts.update(each.outcomes)
-        print(f"{number}/{len(seeds)}: {each.seed}, {each.seconds:.1f} s", end="\r", file=sys.stderr)
-        worst, slowest = max(worst, each.worst), max(slowest, each.seconds)
-        for note in each.notes:
-            print(f"{each.seed}: {note}", flush=True)
-    print(f"\n{len(seeds)} problems, {sum(counts.values())} increments")
+    number = 0
+    try:
+        for number, each in enumerate(done, 1):
+            counts.update(each.outcomes)
+            print(f"{number}/{len(seeds)}: {each.seed}, {each.seconds:.1f} s", end="\r", file=sys.stderr)
+            worst, slowest = max(worst, each.worst), max(slowest, each.seconds)
+            for note in each.notes:
+                print(f"{each.seed}: {note}", flush=True)
+    except KeyboardInterrupt:
+        print("interrupted")
+    print(f"\n{number} problems, {sum(counts.values())} increments")
     for outcome, count in counts.most_common():
         print(f"{outcome:36} {count:6}")
     print(f"largest violation {worst:.1e}, slowest problem {slowest:.1f} s")
