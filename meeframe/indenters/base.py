@@ -164,15 +164,15 @@ class MotionModes(Sequence[Array]):
             same[N_MECHANICAL + number - N_RIGID] = -1.0
             return np.broadcast_to(same, shape)
         if number < 3:
-            moved = np.broadcast_to((-self.axes[2], self.axes[0], self.axes[1])[number], self.points.shape)
+            displacement = np.broadcast_to((-self.axes[2], self.axes[0], self.axes[1])[number], self.points.shape)
             if shares_frame(self.frames):
-                same[MECHANICAL] = self.frames[0] @ moved[0]
+                same[MECHANICAL] = self.frames[0] @ displacement[0]
                 return np.broadcast_to(same, shape)
         else:
-            moved = np.cross(self.axes[number - 3], self.points - self.reference)
+            displacement = np.cross(self.axes[number - 3], self.points - self.reference)
         # field by field: a column that is zero throughout is never written, and takes no memory
         mode = np.zeros(shape[::-1]).T
-        for column, values in enumerate(local_components(self.frames, moved).T):
+        for column, values in enumerate(local_components(self.frames, displacement).T):
             if values.any():
                 mode[:, column] = values
         return mode

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel, field_set
-from meeframe.formulations.base import Formulation
+from meeframe.formulations.base import Formulation, check_layered
 from meeframe.indenters import Placement, initial_gap
 from meeframe.indenters.base import Indenter, MotionModes
 from meeframe.laws.base import ContactLaw
@@ -76,6 +76,8 @@ class Case(CaseData):
     second_body : SecondBody, optional
         Second of two deformable bodies, whose supports and grounds move as the indenter, and whose distance from the
         first is the indenter's shape.
+    layers : LayerStack, optional
+        Layers on the body, and its rigid base.
     title : str, optional
         Title of the case.
     text : str, optional
@@ -102,6 +104,7 @@ class Case(CaseData):
         _check_keys("conductivity", self.conductivity, self.fields.names)
         _check_keys("potentials", self.potentials, [scalar.value_name for scalar in self.fields.scalars])
         check_contact_zone(self.mesh, self.zone)
+        check_layered(self.formulation, self.body)
         check_memory(self.mesh, self.contact_law, self.channels)
         self.formulation.check(self.body)
         if not self.steps:
@@ -131,7 +134,7 @@ class Case(CaseData):
     @property
     def body(self) -> Body:
         """Boundary value problem for the formulation."""
-        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.fields)
+        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.fields, self.layers)
 
     @property
     def warnings(self) -> tuple[str, ...]:

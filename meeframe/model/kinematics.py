@@ -114,7 +114,7 @@ class IndenterKinematics:
     def rim(self, increment: Increment) -> IndenterEdge | None:
         """Return the edge of the indenter in an increment."""
         rim = self._touching_rim
-        return rim and replace(rim, gap=rim.gap + self._moved(increment.base, 2))
+        return rim and replace(rim, gap=rim.gap + self._mode_displacement(increment.base, 2))
 
     @cached_property
     def modes(self) -> MotionModes:
@@ -122,14 +122,14 @@ class IndenterKinematics:
         geometry = self.system.points, self.system.frames, self.case.placement.base, self.reference
         return MotionModes(*geometry, self.case.fields)
 
-    def _moved(self, motion: Array, column: int) -> Array:
+    def _mode_displacement(self, motion: Array, column: int) -> Array:
         """Return a local component (n,) [m] of the indenter's rigid motion, for motions (motions,)."""
-        moved = np.zeros(len(self.system.points))
+        displacement = np.zeros(len(self.system.points))
         for number in np.flatnonzero(motion[:N_RIGID]):
             mode = self.modes[number][:, column]
             if mode.any():
-                moved += motion[number] * mode
-        return moved
+                displacement += motion[number] * mode
+        return displacement
 
     def _measure(self, number: int) -> Array:
         """Return the measure (n, fields) of the resultant conjugate to a motion."""
@@ -162,13 +162,13 @@ class IndenterKinematics:
         base = self.base(controls, start)
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
-        moved = self._moved(base, 2)
-        gap = self.touching_gap + moved if moved.any() else self.touching_gap
+        shift = self._mode_displacement(base, 2)
+        gap = self.touching_gap + shift if shift.any() else self.touching_gap
         translation = np.zeros((2, len(gap))).T  # columns of zeros are never written, and take no memory
         for column in range(2):
-            moved = self._moved(base, column) - start.total_slip[:, column]
-            if moved.any():
-                translation[:, column] = moved
+            shift = self._mode_displacement(base, column) - start.total_slip[:, column]
+            if shift.any():
+                translation[:, column] = shift
         potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
@@ -228,7 +228,7 @@ class IndenterKinematics:
         traction = state.load[:, :2]
         if start.state is not None:
             # of the problem as solved: with a contact edge between nodes, those near the indenter have gaps, too
-            back = self._moved(start.motion - increment.base, 2)
+            back = self._mode_displacement(start.motion - increment.base, 2)
             gap = np.column_stack([slip, problem.gap + back - start.state.displacement[:, 2]])
             stiffness = 1.0 / problem_scales(problem).normal_compliance
             r = stiffness, _TANGENTIAL_STEP * stiffness
@@ -262,8 +262,8 @@ def slip_of(increment: Increment, state: ContactState) -> Array:
     """Return the tangential motion of the indenter over the body since the last converged state, (n, 2) [m]."""
     slip = np.empty((2, len(state.displacement))).T  # field by field
     for column in range(2):
-        moved = indenter_field(increment.problem, column, state.motion)
-        np.subtract(moved, state.displacement[:, column], out=slip[:, column])
+        shift = indenter_field(increment.problem, column, state.motion)
+        np.subtract(shift, state.displacement[:, column], out=slip[:, column])
     return slip
 
 

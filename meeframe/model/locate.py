@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import MeeframeError, MeshError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import Solver
+from meeframe.formulations.base import check_layered
 from meeframe.indenters.base import IndenterMotions
 from meeframe.laws.base import is_conducting
 from meeframe.mesh import check_contact_zone, check_mesh, check_supports, find_contact_zone
@@ -95,6 +96,7 @@ def _body_checks(
         body = replace(body, conditions=(*body.conditions, *boundary.conditions()))
         yield Problem(("boundary", number), ""), partial(check_conditions, body)
     yield Problem(("boundary",), ""), partial(check_supports, body)
+    yield Problem(("layers" if body.layers.layers else "base",), ""), partial(check_layered, table.formulation, body)
 
 
 def _case_checks(

@@ -53,6 +53,11 @@ if TYPE_CHECKING:
     from meeframe.indenters.base import Indenter as Indenter
     from meeframe.indenters.heights import HeightGrid as HeightGrid
     from meeframe.indenters.heights import SampledHeights as SampledHeights
+    from meeframe.indenters.topography import HeightMap as HeightMap
+    from meeframe.indenters.topography import SampledSurface as SampledSurface
+    from meeframe.indenters.topography import detrend as detrend
+    from meeframe.indenters.topography import fill_missing as fill_missing
+    from meeframe.indenters.topography import remove_outliers as remove_outliers
     from meeframe.laws.base import AdhesiveLaw as AdhesiveLaw
     from meeframe.laws.base import ConductivityLaw as ConductivityLaw
     from meeframe.laws.base import ContactLaw as ContactLaw
@@ -66,6 +71,8 @@ if TYPE_CHECKING:
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
+    from meeframe.material.layers import LayerStack as LayerStack
+    from meeframe.material.surface_symbol import SurfaceSymbol as SurfaceSymbol
     from meeframe.mesh.body import Body as Body
     from meeframe.mesh.body import BoundaryCondition as BoundaryCondition
     from meeframe.mesh.body import check_conditions as check_conditions
@@ -140,6 +147,12 @@ _HOMES = {
     "Indenter": "meeframe.indenters.base",
     "HeightGrid": "meeframe.indenters.heights",
     "SampledHeights": "meeframe.indenters.heights",
+    # Surface topography
+    "HeightMap": "meeframe.indenters.topography",
+    "SampledSurface": "meeframe.indenters.topography",
+    "detrend": "meeframe.indenters.topography",
+    "fill_missing": "meeframe.indenters.topography",
+    "remove_outliers": "meeframe.indenters.topography",
     # Elements and fundamental solutions
     "SurfaceElement": "meeframe.elements.base",
     "FundamentalSolution": "meeframe.greens.base",
@@ -161,6 +174,8 @@ _HOMES = {
     "Formulation": "meeframe.formulations.base",
     "PersistentFormulation": "meeframe.formulations.base",
     "surface_compliance": "meeframe.material.half_space",
+    "LayerStack": "meeframe.material.layers",
+    "SurfaceSymbol": "meeframe.material.surface_symbol",
     "Body": "meeframe.mesh.body",
     "BoundaryCondition": "meeframe.mesh.body",
     "check_conditions": "meeframe.mesh.body",

@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.feasibility import beyond_friction, unreachable
+from meeframe.contact.feasibility import beyond_bound, beyond_friction, unreachable
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
 from meeframe.contact.residual import essential_fields, evaluate, law_residual
 from meeframe.contact.scales import largest, motion_scales, problem_scales
@@ -233,6 +233,8 @@ class ConvergenceMonitor:
 
     def begin(self, iterate: Iterate) -> None:
         """Record the first iterate. By its solver's estimate one may be too far to be evaluated (gain: 1.29)."""
+        if self._problem.prescribed_resultants and beyond_bound(self._problem):
+            self._window = 0
         estimate, tolerance = iterate.estimate, self._criteria.tolerance
         if self._criteria.by_residual and estimate is not None and tolerance < estimate < np.inf:
             self._residual = estimate
