@@ -14,8 +14,8 @@ from meeframe.mesh.surface import SurfaceMesh
 
 BASE_BYTES: Final = 270_000_000
 """Memory of Python, its libraries and compiled kernels."""
-BYTES_PER_FURTHER_FIELD: Final = 300
-"""Memory per node of each loaded field besides the pressure."""
+BYTES_PER_FURTHER_FIELD: Final = 290
+"""Memory per node of each loaded field besides the pressure, within a fifth for two and for four of them."""
 NOTICED_FRACTION: Final = 0.5
 """Fraction of the memory of the machine above which the estimate is a warning."""
 

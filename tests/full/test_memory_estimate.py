@@ -1,0 +1,52 @@
+"""The memory that is announced for a grid is that of its run, within 30 %."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from meeframe.model.load import load_case
+from meeframe.model.memory import required_memory
+
+CASE = """
+[material]
+name = "batio3-cofe2o4"
+[mesh]
+type = "half-space"
+contact_width = "4 mm"
+divisions = 511
+[formulation]
+name = "half-space"
+[indenter]
+name = "sphere"
+radius = "0.1 m"
+{laws}
+[[steps]]
+normal_force = 500.0
+[output]
+figures = false
+vtu = false
+"""
+FRICTION = '[contact.law]\nname = "isotropic-coulomb"\nmu = 0.3\n'
+CONDUCTION = (
+    '[conductivity.electric]\nname = "step"\nkappa = inf\n[conductivity.magnetic]\nname = "step"\nkappa = inf\n'
+)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak is read from /proc")
+@pytest.mark.parametrize("laws", ["", FRICTION, FRICTION + CONDUCTION], ids=["normal", "friction", "all-fields"])
+def test_announced_memory(laws: str, tmp_path: Path) -> None:
+    file = tmp_path / "case.toml"
+    file.write_text(CASE.format(laws=laws), encoding="utf-8")
+    case = load_case(file)
+    words = "run", str(file), "--out", str(tmp_path / "out"), "--threads", "1"
+    # arrays are returned when they are freed, as the larger ones of large grids are anyway
+    environment = os.environ | {"MALLOC_MMAP_THRESHOLD_": "1000000"}
+    process = subprocess.Popen((sys.executable, "-m", "meeframe", *words), env=environment, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    estimate = required_memory(512 * 512, case.contact_law, case.channels)
+    assert estimate == pytest.approx(1024 * usage.ru_maxrss, rel=0.3)
