@@ -1,21 +1,18 @@
 """Meshes of any element type from surfaces of straight quadrilateral cells."""
 
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meeframe.common.errors import MeshError
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Array, Indices
-from meeframe.mesh.regular import grid_cells
+from meeframe.mesh.regular import border_entries, frame_quads, grid_cells, loop_numbers, strip_cells
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 MIN_SIZE: Final = 1e-60
 """Least size of a body [m]; ratios of sizes stay finite."""
-
-Entry = TypeVar("Entry", np.float64, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +107,6 @@ def grid_points(half_widths: tuple[float, float], divisions: tuple[int, int], he
     return points
 
 
-def border_entries(grid: NDArray[Entry]) -> NDArray[Entry]:
-    """Return the border (2 nx + 2 ny, ...) of a grid (nx + 1, ny + 1, ...), counter-clockwise from entry [0, 0]."""
-    return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
-
-
 def prism_surface(
     top: Array, loops: Array, base: Array, groups: tuple[int, Indices, int], names: tuple[str, ...]
 ) -> QuadSurface:
@@ -134,13 +126,13 @@ def prism_surface(
     shape = top.shape[:2]
     top_numbers = np.arange(shape[0] * shape[1]).reshape(shape)
     count = loops.shape[1]
-    loop_numbers = _loop_numbers(top_numbers, len(loops))
+    numbers_of_loops = loop_numbers(top_numbers, len(loops))
     base_numbers = np.empty(shape, np.int64)
-    base_numbers.flat[border_entries(top_numbers)] = loop_numbers[-1]
+    base_numbers.flat[border_entries(top_numbers)] = numbers_of_loops[-1]
     inner = base_numbers[1:-1, 1:-1]
-    inner[...] = top_numbers.size + loop_numbers.size + np.arange(inner.size).reshape(inner.shape)
+    inner[...] = top_numbers.size + numbers_of_loops.size + np.arange(inner.size).reshape(inner.shape)
 
-    strips = _strip_cells(np.concatenate([border_entries(top_numbers)[None], loop_numbers]))
+    strips = strip_cells(np.concatenate([border_entries(top_numbers)[None], numbers_of_loops]))
     cells = grid_cells(top_numbers)
     chequer = _checkerboard(shape[0] - 1, shape[1] - 1)
     return QuadSurface(
@@ -173,30 +165,6 @@ def frame_surface(grid: Array, loops: Array, names: tuple[str, str]) -> QuadSurf
         parity=np.concatenate([_checkerboard(shape[0] - 1, shape[1] - 1), _checkerboard(len(loops), count)]),
         group_names=names,
     )
-
-
-def frame_quads(shape: tuple[int, int], loops: int) -> tuple[Indices, Indices]:
-    """Return the cells (e, 4) of a grid of nodes of a shape and of strips around it, and the group 0 or 1 of each.
-
-    loops: number of loops around the grid, see `frame_surface`.
-    """
-    numbers = np.arange(shape[0] * shape[1]).reshape(shape)
-    border = border_entries(numbers)[None]
-    cells, strips = grid_cells(numbers), _strip_cells(np.concatenate([border, _loop_numbers(numbers, loops)]))
-    return np.concatenate([cells, strips]), np.repeat([0, 1], [len(cells), len(strips)])
-
-
-def _loop_numbers(numbers: Indices, loops: int) -> Indices:
-    """Return the numbers (loops, m) of the points of loops, which follow those of the grid that they surround."""
-    return numbers.size + np.arange(loops * border_entries(numbers).size).reshape(loops, -1)
-
-
-def _strip_cells(loops: Indices) -> Indices:
-    """Return the cells between successive loops (k + 1, m) of point numbers, (k m, 4)."""
-    inner_loops, outer_loops = loops[:-1], loops[1:]
-    return np.stack(
-        [inner_loops, outer_loops, np.roll(outer_loops, -1, 1), np.roll(inner_loops, -1, 1)], axis=-1
-    ).reshape(-1, 4)
 
 
 def _checkerboard(rows: int, columns: int) -> Indices:

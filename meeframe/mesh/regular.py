@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, TypeVar, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.fields import Array, Indices
 
+Entry = TypeVar("Entry", np.float64, np.int64)
 Cells = Sequence[tuple[str, Indices]]
 """Pairs of a meshio cell type and its connectivity."""
 
@@ -70,6 +72,35 @@ def grid_cells(numbers: Indices) -> Indices:
     for k, corner in enumerate((numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:])):
         cells[:, :, k] = corner
     return cells.reshape(-1, 4)
+
+
+def border_entries(grid: NDArray[Entry]) -> NDArray[Entry]:
+    """Return the border (2 nx + 2 ny, ...) of a grid (nx + 1, ny + 1, ...), counter-clockwise from entry [0, 0]."""
+    return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
+
+
+def frame_quads(shape: tuple[int, int], loops: int) -> tuple[Indices, Indices]:
+    """Return the cells (e, 4) of a grid of nodes of a shape and of strips around it, and the group 0 or 1 of each.
+
+    loops: number of loops around the grid, see `frame_surface`.
+    """
+    numbers = np.arange(shape[0] * shape[1]).reshape(shape)
+    border = border_entries(numbers)[None]
+    cells, strips = grid_cells(numbers), strip_cells(np.concatenate([border, loop_numbers(numbers, loops)]))
+    return np.concatenate([cells, strips]), np.repeat([0, 1], [len(cells), len(strips)])
+
+
+def loop_numbers(numbers: Indices, loops: int) -> Indices:
+    """Return the numbers (loops, m) of the points of loops, which follow those of the grid that they surround."""
+    return numbers.size + np.arange(loops * border_entries(numbers).size).reshape(loops, -1)
+
+
+def strip_cells(loops: Indices) -> Indices:
+    """Return the cells between successive loops (k + 1, m) of point numbers, (k m, 4)."""
+    inner_loops, outer_loops = loops[:-1], loops[1:]
+    return np.stack(
+        [inner_loops, outer_loops, np.roll(outer_loops, -1, 1), np.roll(inner_loops, -1, 1)], axis=-1
+    ).reshape(-1, 4)
 
 
 def outermost_cells(shape: tuple[int, int]) -> Indices:

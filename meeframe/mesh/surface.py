@@ -1,6 +1,6 @@
 """The record of a surface mesh with named face groups."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, final
@@ -10,6 +10,7 @@ import numpy as np
 from meeframe.common.errors import MeshError
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Array, Indices
+from meeframe.mesh.regular import frame_quads
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,29 +39,32 @@ class GridBlocks(Sequence[ElementBlock]):
 
     Attributes
     ----------
-    make : callable
-        Function that returns the blocks.
+    element : SurfaceElement
+        Their type, with four nodes.
     points : Array
         Points of the mesh, (p, 3) [m]. Those of the grid come before all others, numbered row by row.
     shape : tuple of int
         Numbers (nx, ny) of points of the grid.
+    rings : int
+        Number of rings of elements around the grid, the second face group.
     """
 
-    make: Callable[[], tuple[ElementBlock, ...]]
+    element: SurfaceElement
     points: Array
     shape: tuple[int, int]
+    rings: int
 
     def __len__(self) -> int:
         """Return the number of blocks."""
-        return len(self.make())
+        return 1
 
     def __iter__(self) -> Iterator[ElementBlock]:
-        """Yield the blocks."""
-        yield from self.make()
+        """Yield the block."""
+        yield ElementBlock(self.element, *frame_quads(self.shape, self.rings))
 
     def __getitem__(self, index: Any) -> Any:
-        """Return a block, or a tuple of blocks for a slice."""
-        return self.make()[index]
+        """Return the block, or a tuple with it for a slice."""
+        return tuple(self)[index]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from meeframe.mesh import check_mesh, find_contact_zone, half_space_mesh
 from meeframe.mesh.measures import area
 from meeframe.mesh.regular import GridCells
 from meeframe.mesh.surface import SurfaceMesh
+from meeframe.model.cache import system_key
 from meeframe.model.case import Case
 from meeframe.model.diagnostics import _rim, boundary_sides
 from meeframe.model.solve import solve_case
@@ -130,3 +131,10 @@ def test_files_restore_grids(both, tmp_path: Path):
         file["zone/cells/grid"][...] = (5, 7)
     with pytest.raises(ResultError, match="is a grid of 5 x 7 nodes instead of 414"):
         read_result(tmp_path)
+
+
+def test_equal_grids_share_stored_systems():
+    formulation = HalfSpace()
+    again, moved = (half_space_mesh((8e-3, 9e-3), WIDTHS, DIVISIONS, rings, Quad4()) for rings in (2, 3))
+    keys = [system_key(formulation, case(mesh, formulation).body) for mesh in (GRID, again, moved)]
+    assert keys[0] == keys[1] != keys[2]
