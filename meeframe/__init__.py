@@ -29,8 +29,11 @@ if TYPE_CHECKING:
     from meeframe.api.named import indenter as indenter
     from meeframe.api.named import law as law
     from meeframe.api.named import solver as solver
+    from meeframe.api.parts import Base as Base
     from meeframe.api.parts import Boundary as Boundary
     from meeframe.api.parts import Contact as Contact
+    from meeframe.api.parts import Interface as Interface
+    from meeframe.api.parts import Layer as Layer
     from meeframe.api.parts import SecondBody as SecondBody
     from meeframe.api.parts import Step as Step
     from meeframe.api.rough import rough as rough
@@ -83,8 +86,11 @@ _HOMES = {
     "indenter": "meeframe.api.named",
     "law": "meeframe.api.named",
     "solver": "meeframe.api.named",
+    "Base": "meeframe.api.parts",
     "Boundary": "meeframe.api.parts",
     "Contact": "meeframe.api.parts",
+    "Interface": "meeframe.api.parts",
+    "Layer": "meeframe.api.parts",
     "SecondBody": "meeframe.api.parts",
     "Step": "meeframe.api.parts",
     "rough": "meeframe.api.rough",

@@ -291,9 +291,6 @@ class ConvergenceMonitor:
         if status is not Status.CONVERGED:
             reason = self._infeasibility(state) or self._missed_resultants(state)
             message = f"{message}: {reason}" if reason else message
-        # stored as it is read from a file, so that sums over it are the same to the last digit
-        load, displacement = np.ascontiguousarray(state.load), np.ascontiguousarray(state.displacement)
-        state = replace(state, load=load, displacement=displacement)
         return ContactSolution(state, status, self.iteration, self._residual, np.array(self._history), message)
 
     def _evaluate(self, iterate: Iterate) -> ContactState:
@@ -311,8 +308,8 @@ class ConvergenceMonitor:
 
     def _follow(self, iterate: Iterate) -> None:
         """Compare load, contact fraction and motion, in characteristic units, with earlier ones."""
-        loads, motion = (iterate.load / self._scales.load).ravel(), iterate.motion / self._motion_scales
-        entry = np.concatenate([loads, iterate.contact_fraction, motion])
+        loads = [iterate.load[:, field] / self._scales.load[field] for field in essential_fields(self._problem)]
+        entry = np.concatenate([*loads, iterate.contact_fraction, iterate.motion / self._motion_scales])
         self._cycle = self._cycle.add(self.iteration, entry, self._criteria.tolerance)
 
     def _is_due(self, iterate: Iterate) -> bool:
