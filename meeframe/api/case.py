@@ -14,6 +14,7 @@ from meeframe.api.progress import Show, shown
 from meeframe.common.errors import CaseError
 from meeframe.common.toml import read_toml, toml_tables, toml_text
 from meeframe.contact.problem import Solver
+from meeframe.fields import THERMAL_FIELD
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.indenters import Placement
@@ -272,8 +273,13 @@ def _material(material: str | Mapping[str, Any] | Material) -> Any:
         return {"name": material}
     if not isinstance(material, Material):
         return material
-    further = {scalar.coefficient: np.asarray(value).tolist() for scalar, value in material.decoupled}
-    return material_table(material) | further
+    table = material_table(material)  # which has the conductivity for heat among its components
+    further = {
+        scalar.coefficient: np.asarray(value).tolist()
+        for scalar, value in material.decoupled
+        if scalar != THERMAL_FIELD
+    }
+    return table | further
 
 
 def _mesh(mesh: MeshRecipe | SurfaceMesh) -> Any:

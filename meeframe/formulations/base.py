@@ -3,7 +3,9 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
+from meeframe.common.errors import CaseError
 from meeframe.mesh.body import Body
 from meeframe.system.capabilities import AnyArray, Persistence
 from meeframe.system.reduced import Progress, ReducedSystem, silent
@@ -12,6 +14,9 @@ from meeframe.system.reduced import Progress, ReducedSystem, silent
 @dataclass(frozen=True)
 class Formulation(ABC):
     """A discretisation; the fields of a concrete class are its case-file keys."""
+
+    couples_heat: ClassVar[bool] = False
+    """True if the temperature of a body may act on its other fields (`Body.thermal_moduli`)."""
 
     @abstractmethod
     def check(self, body: Body) -> None:
@@ -74,6 +79,30 @@ class Formulation(ABC):
         MaterialError
             If the formulation does not accept the material.
         """
+
+
+def check_body(formulation: Formulation, body: Body) -> None:
+    """Check a body before anything is computed, including what all formulations have in common.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body
+        The body.
+
+    Raises
+    ------
+    MeshError, CaseError
+        As `Formulation.check`, and CaseError if the body expands by heat and the formulation ignores that.
+    """
+    if body.thermal_moduli is not None and not formulation.couples_heat:
+        raise CaseError(
+            f"material: the formulation {type(formulation).__name__} does not support thermal expansion, pyroelectric "
+            "and pyromagnetic coefficients; allowed: a material with thermal_conductivity alone, or the formulation "
+            "half-space"
+        )
+    formulation.check(body)
 
 
 @dataclass(frozen=True)

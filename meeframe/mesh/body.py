@@ -7,6 +7,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.fields import MEE, Array, FieldSet
+from meeframe.material.material import Material
 from meeframe.mesh.surface import SurfaceMesh
 
 
@@ -50,6 +51,8 @@ class Body:
         Face group that may come into contact, None for a boundary value problem without contact.
     fields : FieldSet
         Names of the columns.
+    thermal_moduli : Array or None
+        beta_iJ, (3, 5), by which the temperature, one of the fields, acts on the others; None if it does not.
     """
 
     stiffness: Array
@@ -57,6 +60,19 @@ class Body:
     conditions: tuple[BoundaryCondition, ...]
     contact_group: str | None
     fields: FieldSet = MEE
+    thermal_moduli: Array | None = None
+
+    @classmethod
+    def of(
+        cls,
+        material: Material,
+        mesh: SurfaceMesh,
+        conditions: tuple[BoundaryCondition, ...],
+        contact_group: str | None,
+    ) -> "Body":
+        """Return the body of a material, with its fields; the arguments are those of `Body`."""
+        moduli = material.thermal_moduli
+        return cls(material.stiffness, mesh, conditions, contact_group, material.fields, moduli)
 
 
 def check_conditions(body: Body) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel, field_set
-from meeframe.formulations.base import Formulation
+from meeframe.formulations.base import Formulation, check_body
 from meeframe.indenters import Placement, initial_gap
 from meeframe.indenters.base import Indenter, motion_modes
 from meeframe.laws.base import ContactLaw
@@ -97,7 +97,7 @@ class Case(CaseData):
         _check_keys("conductivity", self.conductivity, self.fields.names)
         _check_keys("potentials", self.potentials, [scalar.value_name for scalar in self.fields.scalars])
         check_contact_zone(self.mesh, self.zone)
-        self.formulation.check(self.body)
+        check_body(self.formulation, self.body)
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
         check_indenter(self.indenter, self.placement, self.mesh, self.zone)
@@ -125,7 +125,7 @@ class Case(CaseData):
     @property
     def body(self) -> Body:
         """Boundary value problem for the formulation."""
-        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.fields)
+        return Body.of(self.material, self.mesh, self.conditions, self.zone)
 
     @property
     def warnings(self) -> tuple[str, ...]:

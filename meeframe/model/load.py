@@ -94,7 +94,7 @@ def case_from_tables(
     try:
         return assemble(checked.solver.named)
     except MeeframeError as error:
-        body = Body(material.stiffness, mesh, (), checked.contact.zone, material.fields)
+        body = Body.of(material, mesh, (), checked.contact.zone)
         problem = locate(error, checked, body, second_body, restart, assemble)
         raise TableError(problem.quoting(tables)) from error.__cause__
     except MemoryError as error:
@@ -133,7 +133,7 @@ def _second_body(table: SecondBodyTable, material: Material, registry: Registry,
     try:
         return SecondBody(material, mesh, _conditions(table.boundary), table.zone, table.formulation)
     except MeeframeError as error:
-        body = Body(material.stiffness, mesh, (), table.zone, material.fields)
+        body = Body.of(material, mesh, (), table.zone)
         raise TableError(locate_in_second_body(error, table, body)) from error.__cause__
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
