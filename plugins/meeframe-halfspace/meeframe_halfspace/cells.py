@@ -16,7 +16,7 @@ from meeframe_halfspace.response import PointResponse, mirror_parity
 Shape = Literal["bilinear", "constant"]
 
 _EDGE_POINTS: Final = 48
-_MAX_GAUSS_POINTS: Final = 9
+MAX_GAUSS_POINTS: Final = 9
 _ANGLES: Final = 8192
 _ANGLES_PER_HARMONIC: Final = 200
 _ACCURACY: Final = 1e-13
@@ -24,7 +24,7 @@ FAR: Final = 30.0
 """Distance from a cell, in spacings, beyond which the response at nodes suffices to integrate over the density."""
 TABLES: Final = 2**25
 """Bytes of tables that are made at once."""
-_STENCIL_HALF_WIDTH: Final = 4
+STENCIL_HALF_WIDTH: Final = 4
 """Nodes on either side in that sum, which is exact up to the ninth degree; its error is about 48 / distance^10."""
 
 
@@ -37,7 +37,7 @@ def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Sha
     """
     nx, ny = size
     table = np.empty((response.layout.n_values, nx, 2 * ny - 1))
-    along, across, steps = _pieces(shape, spacing[0]), _pieces(shape, spacing[1]), np.array(spacing)
+    along, across, steps = density_pieces(shape, spacing[0]), density_pieces(shape, spacing[1]), np.array(spacing)
     tables, thresholds = _product_rules(shape)
     rule = np.array(np.polynomial.legendre.leggauss(_EDGE_POINTS))
 
@@ -84,7 +84,7 @@ def far_tables(
     whose series have the same harmonics are computed together.
     """
     nx, ny = size
-    steps, weights = hop * np.array(spacing), _node_weights(shape, _STENCIL_HALF_WIDTH if hop == 1 else 1, hop)
+    steps, weights = hop * np.array(spacing), node_weights(shape, STENCIL_HALF_WIDTH if hop == 1 else 1, hop)
     alike = defaultdict[tuple[bool, int], list[tuple[int, Array]]](list)
     for entry in entries:
         coefficients, odd = response.entry(entry)
@@ -123,7 +123,7 @@ def share_out(work: Callable[[int, int], None], count: int) -> None:
         list(pool.map(work, bounds[:-1].tolist(), bounds[1:].tolist()))
 
 
-def _pieces(shape: Shape, h: float) -> Array:
+def density_pieces(shape: Shape, h: float) -> Array:
     """Return rows (start, end, w0, w1) of the density along one axis about its node: w0 + w1 * coordinate."""
     if shape == "constant":
         return np.array([[-h / 2, h / 2, 1.0, 0.0]])
@@ -136,17 +136,17 @@ def _product_rules(shape: Shape) -> tuple[Array, Array]:
 
     The error of n points falls like (width / (4 distance))^2n, width of the density and distance in spacings.
     """
-    tables = np.zeros((_MAX_GAUSS_POINTS, 2, _MAX_GAUSS_POINTS))
-    for n in range(1, _MAX_GAUSS_POINTS + 1):
-        tables[n - 1, :, :n] = _gauss(shape, n)
+    tables = np.zeros((MAX_GAUSS_POINTS, 2, MAX_GAUSS_POINTS))
+    for n in range(1, MAX_GAUSS_POINTS + 1):
+        tables[n - 1, :, :n] = gauss_rule(shape, n)
     width = 1.0 if shape == "constant" else 2.0
-    thresholds = width / 4.0 * _ACCURACY ** (-0.5 / np.arange(1, _MAX_GAUSS_POINTS + 1))
+    thresholds = width / 4.0 * _ACCURACY ** (-0.5 / np.arange(1, MAX_GAUSS_POINTS + 1))
     thresholds[-1] = min(thresholds[-1], NEAR)
     return tables, thresholds
 
 
 @lru_cache(maxsize=4)
-def _node_weights(shape: Shape, half_width: int, hop: int) -> Array:
+def node_weights(shape: Shape, half_width: int, hop: int) -> Array:
     """Return weights (2 half_width + 1,) of values at every hop-th node for the integral over the middle density.
 
     They are in units of hop spacings.
@@ -160,9 +160,9 @@ def _node_weights(shape: Shape, half_width: int, hop: int) -> Array:
     return np.concatenate([half[:0:-1], half])
 
 
-def _gauss(shape: Shape, n: int) -> tuple[Array, Array]:
+def gauss_rule(shape: Shape, n: int) -> tuple[Array, Array]:
     """Return the Gauss rule (n,), (n,) of the density on an axis, from the recurrence of its orthogonal polynomials."""
-    x, w = np.polynomial.legendre.leggauss(2 * _MAX_GAUSS_POINTS)
+    x, w = np.polynomial.legendre.leggauss(2 * MAX_GAUSS_POINTS)
     if shape == "constant":
         points, weights = x / 2, w / 2
     else:

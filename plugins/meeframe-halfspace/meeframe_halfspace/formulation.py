@@ -1,12 +1,14 @@
 """The formulation `half-space`: body in, reduced system out."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated, Literal, final
+from typing import Annotated, ClassVar, Literal, final
 
 import numpy as np
 from pydantic import Field
 
 from meeframe.plugin import (
+    THERMAL_FIELD,
     Array,
     Body,
     CaseError,
@@ -14,6 +16,7 @@ from meeframe.plugin import (
     Formulation,
     MeshError,
     Progress,
+    Quantity,
     ReducedSystem,
     check_conditions,
     check_quantities,
@@ -25,6 +28,8 @@ from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGri
 from meeframe_halfspace.interior import HalfSpaceInterior
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
+from meeframe_halfspace.thermal import ThermalResponse
+from meeframe_halfspace.thermal_grid import HeatedGrid, with_heat
 
 
 @final
@@ -46,12 +51,19 @@ class HalfSpace(Formulation):
     edges
         Contact edges are at the 'nodes', or 'resolved' between them, which solves each increment twice and stores no
         matrix.
+    reference_radius
+        Distance [m] from a point where heat flows out, at which its mean effect on the displacement and the potentials
+        vanishes. A half space leaves that level undetermined: without this length, contact with heat flow needs
+        prescribed forces and total fluxes, which do not depend on it.
     """
+
+    couples_heat: ClassVar[bool] = True
 
     density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"
     periodic: bool = False
     matrix_up_to: Annotated[int, Field(ge=0)] = 256
     edges: Literal["nodes", "resolved"] = "nodes"
+    reference_radius: Annotated[float, Quantity("m", gt=0, lt=math.inf)] | None = None
 
     def __post_init__(self) -> None:
         check_quantities(self)
@@ -63,6 +75,17 @@ class HalfSpace(Formulation):
             raise CaseError(f"half-space: edges = 'resolved' with density = {self.density!r}; allowed: 'bilinear'")
         if not isinstance(self.matrix_up_to, int) or self.matrix_up_to < 0:
             raise CaseError(f"half-space: matrix_up_to = {self.matrix_up_to!r}; allowed: whole numbers from 0")
+        if self.reference_radius is not None:
+            if self.periodic:
+                raise CaseError(
+                    "half-space: reference_radius with periodic = true has no effect: the response to heat has zero "
+                    "mean over the period; allowed: one of them"
+                )
+            radius = Quantity("m", gt=0, lt=math.inf)
+            try:
+                object.__setattr__(self, "reference_radius", radius.check(self.reference_radius))
+            except ValueError as error:
+                raise CaseError(f"half-space: reference_radius = {self.reference_radius!r}: {error}") from None
 
     def check(self, body: Body) -> None:
         """Raise MeshError or CaseError if the body is not a half space with a regular grid.
@@ -84,7 +107,7 @@ class HalfSpace(Formulation):
         """Compute the surface compliance and the response to one node. Raises as check, and MaterialError."""
         zone, grid = self._grid(body)
         progress("surface compliance", 0.0)
-        response = PointResponse.of(body.stiffness, grid.frame)
+        response = self._point_response(body, grid)
         progress("surface compliance", 1.0)
         weights, grid_response = grid.weights(self.periodic), self._grid_response(response, grid)
         shares = weights / weights.max()
@@ -100,16 +123,38 @@ class HalfSpace(Formulation):
             convolution=convolution_of(grid_response),
             shares=shares,
             edge_waves=response.wave_series()[0] if self.resolves_edges() else None,
-            interior=HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares),
+            interior=None
+            if isinstance(grid_response, HeatedGrid)
+            else HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares),
         )
         # a system with a matrix does not know its grid any more
         return _with_matrix(system) if len(weights) <= self.matrix_up_to and not self.resolves_edges() else system
 
+    def _point_response(self, body: Body, grid: Grid) -> PointResponse:
+        response = PointResponse.of(body.stiffness, grid.frame)
+        if body.thermal_moduli is None:
+            return response
+        source = body.fields.index(THERMAL_FIELD.name)
+        return with_heat(response, ThermalResponse.of(body.stiffness, body.thermal_moduli, source, grid.frame))
+
     def _grid_response(self, response: PointResponse, grid: Grid) -> GridResponse:
         if self.periodic:
-            return PeriodicGrid(response, grid.spacing, grid.size, self.density)
+            periodic = PeriodicGrid(response, grid.spacing, grid.size, self.density)
+            return periodic if response.thermal is None else HeatedGrid.of(periodic, math.inf)
         assert self.density != "trigonometric"
-        return FreeGrid(response, grid.spacing, grid.size, self.density)
+        free = FreeGrid(response, grid.spacing, grid.size, self.density)
+        if response.thermal is None:
+            return free
+        return HeatedGrid.of(free, self.reference_radius or _radius(grid))
+
+    def undetermined_levels(self, body: Body) -> tuple[int, ...]:
+        """Return the fields whose level heat leaves undetermined, by column: those it acts on, without a radius."""
+        if body.thermal_moduli is None or body.contact_group is None or self.reference_radius is not None:
+            return ()
+        _, grid = self._grid(body)
+        thermal = self._point_response(body, grid).thermal
+        assert thermal is not None
+        return tuple(np.flatnonzero(thermal.level).tolist())
 
     def _grid(self, body: Body) -> tuple[FlatZone, Grid]:
         if body.contact_group is None:
@@ -129,6 +174,11 @@ class HalfSpace(Formulation):
                 )
         zone = flat_zone(body.mesh, body.contact_group)
         return zone, find_grid(zone, body.contact_group)
+
+
+def _radius(grid: Grid) -> float:
+    """Return the radius [m] of a circle with the area of a grid, where results do not depend on it."""
+    return float(np.sqrt(grid.weights(False).sum() / np.pi))
 
 
 def _with_matrix(system: HalfSpaceSystem) -> DenseSystem:
