@@ -56,6 +56,21 @@ class Formulation(ABC):
         """Return True if its reduced systems have the capability `EdgeResolution`."""
         return False
 
+    def undetermined_levels(self, body: Body) -> tuple[int, ...]:
+        """Return the fields whose level heat flow leaves undetermined in an infinite body.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Returns
+        -------
+        tuple of int
+            Their columns in local frames, in which 2 is the normal displacement.
+        """
+        return ()
+
     @abstractmethod
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Discretise the body, factorise once and condense to the contact zone.

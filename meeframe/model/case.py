@@ -18,6 +18,7 @@ from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.data import CaseData
 from meeframe.model.data import Output as Output
 from meeframe.model.frames import frames_along
+from meeframe.model.heat import check_friction_heat, check_levels
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
@@ -58,6 +59,9 @@ class Case(CaseData):
         Law of the tractions.
     axes : FrictionAxes, optional
         Direction of the local axis e1, from which a contact law measures its angle; by default that of local_frames.
+    friction_heat : float, optional
+        Fraction of the work of friction that flows into the body as heat, from 0 (by default) to 1; the rest heats the
+        indenter. Load steps without a duration are infinitely slow and generate none.
     conductivity : mapping of str to ConductivityLaw, optional
         Conductivity laws of the contact by the name of their scalar field; a field without one is insulated.
     formulation : Formulation, optional
@@ -107,6 +111,8 @@ class Case(CaseData):
         for channel in self.channels:
             check_conductivity(channel.law, len(contact_zone.points))
         check_fields(self.second_body, self.fields)
+        check_friction_heat(self.friction_heat, self.fields, self.second_body is not None)
+        check_levels(self.steps, self.channels, self.friction_heat, self._undetermined_levels)
         check_alike(self.second_body, self.formulation)
         check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:
@@ -121,6 +127,13 @@ class Case(CaseData):
             check_resisted(step, self.motions, resists)
         law_of_increment(self.contact_law, np.zeros(len(contact_zone.points)), self.steps[0].increment_duration)
         check_solver(self, self.solver)
+
+    @property
+    def _undetermined_levels(self) -> set[int]:
+        """Fields of either body whose level heat flow leaves undetermined."""
+        second_body = () if self.second_body is None else ((self.second_body.formulation, self.second_body.body),)
+        bodies = ((self.formulation, self.body), *second_body)
+        return {field for formulation, body in bodies for field in formulation.undetermined_levels(body)}
 
     @property
     def body(self) -> Body:

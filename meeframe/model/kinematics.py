@@ -155,7 +155,14 @@ class IndenterKinematics:
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         translation = tangential - start.total_slip
         problem = ContactProblem(
-            self.system, contact_law, channels, gap, translation, potentials, tuple(prescribed_resultants.values())
+            self.system,
+            contact_law,
+            channels,
+            gap,
+            translation,
+            potentials,
+            tuple(prescribed_resultants.values()),
+            friction_heat=0.0 if duration is None else self.case.friction_heat / duration,
         )
         return Increment(problem, base, np.array(list(prescribed_resultants), int), prescribed, duration)
 

@@ -168,6 +168,7 @@ def _assemble(
         zone=table.contact.zone,
         contact_law=table.contact.law,
         axes=table.contact.axes,
+        friction_heat=table.contact.friction_heat,
         conductivity=table.conductivity.laws,
         formulation=table.formulation,
         solver=solver,
