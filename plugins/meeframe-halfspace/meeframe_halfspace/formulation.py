@@ -147,6 +147,15 @@ class HalfSpace(Formulation):
             return free
         return HeatedGrid.of(free, self.reference_radius or _radius(grid))
 
+    def warnings(self, body: Body) -> tuple[str, ...]:
+        """Return a remark on the reference radius, on which prescribed motions and potentials depend."""
+        if body.thermal_moduli is None or self.reference_radius is None:
+            return ()
+        return (
+            f"where heat flows, approach and potentials of a half space are those for reference_radius = "
+            f"{self.reference_radius:g} m, at which the effect of heat on the surface vanishes",
+        )
+
     def undetermined_levels(self, body: Body) -> tuple[int, ...]:
         """Return the fields whose level heat leaves undetermined, by column: those it acts on, without a radius."""
         if body.thermal_moduli is None or body.contact_group is None or self.reference_radius is not None:

@@ -335,6 +335,24 @@ def test_case_with_heat(tmp_path: Path) -> None:
     np.testing.assert_allclose(sliding.fluxes[:, 2], flux, rtol=0.0, atol=1e-6 * np.abs(flux).max())
 
 
+def test_messages_state_frictional_heat_and_reference_radius(tmp_path: Path) -> None:
+    """lambda = delta share mu V E* a / (2 pi), of the radius of the contact area."""
+    steel = (
+        'name = "batio3-cofe2o4"\nthermal = true',
+        f'name = "isotropic"\nyoung_modulus = {YOUNG}\npoisson_ratio = {POISSON}\n'
+        f"thermal_conductivity = {CONDUCTIVITY}\nthermal_expansion = {EXPANSION}",
+    )
+    radius = ('formulation = "half-space"', 'formulation = {name = "half-space", reference_radius = "2 mm"}')
+    given = case(tmp_path, steel, radius, ("1 mm", "20 mm"))
+    assert any("reference_radius = 0.002 m" in text for text in given.warnings)
+    result = solve_case(given)
+    last = result.steps[-1]
+    a = np.sqrt(result.zone.weights @ last.touching / np.pi)
+    expected = DISTORTIVITY * 0.5 * 0.2 * 0.2 * MODULUS * a / (2.0 * np.pi)
+    (text,) = (part for part in last.message.split("; ") if part.startswith("frictional heat"))
+    assert float(text.split("lambda = ")[1].split(",")[0]) == pytest.approx(expected, rel=1e-2)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
