@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, final, get_args
+from typing import Annotated, ClassVar, final, get_args
 
 import numpy as np
 from pydantic import Field
@@ -45,6 +45,8 @@ class FiniteElements(Formulation):
     are discontinuous where normals of neighbouring faces differ by more than this [rad].
     Raises CaseError if one is not allowed.
     """
+
+    couples_heat: ClassVar[bool] = True
 
     growth: Annotated[float, Quantity("", ge=1, lt=10)] = 1.5
     outside: Annotated[int, Field(ge=1)] | None = None
@@ -89,7 +91,8 @@ class FiniteElements(Formulation):
         offset, compliance = solution.zone_relation()
         geometry = zone.points, zone.frames, zone.weights, zone.cells
         system = in_local_frames(*geometry, offset, compliance, solution.fields)
-        system = replace(system, interior=FiniteElementInterior(solution))
+        if solution.heat is None:  # the stress inside would lack the part of the temperature
+            system = replace(system, interior=FiniteElementInterior(solution))
         _check_response(system, solution.matched.body.mesh.blocks[0].element.name)
         return system
 

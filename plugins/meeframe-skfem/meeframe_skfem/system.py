@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from meeframe.plugin import Array, NodalFields, Progress
+from meeframe.plugin import N_FIELDS, Array, NodalFields, Progress
 from meeframe.plugin.boundary_elements import NONE, Layout, Units
 from meeframe.plugin.surfaces import normal_vectors
 from meeframe_skfem.assembly import face_masses, gradients, stiffness_matrix
 from meeframe_skfem.elements import face_nodes, tabulate
 from meeframe_skfem.factorisation import LinearSolver, condense
+from meeframe_skfem.heat import HeatAction
 from meeframe_skfem.matching import MatchedBody
 from meeframe_skfem.volume import VolumeMesh
 
@@ -26,7 +27,8 @@ class FiniteElementSolution:
 
     mesh: the volume; stiffness: scaled, (3, fields, fields, 3); constant: (p, fields) values at zero load; respond:
     values (p, fields) of nodal forces (n, fields) on the zone; flexibility: (fields n, fields n) values of the zone's
-    nodes by their forces, symmetric; mass: (n, n) of the zone's faces, forces from fluxes.
+    nodes by their forces, symmetric unless heat acts on other fields; mass: (n, n) of the zone's faces, forces from
+    fluxes; heat: action of the temperature on other fields, None if there is none.
     """
 
     matched: MatchedBody
@@ -38,6 +40,7 @@ class FiniteElementSolution:
     respond: Callable[[Array], Array]
     flexibility: Array
     mass: csr_array
+    heat: HeatAction | None = None
 
     def zone_relation(self) -> tuple[Array, Array]:
         """Return offset (n, fields) and compliance (n, fields, n, fields) of values on fluxes in the zone.
@@ -101,6 +104,9 @@ class FiniteElementSolution:
             normals = normal_vectors(mesh.points, surface, faces.nodes[selected], surface.nodes)
             normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
             fluxes[selected] = np.einsum("fai,ijkm,fakm->faj", normals, self.stiffness, gradient, optimize=True)
+            if self.heat is not None:
+                temperature = values[faces.nodes[selected], self.heat.source]
+                fluxes[selected, :, :N_FIELDS] -= self.heat.fluxes(normals, temperature)
         return fluxes
 
 
@@ -124,15 +130,21 @@ def solve_body(
     solve, flexibility = condense(csr_array(rows[:, unknown]), zone, solver)
     progress("factorisation", 1.0)
     values.flat[unknown] = solve(forces.ravel()[unknown] - rows[:, known] @ values.ravel()[known])
+    heat = HeatAction.of(matched.body, mesh, units)
+    if heat is not None:
+        heat.add_response(values, unknown, solve)
+        heat.add_flexibility(flexibility, unknown, zone, solve, n_fields)
 
     def respond(zone_forces: Array) -> Array:
         rhs, response = np.zeros(len(unknown)), np.zeros((n_points, n_fields))
         rhs[zone] = zone_forces.ravel()
         response.flat[unknown] = solve(rhs)
+        if heat is not None:
+            heat.add_response(response, unknown, solve)
         return response
 
     mass = _zone_mass(matched, units.length)
-    return FiniteElementSolution(matched, layout, units, mesh, stiffness, values, respond, flexibility, mass)
+    return FiniteElementSolution(matched, layout, units, mesh, stiffness, values, respond, flexibility, mass, heat)
 
 
 def _add_forces(forces: Array, matched: MatchedBody, mesh: VolumeMesh, layout: Layout) -> None:
