@@ -114,8 +114,8 @@ def check_body(formulation: Formulation, body: Body) -> None:
     if body.thermal_moduli is not None and not formulation.couples_heat:
         raise CaseError(
             f"material: the formulation {type(formulation).__name__} does not support thermal expansion, pyroelectric "
-            "and pyromagnetic coefficients; allowed: a material with thermal_conductivity alone, or the formulation "
-            "half-space"
+            "and pyromagnetic coefficients; allowed: a material with thermal_conductivity alone, or the "
+            "formulation half-space or skfem"
         )
     formulation.check(body)
 
