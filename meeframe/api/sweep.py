@@ -10,7 +10,8 @@ from meeframe.api.progress import Show, shown
 from meeframe.common.errors import CaseError
 from meeframe.common.toml import toml_text
 from meeframe.plugin import registry as plugins
-from meeframe.results.sweep_files import dataset
+from meeframe.results.result import Interrupted
+from meeframe.results.sweep_files import SWEEP_FILE, dataset
 from meeframe.study.sweep import run
 from meeframe.study.sweep.engine import pool_of
 
@@ -57,6 +58,8 @@ def sweep(
 
     Raises
     ------
+    Interrupted
+        After Ctrl-C, with the dataset of the points that are finished; the others have the status "unfinished".
     MeeframeError
         For keys or values that are not allowed, without xarray, or if the folder cannot be written.
     """
@@ -71,3 +74,18 @@ def sweep(
             return dataset(run.sweep(file, target, pool, overwrite, registry, report))
         except CaseError as error:  # without the names of files that the caller did not write
             raise CaseError(str(error).replace(f"{file}: ", "Sweep: ")) from error.__cause__
+        except KeyboardInterrupt as error:
+            raise _interrupted(error, target, out is not None) from None
+
+
+def _interrupted(error: KeyboardInterrupt, folder: Path, lasting: bool) -> KeyboardInterrupt:
+    """Return an interruption with the dataset of the finished points in a folder; lasting: whether that remains."""
+    if not (folder / SWEEP_FILE).is_file():
+        return error
+    import xarray
+
+    interrupted = Interrupted(xarray.load_dataset(folder / SWEEP_FILE, engine="h5netcdf"))
+    remain = "the finished points are in the attribute `result` of this error"
+    for note in getattr(error, "__notes__", []) if lasting else [remain]:
+        interrupted.add_note(note)
+    return interrupted

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from meeframe.common.errors import CaseError
-from meeframe.mesh.body import Body
+from meeframe.mesh.body import Body, check_layers
 from meeframe.system.capabilities import AnyArray, Persistence
 from meeframe.system.reduced import Progress, ReducedSystem, silent
 
@@ -71,6 +71,10 @@ class Formulation(ABC):
         """
         return ()
 
+    def supports_layers(self) -> bool:
+        """Return True if it takes the layers of a body into account; other bodies with layers are refused."""
+        return False
+
     @abstractmethod
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Discretise the body, factorise once and condense to the contact zone.
@@ -94,30 +98,6 @@ class Formulation(ABC):
         MaterialError
             If the formulation does not accept the material.
         """
-
-
-def check_body(formulation: Formulation, body: Body) -> None:
-    """Check a body before anything is computed, including what all formulations have in common.
-
-    Parameters
-    ----------
-    formulation : Formulation
-        The formulation.
-    body : Body
-        The body.
-
-    Raises
-    ------
-    MeshError, CaseError
-        As `Formulation.check`, and CaseError if the body expands by heat and the formulation ignores that.
-    """
-    if body.thermal_moduli is not None and not formulation.couples_heat:
-        raise CaseError(
-            f"material: the formulation {type(formulation).__name__} does not support thermal expansion, pyroelectric "
-            "and pyromagnetic coefficients; allowed: a material with thermal_conductivity alone, or the "
-            "formulation half-space or skfem"
-        )
-    formulation.check(body)
 
 
 @dataclass(frozen=True)
@@ -148,6 +128,61 @@ class PersistentFormulation(Formulation):
         ValueError
             If these are not the arrays of such a system.
         """
+
+
+def check_layered(formulation: Formulation, body: Body) -> None:
+    """Check the layers of a body, before `Formulation.check`.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body
+        The body.
+
+    Raises
+    ------
+    CaseError
+        If the body has layers or a rigid base that the formulation does not support, or that do not fit the body.
+    """
+    if not body.layers:
+        return
+    if not formulation.supports_layers():
+        raise CaseError(
+            f"formulation {type(formulation).__name__} does not support layers or a rigid base; allowed: formulations "
+            "that do, such as half-space"
+        )
+    check_layers(body)
+
+
+def check_body(formulation: Formulation, body: Body) -> None:
+    """Check the layers and the thermal expansion of a body, before `Formulation.check`.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body
+        The body.
+
+    Raises
+    ------
+    CaseError
+        As `check_layered`, or if the formulation ignores that heat acts on other fields of the body or its layers.
+    """
+    check_layered(formulation, body)
+    layers_expand = any(layer.material.thermal_moduli is not None for layer in body.layers.layers)
+    if body.layers and (body.thermal_moduli is not None or layers_expand):
+        raise CaseError(
+            "thermal expansion, pyroelectric and pyromagnetic coefficients are not supported in bodies with layers; "
+            "allowed: materials with thermal_conductivity alone, or a body without layers"
+        )
+    if body.thermal_moduli is not None and not formulation.couples_heat:
+        raise CaseError(
+            f"the formulation {type(formulation).__name__} does not support thermal expansion, pyroelectric and "
+            "pyromagnetic coefficients; allowed: a material with thermal_conductivity alone, or the formulation "
+            "half-space or skfem"
+        )
 
 
 def stored_arrays(formulation: Formulation, system: ReducedSystem) -> Mapping[str, AnyArray] | None:

@@ -1,12 +1,13 @@
 """The boundary value problem of one body, the input of a formulation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.fields import MEE, Array, FieldSet
+from meeframe.material.layers import LayerStack
 from meeframe.material.material import Material
 from meeframe.mesh.surface import SurfaceMesh
 
@@ -53,6 +54,8 @@ class Body:
         Names of the columns.
     thermal_moduli : Array or None
         beta_iJ, (3, 5), by which the temperature, one of the fields, acts on the others; None if it does not.
+    layers : LayerStack
+        Layers on the body, and its rigid base; none for a homogeneous body.
     """
 
     stiffness: Array
@@ -60,6 +63,7 @@ class Body:
     conditions: tuple[BoundaryCondition, ...]
     contact_group: str | None
     fields: FieldSet = MEE
+    layers: LayerStack = field(default_factory=LayerStack)
     thermal_moduli: Array | None = None
 
     @classmethod
@@ -69,10 +73,24 @@ class Body:
         mesh: SurfaceMesh,
         conditions: tuple[BoundaryCondition, ...],
         contact_group: str | None,
+        layers: LayerStack | None = None,
     ) -> "Body":
         """Return the body of a material, with its fields; the arguments are those of `Body`."""
-        moduli = material.thermal_moduli
-        return cls(material.stiffness, mesh, conditions, contact_group, material.fields, moduli)
+        geometry = mesh, conditions, contact_group
+        return cls(material.stiffness, *geometry, material.fields, layers or LayerStack(), material.thermal_moduli)
+
+
+def check_layers(body: Body) -> None:
+    """Raise CaseError unless the layers of a body have its fields, and only a half space has a rigid base."""
+    for number, layer in enumerate(body.layers.layers, 1):
+        if layer.material.fields != body.fields:
+            theirs, ours = ", ".join(layer.material.fields.names), ", ".join(body.fields.names)
+            raise CaseError(
+                f"layer {number} has the scalar fields {theirs}, the body {ours}; allowed: materials with the same "
+                "fields"
+            )
+    if body.layers.base is not None and not body.mesh.semi_infinite:
+        raise CaseError("a rigid base is below a half space; allowed for this mesh: boundary conditions on its groups")
 
 
 def check_conditions(body: Body) -> None:

@@ -14,6 +14,7 @@ from meeframe.common.errors import MeshError
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Indices
 from meeframe.mesh.checks import check_mesh, merge_points, orient_outward, remove_unused_points
+from meeframe.mesh.references import check_references
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 DEFAULT_GROUP = "surface"
@@ -98,7 +99,7 @@ def read_any(file: Path) -> Any:
     Raises
     ------
     MeshError
-        If meshio cannot read the file, prints an error or exits.
+        If meshio cannot read the file, prints an error or exits, or if the file refers to files in other folders.
     """
     import meshio  # slow to import (0.25 s), so that only those who read files wait
 
@@ -111,7 +112,7 @@ def read_any(file: Path) -> Any:
         raise MeshError(
             "format wkt: its reader may take forever for damaged files; allowed: another format, such as vtu"
         )
-    _check_hdf5(file)
+    check_references(file)
     output = io.StringIO()
     try:
         with _READ_LOCK, contextlib.redirect_stdout(output), contextlib.redirect_stderr(output), _finite_files(meshio):
@@ -119,20 +120,6 @@ def read_any(file: Path) -> Any:
     except (Exception, SystemExit) as error:
         text = " ".join(output.getvalue().split()) or str(error) or type(error).__name__
         raise MeshError(f"meshio cannot read it: {text}") from None
-
-
-def _check_hdf5(file: Path) -> None:
-    """Raise MeshError if a file is one of HDF5 that refers to other files."""
-    import h5py
-
-    from meeframe.common.hdf5 import open_hdf5
-
-    try:
-        if h5py.is_hdf5(file):
-            with open_hdf5(file):
-                pass
-    except (OSError, ValueError, RuntimeError) as error:
-        raise MeshError(f"cannot be read as HDF5: {error}") from None
 
 
 class _FiniteFile(io.FileIO):

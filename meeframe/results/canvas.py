@@ -19,7 +19,10 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 MAP_COLOURS: Final = "cividis"  # perceptually uniform, the same to colour-blind readers
-LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # of the Okabe-Ito palette
+LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
+"""Colours of curves: the Okabe-Ito palette, which colour-blind readers can tell apart, with grey for yellow."""
+LINE_DASHES: Final = ("-", "--", ":", "-.")
+MARKERS: Final = "osD^vPX*"
 NO_CONTACT: Final = "#F2F2F2"
 """Colour of axes and thus of nodes without contact, which no map of colours holds."""
 STYLE: Final = str(Path(__file__).with_name("house.mplstyle"))
@@ -54,6 +57,20 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
             return draw(*arguments, **options)
 
     return drawn
+
+
+def line_style(number: int, count: int = 1) -> dict[str, Any]:
+    """Return colour, dashes, marker and width of the curve `number`, from 0, of `count` curves in the same axes.
+
+    Earlier curves are wider and each is dashed in another way, so that curves that coincide remain visible.
+    """
+    return {
+        "color": LINE_COLOURS[number % len(LINE_COLOURS)],
+        "linestyle": LINE_DASHES[number % len(LINE_DASHES)],
+        "linewidth": 1.2 + 2.2 * (1.0 - (number + 1) / count),
+        "marker": MARKERS[number % len(MARKERS)],
+        "markersize": 3.5,
+    }
 
 
 def on_axes(axes: Any, draw: Callable[[Any], None]) -> Any:

@@ -127,19 +127,20 @@ def title_of(result: Result, step: StepResult) -> str:
     return "\n".join(filter(None, [result.provenance.title, words if result.planned_steps > 1 else ""]))
 
 
-def _edge(zone: Zone, step: StepResult) -> Array:
-    """Return a function of the nodes, (n,), that is positive in contact, negative elsewhere, and zero at the edge.
+def _contact_edge(zone: Zone, step: StepResult) -> Array:
+    """Return a level at the nodes, (n,), that is positive in contact, negative elsewhere, zero at the contact edge.
 
     Along a smooth contact edge p^2 grows linearly inwards, and gap^(2/3) outwards. Each is divided by its mean at the
-    nodes next to the edge: on average the line lies half way between two nodes, but close to a node that hardly
+    nodes next to the contact edge: on average the line lies half way between two nodes, but close to a node that hardly
     touches.
     """
-    touching, edge = step.touching, np.zeros(len(step.touching), bool)
+    touching, adjacent = step.touching, np.zeros(len(step.touching), bool)
     for _, nodes in zone.cells:
-        edge[nodes[touching[nodes].any(axis=1) & ~touching[nodes].all(axis=1)]] = True
+        adjacent[nodes[touching[nodes].any(axis=1) & ~touching[nodes].all(axis=1)]] = True
     level = np.where(touching, np.maximum(-step.traction[:, 2], 0.0) ** 2, np.maximum(step.gap, 0.0) ** (2 / 3))
     for side in (touching, ~touching):
-        mean = level[side & edge & np.isfinite(level)].mean() if (side & edge & np.isfinite(level)).any() else 0.0
+        known = side & adjacent & np.isfinite(level)
+        mean = level[known].mean() if known.any() else 0.0
         level[side] = np.clip(
             np.where(np.isfinite(level[side]) & (mean > 0), level[side] / (mean or 1.0), 1.0), *_BETWEEN
         )
@@ -165,24 +166,24 @@ def draw_map(axes: Any, result: Result, name: str, which: Which = None, title: s
     values = nodal_values(result, field, step)
     factor, unit = prefixed(values[felt], field.unit)
     if of_contact:
-        # the open nodes next to the contact take the pressure of their neighbours: no colour fades before the edge
+        # open nodes next to the contact take the pressure of their neighbours: no colour fades before the contact edge
         values = picture.extended(values, felt)
     limits = {"vmin": min(values[felt].min() / factor, 0.0)} if of_contact else {}
     drawn = picture.shade(axes, values / factor, felt, vmax=values[felt].max() / factor or 1.0, **limits)
     axes.figure.colorbar(drawn, ax=axes, label=f"{field.label} [{unit}]")
     if step.touching.any() and not step.touching.all():
-        edge = picture.values(_edge(zone, step))
+        level = picture.values(_contact_edge(zone, step))
         if of_contact and not (felt & ~step.touching).any():
-            _clip_to_contact(axes, drawn, picture, step, edge)
-        rim = picture.triangles_at(step.touching, ~step.touching)
-        axes.tricontour(rim, edge, [0.0], colors="#D55E00" if of_contact else "white", linewidths=1.2)
+            _clip_to_contact(axes, drawn, picture, step, level)
+        across = picture.triangles_at(step.touching, ~step.touching)
+        axes.tricontour(across, level, [0.0], colors="#D55E00" if of_contact else "white", linewidths=1.2)
     if of_contact:
         _zoom(axes, picture, felt)
 
 
-def _clip_to_contact(axes: Any, drawn: Any, picture: Picture, step: StepResult, edge: Array) -> None:
-    """Clip what is drawn at the contact edge, where the values `edge` at the points of the triangulation are zero."""
-    region = axes.tricontourf(picture.triangles_at(step.touching), edge, [0.0, 2.0 * _BETWEEN[1]])
+def _clip_to_contact(axes: Any, drawn: Any, picture: Picture, step: StepResult, level: Array) -> None:
+    """Clip what is drawn at the contact edge, where `level` at the points of the triangulation is zero."""
+    region = axes.tricontourf(picture.triangles_at(step.touching), level, [0.0, 2.0 * _BETWEEN[1]])
     (outline,) = region.get_paths()
     region.remove()
     drawn.set_clip_path(outline, axes.transData)
@@ -230,15 +231,16 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     if not step.touching.any():
         _no_contact(axes, picture)
         return
-    edge, contact = picture.values(_edge(result.zone, step)), picture.triangles_at(step.touching)
+    contact = picture.triangles_at(step.touching)
+    slip = picture.values(_contact_edge(result.zone, step))
     # open nodes take the mean of their neighbours, so that sticking regions end at the contact edge or half way to slip
     sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
-    shown = ((edge, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
+    shown = ((slip, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
         axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
         drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
         if not step.touching.all():
-            _clip_to_contact(axes, drawn, picture, step, edge)
+            _clip_to_contact(axes, drawn, picture, step, slip)
     _zoom(axes, picture, step.touching)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 

@@ -118,16 +118,16 @@ def read_result(folder: str | Path) -> Result:
 
 
 class Interrupted(KeyboardInterrupt):
-    """Interruption of a run.
+    """Interruption of a run or a sweep.
 
     Parameters
     ----------
-    result : Result
-        Result with the increments that were finished before.
+    result : Result or xarray.Dataset
+        Result with the increments that were finished before, or dataset of a sweep with the finished points.
     *arguments
         Message.
     """
 
-    def __init__(self, result: Result, *arguments: object) -> None:
+    def __init__(self, result: Any, *arguments: object) -> None:
         super().__init__(*arguments)
         self.result = result

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet, ScalarField
+from meeframe.fields import ELECTRIC_FIELD, MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet, ScalarField
 from meeframe.indenters.base import IndenterMotions
 from meeframe.results.records import Region, StepResult, Zone, resultants
 
@@ -313,6 +313,7 @@ def total_rows(fields: FieldSet = MEE) -> tuple[Total, ...]:
 def motion_totals(fields: FieldSet = MEE) -> tuple[Total, ...]:
     """Return the motions and potentials of the indenter, as in Loading."""
     motions = IndenterMotions(fields)
+    phenomena = {scalar.value_name: scalar.name for scalar in fields.scalars}
     return tuple(
         Total(
             name,
@@ -320,40 +321,60 @@ def motion_totals(fields: FieldSet = MEE) -> tuple[Total, ...]:
             name.replace("_", " "),
             _IN_PLANE if columns.stop - columns.start == 2 else (),
             _motion(name),
+            phenomena.get(name, ""),
         )
         for name, columns in motions.motions.items()
     )
 
 
-MEASURES: Final = (
-    Total(
-        "max_slip",
-        "m",
-        "largest slip",
-        value=lambda _, step: _largest(np.linalg.norm(step.total_slip, axis=1)[step.touching]),
-    ),
-    Total("max_slip_path", "m", "longest slip path", value=lambda _, step: _largest(step.slip_path)),
-    Total("conductance", "F", "conductance", value=lambda zone, step: _conductance(zone, step)),
-    Total(
-        "contact_at_zone_boundary",
-        "1",
-        "contact at zone boundary",
-        value=lambda _, step: float(step.contact_at_zone_boundary),
-    ),
-    Total("iterations", "1", "iterations", value=lambda _, step: float(step.iterations)),
-    Total("residual", "1", "residual", value=lambda _, step: step.residual),
-)
-"""Further numbers of an increment that sweeps collect.
-
-These are the largest slip since the beginning of nodes in contact and the longest path slipped; the charge into the
-body over the electric potential of the indenter, nan if that is zero (docs/howto/contact-resistance.md); 1 if the
-contact reaches the boundary of its zone, iterations and residual.
-"""
+def conductance_name(scalar: ScalarField) -> str:
+    """Return the name of the conductance of the contact for a scalar field."""
+    return "conductance" if scalar == ELECTRIC_FIELD else f"{scalar.name}_conductance"
 
 
-def _conductance(zone: Zone, step: StepResult) -> float:
-    potential = float(step.loading.electric_potential)
-    return -resultants(zone, step).charge / potential if potential else math.nan
+def _conductance(scalar: ScalarField) -> Total:
+    """Return the total flux into the body over the potential of the indenter, nan if that is zero."""
+
+    def value(zone: Zone, step: StepResult) -> float:
+        potential = float(step.loading.scalars[scalar.value_name])
+        return -resultants(zone, step).scalars[scalar.resultant] / potential if potential else math.nan
+
+    name = conductance_name(scalar)
+    per_area = scalar.conductance_unit
+    unit = per_area.replace("/m^2", "", 1) if "/m^2" in per_area else f"{scalar.resultant_unit}/{scalar.value_unit}"
+    return Total(name, unit, name.replace("_", " "), value=value, phenomenon=scalar.name)
+
+
+def measures(fields: FieldSet = MEE) -> tuple[Total, ...]:
+    """Return further numbers of an increment, which sweeps and tables of Python collect.
+
+    These are the largest slip since the beginning of nodes in contact and the longest path slipped; the conductance for
+    each scalar field (docs/howto/contact-resistance.md); 1 if the contact reaches the boundary of its zone, iterations
+    and residual.
+    """
+    return (
+        Total(
+            "max_slip",
+            "m",
+            "largest slip",
+            value=lambda _, step: _largest(np.linalg.norm(step.total_slip, axis=1)[step.touching]),
+        ),
+        Total("max_slip_path", "m", "longest slip path", value=lambda _, step: _largest(step.slip_path)),
+        *map(_conductance, fields.scalars),
+        Total(
+            "contact_at_zone_boundary",
+            "1",
+            "contact at zone boundary",
+            value=lambda _, step: float(step.contact_at_zone_boundary),
+        ),
+        Total("iterations", "1", "iterations", value=lambda _, step: float(step.iterations)),
+        Total("residual", "1", "residual", value=lambda _, step: step.residual),
+    )
+
+
+def all_totals(fields: FieldSet = MEE) -> tuple[Total, ...]:
+    """Return all totals, motions of the indenter and measures of an increment."""
+    return (*total_rows(fields), *motion_totals(fields), *measures(fields))
 
 
 def _largest(values: Array) -> float:
@@ -379,8 +400,7 @@ def numbers(rows: Iterable[Total], values: Mapping[str, Any]) -> dict[str, float
 
 def total_named(name: str, fields: FieldSet = MEE) -> Total | None:
     """Return the total, motion or measure of this name or with a component of this name, if any."""
-    rows = (*total_rows(fields), *motion_totals(fields), *MEASURES)
-    return next((row for row in rows if name in (row.name, *row.names)), None)
+    return next((row for row in all_totals(fields) if name in (row.name, *row.names)), None)
 
 
 def label_of(name: str, fields: FieldSet = MEE) -> str:

@@ -135,8 +135,29 @@ def summary_table(result: Result, which: Sequence[Which] = ()) -> RenderableType
     reporting = [
         step for step in result.steps if step.message and (step in shown or step.status is not Status.CONVERGED)
     ]
-    messages = [Text(f"{name_of(result, step)}: {step.message}") for step in reporting]
-    return Group(table, *messages, _headline(result))
+    return Group(table, *_messages(result, reporting), _headline(result))
+
+
+def _messages(result: Result, reporting: Sequence[StepResult]) -> Iterator[Text]:
+    """Yield the messages of increments; what several of them share is written once, after the others."""
+    numbers: dict[str, list[int]] = {}
+    for number, step in enumerate(reporting):
+        for clause in step.message.split("; "):
+            numbers.setdefault(clause, []).append(number)
+    clauses: dict[tuple[int, ...], list[str]] = {}
+    for clause, where in numbers.items():
+        clauses.setdefault(tuple(dict.fromkeys(where)), []).append(clause)
+    for positions in sorted(clauses, key=lambda each: (len(each) > 1, each)):
+        names = _names(result, [reporting[number] for number in positions], reporting)
+        yield Text(f"{names}: {'; '.join(clauses[positions])}")
+
+
+def _names(result: Result, steps: Sequence[StepResult], reporting: Sequence[StepResult]) -> str:
+    """Return the names of increments; their load steps suffice if only one increment of each reports."""
+    names = [name_of(result, step) for step in steps]
+    if len(steps) > 1 and len({step.step for step in reporting}) == len(reporting):
+        names = [f"steps {steps[0].step}", *(str(step.step) for step in steps[1:])]
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
 
 
 def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:

@@ -18,6 +18,7 @@ from meeframe.results import schema
 from meeframe.results.hdf5 import sink
 from meeframe.results.output import LOCK_FILE, check_output, locked, replacing
 from meeframe.results.sweep_records import INCREMENT, SweepResult
+from meeframe.results.tables import absent_names, absent_scalars
 
 FORMAT: Final = "meeframe-sweep 1"
 SWEEP_FILE: Final = "sweep.h5"
@@ -53,14 +54,17 @@ def check_installed() -> None:
 
 
 def dataset(sweep: SweepResult) -> Any:
-    """Return the sweep as an xarray.Dataset."""
+    """Return the sweep as an xarray.Dataset; scalar fields that are zero in all points are left out."""
     import xarray
 
     names = [axis.name for axis in sweep.axes]
     variables: dict[str, Any] = {
         name: (names, getattr(sweep, name).astype(object)) for name in ("status", "message", "key")
     }
+    hidden = _hidden(sweep)
     for name, values in sweep.quantities.items():
+        if name in hidden:
+            continue
         dimensions = names if values.ndim == len(names) else [*names, INCREMENT]
         variables[name] = dimensions, values, _attributes(sweep.units[name], schema.label_of(name, sweep.field_set))
     grid = _grid(sweep.nodes)
@@ -81,6 +85,13 @@ def dataset(sweep: SweepResult) -> Any:
             coordinate = [NODE] if coordinate.ndim == 1 else [*names, NODE], coordinate
         coordinates[name] = *coordinate, {"units": "m", "long_name": name}
     return xarray.Dataset(variables, coordinates, {"format": FORMAT, "title": sweep.title, **sweep.notes})
+
+
+def _hidden(sweep: SweepResult) -> set[str]:
+    """Return the names of quantities that the dataset leaves out: of absent scalar fields that no plot shows."""
+    fields, missing = sweep.field_set, np.full(sweep.shape, np.nan)
+    values = {name: sweep.quantities.get(name, missing) for row in schema.all_totals(fields) for name in row.names}
+    return absent_names(values, fields, absent_scalars(values, fields)) - {*sweep.plotted}
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,13 @@
 """Results as tables of pandas and datasets of xarray."""
 
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final
 
 import numpy as np
 
 from meeframe.common.errors import ResultError
-from meeframe.fields import MEE, Array, FieldSet
+from meeframe.fields import MEE, Array, FieldSet, ScalarField
 from meeframe.indenters.base import IndenterMotions
 from meeframe.results import schema
 from meeframe.results.records import Region, Result, StepResult, Zone
@@ -31,57 +32,128 @@ def library(name: str, extra: str) -> Any:
 def dataframe(result: Result) -> Any:
     """Return a pandas.DataFrame with one row for each finished increment.
 
-    Columns are named as in summary.json, with a suffix for each component; `attrs["units"]` has their SI units.
+    Columns are named as in summary.json, with a suffix for each component; `attrs["units"]` has their SI units. Scalar
+    fields that are zero throughout are left out.
     """
     pandas = library("pandas", "data")
-    rows = [_row(result.zone, step) for step in result.steps]
-    hidden = {
-        name
-        for motion, moment in _ROTATIONS.items()
-        if not any(np.any(values[motion]) or moment in step.loading.prescribed for step, values in rows)
-        for name in (motion, moment)
-    }
-    table = pandas.DataFrame([_numbers(step, values, hidden) for step, values in rows])
-    table.attrs["title"] = result.provenance.title
     fields = result.steps[0].fields if result.steps else MEE
+    totals = [_totals(result.zone, step) for step in result.steps]
+    columns = _columns(totals, fields)
+    absent = _absent_scalars(result, columns, fields)
+    hidden = _fixed_rotations(result, totals) | absent_names(columns, fields, absent)
+    table = pandas.DataFrame(
+        [
+            {"step": step.step, "increment": step.increment}
+            | {name: value for name, value in row.items() if name not in hidden}
+            | _outcome(step)
+            for step, row in zip(result.steps, totals, strict=True)
+        ]
+    )
+    table.attrs["title"] = result.provenance.title
     table.attrs["units"] = {
-        name: quantity.unit for quantity in _quantities(fields) for name in quantity.names if name in table.columns
+        name: quantity.unit
+        for quantity in schema.all_totals(fields)
+        for name in quantity.names
+        if name in table.columns
     }
     return table
 
 
-def _quantities(fields: FieldSet) -> tuple[schema.Total, ...]:
-    return (*schema.motion_totals(fields), *schema.total_rows(fields), *schema.MEASURES)
+def absent_scalars(values: Mapping[str, Array], fields: FieldSet) -> list[ScalarField]:
+    """Return the scalar fields whose potentials and total fluxes, and those of the indenter, are zero throughout.
+
+    Parameters
+    ----------
+    values : mapping of str to Array
+        Values of all totals, motions and measures by name, nan where there are none.
+    fields : FieldSet
+        Field set of the bodies.
+    """
+    return [
+        scalar
+        for scalar in fields.scalars
+        if not any(np.nan_to_num(values[name]).any() for name in _names(scalar, fields))
+    ]
 
 
-def _row(zone: Zone, step: StepResult) -> tuple[StepResult, dict[str, Any]]:
-    totals = schema.totals(zone, step)
+def absent_names(values: Mapping[str, Array], fields: FieldSet, absent: Sequence[ScalarField]) -> set[str]:
+    """Return the names that tables leave out: those of absent scalar fields, and of conductances without a number.
+
+    Parameters
+    ----------
+    values, fields
+        As of absent_scalars.
+    absent : sequence of ScalarField
+        Scalar fields that are absent.
+    """
+    conductances = map(schema.conductance_name, fields.scalars)
+    return {name for scalar in absent for name in _names(scalar, fields)} | {
+        name for name in conductances if np.isnan(values[name]).all()
+    }
+
+
+def _names(scalar: ScalarField, fields: FieldSet) -> list[str]:
+    return [name for row in schema.all_totals(fields) if row.phenomenon == scalar.name for name in row.names]
+
+
+def _absent_scalars(result: Result, columns: Mapping[str, Array], fields: FieldSet) -> list[ScalarField]:
+    """Return the absent scalar fields of a result, in which also the fluxes are zero at each node."""
+    return [
+        scalar
+        for scalar in absent_scalars(columns, fields)
+        if not any(step.fluxes[:, fields.scalars.index(scalar)].any() for step in result.steps)
+    ]
+
+
+def _fixed_rotations(result: Result, totals: Sequence[Mapping[str, float]]) -> set[str]:
+    """Return the names of rotations that are zero throughout and not free, with those of their moments."""
+    hidden: set[str] = set()
+    for motion, moment in _ROTATIONS.items():
+        rows = [row for row in schema.all_totals() if row.name in (motion, moment)]
+        turns = any(row[name] for row in totals for each in rows if each.name == motion for name in each.names)
+        if not turns and not any(moment in step.loading.prescribed for step in result.steps):
+            hidden.update(name for each in rows for name in each.names)
+    return hidden
+
+
+def _totals(zone: Zone, step: StepResult) -> dict[str, float]:
+    """Return all numbers of an increment, in the order of tables."""
+    quantities = _quantities(step.fields)
+    known = schema.totals(zone, step)
     values = {
-        quantity.name: totals[quantity.name]
-        if quantity.name in totals
+        quantity.name: known[quantity.name]
+        if quantity.name in known
         else quantity.value(zone, step)
         if quantity.value is not None
         else getattr(step.loading, quantity.name)
-        for quantity in _quantities(step.fields)
+        for quantity in quantities
     }
-    return step, values
+    return schema.numbers(quantities, values)
 
 
-def _numbers(step: StepResult, values: dict[str, Any], hidden: set[str]) -> dict[str, Any]:
-    quantities = [quantity for quantity in _quantities(step.fields) if quantity.name not in hidden]
-    totals = {
+def _quantities(fields: FieldSet) -> tuple[schema.Total, ...]:
+    return (*schema.motion_totals(fields), *schema.total_rows(fields), *schema.measures(fields))
+
+
+def _columns(totals: Sequence[Mapping[str, float]], fields: FieldSet) -> dict[str, Array]:
+    names = [name for row in _quantities(fields) for name in row.names]
+    return {name: np.array([row[name] for row in totals]) for name in names}
+
+
+def _outcome(step: StepResult) -> dict[str, Any]:
+    return {
         "iterations": step.iterations,
         "contact_at_zone_boundary": step.contact_at_zone_boundary,
         "status": str(step.status),
     }
-    return {"step": step.step, "increment": step.increment, **schema.numbers(quantities, values), **totals}
 
 
 def dataset(result: Result) -> Any:
     """Return an xarray.Dataset of the nodal fields and the totals of all finished increments.
 
     Fields have the dimensions increment and node, or increment, x and y if the nodes are a grid; vectors have
-    components along e1, e2 and nu of the frames of the zone. Units and labels are attributes.
+    components along e1, e2 and nu of the frames of the zone. Units and labels are attributes. Scalar fields that are
+    zero throughout are left out.
     """
     xarray = library("xarray", "data")
     zone, steps = result.zone, result.steps
@@ -101,8 +173,10 @@ def dataset(result: Result) -> Any:
     def nodal(values: Array) -> Array:
         return values[:, order].reshape(len(steps), *shape, *values.shape[2:])
 
+    columns = _columns([_totals(zone, step) for step in steps], fields)
+    absent = _absent_scalars(result, columns, fields)
     variables: dict[str, Any] = {}
-    for field in _fields(fields):
+    for field in _fields(fields, absent):
         values = np.array([field.values(zone, step) for step in steps]).reshape(len(steps), len(order), *field.shape)
         across = {0: (), 2: ("tangent",), 3: ("component",)}[field.components]
         notes = {"units": field.unit, "long_name": field.label}
@@ -110,14 +184,15 @@ def dataset(result: Result) -> Any:
             notes["meaning"] = ", ".join(f"{region.value} {region.name.lower()}" for region in Region)
         variables[field.name] = ("increment", *dimensions, *across), nodal(values), notes
     variables["weights"] = dimensions, zone.weights[order].reshape(shape), {"units": "m^2", "long_name": "nodal area"}
-    totals = [schema.numbers(_quantities(fields), _row(zone, step)[1]) for step in steps]
+    hidden = absent_names(columns, fields, absent)
     for quantity in _quantities(fields):
         for name, label in zip(quantity.names, quantity.labels, strict=True):
+            if name in hidden:
+                continue
             key = name
             if name in variables:  # the potential of the body and that of the indenter, flux density and total flux
                 key = f"indenter_{name}" if quantity.name in IndenterMotions(fields).motions else f"total_{name}"
-            values = np.array([total[name] for total in totals])
-            variables[key] = "increment", values, {"units": quantity.unit, "long_name": label}
+            variables[key] = "increment", columns[name], {"units": quantity.unit, "long_name": label}
     variables["status"] = "increment", np.array([str(step.status) for step in steps])
     coordinates |= {
         "increment": np.arange(len(steps)),
@@ -129,10 +204,11 @@ def dataset(result: Result) -> Any:
     return xarray.Dataset(variables, coordinates, {"title": result.provenance.title, "status": str(result.status)})
 
 
-def _fields(fields: FieldSet) -> list[schema.NodalField]:
+def _fields(fields: FieldSet, absent: Sequence[ScalarField]) -> list[schema.NodalField]:
     """Return the nodal fields of datasets: numbers, in SI units, that do not repeat each other."""
     chosen = {"pressure", "traction_x", "traction_y", *_FURTHER, *_SLIPS}
-    scalars = {name for scalar in fields.scalars for name in (scalar.value_name, scalar.flux_name)}
+    present = (scalar for scalar in fields.scalars if scalar not in absent)
+    scalars = {name for scalar in present for name in (scalar.value_name, scalar.flux_name)}
     return [field for field in schema.nodal_fields(fields) if field.name in chosen | scalars]
 
 

@@ -11,10 +11,11 @@ from meeframe.common.errors import ResultError
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
 from meeframe.mesh.nearby import close_point_pairs
-from meeframe.mesh.regular import global_components
+from meeframe.mesh.regular import Cells, global_components
 from meeframe.results import schema
 from meeframe.results.output import FIELDS_FILE, SERIES, SERIES_FILE, replacing
-from meeframe.results.records import Result, StepResult, Zone
+from meeframe.results.records import Result, StepResult, Zone, ZoneFields
+from meeframe.results.schema import NodalField
 from meeframe.results.vtu import VTK_CELLS, write_vtu
 from meeframe.system.reduced import NodalFields
 
@@ -87,35 +88,40 @@ def zone_mesh(result: Result, step: StepResult) -> Any:
     import meshio
 
     zone = result.zone
-    data: dict[str, Array | Indices] = {}
-    for row in schema.nodal_fields(step.fields):
-        values = row.values(zone, step)
-        if row.components in (2, 3):
-            values = global_components(zone.frames[:, : row.components], values)
-        data[row.label if row.unit == "1" else f"{row.label} [{row.unit}]"] = values
+    data = {_label(field): _global_values(zone, step, field) for field in schema.nodal_fields(step.fields)}
     return meshio.Mesh(zone.points, _supported(zone.cells), point_data=data)
 
 
-def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> Iterator[tuple[str, Array | Indices]]:
+def _label(field: NodalField) -> str:
+    return field.label if field.unit == "1" else f"{field.label} [{field.unit}]"
+
+
+def _global_values(zone: Zone, step: StepResult, field: NodalField) -> Array:
+    """Return the values of a field at the nodes of the zone, (n,), vectors (n, 3) in global axes."""
+    values = field.values(zone, step)
+    if field.components in (2, 3):
+        return global_components(zone.frames[:, : field.components], values)
+    return values
+
+
+def _contact(zone: Zone, step: StepResult, boundary: NodalFields | ZoneFields) -> Iterator[tuple[str, Array | Indices]]:
     """Yield labels and fields of the contact zone at the points of the boundary, vectors (p, 3) in global axes.
 
     Elsewhere whole numbers are zero, others NaN.
     """
     points, nodes = _matched(zone, boundary)
-    for row in schema.nodal(schema.View.VTK, step.fields).values():
-        values = row.values(zone, step)
-        if row.components in (2, 3):
-            values = global_components(zone.frames[:, : row.components], values)
+    for field in schema.nodal(schema.View.VTK, step.fields).values():
+        values = _global_values(zone, step, field)
         shape = (len(boundary.points), *values.shape[1:])
-        field = np.zeros(shape, np.int64) if row.integer else np.full(shape, np.nan)
-        field[points] = values[nodes]
-        yield row.label if row.unit == "1" else f"{row.label} [{row.unit}]", field
+        extended = np.zeros(shape, np.int64) if field.integer else np.full(shape, np.nan)
+        extended[points] = values[nodes]
+        yield _label(field), extended
 
 
-def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices | slice, Indices | slice]:
+def _matched(zone: Zone, boundary: NodalFields | ZoneFields) -> tuple[Indices | slice, Indices | slice]:
     """Return the points of the boundary on elements of the contact zone, and the corresponding nodes of the zone.
 
-    They are matched by elements: at the edge of the zone a repeated point may belong to the surface outside.
+    They are matched by elements: at the border of the zone a repeated point may belong to the surface outside.
     """
     n = len(zone.points)
     if _is_zone(boundary, zone):
@@ -130,12 +136,14 @@ def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices | slice, Indice
     for _, zone_cells in zone.cells:
         for _, cells in boundary.cells:
             if cells.shape[1] == zone_cells.shape[1]:
-                inside[cells[_rows_among(nearest[cells], zone_cells)]] = True
+                inside[cells[_cells_among(nearest[cells], zone_cells)]] = True
     return np.flatnonzero(inside), nearest[inside]
 
 
-def _is_zone(boundary: NodalFields, zone: Zone) -> bool:
+def _is_zone(boundary: NodalFields | ZoneFields, zone: Zone) -> bool:
     """Return whether a boundary consists of the contact zone alone, as that of a half space."""
+    if boundary.points is zone.points and boundary.cells is zone.cells:
+        return True
     return (
         np.array_equal(boundary.points, zone.points)
         and len(boundary.cells) == len(zone.cells)
@@ -146,14 +154,14 @@ def _is_zone(boundary: NodalFields, zone: Zone) -> bool:
     )
 
 
-def _rows_among(rows: Indices, others: Indices) -> NDArray[np.bool_]:
-    """Return which rows (e, n) hold the same numbers as one of the others (f, n), in any order."""
-    row = np.dtype([("", np.int64)] * rows.shape[1])
-    one, other = (np.ascontiguousarray(np.sort(each, axis=1), np.int64).view(row) for each in (rows, others))
-    return np.isin(one, other)[:, 0]
+def _cells_among(cells: Indices, others: Indices) -> NDArray[np.bool_]:
+    """Return which cells (e, n) have the same nodes as one of the others (f, n), in any order."""
+    record = np.dtype([("", np.int64)] * cells.shape[1])
+    first, second = (np.ascontiguousarray(np.sort(each, axis=1), np.int64).view(record) for each in (cells, others))
+    return np.isin(first, second)[:, 0]
 
 
-def _supported(cells: tuple[tuple[str, Indices], ...]) -> list[tuple[str, Indices]]:
+def _supported(cells: Cells) -> list[tuple[str, Indices]]:
     """Return cells as in VTK; an element from a plugin that VTK lacks is represented by its corners."""
     outlines = zip(cells, corners(cells), strict=True)
     return [

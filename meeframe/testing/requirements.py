@@ -29,10 +29,10 @@ REASONS: Final = {
     " metric of project.",
     "extra compliance": "without a positive compliance the contact problem may have no solution.",
     "gains energy": "friction dissipates energy: the traction on the body points along the slip of the indenter.",
+    "tangential_scaling": "step lengths and the residual use it as the metric of project.",
     "tangent is not the derivative": "Newton's method uses it; without tangent it uses finite differences.",
     "tangent": "Newton's method needs finite derivatives of shape (n, 3, 3), with one row for each traction component.",
     "kinks at most": "Newton's method needs a law that is differentiable almost everywhere.",
-    "tangential_scaling": "step lengths and the residual use it as the metric of project.",
     "changes its argument": "solvers use the array again after the call.",
     "changes what it gave before": "solvers store the returned array; return a new array at each call.",
     "earlier calls": "results must be determined by the case file alone.",
@@ -95,7 +95,7 @@ REASONS: Final = {
     "flux through a sphere": "the source has unit strength, which fixes sign and magnitude of U and T.",
     "differs from the reference": "the line integral is exact to round-off.",
 }
-"""Reasons why properties matter, by a fragment of their messages; the first match is shown."""
+"""Reasons why properties matter, by a fragment of their messages: the earliest match counts, of several the longest."""
 
 
 def require(holds: bool, message: str, value: object) -> None:
@@ -115,7 +115,9 @@ def explained(subject: object) -> Iterator[None]:
 
 
 def _reason(message: str) -> str:
-    return next((f"\nwhy it matters: {why}" for fragment, why in REASONS.items() if fragment in message), "")
+    matches = [fragment for fragment in REASONS if fragment in message]
+    best = min(matches, key=lambda fragment: (message.index(fragment), -len(fragment)), default=None)
+    return "" if best is None else f"\nwhy it matters: {REASONS[best]}"
 
 
 def each(holds: Any, message: str, arguments: NDArray[Any], result: Array) -> None:

@@ -37,6 +37,20 @@ def test_conductance_of_circular_contact_matches_holm(tmp_path):
     assert math.isnan(numbers_of(result.zone, grounded)["conductance"])
 
 
+def test_each_scalar_field_has_a_conductance(tmp_path):
+    """Closed contacts conduct magnetic flux as charge: 4 mu a, while the current remains that of 1 V."""
+    magnetic = (
+        "[indenter]",
+        '[conductivity.magnetic]\nname = "step"\nkappa = inf\n\n[indenter]\nmagnetic_potential = "2 A"',
+    )
+    result = solve(tmp_path, ("permittivity = 6e6", "permittivity = 6e6\npermeability = 3e-4"), magnetic)
+    numbers = numbers_of(result.zone, result.steps[-1])
+    assert numbers["magnetic_conductance"] == pytest.approx(4 * 3e-4 * math.sqrt(1e-6 * 10e-3), rel=0.02)
+    assert numbers["magnetic_conductance"] / numbers["conductance"] == pytest.approx(3e-4 / SIGMA, rel=1e-6)
+    units = result.to_dataframe().attrs["units"]
+    assert (units["conductance"], units["magnetic_conductance"]) == ("F", "H")
+
+
 def test_conductance_with_resolved_contact_edge(tmp_path):
     """With the contact edge between the nodes, conductances at three approaches agree with Holm's to 0.3 %."""
     formulation = ('name = "half-space"\n', 'name = "half-space"\nedges = "resolved"\n')

@@ -391,6 +391,9 @@ def test_sweeps_collect_scalar_field(warm: tuple[Path, plugins.Registry], tmp_pa
     assert np.isnan(result.fields["zone_temperature"][2]).all()
     data = dataset(result)
     assert (data["heat"].attrs["units"], data["temperature"].attrs["units"]) == ("W", "K")
+    conductance = result.last("thermal_conductance")
+    np.testing.assert_allclose(conductance[:2], -heat[:2] / result.last("temperature")[:2], rtol=1e-12)
+    assert data["thermal_conductance"].attrs["units"] == "W/K"
     assert data["zone_temperature"].attrs["units"] == "K"
     console = Console(width=200, record=True, file=StringIO())
     console.print(sweep_table(result))

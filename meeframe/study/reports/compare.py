@@ -15,7 +15,7 @@ from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet
 from meeframe.results import schema
-from meeframe.results.canvas import prefixed, sheet
+from meeframe.results.canvas import label_panels, line_style, prefixed, sheet, styled
 from meeframe.results.picture import lengths
 from meeframe.results.records import StepResult, Zone
 from meeframe.results.schema import NodalField, Total
@@ -33,7 +33,6 @@ _RUNS_PER_TABLE: Final = 4
 """Number of runs side by side that fit in a terminal."""
 _LEGEND_WIDTH: Final = 100
 """Characters in a line of the legend."""
-_STYLES: Final = ("-", "--", ":", "-.")
 
 
 def _totals(fields: FieldSet) -> dict[str, Total]:
@@ -148,9 +147,9 @@ def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]
         for name in _totals(run.fields)
     }
     same = run.zone.points.shape == first.zone.points.shape and np.allclose(run.zone.points, first.zone.points)
-    for name, row in _fields(run.fields).items():
+    for name, field in _fields(run.fields).items():
         difference = (
-            _relative(lambda field: np.abs(field).max(), row.values(*state), row.values(*reference_state))
+            _relative(lambda values: np.abs(values).max(), field.values(*state), field.values(*reference_state))
             if same
             else None
         )
@@ -189,7 +188,7 @@ def _numbers(run: ComparedRun, first: ComparedRun) -> dict[str, Any]:
         "increments": [_increment(run.zone, step) for step in run.steps],
         "differences": differences(run, first),
         "points": run.zone.points.tolist(),
-        "fields": {name: _plain(row.values(run.zone, last)) for name, row in _fields(run.fields).items()}
+        "fields": {name: _plain(field.values(run.zone, last)) for name, field in _fields(run.fields).items()}
         if last
         else {},
     }
@@ -221,8 +220,8 @@ def comparison_table(comparison: Comparison) -> RenderableType:
     done = [run for run in runs if run.steps]
     last = [schema.totals(run.zone, run.steps[-1]) for run in done]
     selected = schema.shown_totals(schema.View.COMPARISON, last, comparison.fields)
-    rows = _fields(comparison.fields)
-    fields = [row for row in rows.values() if any(row.values(run.zone, run.steps[-1]).any() for run in done)]
+    known = _fields(comparison.fields).values()
+    fields = [field for field in known if any(field.values(run.zone, run.steps[-1]).any() for run in done)]
     titles = [comparison.title, *[""] * (len(blocks) - 1)]
     tables = [
         _table(title, block, comparison.first, selected, fields) for title, block in zip(titles, blocks, strict=True)
@@ -255,12 +254,12 @@ def _table(
     table.add_column("unit")
     for run in runs:
         table.add_column("\n".join(run.choices.values()), justify="right")
-    for row in totals:
-        for i, label in enumerate(row.labels):
-            values = [float(_total(row.name, run)[i]) if run.steps else None for run in runs]
-            table.add_row(label, row.unit, *map(_format, values))
+    for total in totals:
+        for i, label in enumerate(total.labels):
+            values = [float(_total(total.name, run)[i]) if run.steps else None for run in runs]
+            table.add_row(label, total.unit, *map(_format, values))
     columns = [differences(run, first) for run in runs]
-    for name, words in (("force", "force"), *((row.name, row.label) for row in fields)):
+    for name, words in (("force", "force"), *((field.name, field.label) for field in fields)):
         table.add_row(f"difference in {words}", "%", *(_format(column[name], 100.0, ".3g") for column in columns))
     table.add_row("iterations", "", *(str(sum(step.iterations for step in run.steps)) for run in runs))
     table.add_row("time of the steps", "s", *(f"{run.seconds:.3g}" for run in runs))
@@ -278,10 +277,11 @@ def _format(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
     return "-" if value is None else f"{factor * value:{form}}"
 
 
+@styled
 def comparison_figure(comparison: Comparison) -> "Figure | None":
     """Return sections along x through the middle of the zone with all runs; None if no increment is finished."""
     done = [run for run in comparison.runs if run.steps]
-    selected = [row for row in _fields(comparison.fields).values() if _visible(row, done)]
+    selected = [field for field in _fields(comparison.fields).values() if _visible(field, done)]
     if not selected:
         return None
     labels = [textwrap.fill(run.label, _LEGEND_WIDTH) for run in done]
@@ -289,37 +289,30 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     figure = sheet((9.0, 3.2 * math.ceil(len(selected) / 2) + 0.2 * lines))
     grid = figure.subplots(math.ceil(len(selected) / 2), 2, squeeze=False).ravel()
     length, of_length = lengths(run.zone for run in done)
-    for axes, row in zip(grid, selected, strict=False):
-        fields = [row.values(run.zone, run.steps[-1]) for run in done]
-        factor, unit = prefixed(np.concatenate(fields), row.unit)
-        for number, (run, field) in enumerate(zip(done, fields, strict=True)):
+    for axes, field in zip(grid, selected, strict=False):
+        values = [field.values(run.zone, run.steps[-1]) for run in done]
+        factor, unit = prefixed(np.concatenate(values), field.unit)
+        for number, (run, nodal) in enumerate(zip(done, values, strict=True)):
             nodes, x = middle_line(run.zone)
-            # wide lines below narrow ones, each dashed in another way, so that coinciding lines remain visible
-            style = {
-                "lw": 1.0 + 3.0 * (1.0 - (number + 1) / len(done)),
-                "color": f"C{number}",
-                "ls": _STYLES[number % len(_STYLES)],
-                "marker": "o",
-                "ms": 2.5,
-            }
-            axes.plot(x / length, field[nodes] / factor, label=labels[number], **style)
-        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{row.label} [{unit}]")
-        axes.grid(alpha=0.3)
+            axes.plot(x / length, nodal[nodes] / factor, label=labels[number], **line_style(number, len(done)))
+        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{field.label} [{unit}]")
+        axes.grid(visible=True)
     for axes in grid[len(selected) :]:
         axes.remove()
+    label_panels(grid[: len(selected)])
     figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", fontsize=8)
     figure.suptitle(comparison.title)
     return figure
 
 
-def _visible(row: NodalField, runs: list[ComparedRun]) -> bool:
+def _visible(field: NodalField, runs: list[ComparedRun]) -> bool:
     """Return whether a field exceeds round-off on the section; tractions are compared with the pressure."""
-    measure = _fields(MEE)["pressure"] if row.name.startswith("traction") else row
+    measure = _fields(MEE)["pressure"] if field.name.startswith("traction") else field
     largest, scale = (
         max(
-            (np.abs(each_field.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
+            (np.abs(each.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
             default=0,
         )
-        for each_field in (row, measure)
+        for each in (field, measure)
     )
     return bool(largest > _ROUND_OFF * scale)

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 
 from meeframe.fields import Array
-from meeframe.results.canvas import sheet
+from meeframe.results.canvas import label_panels, line_style, sheet, styled
 from meeframe.results.picture import Picture, lengths
 from meeframe.results.records import Zone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
-_MARKERS: Final = "osD^vPX*"
 _MAX_ARROWS: Final = 9
 """Maximal number of arrows along a side of a map."""
 _MIN_MODULUS: Final = 1e-3
@@ -125,6 +123,7 @@ def _distinct(zones: Sequence[Zone]) -> tuple[list[Zone], list[int]]:
     return distinct, indices
 
 
+@styled
 def study_figure(study: Study) -> "Figure":
     """Return the figure with a column for each panel, or for maps a column for each run."""
     draw, width, height = {
@@ -157,13 +156,14 @@ def _curves(figure: "Figure", study: Study) -> None:
         by_label = bool(np.isnan(panel.values).any())
         x = np.arange(len(panel.runs)) if by_label else panel.values
         for name, values in panel.quantities.items():
-            index = names.index(name) % len(_COLOURS)
-            axes.plot(x, np.array(values), marker=_MARKERS[index], ms=4, color=_COLOURS[index], label=_label(name))
+            style = line_style(names.index(name), len(names))
+            axes.plot(x, np.array(values), label=_label(name), **style)
         axes.set(title=panel.title, xlabel=panel.axis)
         axes.set(xticks=x, xticklabels=panel.runs) if by_label else axes.set(xscale=study.scale)
-        axes.grid(alpha=0.3)
+        axes.grid(visible=True)
         axes.legend(fontsize=8)
     grid[0, 0].set_ylabel("relative to reference")
+    label_panels(grid[0])
 
 
 def _sections(figure: "Figure", study: Study) -> None:
@@ -174,15 +174,16 @@ def _sections(figure: "Figure", study: Study) -> None:
         for row, name in enumerate(_names(study)):
             axes = grid[row, column]
             for run, values in enumerate(panel.quantities.get(name, ())):
-                style = {"marker": "o", "ms": 2.5, "lw": 1.2, "color": _COLOURS[run % len(_COLOURS)]}
                 nodes, x = lines[run]
+                style = line_style(run, len(panel.runs))
                 axes.plot(x / factor, values[nodes], label=panel.runs[run], **style)
-            axes.grid(alpha=0.3)
+            axes.grid(visible=True)
             if column == 0:
                 axes.set_ylabel(_label(name))
         grid[0, column].set_title(panel.title)
         grid[0, column].legend(title=panel.axis or None, fontsize=7, title_fontsize=7)
         grid[-1, column].set_xlabel(f"x [{unit}]")
+    label_panels(grid.ravel())
 
 
 def _lengths(study: Study) -> tuple[float, str]:
@@ -228,6 +229,7 @@ def _maps(figure: "Figure", study: Study) -> None:
         title = "\n".join(filter(None, [panel.title, _run_title(panel, run) if several else ""]))
         grid[0, column].set_title(title, fontsize=9)
         grid[-1, column].set_xlabel(f"x [{scale[1]}]")
+    label_panels(grid.ravel())
 
 
 def _run_title(panel: Panel, run: int) -> str:

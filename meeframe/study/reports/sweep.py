@@ -13,19 +13,16 @@ from meeframe.common.errors import CaseError
 from meeframe.common.literal import LiteralTable
 from meeframe.fields import ELECTRIC_FIELD, MEE, Array
 from meeframe.results import schema
-from meeframe.results.canvas import MAP_COLOURS, prefixed, sheet
+from meeframe.results.canvas import MAP_COLOURS, label_panels, line_style, prefixed, sheet, styled
 from meeframe.results.sweep_records import SweepAxis, SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
 PlotAxes = tuple[SweepAxis, SweepAxis | None]
 """Axis of abscissae, and axis of lines or ordinates if there is one."""
-DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", f"max_abs_{ELECTRIC_FIELD.value_name}")
-"""Quantities shown by default, to which those of fields besides the default field set are added."""
-_MARKERS: Final = "osD^vPX*"
-_STYLES: Final = ("-", "--", ":", "-.")
+DEFAULT: Final = ("normal_force", "contact_area", "max_pressure")
+"""Quantities shown by default, to which the potentials of scalar fields are added."""
 _AT_BOUNDARY: Final = "contact_at_zone_boundary"
 _LABEL_CHARACTERS: Final = 42
 """Characters of horizontal labels that fit below a picture."""
@@ -103,17 +100,19 @@ class SweepPlot:
 
 def default_quantities(sweep: SweepResult) -> tuple[str, ...]:
     """Return the quantities that a sweep shows unless its study selects others."""
-    further = (scalar for scalar in sweep.field_set.scalars if scalar not in MEE.scalars)
-    return (*DEFAULT, *(f"max_abs_{scalar.value_name}" for scalar in further))
+    shown = (scalar for scalar in sweep.field_set.scalars if scalar == ELECTRIC_FIELD or scalar not in MEE.scalars)
+    potentials = (f"max_abs_{scalar.value_name}" for scalar in shown)
+    return (*DEFAULT, *(name for name in potentials if np.nan_to_num(sweep.quantities.get(name, np.nan)).any()))
 
 
+@styled
 def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure":
     """Return the figure of a sweep with a row for each plot. Raises CaseError if one cannot be drawn over its axes."""
     plots = plots or (SweepPlot(),)
     rows = [plot if plot.quantities else replace(plot, quantities=default_quantities(sweep)) for plot in plots]
     columns = max(len(plot.quantities) for plot in rows)
     figure = sheet((4.0 * columns, 3.4 * len(rows) + 0.4))
-    widest = 0.0
+    widest, panels = 0.0, list[Any]()
     for row, plot in zip(figure.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
         line = row.subplots(1, columns, squeeze=False)[0]
         x, lines = plot.plot_axes(sweep.axes)
@@ -122,11 +121,13 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
             draw = _map if plot.kind == "map" else _curves
             draw(axes, plot, (x, lines), values, f"{schema.label_of(quantity, sweep.field_set)} {unit}".rstrip())
             axes.set_xlabel(_heading(x))
+        panels += list(line[: len(plot.quantities)])
         for axes in line[len(plot.quantities) :]:
             axes.remove()
         if plot.kind == "curves" and lines is not None:
             widest = max(widest, _legend(row, line[0], lines))
         line[0].set_title(_fixed(sweep, plot, (x, lines)), fontsize=10)
+    label_panels(panels)
     figure.set_figwidth(figure.get_figwidth() + widest)
     figure.suptitle(sweep.title)
     return figure
@@ -170,19 +171,12 @@ def _curves(axes: Any, plot: SweepPlot, over: PlotAxes, values: Array, label: st
     coordinates, labelled = _coordinates(x)
     columns = values[:, None] if lines is None else values
     for number, column in enumerate(columns.T):
-        style = {
-            "marker": _MARKERS[number % len(_MARKERS)],
-            "ms": 3.5,
-            # wide lines below narrow ones, each dashed in another way, so that coinciding lines remain visible
-            "lw": 1.2 + 1.8 * (1.0 - (number + 1) / columns.shape[1]),
-            "ls": _STYLES[number % len(_STYLES)],
-            "color": _COLOURS[number % len(_COLOURS)],
-        }
+        style = line_style(number, columns.shape[1])
         order = np.argsort(coordinates)
         axes.plot(coordinates[order], column[order], label=lines.labels[number] if lines else None, **style)
     _ticks(axes.xaxis, x) if labelled else axes.set(xscale=plot.scale)
     axes.set_ylabel(label)
-    axes.grid(alpha=0.3)
+    axes.grid(visible=True)
 
 
 def _legend(row: Any, axes: Any, lines: SweepAxis) -> float:

@@ -10,11 +10,11 @@ import numpy as np
 
 from meeframe.common.errors import MeeframeError
 from meeframe.fields import Array
+from meeframe.results.canvas import LINE_COLOURS
 from meeframe.study.reports.validation import BAD, CaseReport, Curve, Map, Plot, Validation, Verdict
 from meeframe.study.reports.validation_table import reason_of, table_cells
 
-_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-_MARKERS: Final = ("circle", "square", "diamond", "triangle-up", "x", "cross", "star")
+_MARKERS: Final = ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross", "star")
 _DIGITS: Final = 6
 """Significant digits of the numbers in plots."""
 
@@ -142,7 +142,7 @@ def _plot(plot: Plot) -> dict[str, Any]:
 
 
 def _curve(curve: Curve, number: int) -> dict[str, Any]:
-    colour = _COLOURS[number % len(_COLOURS)]
+    colour = LINE_COLOURS[number % len(LINE_COLOURS)]
     marker = {"color": colour, "symbol": _MARKERS[number % len(_MARKERS)], "size": 6}
     mode = "lines+markers" if curve.joined else "markers" if curve.points else "lines"
     look = {"mode": mode, "marker": marker, "line": {"color": colour, "width": 1.5}}

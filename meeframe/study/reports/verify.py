@@ -13,7 +13,7 @@ from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, FieldSet
 from meeframe.results import schema
-from meeframe.results.canvas import sheet
+from meeframe.results.canvas import label_panels, line_style, sheet, styled
 from meeframe.study.reports.verified import Agreement, Estimate, Verdict, Verification, VerifiedRun
 
 if TYPE_CHECKING:
@@ -188,6 +188,7 @@ def _percent(value: float, scale: float) -> str:
     return f"{100 * value / abs(scale):.2g}" if scale else "-"
 
 
+@styled
 def verification_figure(verification: Verification) -> "Figure | None":
     """Return the convergence figure, or None if there is nothing to show.
 
@@ -205,26 +206,38 @@ def verification_figure(verification: Verification) -> "Figure | None":
         selected = [estimate for estimate in estimates if estimate.quantity == quantity]
         mean = np.mean([estimate.limit.value for estimate in selected])
         for number, estimate in enumerate(selected):
-            _draw(axes, estimate, float(mean), (number, verification.order))
+            _draw(axes, estimate, float(mean), verification.order, line_style(number, len(selected)))
+            # slightly shifted, as all limits are at zero
+            _draw_limit(axes, estimate, float(mean), number)
         axes.axhline(0.0, color="0.7", lw=0.8, zorder=0)
         axes.set(title=_words(quantity), xlabel="element size / zone width", ylabel="deviation from mean limit [%]")
-        axes.grid(alpha=0.3)
+        axes.grid(visible=True)
     for axes in grid[len(quantities) :]:
         axes.remove()
+    label_panels(grid[: len(quantities)])
     figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=_COLUMNS)
     figure.suptitle(verification.title)
     return figure
 
 
-def _draw(axes: Any, estimate: Estimate, mean: float, position: tuple[int, float]) -> None:
-    """Draw one formulation; position: its number, and the theoretical order."""
-    number, theoretical = position
-    limit, style = estimate.limit, {"color": f"C{number}"}
-    sizes, values = np.array(estimate.sizes), 100 * (np.array(estimate.values) / mean - 1)
-    end = 100 * (limit.value / mean - 1)
-    axes.plot(sizes, values, "o", ms=4, label=estimate.formulation, **style)
+def _draw(axes: Any, estimate: Estimate, mean: float, theoretical: float, style: dict[str, Any]) -> None:
+    """Draw the values of one formulation as markers, and the power of the element size that it extrapolates by."""
+    sizes, values = np.array(estimate.sizes), _deviation(estimate.values, mean)
+    end = _deviation(estimate.limit.value, mean)
     h = np.linspace(0.0, sizes[-3], 50)
-    order = limit.order or theoretical
-    axes.plot(h, end + (values[-1] - end) * (h / sizes[-1]) ** order, "-", lw=1.0, **style)
-    # slightly shifted, as all limits are at zero
-    axes.errorbar(0.01 * sizes[0] * number, end, 100 * limit.error / abs(mean), fmt="s", ms=4, capsize=3, **style)
+    order = estimate.limit.order or theoretical
+    axes.plot(h, end + (values[-1] - end) * (h / sizes[-1]) ** order, **style | {"marker": ""})
+    axes.plot(sizes, values, **style | {"linestyle": ""})
+    axes.plot([], [], label=estimate.formulation, **style)
+
+
+def _draw_limit(axes: Any, estimate: Estimate, mean: float, number: int) -> None:
+    """Draw the limit of the formulation `number` with its error."""
+    limit, colour = estimate.limit, line_style(number)["color"]
+    position, end = 0.01 * estimate.sizes[0] * number, _deviation(limit.value, mean)
+    axes.errorbar(position, end, 100 * limit.error / abs(mean), fmt="_", ms=8, capsize=3, lw=1.0, color=colour)
+
+
+def _deviation(values: Any, mean: float) -> Any:
+    """Return the deviations of values from a mean [%]."""
+    return 100 * (np.array(values) / mean - 1)

@@ -153,17 +153,17 @@ class SweepTable(Table):
 def _axis(name: str, values: list[Any] | dict[str, Any]) -> tuple[SweepAxis, tuple[Changes, ...]]:
     """Return an axis of the study file and its changes. Raises ValueError that names the axis."""
     try:
-        if isinstance(values, list) or values.keys() & _SPACING:
-            return _axis_of_lists(name, {name: values if isinstance(values, list) else _spaced(values)})
-        if values and all(isinstance(item, list) for item in values.values()):
-            return _axis_of_lists(name, values)
+        if isinstance(values, list) or _is_spaced(values):
+            return _axis_of_lists(name, {name: _listed(values)})
+        if values and all(isinstance(item, list) or _is_spaced(item) for item in values.values()):
+            return _axis_of_lists(name, {key: _listed(item) for key, item in values.items()})
         if values and all(isinstance(item, Mapping) for item in values.values()):
             return SweepAxis(name, tuple(values)), tuple(checked_keys(dict(item)) for item in values.values())
     except (ValueError, OverflowError) as error:
         raise ValueError(f"axes.{name}: {error}") from None
     raise ValueError(
         f"axes.{name}: allowed: a list of values, {{from, to, count}}, a table of keys with lists of values of equal "
-        "length, or a table of names with tables of changes"
+        "length or {from, to, count}, or a table of names with tables of changes"
     )
 
 
@@ -218,6 +218,16 @@ def _label_of(value: Any, axis: SweepAxis) -> str:
     if matching is None:
         _check_names(f"at.{axis.name}: unknown value", [words(value)], axis.labels)
     return str(matching)
+
+
+def _is_spaced(values: Any) -> bool:
+    """Return whether a table describes spaced numbers; case files have no top-level key with the name of its keys."""
+    return isinstance(values, Mapping) and bool(values.keys() & _SPACING)
+
+
+def _listed(values: list[Any] | Mapping[str, Any]) -> list[Any]:
+    """Return the values of a list or of a description of spaced numbers."""
+    return values if isinstance(values, list) else _spaced(values)
 
 
 def _spaced(table: Mapping[str, Any]) -> list[float]:

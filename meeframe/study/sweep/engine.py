@@ -120,8 +120,8 @@ def solve_points(
         if store is not None:
             write_outcome(store / point.key, outcome)
         done += 1
-        progress("points", done / total)
         yield point.key, outcome
+        progress("points", done / total)  # after the outcome has been collected, as progress may be interrupted
 
 
 def _known(point: Point, store: Path | None) -> Outcome | None:

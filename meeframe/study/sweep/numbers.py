@@ -7,8 +7,8 @@ from meeframe.results.records import StepResult, Zone
 
 def units(fields: FieldSet = MEE) -> dict[str, str]:
     """Return the units of all numbers of an increment, and of `seconds` for each point."""
-    quantities = (*schema.total_rows(fields), *schema.motion_totals(fields), *schema.MEASURES)
-    return {name: quantity.unit for quantity in quantities for name in quantity.names} | {"seconds": "s"}
+    totals = schema.all_totals(fields)
+    return {name: quantity.unit for quantity in totals for name in quantity.names} | {"seconds": "s"}
 
 
 def field_units(fields: FieldSet = MEE) -> dict[str, str]:
@@ -18,7 +18,7 @@ def field_units(fields: FieldSet = MEE) -> dict[str, str]:
 
 def numbers_of(zone: Zone, step: StepResult) -> dict[str, float]:
     """Return all numbers of an increment except `seconds`."""
-    other_quantities = (*schema.motion_totals(step.fields), *schema.MEASURES)
+    other_quantities = (*schema.motion_totals(step.fields), *schema.measures(step.fields))
     values = schema.totals(zone, step) | {
         quantity.name: quantity.value(zone, step) for quantity in other_quantities if quantity.value is not None
     }

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.plugin import Array, CaseError, Quantity, check_file, open_hdf5, read_npy
+from meeframe.plugin import Array, CaseError, HeightMap, Quantity, check_file, open_hdf5, read_npy
 
 AnyArray = NDArray[Any]
 
@@ -20,47 +20,6 @@ MAX_BYTES: Final = 2**30
 """Largest size of a file."""
 _POSITIVE: Final = Quantity("m", gt=0, lt=float("inf"))
 _MATRIX_HEADER: Final = re.compile(r"#\s*(width|height|value units)\s*:\s*(.+)", re.IGNORECASE)
-
-
-@dataclass(frozen=True, eq=False)
-class HeightMap:
-    """A measured surface.
-
-    Attributes
-    ----------
-    x, y
-        Coordinates (nx,), (ny,), increasing [m].
-    heights
-        Heights (nx, ny) [m], NaN where missing.
-    """
-
-    x: Array
-    y: Array
-    heights: Array
-
-    @property
-    def rms_height(self) -> float:
-        """Root mean square height relative to the mean [m]."""
-        return float(np.nanstd(self.heights))
-
-    @property
-    def rms_slope(self) -> float:
-        """Root mean square gradient, from differences of neighbours."""
-        differences = (np.diff(self.heights, axis=axis) for axis in (0, 1))
-        steps = np.diff(self.x)[:, None], np.diff(self.y)[None, :]
-        return float(
-            np.sqrt(
-                sum(np.nanmean((difference / step) ** 2) for difference, step in zip(differences, steps, strict=True))
-            )
-        )
-
-    def levelled(self) -> "HeightMap":
-        """Return the map without its best-fit plane."""
-        x, y = (grid.ravel() for grid in np.meshgrid(self.x, self.y, indexing="ij"))
-        z, basis = self.heights.ravel(), np.column_stack([np.ones_like(x), x - x.mean(), y - y.mean()])
-        known = np.isfinite(z)
-        plane = basis @ np.linalg.lstsq(basis[known], z[known])[0]
-        return replace(self, heights=(z - plane).reshape(self.heights.shape))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,15 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 
 from meeframe.plugin import Array
-from meeframe_halfspace.grid_response import DOUBLE, POWERS, FreeGrid, GridResponse, PeriodicGrid, free_symbol
+from meeframe_halfspace.grid_response import (
+    DOUBLE,
+    POWERS,
+    EntrySeries,
+    FreeGrid,
+    GridResponse,
+    PeriodicGrid,
+    free_symbol,
+)
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.thermal import ENTRIES, ThermalResponse
 from meeframe_halfspace.thermal_cells import heat_table
@@ -39,6 +47,11 @@ class HeatedGrid(GridResponse):
     def of(cls, base: FreeGrid | PeriodicGrid, reference_radius: float) -> "HeatedGrid":
         """Return the response on the grid of `base`, whose point response includes heat."""
         return cls(base.response, base.spacing, base.size, base, reference_radius)
+
+    @property
+    def series(self) -> EntrySeries:
+        """The entries of the symbol."""
+        return self.response
 
     @property
     def padded(self) -> tuple[int, int]:
@@ -91,6 +104,10 @@ class HeatedGrid(GridResponse):
                 multiplicity[-1] = 1.0
             values[number] = multiplicity @ symbol.sum(axis=1) / (nx * ny)
         return values
+
+    def wave_response(self) -> None:
+        """Return None: the symbol of the grid serves as well."""
+        return
 
     def coarsen(self) -> "HeatedGrid | None":
         """Return the response on the grid of every second node, with the same reference radius."""

@@ -420,3 +420,9 @@ def test_approach_with_reference_radius_or_without_heat(tmp_path: Path) -> None:
     radius = ('formulation = "half-space"', 'formulation = {name = "half-space", reference_radius = "2 mm"}')
     assert case(tmp_path, radius, ('normal_force = "1 kN"', 'approach = "5 um"')).formulation.reference_radius == 2e-3
     case(tmp_path, ('normal_force = "1 kN"', 'approach = "5 um"\nheat = 0'))
+
+
+def test_layers_that_expand_are_refused(tmp_path: Path) -> None:
+    layer = '[[layers]]\nthickness = "1 mm"\nmaterial = {name = "batio3", thermal = true}\n[[steps]]\nnormal_force'
+    with pytest.raises(CaseError, match="not supported in bodies with layers"):
+        case(tmp_path, ("[[steps]]\nnormal_force", layer))

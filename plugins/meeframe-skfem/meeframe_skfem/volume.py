@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from meeframe.plugin import N_FIELDS, Array, Indices, MeshError, TooLargeError
+from meeframe.plugin import Array, Indices, MeshError, TooLargeError
 from meeframe.plugin.surfaces import read_any
 from meeframe_skfem.elements import ELEMENTS, VolumeElement, cell_rule, face_nodes, tabulate
 
@@ -73,7 +73,7 @@ def boundary_faces(mesh: VolumeMesh) -> Faces:
     return Faces(nodes[outside], outside // n_faces, outside % n_faces)
 
 
-def read_volume(path: Path, length_unit: float) -> VolumeMesh:
+def read_volume(path: Path, length_unit: float, n_fields: int) -> VolumeMesh:
     """Read the volume mesh in a file that meshio supports; surface cells are ignored.
 
     Parameters
@@ -82,6 +82,8 @@ def read_volume(path: Path, length_unit: float) -> VolumeMesh:
         The file, with cells of one of ELEMENTS.
     length_unit : float
         Metres per unit of length of the file.
+    n_fields : int
+        Number of fields of the body.
 
     Raises
     ------
@@ -92,7 +94,7 @@ def read_volume(path: Path, length_unit: float) -> VolumeMesh:
     try:
         mesh = _convert(read_any(path), length_unit)
         check_volume(mesh)
-        check_memory(len(mesh.points))
+        check_memory(len(mesh.points), n_fields)
     except MeshError as error:
         raise MeshError(f"volume = {str(path)!r}: {error}") from None
     return mesh
@@ -122,8 +124,8 @@ def check_volume(mesh: VolumeMesh) -> None:
         raise MeshError(f"the cells form {n_components} separate parts; allowed: one")
 
 
-def check_memory(n_points: float) -> None:
-    """Check that the memory of the machine suffices for a mesh of `n_points` points.
+def check_memory(n_points: float, n_fields: int) -> None:
+    """Check that the memory of the machine suffices for `n_fields` fields on a mesh of `n_points` points.
 
     Raises
     ------
@@ -135,7 +137,7 @@ def check_memory(n_points: float) -> None:
     The size of the factors grows with the power 4/3 of the unknowns (nested dissection in three dimensions). The factor
     is measured with pardiso.
     """
-    unknowns = N_FIELDS * n_points
+    unknowns = n_fields * n_points
     required = BYTES_PER_UNKNOWN * unknowns ** (4 / 3)
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if required > available:

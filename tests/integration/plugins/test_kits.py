@@ -27,6 +27,7 @@ from meeframe.system.capabilities import Persistence
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import ReducedSystem, silent
 from meeframe.testing.manufactured import LinearField
+from meeframe.testing.requirements import REASONS, require
 
 
 def test_all_kits_exist():
@@ -35,6 +36,19 @@ def test_all_kits_exist():
     with pytest.raises(AttributeError, match="check_nothing"):
         _ = kits.check_nothing
     assert dir(kits) == sorted(kits.__all__)
+
+
+@pytest.mark.parametrize("fragment", REASONS)
+def test_each_message_has_its_reason(fragment):
+    """No fragment hides that of another property, as `tangent` would hide `tangential_scaling`."""
+    with pytest.raises(AssertionError) as caught:
+        require(False, fragment, 0)
+    assert str(caught.value).endswith(f"why it matters: {REASONS[fragment]}")
+
+
+def test_reason_is_that_of_the_property_named_first():
+    with pytest.raises(AssertionError, match="why it matters: solvers converge because"):
+        require(False, "project is expansive in the metric of tangential_scaling", 0)
 
 
 @njit(cache=True, nogil=True)

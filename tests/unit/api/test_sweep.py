@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray
 
 import meeframe
 
@@ -28,6 +29,8 @@ def test_points_match_separate_cases():
     pressure = changed.to_xarray()["pressure"].isel(increment=-1).transpose("y", "x")
     np.testing.assert_allclose(point["zone_pressure"], pressure, rtol=1e-6, atol=1.0)
     assert sweep["normal_force"].attrs["units"] == "N"
+    assert {"charge", "max_abs_electric_potential"} <= set(sweep), "piezoelectric"
+    assert not [name for name in sweep.variables if "magnetic" in name or "conductance" in name]
 
 
 def test_points_are_stored_in_a_folder(tmp_path):
@@ -39,6 +42,30 @@ def test_points_are_stored_in_a_folder(tmp_path):
     again = meeframe.sweep(CASE, axes, tmp_path / "out")
     assert again.equals(first)
     assert (point / "result.h5").stat().st_mtime_ns == written
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_interruption_returns_the_finished_points(tmp_path, keep):
+    """The dataset of the finished points is in the error and in the folder, from which the sweep continues."""
+    axes, out = {"contact.law.mu": [0.1, 0.3]}, tmp_path / "out" if keep else None
+
+    def interrupt(stage, fraction):
+        if stage == "points" and fraction == 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(meeframe.Interrupted) as caught:
+        meeframe.sweep(CASE, axes, out, progress=interrupt)
+    partial = caught.value.result
+    assert partial["status"].values.tolist() == ["converged", "unfinished"]
+    assert np.isnan(partial["normal_force"]).values.tolist() == [False, True]
+    (note,) = caught.value.__notes__
+    assert ("attribute `result`" in note) is not keep
+    if out is not None:
+        assert "1 of 2 points are finished" in note
+        assert xarray.load_dataset(out / "sweep.h5", engine="h5netcdf").equals(partial)
+        whole = meeframe.sweep(CASE, axes, out)
+        assert (whole["status"] == "converged").all()
+        assert whole["normal_force"][0] == partial["normal_force"][0]
 
 
 def test_messages_name_the_axis():

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import h5py
 import meshio
 import numpy as np
 import pytest
@@ -323,3 +324,58 @@ def test_element_in_two_groups_is_rejected(tmp_path: Path) -> None:
     meshio.write(tmp_path / "two.inp", meshio.Mesh(np.array(TETRA, float), CLOSED, cell_sets=sets))
     with pytest.raises(MeshError, match=r"two\.inp: an element is in two face groups, 'one' and 'two'"):
         read(tmp_path / "two.inp")
+
+
+def _xdmf(folder: Path, **formats: str) -> Path:
+    """Write a tetrahedron in XDMF, and beside it the HDF5 file that it names."""
+    path = folder / "mesh.xdmf"
+    meshio.write(path, meshio.Mesh(np.array(TETRA, float), CLOSED), **formats)
+    return path
+
+
+def _renamed(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def test_xdmf_takes_data_from_its_folder_only(tmp_path: Path) -> None:
+    """A file from somebody else must not bring other readable files into a mesh."""
+    (tmp_path / "inside").mkdir()
+    path = _xdmf(tmp_path / "inside")
+    assert volume(read(path)) == pytest.approx(1 / 6)
+    (tmp_path / "inside" / "mesh.h5").rename(tmp_path / "private.h5")
+    for name in ("../private.h5", str(tmp_path / "private.h5")):
+        other = _xdmf(tmp_path / "inside")
+        _renamed(other, "mesh.h5", name)
+        with pytest.raises(MeshError, match=rf"mesh\.xdmf: refers to '{name}'; allowed: names of files in its folder"):
+            read(other)
+
+
+def test_xdmf_names_hdf5_without_links(tmp_path: Path) -> None:
+    path = _xdmf(tmp_path)
+    with h5py.File(tmp_path / "mesh.h5", "a") as file:
+        (first, *_) = file
+        file.move(first, "moved")
+        file[first] = h5py.ExternalLink("other.h5", first)
+    with pytest.raises(MeshError, match=r"mesh\.h5 cannot be read as HDF5: .* is a link to another file"):
+        read(path)
+
+
+def test_xdmf_with_raw_files_is_rejected(tmp_path: Path) -> None:
+    path = _xdmf(tmp_path, data_format="Binary")
+    with pytest.raises(MeshError, match=r"takes data from the raw file .*; allowed: data in HDF5 files or in XML"):
+        read(path)
+
+
+def test_abaqus_includes_from_its_folder_only(tmp_path: Path) -> None:
+    """Includes are followed at any depth, and one that includes itself ends with an error."""
+    meshio.write(tmp_path / "part.inp", meshio.Mesh(np.array(TETRA, float), CLOSED))
+    path = tmp_path / "mesh.inp"
+    path.write_text("*HEADING\n*INCLUDE, INPUT=part.inp\n")
+    assert volume(read(path)) == pytest.approx(1 / 6)
+    part = tmp_path / "part.inp"
+    for name, message in (("/etc/passwd", "refers to '/etc/passwd'"), ("part.inp", "meshio cannot read it")):
+        part.write_text(f"*HEADING\n*include, input={name}\n")
+        with pytest.raises(MeshError, match=message):
+            read(path)

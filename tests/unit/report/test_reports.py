@@ -83,6 +83,30 @@ def test_table_shows_every_step_and_its_message(synthetic):
     assert "-9" in text
 
 
+@pytest.mark.parametrize(
+    ("second", "lines"),
+    [
+        ((2, 1), ["step 1: done", "step 2: slow", "steps 1 and 2: coarse; refine"]),
+        (
+            (1, 2),
+            [
+                "step 1, increment 1: done",
+                "step 1, increment 2: slow",
+                "step 1, increment 1 and step 1, increment 2: coarse; refine",
+            ],
+        ),
+    ],
+)
+def test_table_says_once_what_several_increments_share(synthetic, second, lines):
+    first = dataclasses.replace(synthetic.step(1e-6), message="done; coarse; refine")
+    step, increment = second
+    other = dataclasses.replace(synthetic.step(2e-6, Status.STALLED, step, increment), message="slow; coarse; refine")
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(summary_table(synthetic.result(first, other), [(1, 1), second]))
+    text = console.export_text().splitlines()
+    assert [line for line in text if line.startswith("step")] == lines
+
+
 def test_figures_are_drawn(tmp_path, synthetic):
     drawn = figures(synthetic.result(synthetic.step(1e-6)))
     assert set(drawn) == {

@@ -82,6 +82,37 @@ def test_dataframe_omits_fixed_zero_rotations(result):
     assert {"twist", "torque"} <= columns(**nothing, prescribed={"torque": np.zeros(1)})
 
 
+def changed(result, fluxes=None, **scalars):
+    """Return a result without the magnetic field but for these fluxes and potentials of the indenter."""
+    steps = []
+    for step in result:
+        loading = dataclasses.replace(
+            step.loading, scalars={**step.loading.scalars, "magnetic_potential": 0.0, **scalars}
+        )
+        new = np.zeros(len(step.fluxes)) if fluxes is None else fluxes
+        values = {name: getattr(step, name).copy() for name in ("potentials", "fluxes")}
+        values["potentials"][:, 1], values["fluxes"][:, 1] = 0.0, new
+        steps.append(dataclasses.replace(step, loading=loading, **values))
+    return dataclasses.replace(result, steps=tuple(steps))
+
+
+def test_absent_scalar_fields_are_left_out(result):
+    """A field is shown if it has fluxes without a sum, or a potential of the indenter alone."""
+
+    def magnetic(shown):
+        names = [*shown.to_dataframe().columns, *shown.to_xarray().variables]
+        return {name for name in names if "magnetic" in name}
+
+    assert not magnetic(changed(result))
+    assert {"charge", "electric_potential"} <= set(changed(result).to_dataframe().columns)
+    balanced = np.zeros(len(result.zone.points))
+    balanced[:2] = np.array([1.0, -1.0]) / result.zone.weights[:2]
+    for shown in (changed(result, balanced), changed(result, magnetic_potential=1.0)):
+        assert {"magnetic_potential", "magnetic_flux", "total_magnetic_flux"} <= magnetic(shown)
+    assert "magnetic_conductance" not in magnetic(changed(result, balanced))
+    assert "magnetic_conductance" in magnetic(changed(result, magnetic_potential=1.0))
+
+
 def test_dataset_of_a_grid_has_x_and_y(result):
     data = result.to_xarray()
     assert dict(data.sizes) == {"increment": 4, "x": 5, "y": 5, "component": 3, "tangent": 2}

@@ -153,6 +153,10 @@ WRONG = {
         ("[0.0, 0.3, inf]", '{ from = 0, to = 1, count = 3, scale = "cubic" }'), "scale = 'cubic': allowed: linear, log"
     ),
     "range": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, steps = 3 }"), "unknown key 'steps'; allowed: count, from"),
+    "range of a name": (
+        ("[axes.load]", '[axes.a]\n"indenter.radius" = { from = 0.1, count = 3 }\n[axes.load]'),
+        "axes.a: from = 0.1, to = None: allowed: two finite numbers",
+    ),
     "key": (('"contact.law.mu" = [', '"contact..mu" = ['), "'contact..mu' is not a key of a case file"),
     "name": (("[axes.load]", "[axes.approach]"), "axes: 'approach' is reserved in sweep.h5"),
     "quantity": (
@@ -245,3 +249,19 @@ def test_named_axis(read):
     assert axis.name == "mu"
     np.testing.assert_array_equal(axis.values, [0.1, 0.3])
     assert changes == ({"contact.law.mu": 0.1}, {"contact.law.mu": 0.3})
+
+
+@pytest.mark.parametrize(
+    ("lines", "values"),
+    [
+        ('"contact.law.mu" = { from = 0, to = 0.4, count = 3 }', [0.0, 0.2, 0.4]),
+        ('"contact.law.mu" = { from = 0, to = 0.4, count = 3 }\n"mesh.divisions" = [8, 16, 32]', [0.0, 0.2, 0.4]),
+        ('"mesh.divisions" = [8, 16, 32]\n"contact.law.mu" = { from = 0, to = 0.4, count = 3 }', [8, 16, 32]),
+    ],
+)
+def test_named_axis_of_spaced_values(read, lines, values):
+    axis, changes = axis_of(read(f'case = "c.toml"\n[axes.mu]\n{lines}'))
+    assert axis.name == "mu"
+    np.testing.assert_allclose(axis.values, values)
+    assert [change["contact.law.mu"] for change in changes] == [0.0, 0.2, 0.4]
+    assert [change.get("mesh.divisions") for change in changes] in ([8, 16, 32], [None] * 3)
