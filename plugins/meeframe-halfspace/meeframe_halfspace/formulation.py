@@ -26,6 +26,7 @@ from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
 from meeframe_halfspace.interior import HalfSpaceInterior
+from meeframe_halfspace.layer_waves import LayerWaves
 from meeframe_halfspace.layered_grid import LayeredFreeGrid, LayeredPeriodicGrid
 from meeframe_halfspace.layered_symbol import LayeredResponse
 from meeframe_halfspace.response import PointResponse
@@ -132,9 +133,7 @@ class HalfSpace(Formulation):
             convolution=convolution_of(grid_response),
             shares=shares,
             edge_waves=grid_response.response.wave_series()[0] if self.resolves_edges() else None,
-            interior=None
-            if body.layers or isinstance(grid_response, HeatedGrid)
-            else HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares),
+            interior=_interior(body, grid, grid_response, origin, shares),
         )
         # a system with a matrix does not know its grid any more
         return _with_matrix(system) if len(weights) <= self.matrix_up_to and not self.resolves_edges() else system
@@ -206,6 +205,18 @@ class HalfSpace(Formulation):
         if body.layers and self.edges == "resolved":
             _check_resolved(body, grid)
         return zone, grid
+
+
+def _interior(
+    body: Body, grid: Grid, grid_response: GridResponse, origin: Array, shares: Array
+) -> HalfSpaceInterior | None:
+    """Return the fields inside a body; None with heat and on periodic layers."""
+    if isinstance(grid_response, (HeatedGrid, LayeredPeriodicGrid)):
+        return None
+    if isinstance(grid_response, LayeredFreeGrid):
+        waves = LayerWaves(body, grid.frame)
+        return HalfSpaceInterior(grid, grid_response.homogeneous, waves.stiffnesses[0], origin, shares, waves)
+    return HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares)
 
 
 def _check_grounded(body: Body) -> None:
