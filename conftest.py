@@ -54,8 +54,8 @@ def full_tier(items: list[pytest.Item], config: pytest.Config) -> set[pytest.Ite
             marked[item.nodeid.partition("[")[0]].append(item)
     for alike in marked.values():
         count = min(len(alike), max(item.get_closest_marker("full").kwargs.get("except_for", 0) for item in alike))
-        kept = {alike[place] for place in np.linspace(0, len(alike) - 1, count).round().astype(int)}
-        full.update(item for item in alike if item not in kept)
+        default = {alike[index] for index in np.linspace(0, len(alike) - 1, count).round().astype(int)}
+        full.update(item for item in alike if item not in default)
     return full
 
 

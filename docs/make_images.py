@@ -58,6 +58,10 @@ class Source:
 SOURCES = {
     "gallery": Source(("images/overview.png", "images/indenters.png", "images/hysteresis.png"), ()),
     "rough": Source(("images/rough.png",), ("plugins/meeframe-halfspace/examples/pictures.py docs/images/rough.png",)),
+    "rough-study": Source(
+        ("images/rough_study.png",),
+        ("plugins/meeframe-halfspace/examples/study_picture.py docs/images/rough_study.png",),
+    ),
     "laws": Source(
         ("images/laws/*.png",),
         tuple(f"plugins/meeframe-laws/pictures/{kind}.py" for kind in ("friction", "interface", "conductivity")),

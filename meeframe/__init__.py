@@ -20,6 +20,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import meeframe.indenters.topography as topography
     import meeframe.mesh as mesh
     from meeframe.api.case import Case as Case
     from meeframe.api.case import run as run
@@ -28,10 +29,14 @@ if TYPE_CHECKING:
     from meeframe.api.named import indenter as indenter
     from meeframe.api.named import law as law
     from meeframe.api.named import solver as solver
+    from meeframe.api.parts import Base as Base
     from meeframe.api.parts import Boundary as Boundary
     from meeframe.api.parts import Contact as Contact
+    from meeframe.api.parts import Interface as Interface
+    from meeframe.api.parts import Layer as Layer
     from meeframe.api.parts import SecondBody as SecondBody
     from meeframe.api.parts import Step as Step
+    from meeframe.api.rough import rough as rough
     from meeframe.api.sweep import sweep as sweep
     from meeframe.common.errors import CaseError as CaseError
     from meeframe.common.errors import MeeframeError as MeeframeError
@@ -81,10 +86,14 @@ _HOMES = {
     "indenter": "meeframe.api.named",
     "law": "meeframe.api.named",
     "solver": "meeframe.api.named",
+    "Base": "meeframe.api.parts",
     "Boundary": "meeframe.api.parts",
     "Contact": "meeframe.api.parts",
+    "Interface": "meeframe.api.parts",
+    "Layer": "meeframe.api.parts",
     "SecondBody": "meeframe.api.parts",
     "Step": "meeframe.api.parts",
+    "rough": "meeframe.api.rough",
     "sweep": "meeframe.api.sweep",
     "CaseError": "meeframe.common.errors",
     "MeeframeError": "meeframe.common.errors",
@@ -125,12 +134,14 @@ _HOMES = {
     "interior": "meeframe.study.interior",
 }
 
-__all__ = ["__version__", "mesh", *_HOMES]
+_MODULES = {"mesh": "meeframe.mesh", "topography": "meeframe.indenters.topography"}
+
+__all__ = ["__version__", "mesh", "topography", *_HOMES]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "mesh":
-        return import_module("meeframe.mesh")
+    if name in _MODULES:
+        return import_module(_MODULES[name])
     if name not in _HOMES:
         raise AttributeError(f"module 'meeframe' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)

@@ -9,7 +9,18 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.api.named import described, keys_of, relative
-from meeframe.api.parts import Amount, Boundary, Contact, SecondBody, Step, entries, from_zero
+from meeframe.api.parts import (
+    Amount,
+    Base,
+    Boundary,
+    Contact,
+    Interface,
+    Layer,
+    SecondBody,
+    Step,
+    entries,
+    from_zero,
+)
 from meeframe.api.progress import Show, shown
 from meeframe.common.errors import CaseError
 from meeframe.common.toml import read_toml, toml_tables, toml_text
@@ -73,6 +84,10 @@ class Case:
         Contact solver.
     stopping : StoppingCriteria, optional
         Criteria that end an iteration.
+    layers : sequence of Layer, optional
+        Layers on the body, from the surface down.
+    base : Base, optional
+        Rigid base below the material of a half space.
     second_body : SecondBody, optional
         Second of two deformable bodies.
     restart : str or Path, optional
@@ -112,6 +127,8 @@ class Case:
     output: Output = field(default_factory=Output)
     title: str = ""
     plugins: Sequence[str | Path] = ()
+    layers: Sequence[Layer] = ()
+    base: Base | None = None
     checked: CheckedCase = field(init=False)
 
     def __post_init__(self) -> None:
@@ -221,6 +238,7 @@ class Case:
             "material": _material(self.material),
             "mesh": _mesh(self.mesh),
             "boundary": [entries(part) for part in self.boundary],
+            **_layers(self),
             "contact": entries(contact),
             "conductivity": dict(self.conductivity),
             "indenter": {"name": self.indenter, **keys_of(self.placement, registry), **self.potentials},
@@ -237,6 +255,7 @@ class Case:
                 "material": _material(other.material),
                 "mesh": _mesh(other.mesh),
                 "boundary": [entries(part) for part in other.boundary],
+                **_layers(other),
                 "zone": other.zone,
                 "formulation": other.formulation,
             }
@@ -276,6 +295,20 @@ def _material(material: str | Mapping[str, Any] | Material) -> Any:
     return material_table(material) | further
 
 
+def _layers(body: Case | SecondBody) -> dict[str, Any]:
+    """Return the tables of the layers and the base of a body."""
+    layers = [
+        {
+            **entries(layer),
+            "material": _material(layer.material),
+            "interface": entries(layer.interface) if isinstance(layer.interface, Interface) else layer.interface,
+        }
+        for layer in body.layers
+    ]
+    base = {} if body.base is None else {"base": entries(body.base)}
+    return base | ({"layers": layers} if layers else {})
+
+
 def _mesh(mesh: MeshRecipe | SurfaceMesh) -> Any:
     return dict(mesh.table) if isinstance(mesh, MeshRecipe) else mesh
 
@@ -294,6 +327,8 @@ def _placed(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
     for name, key in _PATHS:
         if key in tables.get(name, {}):
             tables = {**tables, name: {**tables[name], key: folder / tables[name][key]}}
+    if "layers" in tables:
+        tables = {**tables, "layers": [_placed(layer, folder) for layer in tables["layers"]]}
     if "second_body" in tables:
         tables = {**tables, "second_body": _placed(tables["second_body"], folder)}
     return tables
@@ -310,7 +345,9 @@ def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequenc
             _boundary(table),
             second_body.zone,
             second_body.formulation,
+            *_layers_of(table),
         )
+    layers, base = _layers_of(tables)
     return Case(
         material=tables["material"],
         mesh=MeshRecipe(tables["mesh"]),
@@ -331,14 +368,28 @@ def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequenc
         output=checked.output,
         title=checked.title,
         plugins=tuple(files),
+        layers=layers,
+        base=base,
     )
+
+
+def _layers_of(tables: Mapping[str, Any]) -> tuple[tuple[Layer, ...], Base | None]:
+    """Return the layers and the base in the tables of a body."""
+    layers = []
+    for table in tables.get("layers", ()):
+        interface = table.get("interface", "bonded")
+        if isinstance(interface, Mapping):
+            interface = Interface(**_with_scalars(interface, Interface))
+        layers.append(Layer(**{**table, "interface": interface}))
+    base = tables.get("base")
+    return tuple(layers), None if base is None else Base(**_with_scalars(base, Base))
 
 
 def _boundary(tables: Mapping[str, Any]) -> tuple[Boundary, ...]:
     return tuple(Boundary(**_with_scalars(table, Boundary)) for table in tables.get("boundary", ()))
 
 
-def _with_scalars(table: Mapping[str, Any], part: type[Step] | type[Boundary]) -> dict[str, Any]:
+def _with_scalars(table: Mapping[str, Any], part: type[Step | Boundary | Interface | Base]) -> dict[str, Any]:
     """Return the arguments of a part: keys of fields that plugins add go into `scalars`."""
     known = {key: value for key, value in table.items() if key in part.__dataclass_fields__}
     return {**known, "scalars": {key: value for key, value in table.items() if key not in known}}

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import ValidationError
 
@@ -16,6 +16,7 @@ from meeframe.material import Material
 from meeframe.mesh import FrictionAxes, MeshRecipe
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.body_tables import BoundaryTable
+from meeframe.model.layer_tables import BaseTable, InterfaceTable
 from meeframe.model.schema import StepTable
 from meeframe.model.values import Table
 from meeframe.plugin.validation import Problem, problems_of
@@ -37,7 +38,7 @@ def _same(value: Any, default: Any) -> bool:
     return type(value) is type(default) and bool(value == default)
 
 
-def _check(part: "Step | Boundary", model: type[Table]) -> None:
+def _check(part: "Step | Boundary | Interface | Base", model: type[Table]) -> None:
     """Raise CaseError unless the entries of a part are valid; fields that plugins add are checked by the case."""
     table = {key: value for key, value in entries(part).items() if key not in part.scalars}
     try:
@@ -178,12 +179,94 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class Interface:
+    """Interface below a layer, bonded in each field unless a key says otherwise.
+
+    Parameters
+    ----------
+    normal_stiffness, tangential_stiffness : float or str, optional
+        Traction per jump of the displacement [N/m^3].
+    electric_conductance, magnetic_conductance : float or str, optional
+        Flux per jump of the potential: capacitance [F/m^2] and permeance [H/m^2] per area.
+    electrode : {'grounded', 'floating'}, optional
+        Thin electrode at the interface, at the potential zero, or at one at which its total charge is zero.
+    scalars : mapping of str to float or str, optional
+        Conductances of scalar fields that plugins add, by their keys in case files.
+
+    Raises
+    ------
+    CaseError
+        If a value is not allowed.
+    """
+
+    normal_stiffness: Amount | None = None
+    tangential_stiffness: Amount | None = None
+    electric_conductance: Amount | None = None
+    magnetic_conductance: Amount | None = None
+    electrode: Literal["grounded", "floating"] | None = None
+    scalars: Mapping[str, Amount] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check(self, InterfaceTable.of(MEE))
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Plane layer on a body.
+
+    Parameters
+    ----------
+    material : str, mapping or Material
+        Name of a material of the library, table as in a case file, or material.
+    thickness : float or str
+        Thickness [m].
+    rotation : mapping, optional
+        Rotation of the material's axes, as in `[material]` of a case file: {"axis": [0, 0, 1], "angle": "30 deg"}.
+    interface : 'bonded' or Interface, optional
+        Interface below the layer.
+    """
+
+    material: str | Mapping[str, Any] | Material
+    thickness: Amount
+    rotation: Mapping[str, Any] | None = None
+    interface: Interface | Literal["bonded"] = "bonded"
+
+
+@dataclass(frozen=True)
+class Base:
+    """Rigid base below the material of a half space, which then is a layer of finite thickness.
+
+    Parameters
+    ----------
+    thickness : float or str
+        Thickness of the body's material on the base [m].
+    electric, magnetic : {'grounded', 'insulating'}, optional
+        Whether the potential of the base, or the flux into it, is zero.
+    scalars : mapping of str to str, optional
+        The same for scalar fields that plugins add, by their names.
+
+    Raises
+    ------
+    CaseError
+        If a value is not allowed.
+    """
+
+    thickness: Amount
+    electric: Literal["grounded", "insulating"] = "grounded"
+    magnetic: Literal["grounded", "insulating"] = "grounded"
+    scalars: Mapping[str, Literal["grounded", "insulating"]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check(self, BaseTable.of(MEE))
+
+
+@dataclass(frozen=True)
 class SecondBody:
     """Second of two deformable bodies in its own coordinates, in which its contact zone faces up.
 
     Parameters
     ----------
-    material, mesh, boundary, formulation
+    material, mesh, boundary, formulation, layers, base
         As for `Case`.
     zone : str, optional
         Name of the face group that may come into contact.
@@ -194,3 +277,5 @@ class SecondBody:
     boundary: Sequence[Boundary] = ()
     zone: str = "contact"
     formulation: Formulation = field(default_factory=DenseBEM)
+    layers: Sequence[Layer] = ()
+    base: Base | None = None

@@ -4,13 +4,13 @@ import gc
 import sys
 
 try:
-    from meeframe.cli import cases, doctor, examples, extensions, fclib, materials, studies
+    from meeframe.cli import cases, doctor, examples, extensions, fclib, materials, rough, studies
     from meeframe.cli.app import app
 except KeyboardInterrupt:  # while modules are imported
     print("interrupted", file=sys.stderr)
     sys.exit(130)
 
-__all__ = ["app", "cases", "doctor", "examples", "extensions", "fclib", "main", "materials", "studies"]
+__all__ = ["app", "cases", "doctor", "examples", "extensions", "fclib", "main", "materials", "rough", "studies"]
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """HDF5 files that may come from others: everything that is read is in the file itself and of a plausible size."""
 
+import mmap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -9,12 +10,14 @@ import h5py
 
 MAX_COMPRESSION: Final = 1100
 """Largest ratio of the size of an array and its compressed size; deflate attains 1032."""
+_HEAP: Final = b"GCOL\1\0\0\0"
+"""Signature and version of a heap."""
 ALWAYS_ALLOWED: Final = 2**30
 """Size [bytes] up to which arrays are read however small the file is; parts that were never written take no place."""
 
 
 @contextmanager
-def open_hdf5(path: Path, is_own_link: Callable[[str, str], bool] = lambda name, target: False) -> Iterator[Any]:
+def open_hdf5(path: Path, is_result_link: Callable[[str, str], bool] = lambda name, target: False) -> Iterator[Any]:
     """Open an HDF5 file for reading, if it refers to no other file.
 
     HDF5 follows external links, external storage and virtual datasets wherever they lead, so that a file from somebody
@@ -24,7 +27,7 @@ def open_hdf5(path: Path, is_own_link: Callable[[str, str], bool] = lambda name,
     ----------
     path : Path
         The file.
-    is_own_link : callable, optional
+    is_result_link : callable, optional
         Returns True for an external link, given by its name and its target file, that is allowed, and whose target is
         checked likewise. By default none is.
 
@@ -41,11 +44,55 @@ def open_hdf5(path: Path, is_own_link: Callable[[str, str], bool] = lambda name,
         If it refers to other files, or if an array is larger than the file can hold.
     """
     with h5py.File(path, "r") as file:
-        _check(file, path.stat().st_size, is_own_link)
+        try:
+            _check_heaps(path, file.id.get_create_plist().get_sizes()[1])
+            _check(file, path.stat().st_size, is_result_link)
+        except RuntimeError as error:
+            raise OSError(f"is damaged: {error}") from None
         yield file
 
 
-def _check(group: Any, size: int, is_own_link: Callable[[str, str], bool] | None) -> None:
+def _check_heaps(path: Path, length_bytes: int) -> None:
+    """Check the heaps of a file, in which texts are stored: HDF5 searches a damaged one without end.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    length_bytes : int
+        Size of a length in it.
+
+    Raises
+    ------
+    OSError
+        If the objects of a heap do not follow each other up to its end.
+
+    References
+    ----------
+    HDF5 File Format Specification, version 3.0, section III.E (global heap).
+    """
+    header = 8 + length_bytes
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        start = content.find(_HEAP)
+        while start >= 0:
+            end = start + int.from_bytes(content[start + 8 : start + header], "little")
+            if not start + header <= _end_of_objects(content, start + header, end, header) <= end <= len(content):
+                raise OSError("is damaged: the objects in one of its heaps do not fit into it")
+            start = content.find(_HEAP, start + 1)
+
+
+def _end_of_objects(content: mmap.mmap, position: int, end: int, header: int) -> int:
+    """Return where the objects of a heap end; 0 if one has no length."""
+    while position + header <= min(end, len(content)):
+        length = int.from_bytes(content[position + 8 : position + header], "little")
+        is_free = content[position : position + 2] == b"\0\0"  # its length includes the header
+        if is_free and length == 0:
+            return 0
+        position += length if is_free else header + -(-length // 8) * 8
+    return position
+
+
+def _check(group: Any, size: int, is_result_link: Callable[[str, str], bool] | None) -> None:
     """Check the links and arrays of a group at any depth, in a file of a size [bytes]. Raises ValueError."""
     external: dict[bytes, str] = {}
 
@@ -62,7 +109,7 @@ def _check(group: Any, size: int, is_own_link: Callable[[str, str], bool] | None
     h5py.h5o.visit(group.id, visit_object, info=True)  # low-level: as fast as the arrays are read
     for link, target in external.items():
         name = link.decode(errors="replace")
-        if is_own_link is None or not is_own_link(name, target):
+        if is_result_link is None or not is_result_link(name, target):
             raise ValueError(f"{name!r} is a link to another file, {target!r}; allowed: data in the file itself")
         with suppress(KeyError):  # it may not be written yet
             linked = group[link]

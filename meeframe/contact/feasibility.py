@@ -15,6 +15,7 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 
 from meeframe.contact.free_motion import maximal_traction, motions, reserve
+from meeframe.contact.nested import has_nodal_data
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
@@ -23,6 +24,8 @@ from meeframe.laws.base import is_adhesive
 
 TOLERANCE: Final = 1e-6
 MAX_GENERATORS: Final = 200
+MAX_COMPRESSION: Final = 1e30
+"""Normal traction [Pa] beyond any that a contact law without a bound returns as it is."""
 MIN_UNREACHABLE_FRACTION: Final = 0.5
 """Least fraction of the missed resultants that must be unreachable under the present pressures."""
 MAX_VIOLATION_RATIO: Final = 0.1
@@ -46,6 +49,9 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
     str or None
         Reason in words, for the message of a solution.
     """
+    bounded = beyond_bound(problem)
+    if bounded is not None:
+        return bounded
     missing = 0.0 if is_adhesive(problem.contact_law) else _missing_force(problem, scales)
     if missing > TOLERANCE:
         return (
@@ -56,6 +62,35 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
         if channels and resultant.total and not any(channel.is_conducting for channel in channels):
             names = " or ".join(channel.field.resultant.replace("_", " ") for channel in channels)
             return f"a {names} is prescribed, but the contact does not conduct it"
+    return None
+
+
+def beyond_bound(problem: ContactProblem) -> str | None:
+    """Return the reason why a contact law with bounded pressures cannot bear the prescribed forces; None if it may.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem.
+
+    Returns
+    -------
+    str or None
+        Reason in words, for the message of a solution.
+    """
+    n = len(problem.gap) if has_nodal_data(problem.contact_law, len(problem.gap)) else 1
+    trial = np.tile([0.0, 0.0, -MAX_COMPRESSION], (n, 1))
+    bound = -problem.contact_law.project(trial)[:, 2]
+    if is_adhesive(problem.contact_law) or not bound.max() < MAX_COMPRESSION / 2.0:
+        return None
+    for k in motions(problem):
+        resultant = problem.prescribed_resultants[k]
+        most = float((np.maximum(-resultant.measure[:, 2], 0.0) * bound * np.isfinite(problem.gap)).sum())
+        if _lifts(problem, k) and resultant.total > most * (1.0 + TOLERANCE):
+            return (
+                f"the prescribed force or moment of {resultant.total:.4g} is more than the contact law admits: its "
+                f"largest pressure over the whole zone makes {most:.4g}"
+            )
     return None
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.conduction import depends_on_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant
-from meeframe.fields import N_MECHANICAL, Indices
+from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.system.capabilities import Coarsening, Multigrid
 from meeframe.system.reduced import ReducedSystem
@@ -62,9 +62,11 @@ def restrict_problem(problem: ContactProblem, system: ReducedSystem, nodes: Indi
     """
     weights = problem.system.weights[nodes]
     ratio = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)
-    prescribed_resultants = tuple(  # component by component
+    prescribed_resultants = tuple(
         PrescribedResultant(
-            resultant.mode.T.take(nodes, axis=1).T, (resultant.measure.T.take(nodes, axis=1) * ratio).T, resultant.total
+            _columns_at(resultant.mode, resultant.mode_fields, nodes),
+            _columns_at(resultant.measure, resultant.measure_fields, nodes, ratio),
+            resultant.total,
         )
         for resultant in problem.prescribed_resultants
     )
@@ -73,6 +75,14 @@ def restrict_problem(problem: ContactProblem, system: ReducedSystem, nodes: Indi
     return replace(
         problem, system=system, prescribed_resultants=prescribed_resultants, area_fraction=area_fraction, **arrays
     )
+
+
+def _columns_at(values: Array, columns: tuple[int, ...], nodes: Indices, factors: Array | float = 1.0) -> Array:
+    """Return factors * values (n, fields) at some nodes (m,), of the columns that are not zero."""
+    at_nodes = np.zeros((values.shape[1], len(nodes))).T  # columns of zeros are never written, and take no memory
+    for column in columns:
+        at_nodes[:, column] = values[nodes, column] * factors
+    return at_nodes
 
 
 def is_similar(one: float, other: float) -> bool:

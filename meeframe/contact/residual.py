@@ -55,12 +55,14 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
             "such as 'auto'"
         )
     system = problem.system
-    displacement = np.zeros((system.n_fields, len(iterate.load))).T
     all_fields = fields is None or len(fields) == system.n_fields
     columns = tuple(range(system.n_fields)) if fields is None else fields
     response = system.apply(iterate.load) if all_fields else apply_load(system, iterate.load, columns)
-    for field, values in zip(columns, response.T, strict=True):  # field by field
-        np.add(system.offset[:, field], values, out=displacement[:, field])
+    displacement = np.zeros((system.n_fields, len(iterate.load))).T  # field by field, as far as fields are not zero
+    for field, values in zip(columns, response.T, strict=True):
+        offset = system.offset[:, field]
+        if values.any() or offset.any():
+            np.add(offset, values, out=displacement[:, field])
     return ContactState(iterate.load, displacement, iterate.contact_fraction, iterate.motion)
 
 

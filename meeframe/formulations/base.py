@@ -4,7 +4,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from meeframe.mesh.body import Body
+from meeframe.common.errors import CaseError
+from meeframe.mesh.body import Body, check_layers
 from meeframe.system.capabilities import AnyArray, Persistence
 from meeframe.system.reduced import Progress, ReducedSystem, silent
 
@@ -49,6 +50,10 @@ class Formulation(ABC):
 
     def resolves_edges(self) -> bool:
         """Return True if its reduced systems have the capability `EdgeResolution`."""
+        return False
+
+    def supports_layers(self) -> bool:
+        """Return True if it takes the layers of a body into account; other bodies with layers are refused."""
         return False
 
     @abstractmethod
@@ -104,6 +109,31 @@ class PersistentFormulation(Formulation):
         ValueError
             If these are not the arrays of such a system.
         """
+
+
+def check_layered(formulation: Formulation, body: Body) -> None:
+    """Check the layers of a body, before `Formulation.check`.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body
+        The body.
+
+    Raises
+    ------
+    CaseError
+        If the body has layers or a rigid base that the formulation does not support, or that do not fit the body.
+    """
+    if not body.layers:
+        return
+    if not formulation.supports_layers():
+        raise CaseError(
+            f"formulation {type(formulation).__name__} does not support layers or a rigid base; allowed: formulations "
+            "that do, such as half-space"
+        )
+    check_layers(body)
 
 
 def stored_arrays(formulation: Formulation, system: ReducedSystem) -> Mapping[str, AnyArray] | None:

@@ -2,14 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final, final
 
 import numpy as np
 
-from meeframe.fields import MEE, N_MECHANICAL, Array, FieldSet
-from meeframe.mesh.regular import local_components
+from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet
+from meeframe.mesh.regular import local_components, shared_frames, shares_frame
 
 N_RIGID: Final = 6
 """Number of rigid motions of the indenter, which come before its potentials."""
@@ -122,31 +122,93 @@ class Indenter(ABC):
         return False
 
 
-def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fields: FieldSet = MEE) -> Array:
-    """Return the motion of the indenter's surface per unit of each motion, (motions, n, fields), in local frames.
+@final
+@dataclass(frozen=True, eq=False)
+class MotionModes(Sequence[Array]):
+    """Motion of the indenter's surface per unit of each motion, (n, fields) in local frames, computed when it is read.
 
-    points: (n, 3) [m]; frames: (n, 3, 3) as in ReducedSystem; axes: rows e1, e2 and axis of the indenter, (3, 3);
-    reference: point of the indenter about which it tilts and twists, (3,) [m]. Motions are small: approach against the
-    axis, translation along e1 and e2, right-handed rotations about e1, e2 and the axis; a unit potential is -1 in its
-    column, as in a displacement of ReducedSystem.
+    Motions are small: approach against the axis, translation along e1 and e2, right-handed rotations about e1, e2 and
+    the axis; a unit potential is -1 in its column, as in a displacement of ReducedSystem.
+
+    Attributes
+    ----------
+    points : Array
+        Points of the surface, (n, 3) [m].
+    frames : Array
+        Local frames, (n, 3, 3), as in ReducedSystem.
+    axes : Array
+        Rows e1, e2 and axis of the indenter, (3, 3).
+    reference : Array
+        Point of the indenter about which it tilts and twists, (3,) [m].
+    fields : FieldSet
+        Field set of the body.
     """
-    potentials = np.arange(len(fields.scalars))
-    # field by field: a column that is zero throughout is never written, and takes no memory
-    modes = np.zeros((N_RIGID + len(potentials), fields.size, len(points))).transpose(0, 2, 1)
-    for number in range(N_RIGID):
+
+    points: Array
+    frames: Array
+    axes: Array
+    reference: Array
+    fields: FieldSet = MEE
+
+    def __len__(self) -> int:
+        """Return the number of motions."""
+        return N_RIGID + len(self.fields.scalars)
+
+    def __getitem__(self, number: Any) -> Any:
+        """Return a mode (n, fields), as a view of one row if it is the same at all points."""
+        if not 0 <= number < len(self):
+            raise IndexError(f"motion {number} of {len(self)}")
+        shape = len(self.points), self.fields.size
+        same = np.zeros(self.fields.size)
+        if number >= N_RIGID:
+            same[N_MECHANICAL + number - N_RIGID] = -1.0
+            return np.broadcast_to(same, shape)
         if number < 3:
-            moved = np.broadcast_to((-axes[2], axes[0], axes[1])[number], points.shape)
+            displacement = np.broadcast_to((-self.axes[2], self.axes[0], self.axes[1])[number], self.points.shape)
+            if shares_frame(self.frames):
+                same[MECHANICAL] = self.frames[0] @ displacement[0]
+                return np.broadcast_to(same, shape)
         else:
-            moved = np.cross(axes[number - 3], points - reference)
-        local = local_components(frames, moved)
-        for column in range(N_MECHANICAL):
-            if local[:, column].any():
-                modes[number, :, column] = local[:, column]
-    modes[N_RIGID + potentials, :, N_MECHANICAL + potentials] = -1.0
-    return modes
+            displacement = np.cross(self.axes[number - 3], self.points - self.reference)
+        # field by field: a column that is zero throughout is never written, and takes no memory
+        mode = np.zeros(shape[::-1]).T
+        for column, values in enumerate(local_components(self.frames, displacement).T):
+            if values.any():
+                mode[:, column] = values
+        return mode
+
+    def work(self, forces: Mapping[int, Array]) -> Array:
+        """Return the sums (motions,) of mode times force, for forces (n,) by column, where frames are equal.
+
+        The modes are linear functions of the position, so that the sum and the first moments of each column suffice.
+        """
+        probes = self.reference + np.concatenate([np.zeros((1, 3)), np.eye(3)])
+        at_probes = motion_modes(probes, shared_frames(self.frames[0], 4), self.axes, self.reference, self.fields)
+        slopes, result = at_probes[:, 1:] - at_probes[:, :1], np.zeros(len(self))
+        for column, force in forces.items():
+            total = float(force.sum())
+            moments = force @ self.points - total * self.reference
+            result += at_probes[:, 0, column] * total + slopes[:, :, column] @ moments
+        return result
+
+    def at_extremes(self) -> "MotionModes":
+        """Return the modes at a few points where the components of each are largest and smallest, if frames are equal.
+
+        These are the corners of a box around the points, since the modes are linear functions of the position.
+        """
+        if not shares_frame(self.frames):
+            return self
+        ends = np.stack([self.points.min(axis=0), self.points.max(axis=0)])
+        corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
+        return replace(self, points=corners, frames=shared_frames(self.frames[0], len(corners)))
 
 
-def motion_measures(modes: Array, weights: Array) -> Array:
+def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fields: FieldSet = MEE) -> Array:
+    """Return all modes of `MotionModes` as an array, (motions, n, fields)."""
+    return np.stack(list(MotionModes(points, frames, axes, reference, fields)))
+
+
+def motion_measures(modes: Sequence[Array] | Array, weights: Array) -> Array:
     """Return measures (motions, n, fields) of the resultants that work on the motions.
 
     Each resultant is sum(measure * load) of a load (n, fields). modes: as returned by motion_modes; weights: (n,) [m^2]
@@ -156,21 +218,23 @@ def motion_measures(modes: Array, weights: Array) -> Array:
     return np.stack([motion_measure(modes, weights, number) for number in range(len(modes))])
 
 
-def motion_measure(modes: Array, weights: Array, number: int) -> Array:
+def motion_measure(modes: Sequence[Array] | Array, weights: Array, number: int) -> Array:
     """Return one of the measures of `motion_measures`, (n, fields)."""
-    signs = weights if number < N_RIGID else -weights
-    measure = np.zeros(modes.shape[:0:-1]).T  # field by field, as the modes
-    for column, mode in enumerate(modes[number].T):
-        if mode.any():
-            measure[:, column] = signs * mode
+    signs, mode = weights if number < N_RIGID else -weights, modes[number]
+    measure = np.zeros(mode.shape[::-1]).T  # field by field, as the modes
+    for column, values in enumerate(mode.T):
+        if values.any():
+            measure[:, column] = signs * values
     return measure
 
 
-def total_resultants(modes: Array, weights: Array, load: Array) -> Array:
+def total_resultants(modes: Sequence[Array] | Array, weights: Array, load: Array) -> Array:
     """Return the resultants (motions,) of a load (n, fields), see `motion_measures`, without their measures."""
-    weighted = [weights * column for column in load.T]
-    result = np.array(
-        [sum(float(mode @ column) for mode, column in zip(each.T, weighted, strict=True)) for each in modes]
-    )
+    weighted = {number: weights * column for number, column in enumerate(load.T) if column.any()}
+    if isinstance(modes, MotionModes) and shares_frame(modes.frames):
+        result = modes.work(weighted)
+    else:
+        totals = (sum(float(mode[:, number] @ column) for number, column in weighted.items()) for mode in modes)
+        result = np.array(list(totals))
     result[N_RIGID:] *= -1.0
     return result

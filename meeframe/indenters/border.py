@@ -7,6 +7,7 @@ import numpy as np
 
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
+from meeframe.mesh.regular import GridCells
 from meeframe.system.capabilities import IndenterEdge
 
 Gaps = Callable[[Array, Array], Array]
@@ -76,6 +77,8 @@ def longest_side(points: Array, cells: Sequence[tuple[str, Indices]]) -> float:
     cells : sequence of tuple
         meshio cell type and connectivity of each block.
     """
+    if isinstance(cells, GridCells):
+        return float(max(np.linalg.norm(points[number] - points[0]) for number in (1, cells.shape[1])))
     outlines = (points[numbers] for numbers in corners(cells))
     sides = (np.linalg.norm(outline - np.roll(outline, 1, axis=1), axis=2) for outline in outlines)
     return float(max((lengths.max(initial=0.0) for lengths in sides), default=0.0))

@@ -11,12 +11,14 @@ from meeframe.common.errors import CaseError
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.indenters.base import Indenter
+from meeframe.mesh.regular import shares_frame
 from meeframe.mesh.zone import ContactZone, local_frames
 
 Flags = NDArray[np.bool_]
 
 MAX_STEPS: Final = 200
 N_SAMPLES: Final = 100  # points on a ray that may meet a surface that is not convex
+MIN_RISE: Final = 1e-9  # of a unit vector that may meet an indenter
 ROUND_OFF: Final = 1e-13  # of a distance, relative to the extent of the contact zone
 
 
@@ -122,10 +124,15 @@ def initial_gap(
     base, rotation_matrix = placement.base, placement.rotation_matrix
     lowest = placement.lowest(zone.points) - np.array([0.0, 0.0, approach])
     # rays along the normals, in coordinates of the shape
-    start = (zone.points @ base.T - lowest) @ rotation_matrix
-    direction = zone.frames[:, 2] @ base.T @ rotation_matrix
+    start = zone.points @ base.T @ rotation_matrix
+    start = start - lowest @ rotation_matrix
+    if shares_frame(zone.frames):
+        direction = np.broadcast_to(zone.frames[0, 2] @ base.T @ rotation_matrix, start.shape)
+        upward: Flags | slice = slice(len(start) if direction[0, 2] > MIN_RISE else 0)
+    else:
+        direction = zone.frames[:, 2] @ base.T @ rotation_matrix
+        upward = direction[:, 2] > MIN_RISE
     gap = np.full(len(start), np.inf)
-    upward = direction[:, 2] > 1e-9
     distances, converged = _intersect(indenter, start[upward], direction[upward])
     if not converged.all():
         failures = zone.points[upward][~converged]

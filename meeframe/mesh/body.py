@@ -1,12 +1,13 @@
 """The boundary value problem of one body, the input of a formulation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.fields import MEE, Array, FieldSet
+from meeframe.material.layers import LayerStack
 from meeframe.mesh.surface import SurfaceMesh
 
 
@@ -50,6 +51,8 @@ class Body:
         Face group that may come into contact, None for a boundary value problem without contact.
     fields : FieldSet
         Names of the columns.
+    layers : LayerStack
+        Layers on the body, and its rigid base; none for a homogeneous body.
     """
 
     stiffness: Array
@@ -57,6 +60,20 @@ class Body:
     conditions: tuple[BoundaryCondition, ...]
     contact_group: str | None
     fields: FieldSet = MEE
+    layers: LayerStack = field(default_factory=LayerStack)
+
+
+def check_layers(body: Body) -> None:
+    """Raise CaseError unless the layers of a body have its fields, and only a half space has a rigid base."""
+    for number, layer in enumerate(body.layers.layers, 1):
+        if layer.material.fields != body.fields:
+            theirs, ours = ", ".join(layer.material.fields.names), ", ".join(body.fields.names)
+            raise CaseError(
+                f"layer {number} has the scalar fields {theirs}, the body {ours}; allowed: materials with the same "
+                "fields"
+            )
+    if body.layers.base is not None and not body.mesh.semi_infinite:
+        raise CaseError("a rigid base is below a half space; allowed for this mesh: boundary conditions on its groups")
 
 
 def check_conditions(body: Body) -> None:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Final
 
 import numpy as np
@@ -9,18 +10,20 @@ import numpy as np
 from meeframe.common.errors import MeshError, TooLargeError
 from meeframe.common.memory import physical_memory
 from meeframe.elements.base import SurfaceElement
+from meeframe.elements.lagrange import Quad4
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.mesh.lattice import (
     border_entries,
     border_sides,
     check_values,
+    frame_quads,
     frame_surface,
     grid_points,
     place_nodes,
     prism_surface,
 )
-from meeframe.mesh.surface import SurfaceMesh
+from meeframe.mesh.surface import ElementBlock, GridBlocks, SurfaceMesh
 
 BLOCK_GROUPS: Final = ("contact", "top", "side_x-", "side_x+", "side_y-", "side_y+", "base")
 BOX_GROUPS: Final = ("x-", "x+", "y-", "y+", "z-", "z+")
@@ -179,8 +182,18 @@ def half_space_mesh(
     half, contact, cells = _lengths_per_axis(half_width), _lengths_per_axis(contact_width), _counts_per_axis(divisions)
     _check_sizes(half, 1.0, contact)
     _check_memory(cells)
-    surface = frame_surface(*_top(half, contact, cells, rings, grading or Grading()), BLOCK_GROUPS[:2])
-    return replace(place_nodes(surface, element), semi_infinite=True)
+    grid, loops = _top(half, contact, cells, rings, grading or Grading())
+    names = BLOCK_GROUPS[:2]
+    if isinstance(element, Quad4):
+        points, shape = np.concatenate([grid.reshape(-1, 3), loops.reshape(-1, 3)]), (cells[0] + 1, cells[1] + 1)
+        blocks = GridBlocks(partial(_frame_blocks, shape, rings, element), points, shape)
+        return SurfaceMesh(points, blocks, names, semi_infinite=True)
+    return replace(place_nodes(frame_surface(grid, loops, names), element), semi_infinite=True)
+
+
+def _frame_blocks(shape: tuple[int, int], rings: int, element: SurfaceElement) -> tuple[ElementBlock, ...]:
+    """Return the block of four-node elements of a grid of points of a shape and of the rings around it."""
+    return (ElementBlock(element, *frame_quads(shape, rings)),)
 
 
 def _check_memory(cells: tuple[int, int]) -> None:

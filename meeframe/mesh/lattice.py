@@ -105,7 +105,9 @@ def symmetric_spacing(half_width: float, divisions: int) -> Array:
 def grid_points(half_widths: tuple[float, float], divisions: tuple[int, int], height: float) -> Array:
     """Return the points of a horizontal rectangle centred on the x3 axis, (nx + 1, ny + 1, 3)."""
     x, y = (symmetric_spacing(a, n) for a, n in zip(half_widths, divisions, strict=True))
-    return np.stack(np.broadcast_arrays(x[:, None], y[None, :], height), axis=-1).astype(float)
+    points = np.empty((len(x), len(y), 3))
+    points[:, :, 0], points[:, :, 1], points[:, :, 2] = x[:, None], y, height
+    return points
 
 
 def border_entries(grid: NDArray[Entry]) -> NDArray[Entry]:
@@ -132,7 +134,7 @@ def prism_surface(
     shape = top.shape[:2]
     top_numbers = np.arange(shape[0] * shape[1]).reshape(shape)
     count = loops.shape[1]
-    loop_numbers = _loop_numbers(top_numbers, loops)
+    loop_numbers = _loop_numbers(top_numbers, len(loops))
     base_numbers = np.empty(shape, np.int64)
     base_numbers.flat[border_entries(top_numbers)] = loop_numbers[-1]
     inner = base_numbers[1:-1, 1:-1]
@@ -163,23 +165,30 @@ def frame_surface(grid: Array, loops: Array, names: tuple[str, str]) -> QuadSurf
         Names of the group of the grid and of the group of the strips.
     """
     shape, count = grid.shape[:2], loops.shape[1]
-    numbers = np.arange(shape[0] * shape[1]).reshape(shape)
-    cells, strips = (
-        grid_cells(numbers),
-        _strip_cells(np.concatenate([border_entries(numbers)[None], _loop_numbers(numbers, loops)])),
-    )
+    quads, groups = frame_quads((shape[0], shape[1]), len(loops))
     return QuadSurface(
         points=np.concatenate([grid.reshape(-1, 3), loops.reshape(-1, 3)]),
-        quads=np.concatenate([cells, strips]),
-        groups=np.repeat([0, 1], [len(cells), len(strips)]),
+        quads=quads,
+        groups=groups,
         parity=np.concatenate([_checkerboard(shape[0] - 1, shape[1] - 1), _checkerboard(len(loops), count)]),
         group_names=names,
     )
 
 
-def _loop_numbers(numbers: Indices, loops: Array) -> Indices:
-    """Return the numbers of the points of loops (k, m, 3), which follow those of a grid."""
-    return numbers.size + np.arange(len(loops) * loops.shape[1]).reshape(-1, loops.shape[1])
+def frame_quads(shape: tuple[int, int], loops: int) -> tuple[Indices, Indices]:
+    """Return the cells (e, 4) of a grid of nodes of a shape and of strips around it, and the group 0 or 1 of each.
+
+    loops: number of loops around the grid, see `frame_surface`.
+    """
+    numbers = np.arange(shape[0] * shape[1]).reshape(shape)
+    border = border_entries(numbers)[None]
+    cells, strips = grid_cells(numbers), _strip_cells(np.concatenate([border, _loop_numbers(numbers, loops)]))
+    return np.concatenate([cells, strips]), np.repeat([0, 1], [len(cells), len(strips)])
+
+
+def _loop_numbers(numbers: Indices, loops: int) -> Indices:
+    """Return the numbers (loops, m) of the points of loops, which follow those of the grid that they surround."""
+    return numbers.size + np.arange(loops * border_entries(numbers).size).reshape(loops, -1)
 
 
 def _strip_cells(loops: Indices) -> Indices:

@@ -18,6 +18,7 @@ from meeframe.elements import ELEMENTS
 from meeframe.elements.base import SurfaceElement, shape_derivatives, shape_functions
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import VOLUME_ORDER, corners, gauss_rule, normal_vectors, vector_areas
+from meeframe.mesh.regular import Cells
 from meeframe.mesh.zone import local_frames
 
 MIN_COSINE: Final = 0.5
@@ -91,9 +92,6 @@ class _Surface:
     corners: Array
     block: Indices
     element: Indices
-
-
-Cells = tuple[tuple[str, Indices], ...]
 
 
 def find_mortar(points: Array, cells: Cells, other_points: Array, other_cells: Cells) -> Mortar:

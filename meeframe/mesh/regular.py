@@ -1,8 +1,41 @@
 """Contact zones that are simpler than a general mesh: one frame for all nodes, and nodes on a rectangular grid."""
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
 import numpy as np
 
 from meeframe.fields import Array, Indices
+
+Cells = Sequence[tuple[str, Indices]]
+"""Pairs of a meshio cell type and its connectivity."""
+
+
+@final
+@dataclass(frozen=True)
+class GridCells(Sequence[tuple[str, Indices]]):
+    """Cells of a grid of nodes that are numbered row by row: one block of quadrilaterals, made whenever it is read.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        Numbers (nx, ny) of nodes.
+    """
+
+    shape: tuple[int, int]
+
+    def __len__(self) -> int:
+        """Return the number of blocks."""
+        return 1
+
+    def __iter__(self) -> Iterator[tuple[str, Indices]]:
+        """Yield the block."""
+        yield "quad", grid_cells(np.arange(self.shape[0] * self.shape[1]).reshape(self.shape))
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return the block, or a tuple with it for a slice."""
+        return tuple(self)[index]
 
 
 def shared_frames(frame: Array, count: int) -> Array:
@@ -39,12 +72,27 @@ def grid_cells(numbers: Indices) -> Indices:
     return cells.reshape(-1, 4)
 
 
-def grid_shape(cells: tuple[tuple[str, Indices], ...], count: int) -> tuple[int, int] | None:
+def outermost_cells(shape: tuple[int, int]) -> Indices:
+    """Return those cells (e, 4) of a grid of nodes of a shape that are at its border."""
+    (nx, ny), numbers = shape, np.arange(shape[0] * shape[1]).reshape(shape)
+    strips = [numbers[:2], numbers[max(nx - 2, 1) :], numbers[1:-1, :2], numbers[1:-1, max(ny - 2, 1) :]]
+    return np.concatenate([grid_cells(strip) for strip in strips if min(strip.shape) > 1])
+
+
+def grid_weights(shape: tuple[int, int], spacing: tuple[float, float]) -> Array:
+    """Return the areas (nx ny,) of the nodes of a grid: a cell, or half or a quarter of one on its border."""
+    along, across = (np.full(n, h) for n, h in zip(shape, spacing, strict=True))
+    for lengths in (along, across):
+        lengths[[0, -1]] *= 0.5
+    return np.outer(along, across).ravel()
+
+
+def grid_shape(cells: Cells, count: int) -> tuple[int, int] | None:
     """Return the numbers (nx, ny) of nodes of a grid whose cells are quadrilaterals numbered row by row.
 
     Parameters
     ----------
-    cells : tuple of tuple
+    cells : sequence of tuple
         meshio cell type and connectivity of each block.
     count : int
         Number of nodes.
@@ -54,6 +102,8 @@ def grid_shape(cells: tuple[tuple[str, Indices], ...], count: int) -> tuple[int,
     tuple of int or None
         The shape, None if the cells are not those of `grid_cells` for numbers that count along the second axis first.
     """
+    if isinstance(cells, GridCells):
+        return cells.shape
     if len(cells) != 1 or cells[0][0] != "quad" or not len(cells[0][1]):
         return None
     quads = cells[0][1]

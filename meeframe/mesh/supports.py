@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, FieldSet
+from meeframe.fields import ELECTRIC, MECHANICAL, N_MECHANICAL, Array, FieldSet
 from meeframe.mesh.body import Body
 from meeframe.mesh.parts import body_parts
 from meeframe.mesh.surface import SurfaceMesh
@@ -15,7 +15,8 @@ Flags = NDArray[np.bool_]
 def check_supports(body: Body) -> None:
     """Check that prescribed values fix the rigid motions and potentials of each separate part of a body.
 
-    Loads on the contact zone fix nothing. A semi-infinite body needs no supports, since its fields vanish at infinity.
+    Loads on the contact zone fix nothing. A grounded electrode of a layer fixes the electric potential. A semi-infinite
+    body needs no supports, since its fields vanish at infinity.
 
     Raises
     ------
@@ -28,6 +29,8 @@ def check_supports(body: Body) -> None:
     for condition in body.conditions:
         if condition.kind == "value":
             fixed[body.mesh.group_points(condition.group), condition.field] = True
+    if any(layer.interface.electrode == "grounded" for layer in body.layers.layers):
+        fixed[:, ELECTRIC] = True
     parts = body_parts(body.mesh)
     n_parts = int(parts.max()) + 1
     for part in range(n_parts):

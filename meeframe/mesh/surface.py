@@ -1,7 +1,9 @@
 """The record of a surface mesh with named face groups."""
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, final
 
 import numpy as np
 
@@ -29,6 +31,38 @@ class ElementBlock:
     groups: Indices
 
 
+@final
+@dataclass(frozen=True, eq=False)
+class GridBlocks(Sequence[ElementBlock]):
+    """Elements of a mesh whose first face group is a grid of equal rectangles, made whenever they are read.
+
+    Attributes
+    ----------
+    make : callable
+        Function that returns the blocks.
+    points : Array
+        Points of the mesh, (p, 3) [m]. Those of the grid come before all others, numbered row by row.
+    shape : tuple of int
+        Numbers (nx, ny) of points of the grid.
+    """
+
+    make: Callable[[], tuple[ElementBlock, ...]]
+    points: Array
+    shape: tuple[int, int]
+
+    def __len__(self) -> int:
+        """Return the number of blocks."""
+        return len(self.make())
+
+    def __iter__(self) -> Iterator[ElementBlock]:
+        """Yield the blocks."""
+        yield from self.make()
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return a block, or a tuple of blocks for a slice."""
+        return self.make()[index]
+
+
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
     """The boundary of a body.
@@ -37,7 +71,7 @@ class SurfaceMesh:
     ----------
     points : Array
         Positions, (p, 3) [m].
-    blocks : tuple of ElementBlock
+    blocks : sequence of ElementBlock
         Elements, block by block.
     group_names : tuple of str
         Names of the face groups.
@@ -46,7 +80,7 @@ class SurfaceMesh:
     """
 
     points: Array
-    blocks: tuple[ElementBlock, ...]
+    blocks: Sequence[ElementBlock]
     group_names: tuple[str, ...]
     semi_infinite: bool = False
 
@@ -54,6 +88,12 @@ class SurfaceMesh:
     def n_elements(self) -> int:
         """Number of elements over all blocks."""
         return sum(len(block.connectivity) for block in self.blocks)
+
+    @property
+    def grid(self) -> tuple[int, int] | None:
+        """Numbers of points of the grid of the first face group, see GridBlocks; None for general meshes."""
+        blocks = self.blocks
+        return blocks.shape if isinstance(blocks, GridBlocks) and blocks.points is self.points else None
 
     def group(self, name: str) -> int:
         """Return the index of a face group.

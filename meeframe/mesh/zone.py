@@ -10,7 +10,7 @@ from meeframe.common.memoize import memoize_by_identity
 from meeframe.elements.base import shape_functions
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import VOLUME_ORDER, affine, gauss_rule, normal_vectors
-from meeframe.mesh.regular import shared_frames
+from meeframe.mesh.regular import Cells, GridCells, grid_weights, shared_frames
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 MIN_NORMAL_COSINE = np.cos(np.pi / 4)  # of an element's normal with the zone's normal at its nodes: 45 degrees
@@ -29,7 +29,7 @@ class ContactZone:
         Local frames, (n, 3, 3), right-handed, with rows e1, e2 and the outward normal nu.
     weights : Array
         Integral of each shape function over the zone, (n,) [m^2].
-    cells : tuple of tuple
+    cells : sequence of tuple
         meshio cell type and connectivity into `points` of each block.
     numbers : Indices
         Numbers of the points in the mesh, (n,), rising.
@@ -38,7 +38,7 @@ class ContactZone:
     points: Array
     frames: Array
     weights: Array
-    cells: tuple[tuple[str, Indices], ...]
+    cells: Cells
     numbers: Indices
 
 
@@ -70,6 +70,26 @@ def find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
 
 @memoize_by_identity
 def _find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
+    zone = _grid_zone(mesh, mesh.grid) if mesh.grid is not None and mesh.group(group) == 0 else _zone(mesh, group)
+    for array in (zone.points, zone.frames, zone.weights, zone.numbers):
+        array.setflags(write=False)
+    if not isinstance(zone.cells, GridCells):
+        for _, local in zone.cells:
+            local.setflags(write=False)
+    return zone
+
+
+def _grid_zone(mesh: SurfaceMesh, shape: tuple[int, int]) -> ContactZone:
+    """Return the zone of the first face group of a half space, a grid of this shape."""
+    count = shape[0] * shape[1]
+    points = mesh.points[:count]
+    frame = local_frames(np.array([[0.0, 0.0, 1.0]]))[0]
+    spacing = tuple((points[-1] - points[0])[:2] / (np.array(shape) - 1.0))
+    weights = grid_weights(shape, (float(spacing[0]), float(spacing[1])))
+    return ContactZone(points, shared_frames(frame, count), weights, GridCells(shape), np.arange(count))
+
+
+def _zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     blocks = _zone_blocks(mesh, group)
     in_zone = np.zeros(len(mesh.points), bool)
     for block in blocks:
@@ -99,8 +119,6 @@ def _find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
             raise MeshError(f"contact zone {group!r}: no normal at {points[np.argmin(lengths)]} [m]")
         zone = ContactZone(points, local_frames(normals / lengths), weights, tuple(cells), numbers)
         _check_smooth(corners, zone, group)
-    for array in (zone.points, zone.frames, zone.weights, zone.numbers, *(local for _, local in cells)):
-        array.setflags(write=False)
     return zone
 
 
@@ -120,6 +138,8 @@ def check_contact_zone(mesh: SurfaceMesh, group: str) -> None:
         If there is no such group, it has no elements or a sharp mesh edge, or it is the whole surface.
     """
     find_contact_zone(mesh, group)
+    if mesh.grid is not None:  # with rings of elements around it
+        return
     if sum(len(block.connectivity) for block in _zone_blocks(mesh, group)) == mesh.n_elements:
         raise MeshError(f"contact zone {group!r}: it is the whole surface, so that the body has no supports")
 

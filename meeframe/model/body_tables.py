@@ -12,6 +12,7 @@ from meeframe.fields.units import Quantity
 from meeframe.formulations.base import Formulation
 from meeframe.mesh.body import BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
+from meeframe.model.layer_tables import BaseTable, LayerTable
 from meeframe.model.values import (
     DEFAULT_FORMULATION,
     Count,
@@ -173,10 +174,21 @@ class SecondBodyTable(Table):
     material: dict[str, Any]
     mesh: Annotated[MeshTable, MESH_BY_TYPE]
     boundary: tuple[BoundaryTable, ...] = ()
+    layers: tuple[LayerTable, ...] = ()
+    base: BaseTable | None = None
     zone: Text = "contact"
     formulation: Annotated[Formulation, BY_NAME] = Field(default=DEFAULT_FORMULATION, validate_default=True)
 
     @classmethod
     def of(cls, fields: FieldSet) -> "type[SecondBodyTable]":
         """Return the table for the fields of a case."""
-        return with_keys(cls, fields, {"boundary": (tuple[BoundaryTable.of(fields), ...], ())})  # type: ignore[misc]
+        return with_keys(cls, fields, body_keys(fields))
+
+
+def body_keys(fields: FieldSet) -> dict[str, Any]:
+    """Return the keys of a body that depend on the fields of a case: types and defaults."""
+    return {
+        "boundary": (tuple[BoundaryTable.of(fields), ...], ()),  # type: ignore[misc]
+        "layers": (tuple[LayerTable.of(fields), ...], ()),  # type: ignore[misc]
+        "base": (BaseTable.of(fields) | None, None),
+    }

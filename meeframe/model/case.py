@@ -2,23 +2,26 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel, field_set
-from meeframe.formulations.base import Formulation
+from meeframe.formulations.base import Formulation, check_layered
 from meeframe.indenters import Placement, initial_gap
-from meeframe.indenters.base import Indenter, motion_modes
+from meeframe.indenters.base import Indenter, MotionModes
 from meeframe.laws.base import ContactLaw
-from meeframe.mesh import FrictionAxes, check_contact_zone, find_contact_zone
+from meeframe.mesh import ContactZone, FrictionAxes, check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body
+from meeframe.mesh.regular import shares_frame
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.data import CaseData
 from meeframe.model.data import Output as Output
 from meeframe.model.frames import frames_along
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
+from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
@@ -26,6 +29,8 @@ from meeframe.model.step import check_duration, check_first, check_names, check_
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import choices
 
+_SAMPLE_NODES: Final = 1_000
+"""Number of nodes above which part of an indenter is first sought."""
 Warn = Callable[[str], None]
 """Type of functions that receive a warning in words."""
 
@@ -71,6 +76,8 @@ class Case(CaseData):
     second_body : SecondBody, optional
         Second of two deformable bodies, whose supports and grounds move as the indenter, and whose distance from the
         first is the indenter's shape.
+    layers : LayerStack, optional
+        Layers on the body, and its rigid base.
     title : str, optional
         Title of the case.
     text : str, optional
@@ -81,11 +88,11 @@ class Case(CaseData):
     MeshError, CaseError
         If the parts do not fit together. The message names the problem: a face group that does not exist; a condition
         on the contact zone; a body that the formulation refuses (a rigid motion or a potential that nothing fixes); an
-        indenter that is nowhere above the zone; a contact law whose initial gap is not finite or that has not one
-        traction for each node; a conductivity law likewise; a second body whose zone does not match; a first step that
-        neither moves nor presses the indenter; a step without the duration that the contact law needs; a resultant that
-        the laws cannot resist; a solver that does not accept the contact law or the prescribed quantities; an earlier
-        run with another contact zone or other axes.
+        indenter that is nowhere above the zone; a grid that needs more memory than the machine has; a contact law whose
+        initial gap is not finite or that has not one traction for each node; a conductivity law likewise; a second body
+        whose zone does not match; a first step that neither moves nor presses the indenter; a step without the duration
+        that the contact law needs; a resultant that the laws cannot resist; a solver that does not accept the contact
+        law or the prescribed quantities; an earlier run with another contact zone or other axes.
     """
 
     def __post_init__(self) -> None:
@@ -97,6 +104,8 @@ class Case(CaseData):
         _check_keys("conductivity", self.conductivity, self.fields.names)
         _check_keys("potentials", self.potentials, [scalar.value_name for scalar in self.fields.scalars])
         check_contact_zone(self.mesh, self.zone)
+        check_layered(self.formulation, self.body)
+        check_memory(self.mesh, self.contact_law, self.channels)
         self.formulation.check(self.body)
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
@@ -125,7 +134,7 @@ class Case(CaseData):
     @property
     def body(self) -> Body:
         """Boundary value problem for the formulation."""
-        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.fields)
+        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.fields, self.layers)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -144,6 +153,7 @@ class Case(CaseData):
             return (
                 *preflight(kinematics),
                 *unused_potentials(kinematics),
+                *memory_warning(self.mesh, self.contact_law, self.channels),
                 *coarse_zone(self.second_body, self.mesh, self.zone),
             )
 
@@ -177,7 +187,15 @@ def check_title(title: str) -> None:
 
 def check_indenter(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:
     """Raise CaseError unless a part of the indenter lies above the contact zone."""
-    if not np.isfinite(initial_gap(indenter, find_contact_zone(mesh, zone), placement)).any():
+    contact_zone = find_contact_zone(mesh, zone)
+    if shares_frame(contact_zone.frames):  # a few nodes of a large grid may suffice
+        nodes = slice(None, None, max(1, len(contact_zone.points) // _SAMPLE_NODES))
+        arrays = contact_zone.points, contact_zone.frames, contact_zone.weights
+        points, frames, weights = (array[nodes] for array in arrays)
+        few = ContactZone(points, frames, weights, (), contact_zone.numbers[nodes])
+        if np.isfinite(initial_gap(indenter, few, placement)).any():
+            return
+    if not np.isfinite(initial_gap(indenter, contact_zone, placement)).any():
         raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")
 
 
@@ -192,5 +210,5 @@ def resistance(
     """Return which of the indenter's motions the law and the channels of the contact may resist, (motions,)."""
     contact_zone = find_contact_zone(mesh, zone)
     frames, reference = frames_along(contact_zone, axes), placement.reference(contact_zone.points)
-    modes = motion_modes(contact_zone.points, frames, placement.base, reference, field_set(channels))
-    return resisted(modes, law, channels)
+    modes = MotionModes(contact_zone.points, frames, placement.base, reference, field_set(channels))
+    return resisted(modes.at_extremes(), law, channels)

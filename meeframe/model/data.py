@@ -15,6 +15,7 @@ from meeframe.indenters.base import Indenter, IndenterMotions
 from meeframe.laws import Insulating, Signorini
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.material import Material
+from meeframe.material.layers import LayerStack
 from meeframe.mesh import FrictionAxes
 from meeframe.mesh.body import BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
@@ -78,6 +79,7 @@ class CaseData:
     limits: StoppingCriteria = field(default_factory=StoppingCriteria)
     output: Output = field(default_factory=Output)
     second_body: SecondBody | None = None
+    layers: LayerStack = field(default_factory=LayerStack)
     title: str = ""
     text: str = ""
 

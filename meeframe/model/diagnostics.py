@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from meeframe.contact.problem import Status
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
-from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, motion_modes
+from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, MotionModes
 from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.mesh.measures import corners
-from meeframe.mesh.regular import grid_shape
+from meeframe.mesh.regular import GridCells, grid_shape, outermost_cells
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
 from meeframe.plugin.hookspecs import PROJECT
@@ -51,6 +51,8 @@ _GAPS_PER_LOOK: Final = 100
 """Number of gaps for a refinement in the interval with the steepest decrease and in its neighbours."""
 _LOOKS: Final = 3
 """Number of refinements of the steepest decrease."""
+_BEFORE_AND_AFTER: Final = slice(None, -1), slice(1, None)
+"""Nodes before and after each cell along an axis of a grid."""
 _RELATIVE_OFFSET: Final = 1e-3
 """Distance of a point beyond the side of an element, as a fraction of the way from its middle to the side."""
 
@@ -195,10 +197,18 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
 
 def _rim(zone: Zone, step: StepResult) -> int:
     """Return the number of nodes in contact that share an element with a node out of contact."""
-    at_open_node = np.zeros(len(step.touching), bool)
-    for _, nodes in zone.cells:
-        at_open_node[nodes[~step.touching[nodes].all(axis=1)]] = True
-    return int((step.touching & at_open_node).sum())
+    touching = step.touching
+    at_open_node = np.zeros(len(touching), bool)
+    if isinstance(zone.cells, GridCells):
+        on_grid, open_on_grid = touching.reshape(zone.cells.shape), at_open_node.reshape(zone.cells.shape)
+        corners_of_cells = [(rows, columns) for rows in _BEFORE_AND_AFTER for columns in _BEFORE_AND_AFTER]
+        is_open = ~np.logical_and.reduce([on_grid[corner] for corner in corners_of_cells])
+        for corner in corners_of_cells:
+            open_on_grid[corner] |= is_open
+    else:
+        for _, nodes in zone.cells:
+            at_open_node[nodes[~touching[nodes].all(axis=1)]] = True
+    return int((touching & at_open_node).sum())
 
 
 def _large(zone: Zone, step: StepResult) -> Iterator[str]:
@@ -223,8 +233,9 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     if not free or not slips.any() or not law.tangential_scaling().any():
         return False
     numbers = np.concatenate([np.r_[RIGID_RESULTANTS[key]] for key in free])
-    modes = motion_modes(zone.points, zone.frames, step.loading.axes, step.loading.reference)[numbers, :, :2]
-    modes = modes / np.linalg.norm(modes, axis=(1, 2), keepdims=True)
+    every = MotionModes(zone.points, zone.frames, step.loading.axes, step.loading.reference)
+    modes = np.stack([every[number][:, :2] for number in numbers])
+    modes /= np.linalg.norm(modes, axis=(1, 2), keepdims=True)
     way = np.linalg.norm(step.slip, axis=1)
     along = step.slip / np.where(way > 0.0, way, 1.0)[:, None]
     # the free motion closest to the slip
@@ -274,17 +285,10 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
 def boundary_sides(zone: Zone) -> tuple[Indices, Array]:
     """Return corners (m, 2) of the sides of one cell only, and vectors (m, 3) to them from its middle [m]."""
     sides, ways = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3))]
-    outlines, inner, shape = (
-        corners(zone.cells),
-        np.zeros(len(zone.points), bool),
-        grid_shape(zone.cells, len(zone.points)),
-    )
+    inner, shape = np.zeros(len(zone.points), bool), grid_shape(zone.cells, len(zone.points))
     if shape is not None:  # the outermost cells alone
-        outer = np.ones((shape[0] - 1, shape[1] - 1), bool)
-        outer[1:-1, 1:-1] = False
-        outlines = [outlines[0][outer.ravel()]]
         inner.reshape(shape)[1:-1, 1:-1] = True
-    for outline in outlines:
+    for outline in corners(zone.cells) if shape is None else [outermost_cells(shape)]:
         pairs = np.stack([outline, np.roll(outline, -1, axis=1)], axis=-1)
         middles = zone.points[outline].mean(axis=1)[:, None]
         sides.append(pairs.reshape(-1, 2))

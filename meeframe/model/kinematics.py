@@ -13,11 +13,12 @@ from meeframe.contact.problem import (
     ContactState,
     PrescribedResultant,
     contact_gap,
+    indenter_field,
 )
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
-from meeframe.indenters.base import FORCE_RATIO, N_RIGID, motion_measure, motion_modes, total_resultants
+from meeframe.indenters.base import FORCE_RATIO, N_RIGID, MotionModes, motion_measure, total_resultants
 from meeframe.laws.base import augmented_traction, is_adhesive, resolve
 from meeframe.mesh import ContactZone
 from meeframe.model.conduction import watched
@@ -84,7 +85,7 @@ class IndenterKinematics:
         if not added.any():
             return added
         gap = self.gaps(self.system.points, self.system.frames) + added
-        nearing = -self.modes[0, :, 2]  # change of the gap per metre of approach
+        nearing = -self.modes[0][:, 2]  # change of the gap per metre of approach
         # a tilted indenter may lie above nodes whose normals are across its axis: approach never closes their gaps
         closing = np.isfinite(gap) & (nearing > _ACROSS)
         way = (gap[closing] / nearing[closing]).min() if closing.any() else 0.0
@@ -113,20 +114,22 @@ class IndenterKinematics:
     def rim(self, increment: Increment) -> IndenterEdge | None:
         """Return the edge of the indenter in an increment."""
         rim = self._touching_rim
-        return rim and replace(rim, gap=rim.gap + self._moved(increment.base, 2))
+        return rim and replace(rim, gap=rim.gap + self._mode_displacement(increment.base, 2))
 
     @cached_property
-    def modes(self) -> Array:
-        """Modes of the indenter's motions, (motions, n, fields); see motion_modes."""
+    def modes(self) -> MotionModes:
+        """Modes of the indenter's motions."""
         geometry = self.system.points, self.system.frames, self.case.placement.base, self.reference
-        return motion_modes(*geometry, self.case.fields)
+        return MotionModes(*geometry, self.case.fields)
 
-    def _moved(self, motion: Array, column: int) -> Array:
+    def _mode_displacement(self, motion: Array, column: int) -> Array:
         """Return a local component (n,) [m] of the indenter's rigid motion, for motions (motions,)."""
-        moved = np.zeros(len(self.system.points))
+        displacement = np.zeros(len(self.system.points))
         for number in np.flatnonzero(motion[:N_RIGID]):
-            moved += motion[number] * self.modes[number, :, column]
-        return moved
+            mode = self.modes[number][:, column]
+            if mode.any():
+                displacement += motion[number] * mode
+        return displacement
 
     def _measure(self, number: int) -> Array:
         """Return the measure (n, fields) of the resultant conjugate to a motion."""
@@ -135,7 +138,20 @@ class IndenterKinematics:
     @cached_property
     def resists(self) -> NDArray[np.bool_]:
         """Mask of the motions that anything may resist, (motions,)."""
-        return resisted(self.modes, self.case.contact_law, self.case.channels)
+        return resisted(self.modes.at_extremes(), self.case.contact_law, self.case.channels)
+
+    def base(self, controls: Controls, start: ConvergedState) -> Array:
+        """Return the motions (motions,) of the indenter from which its free motions count, for given controls."""
+        base = start.motion.copy()
+        for key in controls.keys() & self.case.motions.motions.keys():
+            base[self.case.motions.columns[key]] = controls[key]
+        return base
+
+    def moves_freely(self, controls: Controls) -> bool:
+        """Return whether a rigid motion that something may resist follows from a prescribed force or moment."""
+        motions = self.case.motions
+        resultants = [motions.columns[key] for key in controls if key not in motions.motions]
+        return any(bool(self.resists[columns].any()) for columns in resultants if columns.start < N_RIGID)
 
     def increment(self, controls: Controls, start: ConvergedState, duration: float | None = None) -> Increment:
         """Return the increment from a converged state to the given controls, in a duration [s].
@@ -143,17 +159,19 @@ class IndenterKinematics:
         Slip is measured from that state. Motions are small: the gap changes by their part along the normals. Free
         motions count from the converged state, and those that nothing can resist stay there.
         """
-        base = start.motion.copy()
-        for key in controls.keys() & self.case.motions.motions.keys():
-            base[self.case.motions.columns[key]] = controls[key]
+        base = self.base(controls, start)
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
-        gap = self.touching_gap + self._moved(base, 2)
-        tangential = np.stack([self._moved(base, column) for column in range(2)], axis=1)
+        shift = self._mode_displacement(base, 2)
+        gap = self.touching_gap + shift if shift.any() else self.touching_gap
+        translation = np.zeros((2, len(gap))).T  # columns of zeros are never written, and take no memory
+        for column in range(2):
+            shift = self._mode_displacement(base, column) - start.total_slip[:, column]
+            if shift.any():
+                translation[:, column] = shift
         potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
-        translation = tangential - start.total_slip
         problem = ContactProblem(
             self.system, contact_law, channels, gap, translation, potentials, tuple(prescribed_resultants.values())
         )
@@ -184,8 +202,8 @@ class IndenterKinematics:
         """
         if touches.any():
             return state
-        modes = self.modes[increment.free]
-        is_resisted = modes[:, :, 2].any(axis=1) | (modes * state.load)[:, :, POTENTIALS].any(axis=(1, 2))
+        modes = [self.modes[number] for number in increment.free]
+        is_resisted = [mode[:, 2].any() or (mode * state.load)[:, POTENTIALS].any() for mode in modes]
         return replace(state, motion=np.where(is_resisted, state.motion, 0.0))
 
     def converged_state(
@@ -195,10 +213,9 @@ class IndenterKinematics:
         motion = increment.base.copy()
         motion[increment.free] += state.motion
         slip = slip_of(increment, state)
-        way = np.where(touches, np.linalg.norm(slip, axis=1), 0.0)
-        return ConvergedState(
-            self.case.motions, motion, self.resultants(state), start.total_slip + slip, start.slip_path + way, state
-        )
+        path, total_slip = start.slip_path.copy(), start.total_slip + slip if start.total_slip.any() else slip
+        path[touches] += np.linalg.norm(slip[touches], axis=1)
+        return ConvergedState(self.case.motions, motion, self.resultants(state), total_slip, path, state)
 
     def dissipation(self, increment: Increment, start: ConvergedState, state: ContactState, region: Indices) -> Array:
         """Return the work of friction in an increment from a converged state, (n,) [J/m^2].
@@ -211,7 +228,7 @@ class IndenterKinematics:
         traction = state.load[:, :2]
         if start.state is not None:
             # of the problem as solved: with a contact edge between nodes, those near the indenter have gaps, too
-            back = self._moved(start.motion - increment.base, 2)
+            back = self._mode_displacement(start.motion - increment.base, 2)
             gap = np.column_stack([slip, problem.gap + back - start.state.displacement[:, 2]])
             stiffness = 1.0 / problem_scales(problem).normal_compliance
             r = stiffness, _TANGENTIAL_STEP * stiffness
@@ -219,7 +236,10 @@ class IndenterKinematics:
             law = problem.contact_law
             with np.errstate(all="ignore"):  # the state may come from a diverged iteration
                 traction = traction + resolve(law, augmented_traction(law, pressed, gap, r), gap, r)[:, :2]
-        return np.where(region == Region.SLIP, np.einsum("nt,nt->n", traction, slip) / 2.0, 0.0)
+        work, slips = np.zeros(len(region)), region == Region.SLIP
+        if traction.any():
+            work[slips] = np.einsum("nt,nt->n", traction[slips], slip[slips]) / 2.0
+        return work
 
     def resultants(self, state: ContactState) -> Array:
         """Return the resultants conjugate to the motions in a state of the contact zone, (motions,)."""
@@ -240,7 +260,11 @@ def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]
 
 def slip_of(increment: Increment, state: ContactState) -> Array:
     """Return the tangential motion of the indenter over the body since the last converged state, (n, 2) [m]."""
-    return contact_gap(increment.problem, state.displacement, state.motion)[:, :2]
+    slip = np.empty((2, len(state.displacement))).T  # field by field
+    for column in range(2):
+        shift = indenter_field(increment.problem, column, state.motion)
+        np.subtract(shift, state.displacement[:, column], out=slip[:, column])
+    return slip
 
 
 def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:

@@ -13,12 +13,15 @@ from meeframe.common.toml import check_integers, read_toml
 from meeframe.contact.problem import Solver
 from meeframe.fields import FieldSet
 from meeframe.material import Material, material_from_table
+from meeframe.material.layers import Layer, LayerStack
+from meeframe.material.tables import rotate_by_table
 from meeframe.mesh import Grading, block_mesh, half_space_mesh, read_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.body_tables import BoundaryTable, FileTable, HalfSpaceTable, MeshTable, SecondBodyTable
 from meeframe.model.case import Case
 from meeframe.model.data import Output
+from meeframe.model.layer_tables import LayerTable
 from meeframe.model.locate import locate, locate_in_second_body
 from meeframe.model.restart import Restart, read_restart
 from meeframe.model.schema import CaseTable, RestartTable
@@ -88,20 +91,21 @@ def case_from_tables(
     if other is not None and other_material is not None:
         second_body = _attempt(problems, lambda: _second_body(other, other_material, registry, folder), "second_body")
     restart = _attempt(problems, lambda: _restart(checked.restart, folder, file))
-    if material is None or mesh is None or problems:
+    layers = _attempt(problems, lambda: _layers(checked, registry, folder))
+    if material is None or mesh is None or layers is None or problems:
         raise TableError(*problems)
-    assemble = partial(_assemble, checked, material, mesh, second_body, restart, text)
+    assemble = partial(_assemble, checked, material, mesh, layers, second_body, restart, text)
     try:
         return assemble(checked.solver.named)
     except MeeframeError as error:
-        body = Body(material.stiffness, mesh, (), checked.contact.zone, material.fields)
+        body = Body(material.stiffness, mesh, (), checked.contact.zone, material.fields, layers)
         problem = locate(error, checked, body, second_body, restart, assemble)
         raise TableError(problem.quoting(tables)) from error.__cause__
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
 
 
-def _attempt(problems: list[Problem], make: Callable[[], T], *location: str) -> T | None:
+def _attempt(problems: list[Problem], make: Callable[[], T], *location: str | int) -> T | None:
     """Return the result of make(), or None with its problems added to the list.
 
     A single run thus reports all problems.
@@ -128,22 +132,46 @@ def _material(problems: list[Problem], table: Any, registry: Registry, folder: P
 def _second_body(table: SecondBodyTable, material: Material, registry: Registry, folder: Path) -> SecondBody:
     problems: list[Problem] = []
     mesh = _attempt(problems, lambda: _mesh(table.mesh, registry, folder), "mesh")
-    if mesh is None:
+    layers = _attempt(problems, lambda: _layers(table, registry, folder))
+    if mesh is None or layers is None:
         raise TableError(*problems)
     try:
-        return SecondBody(material, mesh, _conditions(table.boundary), table.zone, table.formulation)
+        return SecondBody(material, mesh, _conditions(table.boundary), table.zone, table.formulation, layers)
     except MeeframeError as error:
-        body = Body(material.stiffness, mesh, (), table.zone, material.fields)
+        body = Body(material.stiffness, mesh, (), table.zone, material.fields, layers)
         raise TableError(locate_in_second_body(error, table, body)) from error.__cause__
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
+
+
+def _layers(table: CaseTable | SecondBodyTable, registry: Registry, folder: Path) -> LayerStack:
+    problems: list[Problem] = []
+    layers: list[Layer] = []
+    for number, layer in enumerate(table.layers):
+        make = partial(_layer, layer, registry, folder)
+        layers += filter(None, [_attempt(problems, make, "layers", number)])
+    if problems:
+        raise TableError(*problems)
+    return LayerStack(tuple(layers), None if table.base is None else table.base.base())
+
+
+def _layer(table: LayerTable, registry: Registry, folder: Path) -> Layer:
+    problems: list[Problem] = []
+    make = partial(material_from_table, table.material, folder, registry.scalar_fields)
+    material = _attempt(problems, make, "material")
+    if material is not None and table.rotation is not None:
+        material = _attempt(problems, partial(rotate_by_table, material, {"rotation": table.rotation}), "rotation")
+    interface = _attempt(problems, table.interface.interface, "interface")
+    if material is None or interface is None:
+        raise TableError(*problems)
+    return Layer(material, table.thickness, interface)
 
 
 def _conditions(boundary: tuple[BoundaryTable, ...]) -> tuple[BoundaryCondition, ...]:
     return tuple(condition for table in boundary for condition in table.conditions())
 
 
-def _no_memory(error: MemoryError, *location: str) -> Problem:
+def _no_memory(error: MemoryError, *location: str | int) -> Problem:
     return Problem(location, f"needs more memory than is available: {str(error) or 'none left'}")
 
 
@@ -151,6 +179,7 @@ def _assemble(
     table: CaseTable,
     material: Material,
     mesh: SurfaceMesh,
+    layers: LayerStack,
     second_body: SecondBody | None,
     restart: Restart | None,
     text: str,
@@ -174,6 +203,7 @@ def _assemble(
         limits=table.solver.record,
         output=Output(table.output.figures, table.output.vtu, table.output.fields, table.output.step),
         second_body=second_body,
+        layers=layers,
         title=table.title,
         text=text,
     )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import MeeframeError, MeshError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import Solver
+from meeframe.formulations.base import check_layered
 from meeframe.indenters.base import IndenterMotions
 from meeframe.laws.base import is_conducting
 from meeframe.mesh import check_contact_zone, check_mesh, check_supports, find_contact_zone
@@ -18,6 +19,7 @@ from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.model.body_tables import SecondBodyTable
 from meeframe.model.case import Case, check_indenter, check_title, resistance
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
+from meeframe.model.memory import check_memory
 from meeframe.model.preflight import check_solver
 from meeframe.model.restart import Restart, check_same_zone
 from meeframe.model.schema import CaseTable
@@ -94,6 +96,7 @@ def _body_checks(
         body = replace(body, conditions=(*body.conditions, *boundary.conditions()))
         yield Problem(("boundary", number), ""), partial(check_conditions, body)
     yield Problem(("boundary",), ""), partial(check_supports, body)
+    yield Problem(("layers" if body.layers.layers else "base",), ""), partial(check_layered, table.formulation, body)
 
 
 def _case_checks(
@@ -105,6 +108,8 @@ def _case_checks(
 ) -> Iterator[Check]:
     yield Problem(("title",), "", table.title), partial(check_title, table.title)
     zone = table.contact.zone
+    laws = table.contact.law, flux_channels(*table.conductivity.laws.values(), fields=body.fields)
+    yield Problem(("mesh",), ""), partial(check_memory, body.mesh, *laws)
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_indenter, table.indenter.named, placement, body.mesh, zone)

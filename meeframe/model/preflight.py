@@ -6,7 +6,6 @@ from typing import Final, final
 
 import numpy as np
 
-from meeframe.contact.free_motion import motions
 from meeframe.contact.problem import Solver, check_accepted, is_selective
 from meeframe.fields import Array
 from meeframe.indenters.base import RIGID_MOTIONS
@@ -14,7 +13,7 @@ from meeframe.laws.base import is_adhesive
 from meeframe.mesh import find_contact_zone
 from meeframe.model.data import CaseData
 from meeframe.model.frames import frames_along
-from meeframe.model.history import ramp
+from meeframe.model.history import Controls, ConvergedState, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
@@ -51,12 +50,20 @@ def undeformed(case: CaseData) -> IndenterKinematics:
     return IndenterKinematics(case, RigidSystem(zone.points, frames, zone.weights, zone.cells, offset))
 
 
-def planned(kinematics: IndenterKinematics) -> Iterator[Increment]:
-    """Yield the increment to the end of each load step; motions that are not prescribed keep their initial values."""
+def _plan(kinematics: IndenterKinematics) -> Iterator[tuple[Controls, ConvergedState, float | None]]:
+    """Yield controls, initial state and duration of an increment to the end of each load step.
+
+    Motions that are not prescribed keep their initial values.
+    """
     here, controls = beginning(kinematics)
     for step in kinematics.case.steps:
         controls = ramp(controls, here, step.prescribed)
-        yield kinematics.increment(controls, here, step.increment_duration)
+        yield controls, here, step.increment_duration
+
+
+def planned(kinematics: IndenterKinematics) -> Iterator[Increment]:
+    """Yield the increment to the end of each load step, see `_plan`."""
+    return (kinematics.increment(*plan) for plan in _plan(kinematics))
 
 
 def check_solver(case: CaseData, solver: Solver) -> None:
@@ -77,7 +84,7 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
     case = kinematics.case
     if case.restart is not None:
         return
-    held = [increment for increment in planned(kinematics) if not motions(increment.problem).size]
+    held = [kinematics.increment(*plan) for plan in _plan(kinematics) if not kinematics.moves_freely(plan[0])]
     for increment in held:
         gap = increment.problem.gap
         if gap.max() < 0.0 and not overlaps_evenly(gap) and not case.formulation.is_periodic():
@@ -106,11 +113,13 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
 
 def unused_potentials(kinematics: IndenterKinematics) -> Iterator[str]:
     """Yield a warning for each potential of the indenter that has no effect because the contact insulates."""
-    for column, channel in enumerate(kinematics.case.channels):
+    bases = [kinematics.base(controls, here) for controls, here, _ in _plan(kinematics)]
+    for channel in kinematics.case.channels:
         if channel.is_conducting:
             continue
         field = channel.field
-        largest = max(float(np.abs(increment.problem.potentials[:, column]).max()) for increment in planned(kinematics))
+        potential = kinematics.case.motions.columns[field.value_name]
+        largest = max(float(np.abs(base[potential]).max()) for base in bases)
         if largest > 0.0:
             yield (
                 f"{field.value_name} of {largest:.3g} {field.value_unit} has no effect: the contact insulates "

@@ -30,7 +30,9 @@ from meeframe.model.body_tables import (
     BoundaryTable,
     MeshTable,
     SecondBodyTable,
+    body_keys,
 )
+from meeframe.model.layer_tables import BaseTable, LayerTable
 from meeframe.model.step import Step
 from meeframe.model.values import (
     DEFAULT_FORMULATION,
@@ -262,6 +264,8 @@ class CaseTable(Table):
     material: dict[str, Any]
     mesh: Annotated[MeshTable, MESH_BY_TYPE]
     boundary: tuple[BoundaryTable, ...] = ()
+    layers: tuple[LayerTable, ...] = ()
+    base: BaseTable | None = None
     second_body: SecondBodyTable | None = None
     contact: ContactTable = Field(default_factory=dict, validate_default=True)
     conductivity: ConductivityTable = Field(default_factory=dict, validate_default=True)
@@ -288,7 +292,7 @@ class CaseTable(Table):
     def of(cls, fields: FieldSet) -> "type[CaseTable]":
         """Return the table for the fields of a case."""
         keys = {
-            "boundary": (tuple[BoundaryTable.of(fields), ...], ()),  # type: ignore[misc]
+            **body_keys(fields),
             "second_body": (SecondBodyTable.of(fields) | None, None),
             "conductivity": (ConductivityTable.of(fields), Field(default_factory=dict, validate_default=True)),
             "indenter": (IndenterTable.of(fields), ...),

@@ -8,9 +8,10 @@ import numpy as np
 
 from meeframe.common.errors import CaseError, MeshError
 from meeframe.fields import FieldSet
-from meeframe.formulations.base import Formulation
+from meeframe.formulations.base import Formulation, check_layered
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material
+from meeframe.material.layers import LayerStack
 from meeframe.mesh import check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.mortar import check_facing
@@ -35,16 +36,19 @@ class SecondBody:
     conditions: tuple[BoundaryCondition, ...] = ()
     zone: str = "contact"
     formulation: Formulation = field(default_factory=DenseBEM)
+    layers: LayerStack = field(default_factory=LayerStack)
 
     def __post_init__(self) -> None:
         check_contact_zone(self.mesh, self.zone)
         with faults_of_plugins():
+            check_layered(self.formulation, self.body)
             self.formulation.check(self.body)
 
     @property
     def body(self) -> Body:
         """Boundary value problem for the formulation."""
-        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.material.fields)
+        fields = self.material.fields
+        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, fields, self.layers)
 
 
 def check_fields(second_body: SecondBody | None, fields: FieldSet) -> None:

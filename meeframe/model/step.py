@@ -1,9 +1,9 @@
 """Load step: the quantities that it prescribes to the indenter."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from itertools import combinations
+from itertools import combinations, islice
 from typing import Any, Final
 
 import numpy as np
@@ -173,7 +173,7 @@ def check_resisted(step: Step, motions: IndenterMotions, resists: NDArray[np.boo
             raise TableError(Problem((key,), f"the laws of the contact {why}; allowed: 0, or other laws", number))
 
 
-def resisted(modes: Array, contact: ContactLaw, channels: tuple[FluxChannel, ...]) -> NDArray[np.bool_]:
+def resisted(modes: Sequence[Array], contact: ContactLaw, channels: tuple[FluxChannel, ...]) -> NDArray[np.bool_]:
     """Return which motions of the indenter, of modes (motions, n, fields), the laws may resist, (motions,).
 
     Motions are resisted by normal tractions, or by tangential ones that the law admits in that direction; potentials if
@@ -181,7 +181,7 @@ def resisted(modes: Array, contact: ContactLaw, channels: tuple[FluxChannel, ...
     """
     scaling = contact.tangential_scaling()
     mechanical = []
-    for mode in modes[:N_RIGID]:
+    for mode in islice(modes, N_RIGID):
         size = max(largest(mode[:, column]) for column in range(N_MECHANICAL))
         held = largest(mode[:, 2])
         if held <= _LEAST_FRACTION * size and scaling.any():

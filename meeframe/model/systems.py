@@ -6,6 +6,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.formulations.base import Formulation
+from meeframe.mesh.regular import GridCells
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import ReducedSystem
 
@@ -48,7 +49,7 @@ def checked(formulation: Formulation, system: object, n_fields: int) -> ReducedS
 
 
 def _check_cells(system: ReducedSystem, name: str) -> None:
-    for cell_type, nodes in system.cells:
+    for cell_type, nodes in () if isinstance(system.cells, GridCells) else system.cells:
         if nodes.size and not (nodes.min() >= 0 and nodes.max() < len(system.points)):
             raise CaseError(
                 f"cells of type {cell_type} of the reduced system of the formulation {name} have the numbers "

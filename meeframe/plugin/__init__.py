@@ -53,6 +53,11 @@ if TYPE_CHECKING:
     from meeframe.indenters.base import Indenter as Indenter
     from meeframe.indenters.heights import HeightGrid as HeightGrid
     from meeframe.indenters.heights import SampledHeights as SampledHeights
+    from meeframe.indenters.topography import HeightMap as HeightMap
+    from meeframe.indenters.topography import SampledSurface as SampledSurface
+    from meeframe.indenters.topography import detrend as detrend
+    from meeframe.indenters.topography import fill_missing as fill_missing
+    from meeframe.indenters.topography import remove_outliers as remove_outliers
     from meeframe.laws.base import AdhesiveLaw as AdhesiveLaw
     from meeframe.laws.base import ConductivityLaw as ConductivityLaw
     from meeframe.laws.base import ContactLaw as ContactLaw
@@ -66,9 +71,13 @@ if TYPE_CHECKING:
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
+    from meeframe.material.layers import LayerStack as LayerStack
+    from meeframe.material.surface_symbol import SurfaceSymbol as SurfaceSymbol
     from meeframe.mesh.body import Body as Body
     from meeframe.mesh.body import BoundaryCondition as BoundaryCondition
     from meeframe.mesh.body import check_conditions as check_conditions
+    from meeframe.mesh.regular import Cells as Cells
+    from meeframe.mesh.regular import GridCells as GridCells
     from meeframe.mesh.surface import SurfaceMesh as SurfaceMesh
     from meeframe.mesh.zone import ContactZone as ContactZone
     from meeframe.mesh.zone import find_contact_zone as find_contact_zone
@@ -89,6 +98,7 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import PointFields as PointFields
     from meeframe.system.capabilities import Restriction as Restriction
     from meeframe.system.capabilities import Subsystem as Subsystem
+    from meeframe.system.capabilities import ZoneRecovery as ZoneRecovery
     from meeframe.system.capabilities import apply_fields as apply_fields
     from meeframe.system.capabilities import diagonal as diagonal
     from meeframe.system.capabilities import rescale_inverse as rescale_inverse
@@ -137,6 +147,12 @@ _HOMES = {
     "Indenter": "meeframe.indenters.base",
     "HeightGrid": "meeframe.indenters.heights",
     "SampledHeights": "meeframe.indenters.heights",
+    # Surface topography
+    "HeightMap": "meeframe.indenters.topography",
+    "SampledSurface": "meeframe.indenters.topography",
+    "detrend": "meeframe.indenters.topography",
+    "fill_missing": "meeframe.indenters.topography",
+    "remove_outliers": "meeframe.indenters.topography",
     # Elements and fundamental solutions
     "SurfaceElement": "meeframe.elements.base",
     "FundamentalSolution": "meeframe.greens.base",
@@ -158,6 +174,8 @@ _HOMES = {
     "Formulation": "meeframe.formulations.base",
     "PersistentFormulation": "meeframe.formulations.base",
     "surface_compliance": "meeframe.material.half_space",
+    "LayerStack": "meeframe.material.layers",
+    "SurfaceSymbol": "meeframe.material.surface_symbol",
     "Body": "meeframe.mesh.body",
     "BoundaryCondition": "meeframe.mesh.body",
     "check_conditions": "meeframe.mesh.body",
@@ -165,6 +183,8 @@ _HOMES = {
     "find_contact_zone": "meeframe.mesh.zone",
     "local_frames": "meeframe.mesh.zone",
     "SurfaceMesh": "meeframe.mesh.surface",
+    "Cells": "meeframe.mesh.regular",
+    "GridCells": "meeframe.mesh.regular",
     # Reduced systems
     "NodalFields": "meeframe.system.reduced",
     "Progress": "meeframe.system.reduced",
@@ -187,6 +207,7 @@ _HOMES = {
     "PointFields": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
     "Subsystem": "meeframe.system.capabilities",
+    "ZoneRecovery": "meeframe.system.capabilities",
     "apply_fields": "meeframe.system.capabilities",
     "diagonal": "meeframe.system.capabilities",
     "rescale_inverse": "meeframe.system.capabilities",

@@ -16,6 +16,8 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "hertz": ("signorini", "sphere"),
     "unilateral": ("signorini",),
     "penalty": ("compliant",),
+    "plasticity": ("hardness",),
+    "saturated": ("hardness",),
     "shear-strength": ("tresca", "capped-coulomb"),
     "orowan": ("capped-coulomb",),
     "rate-and-state": ("rate-and-pressure",),

@@ -11,6 +11,7 @@ from meeframe.elements import ELEMENTS
 from meeframe.elements.base import shape_functions
 from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, POTENTIALS, Array, FieldSet
 from meeframe.mesh.measures import corners, gauss_rule, normal_vectors, vector_areas
+from meeframe.results.records import ZoneFields
 from meeframe.system.reduced import NodalFields
 
 _BY_TYPE: Final = {element.meshio_type: element for element in ELEMENTS.values()}
@@ -40,7 +41,7 @@ class Unbalance:
     relative: Array
 
 
-def unbalance(boundary: NodalFields | None, contact_fluxes: Array | None = None) -> Unbalance | None:
+def unbalance(boundary: NodalFields | ZoneFields | None, contact_fluxes: Array | None = None) -> Unbalance | None:
     """Return the unbalance of the fields on a boundary; None where it is not defined.
 
     contact_fluxes: fluxes (n, scalars) at the nodes of the contact; without them all fluxes count as passing through.
@@ -48,7 +49,7 @@ def unbalance(boundary: NodalFields | None, contact_fluxes: Array | None = None)
     It is None without fields, for elements of plugins, and for boundaries that are not closed, as those of half spaces,
     which bear the rest at infinity.
     """
-    if boundary is None or any(name not in _BY_TYPE for name, _ in boundary.cells):
+    if boundary is None or isinstance(boundary, ZoneFields) or any(name not in _BY_TYPE for name, _ in boundary.cells):
         return None
     if not _closed(boundary):
         return None
@@ -91,7 +92,7 @@ def balanced_names(fields: FieldSet) -> tuple[str, ...]:
 
 
 def unbalance_warning(
-    boundary: NodalFields | None, fields: FieldSet = MEE, contact_fluxes: Array | None = None
+    boundary: NodalFields | ZoneFields | None, fields: FieldSet = MEE, contact_fluxes: Array | None = None
 ) -> Iterator[str]:
     """Yield a warning if the fields on the boundary are noticeably out of equilibrium; arguments as for `unbalance`."""
     result = unbalance(boundary, contact_fluxes)

@@ -25,14 +25,27 @@ from meeframe.common.hdf5 import open_hdf5
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
 from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
+from meeframe.mesh.regular import Cells, GridCells, shared_frames, shares_frame
 from meeframe.results import schema
 from meeframe.results.hdf5 import changed_file, is_compressible, numbers_of, table_of, text_of
 from meeframe.results.output import INCREMENTS, RESULT_FILE, replacing
-from meeframe.results.records import Loading, Provenance, Region, Result, RunStatus, SecondSurface, StepResult, Zone
+from meeframe.results.records import (
+    Loading,
+    Provenance,
+    Region,
+    Result,
+    RunStatus,
+    SecondSurface,
+    StepResult,
+    Zone,
+    ZoneFields,
+)
 from meeframe.results.schema import BOUNDARY, NodalField, StorageCondition
 from meeframe.system.reduced import NodalFields
 
-FORMAT: Final = "meeframe-result 6"
+FORMAT: Final = "meeframe-result 7"
+_READABLE: Final = frozenset({FORMAT, "meeframe-result 6"})
+"""Formats that are read: in 6, grids hold their cells, and half spaces their fields twice."""
 _RENAMED: Final = {"meeframe-result 5": "reaches_edge is now called contact_at_zone_boundary"}
 """Changes of names since earlier formats."""
 
@@ -43,8 +56,12 @@ _SMALL: Final = 4096
 """Size in bytes below which arrays are not compressed."""
 _LARGE: Final = 1 << 20
 """Size in bytes above which arrays that hardly shrink are not compressed, which takes longer than all else."""
+_GRID: Final = "grid"
+"""Dataset with the numbers of nodes along both axes of a grid, in place of its cells."""
 _CHUNK: Final = 1 << 24
 """Largest size of a chunk in bytes."""
+_ZONE: Final = "zone"
+"""Attribute `boundary` of increments whose fields on the whole boundary are those of the contact zone."""
 _BOUNDARY_FILE: Final = "boundary.h5"
 SomeResult = TypeVar("SomeResult", bound=Result)
 _SURFACE: Final = ("displacement", "potentials")
@@ -79,7 +96,7 @@ class ResultWriter:
             increments.mkdir(exist_ok=True)
         except OSError as error:
             raise ResultError(f"folder {increments} cannot be written: {error.strerror or error}") from None
-        if step.boundary is not None and not self._has_boundary and self._stores(BOUNDARY):
+        if isinstance(step.boundary, NodalFields) and not self._has_boundary and self._stores(BOUNDARY):
             with replacing(increments / _BOUNDARY_FILE) as path, changed_file(path, "w") as file:
                 _put_boundary_mesh(file, step.boundary)
             self._has_boundary = True
@@ -97,6 +114,11 @@ class ResultWriter:
         """
         with replacing(self.folder / RESULT_FILE) as path, changed_file(path, "w") as file:
             _put_head(file, self.result)
+            if self.count:  # as compressed before
+                with h5py.File(self.folder / RESULT_FILE, "r") as earlier:
+                    earlier.copy(earlier["zone"], file, "zone")
+            else:
+                _put_zone(file, self.result.zone)
             if self._has_boundary:
                 with h5py.File(self.folder / INCREMENTS / _BOUNDARY_FILE, "r") as source:
                     source.copy(source["/"], file, "boundary")
@@ -112,6 +134,7 @@ class ResultWriter:
     def _write_links(self) -> None:
         with replacing(self.folder / RESULT_FILE) as path, changed_file(path, "w") as file:
             _put_head(file, self.result)
+            _put_zone(file, self.result.zone)
             file.attrs["status"] = str(RunStatus.UNFINISHED)
             file["boundary"] = h5py.ExternalLink(f"{INCREMENTS}/{_BOUNDARY_FILE}", "/")
             steps = file.create_group("steps")
@@ -129,7 +152,8 @@ def write_result(folder: Path, result: Result, fields: Collection[str] | None = 
     """Write a complete result file; fields: as in ResultWriter. Raises ResultError if it cannot be written."""
     with replacing(folder / RESULT_FILE) as path, changed_file(path, "w") as file:
         _put_head(file, result)
-        boundary = next((step.boundary for step in result.steps if step.boundary is not None), None)
+        _put_zone(file, result.zone)
+        boundary = next((step.boundary for step in result.steps if isinstance(step.boundary, NodalFields)), None)
         if boundary is not None and (fields is None or BOUNDARY in fields):
             _put_boundary_mesh(file.create_group("boundary"), boundary)
         steps = file.create_group("steps")
@@ -167,7 +191,7 @@ def read_result(folder: str | Path) -> Result:
             raise ResultError(f"no result in {folder}: it is a file; name the folder of a run")
         with open_hdf5(path, _is_increment) as file:
             version = file.attrs.get("format")
-            if version != FORMAT:
+            if version not in _READABLE:
                 again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""
                 renamed = f"; {_RENAMED[version]}" if version in _RENAMED else ""
                 raise ResultError(
@@ -187,8 +211,8 @@ def read_result(folder: str | Path) -> Result:
 def _is_increment(name: str, target: str) -> bool:
     """Return whether a link of a result file is one to the file of an increment or of the boundary of an open run."""
     number = name.removeprefix("steps/")
-    own = _BOUNDARY_FILE if name == "boundary" else f"{number}.h5"
-    return (name == "boundary" or number.isdecimal()) and target == f"{INCREMENTS}/{own}"
+    file_name = _BOUNDARY_FILE if name == "boundary" else f"{number}.h5"
+    return (name == "boundary" or number.isdecimal()) and target == f"{INCREMENTS}/{file_name}"
 
 
 def _put_head(file: Any, result: Result) -> None:
@@ -199,10 +223,16 @@ def _put_head(file: Any, result: Result) -> None:
     file.attrs["versions"] = json.dumps(dict(result.provenance.versions))
     file.attrs["threads"] = result.provenance.threads
     file.attrs["planned_steps"] = result.planned_steps
-    zone = file.create_group("zone")
-    zone.attrs["note"] = "frames: rows e1, e2, nu (outward normal); sum(weights * density) is a resultant"
-    _put_all(zone, _ZONE_UNITS, {name: getattr(result.zone, name) for name in _ZONE_UNITS})
-    _put_cells(zone, result.zone.cells)
+
+
+def _put_zone(file: Any, zone: Zone) -> None:
+    group = file.create_group("zone")
+    group.attrs["note"] = "frames: rows e1, e2, nu (outward normal); sum(weights * density) is a resultant"
+    arrays = {name: getattr(zone, name) for name in _ZONE_UNITS}
+    if shares_frame(zone.frames):
+        arrays["frames"] = zone.frames[:1]
+    _put_all(group, _ZONE_UNITS, arrays)
+    _put_cells(group, zone.cells)
 
 
 def _put_end(file: Any, result: Result) -> None:
@@ -245,7 +275,9 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
         surface_fields = _surface_fields(step.fields)
         values = {field.name: _column(getattr(step.second_body, field.attribute), field) for field in surface_fields}
         _put_fields(group.create_group("second_body"), surface_fields, values)
-    if step.boundary is not None and (fields is None or BOUNDARY in fields):
+    if isinstance(step.boundary, ZoneFields) and (fields is None or BOUNDARY in fields):
+        group.attrs["boundary"] = _ZONE
+    elif step.boundary is not None and (fields is None or BOUNDARY in fields):
         units = {"values": ", ".join(step.fields.value_units), "fluxes": ", ".join(step.fields.flux_units)}
         values = {"values": step.boundary.values, "fluxes": step.boundary.fluxes}
         _put_all(group.create_group("boundary"), units, values)
@@ -281,14 +313,24 @@ def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) ->
 def _put(group: Any, name: str, values: Any) -> Any:
     """Write an array, compressed if that halves it; one chunk for the whole array compresses best."""
     array = np.asarray(values)
-    if array.nbytes < _SMALL or (array.nbytes > _LARGE and not is_compressible(array)):
+    if array.nbytes < _SMALL:
         return group.create_dataset(name, data=array)
-    chunk = (min(len(array), max(1, _CHUNK * len(array) // array.nbytes)), *array.shape[1:])
-    return group.create_dataset(name, data=array, chunks=chunk, shuffle=True, compression="gzip", compression_opts=1)
+    options: dict[str, Any] = {}
+    rows = min(len(array), max(1, _CHUNK * len(array) // array.nbytes))
+    if array.nbytes <= _LARGE or is_compressible(array):
+        options = {"chunks": (rows, *array.shape[1:]), "shuffle": True, "compression": "gzip", "compression_opts": 1}
+    dataset = group.create_dataset(name, array.shape, array.dtype, **options)
+    for first in range(0, len(array), rows):  # HDF5 copies what it converts
+        dataset[first : first + rows] = array[first : first + rows]
+    return dataset
 
 
-def _put_cells(group: Any, cells: tuple[tuple[str, Indices], ...]) -> None:
+def _put_cells(group: Any, cells: Cells) -> None:
     cells_group = group.create_group("cells")
+    if isinstance(cells, GridCells):
+        cells_group.attrs["note"] = "quadrilaterals between the nodes of a grid, which are numbered row by row"
+        _put_all(cells_group, {_GRID: "1"}, {_GRID: np.array(cells.shape)})
+        return
     cells_group.attrs["note"] = "numbers into points; meshio cell types"
     for number, (cell_type, connectivity) in enumerate(cells):
         _put(cells_group, str(number), connectivity).attrs.update({"type": cell_type, "units": "1"})
@@ -302,10 +344,12 @@ def _put_boundary_mesh(group: Any, boundary: NodalFields) -> None:
 def _read(file: Any) -> Result:
     attributes, zone_group = file.attrs, file["zone"]
     n = len(zone_group["points"])
-    shapes = {"points": (n, 3), "frames": (n, 3, 3), "weights": (n,)}
-    zone = Zone(
-        **{name: numbers_of(zone_group, name, shapes[name]) for name in _ZONE_UNITS}, cells=_get_cells(zone_group, n)
-    )
+    if len(zone_group["frames"]) == 1 != n:
+        frames = shared_frames(numbers_of(zone_group, "frames", (1, 3, 3))[0], n)
+    else:
+        frames = numbers_of(zone_group, "frames", (n, 3, 3))
+    points, weights = numbers_of(zone_group, "points", (n, 3)), numbers_of(zone_group, "weights", (n,))
+    zone = Zone(points, frames, weights, _get_cells(zone_group, n))
     return Result(
         provenance=Provenance(
             title=text_of(file, "title"),
@@ -338,7 +382,8 @@ def _get_steps(file: Any, zone: Zone) -> Iterator[StepResult]:
 def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: Array) -> StepResult:
     """Return an increment; total_slip (n, 2) and slip_path (n,) [m] are those of the last converged one before."""
     n = len(zone.points)
-    boundary, second_body, field_set = None, None, _get_field_set(group)
+    boundary: NodalFields | ZoneFields | None = None
+    second_body, field_set = None, _get_field_set(group)
     surface_fields = _surface_fields(field_set)
     if "second_body" in group:
         second_body = SecondSurface(**_get_fields(group["second_body"], surface_fields, n))
@@ -361,6 +406,9 @@ def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: A
         touching = arrays["region"] != Region.OPEN
         derived = _slips(zone, loading, surface, touching, total_slip, slip_path)
         arrays |= {name: derived[name] for name in missing}
+    if group.attrs.get("boundary") == _ZONE:
+        scalars = arrays["potentials"], arrays["fluxes"]
+        boundary = ZoneFields(zone, arrays["displacement"], scalars[0], arrays["traction"], scalars[1])
     return StepResult(
         loading=loading,
         step=int(group["step"][()]),
@@ -430,8 +478,13 @@ def _get_loading(group: Any, fields: FieldSet) -> Loading:
     return Loading.of(motion, prescribed, reference, axes, duration, fields)
 
 
-def _get_cells(group: Any, n: int) -> tuple[tuple[str, Indices], ...]:
+def _get_cells(group: Any, n: int) -> Cells:
     """Return the cells of a group, whose numbers refer to n points."""
+    if _GRID in group["cells"]:
+        nx, ny = numbers_of(group["cells"], _GRID, (2,), "iu").tolist()
+        if min(nx, ny) < 2 or nx * ny != n:
+            raise ValueError(f"{group.name}/cells is a grid of {nx} x {ny} nodes instead of {n}")
+        return GridCells((nx, ny))
     cells = []
     for name in sorted(group["cells"], key=int):
         dataset = group["cells"][name]

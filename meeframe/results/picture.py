@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.fields import Array, Indices
 from meeframe.mesh import local_frames
-from meeframe.mesh.regular import grid_shape
+from meeframe.mesh.regular import Cells, grid_shape
 from meeframe.results.canvas import MAP_COLOURS, prefixed
 from meeframe.results.records import Zone
 
@@ -180,7 +180,7 @@ def _with_centres(nodal: Array, quads: Indices) -> Array:
     return np.concatenate([nodal, nodal[quads].mean(axis=1)])
 
 
-def _triangles(cells: tuple[tuple[str, Indices], ...], n_nodes: int) -> Indices:
+def _triangles(cells: Cells, n_nodes: int) -> Indices:
     triangles: list[Indices] = []
     for name, nodes in cells:
         if name == "quad":

@@ -3,19 +3,22 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
-from typing import Final
+from typing import Final, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.problem import ContactState, Status
+from meeframe.contact.scales import largest
 from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Indices
 from meeframe.indenters.base import N_RIGID, RIGID_MOTIONS
 from meeframe.mesh.measures import corners, vector_areas
-from meeframe.mesh.regular import global_components
+from meeframe.mesh.regular import Cells, GridCells, global_components
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
+_BLOCK: Final = 2**16
+"""Number of nodes whose forces are summed at once."""
 _ALIKE: Final = 1e-12
 """Difference of nodal weights that counts as round-off, as a fraction of the largest weight."""
 
@@ -35,7 +38,7 @@ class Zone:
     points: Array
     frames: Array
     weights: Array
-    cells: tuple[tuple[str, Indices], ...]
+    cells: Cells
 
     def __repr__(self) -> str:
         """Return words instead of long arrays."""
@@ -45,6 +48,48 @@ class Zone:
 def zone_of(system: ReducedSystem) -> Zone:
     """Return the contact zone of a reduced system."""
     return Zone(system.points, system.frames, system.weights, system.cells)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ZoneFields:
+    """Fields on a boundary that is the contact zone alone: as NodalFields, computed from those of the zone when read.
+
+    Attributes
+    ----------
+    zone : Zone
+        Contact zone.
+    displacement, traction : Array
+        (n, 3), along e1, e2, nu of the zone's frames.
+    potentials, scalar_fluxes : Array
+        (n, scalars), as in StepResult.
+    """
+
+    zone: Zone
+    displacement: Array
+    potentials: Array
+    traction: Array
+    scalar_fluxes: Array
+
+    @property
+    def points(self) -> Array:
+        """Points of the zone, (n, 3) [m]."""
+        return self.zone.points
+
+    @property
+    def cells(self) -> Cells:
+        """Cells of the zone."""
+        return self.zone.cells
+
+    @property
+    def values(self) -> Array:
+        """Extended displacement in global axes, (n, fields)."""
+        return np.concatenate([global_components(self.zone.frames, self.displacement), self.potentials], axis=1)
+
+    @property
+    def fluxes(self) -> Array:
+        """Extended traction in global axes, (n, fields)."""
+        return np.concatenate([global_components(self.zone.frames, self.traction), self.scalar_fluxes], axis=1)
 
 
 class Region(IntEnum):
@@ -168,7 +213,7 @@ class StepResult:
         (n,), numbers of Region.
     status, iterations, residual, history, message
         As in ContactSolution.
-    boundary : NodalFields, optional
+    boundary : NodalFields or ZoneFields, optional
         Fields on the whole boundary.
     second_body : SecondSurface, optional
         Surface of the second body, if there is one instead of a rigid indenter.
@@ -200,7 +245,7 @@ class StepResult:
     residual: float
     history: Array
     message: str
-    boundary: NodalFields | None = None
+    boundary: NodalFields | ZoneFields | None = None
     second_body: SecondSurface | None = None
     area_fraction: Array | None = None
     contact_at_zone_boundary: bool = False
@@ -220,7 +265,9 @@ class StepResult:
     @property
     def gap(self) -> Array:
         """Gap between the deformed body and the indenter, or the deformed second body, (n,) [m] (eq. 10)."""
-        gap: Array = self.initial_gap - self.state.displacement[:, 2]
+        gap: Array = self.initial_gap - self.displacement[:, 2]
+        if self.second_body is not None:
+            gap += self.second_body.displacement[:, 2]
         return gap
 
     @property
@@ -307,20 +354,24 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
 @memoize_by_identity
 def _resultants(step: StepResult, zone: Zone) -> Resultants:
     normal = step.traction[:, 2]
-    scalars, potentials = step.fields.scalars, np.abs(step.potentials).max(axis=0).tolist()
-    # one memory layout, on which last digits depend, whether the step is solved or read
-    traction, fluxes = split_load(step.state.load)
-    forces = zone.weights[:, None] * global_components(zone.frames, traction)
-    arms = zone.points - step.loading.reference
-    products = arms.T @ forces  # of all components: the moment is their antisymmetric part
+    scalars, potentials = step.fields.scalars, [largest(potential) for potential in step.potentials.T]
+    total, products = np.zeros(3), np.zeros((3, 3))
+    for first in range(0, len(normal), _BLOCK):  # blocks of nodes take little memory
+        nodes = slice(first, first + _BLOCK)
+        # one memory layout, on which last digits depend, whether the step is solved or read
+        traction = np.ascontiguousarray(step.traction[nodes])
+        forces = zone.weights[nodes, None] * global_components(zone.frames[nodes], traction)
+        total += forces.sum(axis=0)
+        products += (zone.points[nodes] - step.loading.reference).T @ forces
+    # products of all components: the moment is their antisymmetric part
     moment = np.array(
         [products[1, 2] - products[2, 1], products[2, 0] - products[0, 2], products[0, 1] - products[1, 0]]
     )
     # no -0.0
-    force, about = (step.loading.axes @ each + 0.0 for each in (forces.sum(axis=0), moment))
-    totals = (zone.weights @ fluxes + 0.0).tolist()
+    force, about = (step.loading.axes @ each + 0.0 for each in (total, moment))
+    totals = [float(zone.weights @ np.ascontiguousarray(flux) + 0.0) for flux in step.fluxes.T]
     return Resultants(
-        force=forces.sum(axis=0),
+        force=total,
         normal_force=float(0.0 - force[2]),
         tangential_force=force[:2],
         moment=about[:2],
@@ -344,8 +395,9 @@ def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
 @memoize_by_identity
 def _areas(zone: Zone) -> Array:
     """Return the areas of the elements, distributed evenly over their nodes, (n,) [m^2]."""
+    # rectangles share their areas evenly
     # nodes alone for test systems and plugins, and for a periodic surface, whose elements lack the last row and column
-    if not zone.cells or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
+    if not zone.cells or isinstance(zone.cells, GridCells) or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
         return zone.weights
     areas = np.zeros(len(zone.points))
     for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
@@ -421,7 +473,7 @@ class Result:
 
 def split_load(load: Array) -> tuple[Array, Array]:
     """Return tractions (n, 3) and outward fluxes (n, scalars) of a load (n, fields)."""
-    return load[:, MECHANICAL], np.ascontiguousarray(load[:, POTENTIALS])
+    return load[:, MECHANICAL], load[:, POTENTIALS]
 
 
 def split_displacement(displacement: Array) -> tuple[Array, Array]:
@@ -429,4 +481,9 @@ def split_displacement(displacement: Array) -> tuple[Array, Array]:
 
     displacement: (n, fields) of a reduced system, whose potentials are negated.
     """
-    return displacement[:, MECHANICAL], -np.ascontiguousarray(displacement[:, POTENTIALS])
+    scalars = displacement[:, POTENTIALS]
+    potentials = np.zeros(scalars.shape[::-1]).T  # columns of zeros are never written, and take no memory
+    for column, values in enumerate(scalars.T):
+        if values.any():
+            np.negative(values, out=potentials[:, column])
+    return displacement[:, MECHANICAL], potentials

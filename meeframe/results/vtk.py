@@ -11,10 +11,10 @@ from meeframe.common.errors import ResultError
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
 from meeframe.mesh.nearby import close_point_pairs
-from meeframe.mesh.regular import global_components
+from meeframe.mesh.regular import Cells, global_components
 from meeframe.results import schema
 from meeframe.results.output import FIELDS_FILE, SERIES, SERIES_FILE, replacing
-from meeframe.results.records import Result, StepResult, Zone
+from meeframe.results.records import Result, StepResult, Zone, ZoneFields
 from meeframe.results.schema import NodalField
 from meeframe.results.vtu import VTK_CELLS, write_vtu
 from meeframe.system.reduced import NodalFields
@@ -104,7 +104,7 @@ def _global_values(zone: Zone, step: StepResult, field: NodalField) -> Array:
     return values
 
 
-def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> Iterator[tuple[str, Array | Indices]]:
+def _contact(zone: Zone, step: StepResult, boundary: NodalFields | ZoneFields) -> Iterator[tuple[str, Array | Indices]]:
     """Yield labels and fields of the contact zone at the points of the boundary, vectors (p, 3) in global axes.
 
     Elsewhere whole numbers are zero, others NaN.
@@ -118,7 +118,7 @@ def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> Iterator[tu
         yield _label(field), extended
 
 
-def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices | slice, Indices | slice]:
+def _matched(zone: Zone, boundary: NodalFields | ZoneFields) -> tuple[Indices | slice, Indices | slice]:
     """Return the points of the boundary on elements of the contact zone, and the corresponding nodes of the zone.
 
     They are matched by elements: at the border of the zone a repeated point may belong to the surface outside.
@@ -140,8 +140,10 @@ def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices | slice, Indice
     return np.flatnonzero(inside), nearest[inside]
 
 
-def _is_zone(boundary: NodalFields, zone: Zone) -> bool:
+def _is_zone(boundary: NodalFields | ZoneFields, zone: Zone) -> bool:
     """Return whether a boundary consists of the contact zone alone, as that of a half space."""
+    if boundary.points is zone.points and boundary.cells is zone.cells:
+        return True
     return (
         np.array_equal(boundary.points, zone.points)
         and len(boundary.cells) == len(zone.cells)
@@ -159,7 +161,7 @@ def _cells_among(cells: Indices, others: Indices) -> NDArray[np.bool_]:
     return np.isin(first, second)[:, 0]
 
 
-def _supported(cells: tuple[tuple[str, Indices], ...]) -> list[tuple[str, Indices]]:
+def _supported(cells: Cells) -> list[tuple[str, Indices]]:
     """Return cells as in VTK; an element from a plugin that VTK lacks is represented by its corners."""
     outlines = zip(cells, corners(cells), strict=True)
     return [

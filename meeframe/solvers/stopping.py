@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.feasibility import beyond_friction, unreachable
+from meeframe.contact.feasibility import beyond_bound, beyond_friction, unreachable
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
 from meeframe.contact.residual import essential_fields, evaluate, law_residual
 from meeframe.contact.scales import largest, motion_scales, problem_scales
@@ -233,6 +233,8 @@ class ConvergenceMonitor:
 
     def begin(self, iterate: Iterate) -> None:
         """Record the first iterate. By its solver's estimate one may be too far to be evaluated (gain: 1.29)."""
+        if self._problem.prescribed_resultants and beyond_bound(self._problem):
+            self._window = 0
         estimate, tolerance = iterate.estimate, self._criteria.tolerance
         if self._criteria.by_residual and estimate is not None and tolerance < estimate < np.inf:
             self._residual = estimate
@@ -289,9 +291,6 @@ class ConvergenceMonitor:
         if status is not Status.CONVERGED:
             reason = self._infeasibility(state) or self._missed_resultants(state)
             message = f"{message}: {reason}" if reason else message
-        # stored as it is read from a file, so that sums over it are the same to the last digit
-        load, displacement = np.ascontiguousarray(state.load), np.ascontiguousarray(state.displacement)
-        state = replace(state, load=load, displacement=displacement)
         return ContactSolution(state, status, self.iteration, self._residual, np.array(self._history), message)
 
     def _evaluate(self, iterate: Iterate) -> ContactState:
@@ -309,8 +308,8 @@ class ConvergenceMonitor:
 
     def _follow(self, iterate: Iterate) -> None:
         """Compare load, contact fraction and motion, in characteristic units, with earlier ones."""
-        loads, motion = (iterate.load / self._scales.load).ravel(), iterate.motion / self._motion_scales
-        entry = np.concatenate([loads, iterate.contact_fraction, motion])
+        loads = [iterate.load[:, field] / self._scales.load[field] for field in essential_fields(self._problem)]
+        entry = np.concatenate([*loads, iterate.contact_fraction, iterate.motion / self._motion_scales])
         self._cycle = self._cycle.add(self.iteration, entry, self._criteria.tolerance)
 
     def _is_due(self, iterate: Iterate) -> bool:

@@ -103,6 +103,13 @@ class Multigrid(ABC):
         """
 
 
+class ZoneRecovery:
+    """Capability of a system whose boundary is its contact zone alone, as of a half space that is free beside it.
+
+    Displacement and load of the zone are then all that `recover` returns, in global axes.
+    """
+
+
 class Restriction(ABC):
     """Reduction to a part of the contact zone, where products take much less time."""
 

@@ -6,7 +6,8 @@ from typing import TypeVar, final
 
 import numpy as np
 
-from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array, Indices
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
+from meeframe.mesh.regular import Cells
 from meeframe.system.capabilities import InteriorFields
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
@@ -84,7 +85,7 @@ def in_local_frames(
     points: Array,
     frames: Array,
     weights: Array,
-    cells: tuple[tuple[str, Indices], ...],
+    cells: Cells,
     offset: Array,
     compliance: Array,
     fields: Callable[[Array], NodalFields],

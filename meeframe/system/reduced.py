@@ -5,7 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from meeframe.fields import Array, Indices
+from meeframe.fields import Array
+from meeframe.mesh.regular import Cells
 
 C = TypeVar("C")
 
@@ -34,7 +35,7 @@ class NodalFields:
     """
 
     points: Array
-    cells: tuple[tuple[str, Indices], ...]
+    cells: Cells
     values: Array
     fluxes: Array
 
@@ -69,7 +70,7 @@ class ReducedSystem(ABC):
     points: Array
     frames: Array
     weights: Array
-    cells: tuple[tuple[str, Indices], ...]
+    cells: Cells
     offset: Array
 
     @property

@@ -19,9 +19,10 @@ import numpy as np
 import scipy  # its parts load where they are used
 
 from meeframe.common.errors import MeshError
-from meeframe.fields import MECHANICAL, Array, Indices
+from meeframe.fields import MECHANICAL, Array
 from meeframe.mesh.measures import corners, vector_areas
 from meeframe.mesh.mortar import Mortar, find_mortar
+from meeframe.mesh.regular import Cells
 from meeframe.system.capabilities import AnyArray, FieldwiseApply, apply_fields
 from meeframe.system.composed import Rotation
 from meeframe.system.reduced import NodalFields, ReducedSystem
@@ -216,7 +217,7 @@ def _estimated_blocks(first: ReducedSystem, body: ReducedSystem, transfer: Trans
     return transfer.first.change_blocks(scaled)
 
 
-def _node_areas(points: Array, cells: tuple[tuple[str, Indices], ...]) -> Array:
+def _node_areas(points: Array, cells: Cells) -> Array:
     """Return areas (n,) of elements shared among their nodes; unlike weights, all of them are positive."""
     areas = np.zeros(len(points))
     for (_, nodes), outline in zip(cells, corners(cells), strict=True):

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, Indices
 from meeframe.material.half_space import surface_compliance
+from meeframe.mesh.regular import global_components
 from meeframe.system.capabilities import (
     ApproximateInverse,
     Coarsening,
@@ -19,6 +20,7 @@ from meeframe.system.capabilities import (
     Multigrid,
     Restriction,
     Subsystem,
+    ZoneRecovery,
     apply_fields,
 )
 from meeframe.system.reduced import ReducedSystem
@@ -68,6 +70,7 @@ def check_capabilities(system: ReducedSystem) -> None:
     check_restriction(system)
     check_edge_correction(system)
     check_interior_fields(system)
+    check_zone_recovery(system)
     multigrid = system.capability(Multigrid)
     if multigrid is not None:
         check_coarsening(system, multigrid.coarsen())
@@ -287,6 +290,21 @@ def _circular_punch(system: ReducedSystem) -> tuple[float, IndenterEdge, Array]:
     pressure = np.where(r < radius, density, 0.0) * typical_load(system)[2]
     local = np.einsum("nai,ni->na", system.frames[:, :2, :2], outward)
     return radius, IndenterEdge(radius - r, local, np.where(r < radius, np.inf, 0.0)), pressure
+
+
+def check_zone_recovery(system: ReducedSystem) -> None:
+    """Check that `recover` returns displacement and load of the zone, in global axes, if it claims to."""
+    if system.capability(ZoneRecovery) is None:
+        return
+    load = np.random.default_rng(5).normal(size=system.offset.shape) * typical_load(system)
+    displacement, recovered = system.offset + system.apply(load), system.recover(load)
+    displacement[:, N_MECHANICAL:] *= -1.0
+    require(np.array_equal(recovered.points, system.points), "recover has other points than the zone", len(load))
+    for what, values, local in (("values", recovered.values, displacement), ("fluxes", recovered.fluxes, load)):
+        expected = local.copy()
+        expected[:, MECHANICAL] = global_components(system.frames, local[:, MECHANICAL])
+        error = float((np.abs(values - expected).max(axis=0) / np.abs(expected).max(axis=0)).max())
+        require(error < ROUND_OFF, f"{what} of recover are not those of the zone", error)
 
 
 def check_interior_fields(system: ReducedSystem) -> None:

@@ -27,6 +27,7 @@ PARTS = (
     "dense",
     "half_space",
     "whole_commands",
+    "fft_engines",
     "half_space_friction",
     "five_fields",
     "histories",

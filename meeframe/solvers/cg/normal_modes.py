@@ -29,6 +29,17 @@ RESULTANT_ROUND_OFF: Final = 1e-10
 """Largest relative remainder that counts as round-off where the resultants determine all values."""
 
 
+def _normal_parts(problem: ContactProblem, values: list[Array]) -> Array:
+    """Return the normal parts (k, n) of values (n, fields), zero without an indenter above; a view where possible."""
+    above = np.isfinite(problem.gap)
+    if len(values) == 1 and above.all():
+        return values[0].T[NORMAL : NORMAL + 1]
+    parts = np.zeros((len(values), len(problem.gap)))
+    for part, value in zip(parts, values, strict=True):
+        np.copyto(part, value[:, NORMAL], where=above)
+    return parts
+
+
 @dataclass(frozen=True, eq=False)
 class NormalModes:
     """Normal parts of the free motions of the indenter.
@@ -59,12 +70,10 @@ class NormalModes:
         that of weights * mode up to a factor: the solution is then no minimum.
         """
         numbers = motions(problem)
-        above = np.isfinite(problem.gap)
-        mode, measure = np.zeros((2, len(numbers), len(problem.gap)))
+        free = [problem.prescribed_resultants[number] for number in numbers]
+        mode = _normal_parts(problem, [resultant.mode for resultant in free])
+        measure = _normal_parts(problem, [resultant.measure for resultant in free])
         for k, number in enumerate(numbers):
-            resultant = problem.prescribed_resultants[number]
-            np.copyto(mode[k], resultant.mode[:, NORMAL], where=above)
-            np.copyto(measure[k], resultant.measure[:, NORMAL], where=above)
             work = problem.system.weights * mode[k]
             factor = (measure[k] @ work) / ((work @ work) or 1.0)
             if np.abs(measure[k] - factor * work).max(initial=0.0) > CONJUGACY_TOLERANCE * np.abs(measure[k]).max(

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable
 
-from meeframe.plugin import Formulation, Indenter, Record, hookimpl
+from meeframe.plugin import Formulation, HeightMap, Indenter, Record, hookimpl
 from meeframe_halfspace.formulation import HalfSpace
-from meeframe_halfspace.height_files import HeightMap, Scales, read_height_map
+from meeframe_halfspace.height_files import Scales, read_height_map
 from meeframe_halfspace.height_map import MeasuredHeights
 from meeframe_halfspace.manufactured import GaussianLoad
 from meeframe_halfspace.response import PointResponse, indentation_modulus

@@ -37,7 +37,7 @@ def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Sha
     """
     nx, ny = size
     table = np.empty((response.layout.n_values, nx, 2 * ny - 1))
-    along, across, steps = _pieces(shape, spacing[0]), _pieces(shape, spacing[1]), np.array(spacing)
+    along, across, steps = density_pieces(shape, spacing[0]), density_pieces(shape, spacing[1]), np.array(spacing)
     tables, thresholds = _product_rules(shape)
     rule = np.array(np.polynomial.legendre.leggauss(_EDGE_POINTS))
 
@@ -84,7 +84,7 @@ def far_tables(
     whose series have the same harmonics are computed together.
     """
     nx, ny = size
-    steps, weights = hop * np.array(spacing), _node_weights(shape, _STENCIL_HALF_WIDTH if hop == 1 else 1, hop)
+    steps, weights = hop * np.array(spacing), node_weights(shape, _STENCIL_HALF_WIDTH if hop == 1 else 1, hop)
     alike = defaultdict[tuple[bool, int], list[tuple[int, Array]]](list)
     for entry in entries:
         coefficients, odd = response.entry(entry)
@@ -123,7 +123,7 @@ def share_out(work: Callable[[int, int], None], count: int) -> None:
         list(pool.map(work, bounds[:-1].tolist(), bounds[1:].tolist()))
 
 
-def _pieces(shape: Shape, h: float) -> Array:
+def density_pieces(shape: Shape, h: float) -> Array:
     """Return rows (start, end, w0, w1) of the density along one axis about its node: w0 + w1 * coordinate."""
     if shape == "constant":
         return np.array([[-h / 2, h / 2, 1.0, 0.0]])
@@ -146,7 +146,7 @@ def _product_rules(shape: Shape) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=4)
-def _node_weights(shape: Shape, half_width: int, hop: int) -> Array:
+def node_weights(shape: Shape, half_width: int, hop: int) -> Array:
     """Return weights (2 half_width + 1,) of values at every hop-th node for the integral over the middle density.
 
     They are in units of hop spacings.

@@ -22,19 +22,19 @@ def coarse_grid(grid: Grid) -> Grid | None:
     if min(size) < MIN_COARSE_NODES:
         return None
     spacing = 2.0 * grid.spacing[0], 2.0 * grid.spacing[1]
-    return Grid(np.arange(size[0] * size[1]).reshape(size), spacing, grid.frame)
+    return Grid((size[0], size[1]), spacing, grid.frame)
 
 
 def row_major_grid(grid: Grid, size: tuple[int, int]) -> Grid:
     """Return a subgrid of that size, numbered row by row."""
-    return Grid(np.arange(size[0] * size[1]).reshape(size), grid.spacing, grid.frame)
+    return Grid(size, grid.spacing, grid.frame)
 
 
 def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
     """Return the smallest subgrid with these nodes (k,) between SUBGRID_BOUNDARIES."""
-    inside = np.zeros((1, grid.nodes.size), bool)
+    inside = np.zeros((1, grid.count), bool)
     inside[0, nodes] = True
-    (flags_on_grid,) = grid.place(inside)
+    (flags_on_grid,) = grid.to_grid(inside)
     along, across = (_span(flags_on_grid.any(axis=axis), n) for axis, n in zip((1, 0), grid.size, strict=True))
     return along, across
 
@@ -43,13 +43,6 @@ def _span(flags: NDArray[np.bool_], count: int) -> slice:
     """Return the smallest slice of range(count) with the marked indices, (count,)."""
     indices, step = np.flatnonzero(flags), -(-count // SUBGRID_BOUNDARIES)
     return slice(indices[0] // step * step, count - (count - 1 - indices[-1]) // step * step)
-
-
-def coarse_cells(grid: Grid) -> tuple[tuple[str, Indices], ...]:
-    """Return the quadrilaterals between the nodes of a grid."""
-    nodes = grid.nodes
-    corners = nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]
-    return (("quad", np.stack([corner.ravel() for corner in corners], axis=1)),)
 
 
 def bilinear(values: Array, size: tuple[int, int], periodic: bool) -> Array:

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.plugin import Array, Indices, MeshError, SurfaceMesh, find_contact_zone
+from meeframe.plugin import Array, Cells, GridCells, Indices, MeshError, SurfaceMesh, find_contact_zone
 
 FLATNESS: Final = 1e-6
 """Largest relative distance of nodes from the plane."""
@@ -27,7 +27,7 @@ class FlatZone:
 
     points: Array
     frame: Array
-    cells: tuple[tuple[str, Indices], ...]
+    cells: Cells
 
 
 def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
@@ -40,6 +40,8 @@ def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
     """
     zone = find_contact_zone(mesh, group)
     points, cells, frame = zone.points, zone.cells, zone.frames[0]
+    if isinstance(cells, GridCells):
+        return FlatZone(points, frame, cells)
     x1, x2, level = frame @ points.T
     depth = float(np.ptp(level))
     if depth > FLATNESS * max(float(np.ptp(x1)), float(np.ptp(x2))):

@@ -1,7 +1,7 @@
 """The formulation `half-space`: body in, reduced system out."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, final
+from typing import Annotated, Final, Literal, final
 
 import numpy as np
 from pydantic import Field
@@ -23,8 +23,13 @@ from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
 from meeframe_halfspace.interior import HalfSpaceInterior
+from meeframe_halfspace.layered_grid import LayeredFreeGrid, LayeredPeriodicGrid
+from meeframe_halfspace.layered_symbol import LayeredResponse
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
+
+MIN_CELLS_OF_EDGES: Final = 4.0
+"""Smallest thickness of the top layer, in spacings, for contact edges between the nodes."""
 
 
 @final
@@ -80,13 +85,17 @@ class HalfSpace(Formulation):
         """Return whether contact edges between nodes are resolved."""
         return self.edges == "resolved"
 
+    def supports_layers(self) -> bool:
+        """Return True."""
+        return True
+
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Compute the surface compliance and the response to one node. Raises as check, and MaterialError."""
         zone, grid = self._grid(body)
         progress("surface compliance", 0.0)
-        response = PointResponse.of(body.stiffness, grid.frame)
+        grid_response = self._grid_response(body, grid)
         progress("surface compliance", 1.0)
-        weights, grid_response = grid.weights(self.periodic), self._grid_response(response, grid)
+        weights = grid.weights(self.periodic)
         shares = weights / weights.max()
         origin = zone.points[grid.nodes[0, 0]]
         system = HalfSpaceSystem(
@@ -99,17 +108,26 @@ class HalfSpace(Formulation):
             grid_response=grid_response,
             convolution=convolution_of(grid_response),
             shares=shares,
-            edge_waves=response.wave_series()[0] if self.resolves_edges() else None,
-            interior=HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares),
+            edge_waves=grid_response.response.wave_series()[0] if self.resolves_edges() else None,
+            interior=None if body.layers else HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares),
         )
         # a system with a matrix does not know its grid any more
         return _with_matrix(system) if len(weights) <= self.matrix_up_to and not self.resolves_edges() else system
 
-    def _grid_response(self, response: PointResponse, grid: Grid) -> GridResponse:
+    def _grid_response(self, body: Body, grid: Grid) -> GridResponse:
+        if body.layers:
+            return self._layered_response(LayeredResponse.of(body, grid.frame), grid)
+        response = PointResponse.of(body.stiffness, grid.frame)
         if self.periodic:
             return PeriodicGrid(response, grid.spacing, grid.size, self.density)
         assert self.density != "trigonometric"
         return FreeGrid(response, grid.spacing, grid.size, self.density)
+
+    def _layered_response(self, layers: LayeredResponse, grid: Grid) -> GridResponse:
+        if self.periodic:
+            return LayeredPeriodicGrid.of(layers, grid.spacing, grid.size, self.density)
+        assert self.density != "trigonometric"
+        return LayeredFreeGrid.of(layers, grid.spacing, grid.size, self.density)
 
     def _grid(self, body: Body) -> tuple[FlatZone, Grid]:
         if body.contact_group is None:
@@ -127,8 +145,32 @@ class HalfSpace(Formulation):
                     "half space is free of traction and flux beside its contact zone and at rest at infinity; allowed: "
                     "zero fluxes"
                 )
+        if not self.periodic:
+            _check_grounded(body)
         zone = flat_zone(body.mesh, body.contact_group)
-        return zone, find_grid(zone, body.contact_group)
+        grid = find_grid(zone, body.contact_group)
+        if body.layers and self.edges == "resolved":
+            _check_resolved(body, grid)
+        return zone, grid
+
+
+def _check_grounded(body: Body) -> None:
+    base = body.layers.base
+    if base is not None and base.insulating:
+        raise CaseError(
+            f"half-space: the base insulates {', '.join(base.insulating)}: the potential of a layer without ground has "
+            "no limit far away; allowed: 'grounded', or periodic = true"
+        )
+
+
+def _check_resolved(body: Body, grid: Grid) -> None:
+    thickness, spacing = body.layers.top_thickness, max(grid.spacing)
+    if thickness < MIN_CELLS_OF_EDGES * spacing:
+        raise CaseError(
+            f"half-space: edges = 'resolved' with a top layer of {thickness:.3g} m and a spacing of {spacing:.3g} m: "
+            "near an edge the response is that of the top material; allowed: thicknesses of "
+            f"{MIN_CELLS_OF_EDGES:g} spacings and more, or edges = 'nodes'"
+        )
 
 
 def _with_matrix(system: HalfSpaceSystem) -> DenseSystem:

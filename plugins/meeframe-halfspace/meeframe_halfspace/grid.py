@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from meeframe.plugin import Array, Indices, MeshError
+from meeframe.plugin import Array, GridCells, Indices, MeshError
 from meeframe_halfspace.flat_zone import FlatZone
 
 SAME: Final = 1e-6
@@ -19,32 +19,39 @@ class Grid:
 
     Attributes
     ----------
-    nodes
-        Node at each position, (nx, ny), e1 along the first axis.
+    size
+        Numbers of nodes along e1 and e2.
     spacing
         Spacing along e1 and e2 [m].
     frame
         Rows e1, e2, outward normal, (3, 3).
+    numbers
+        Number of the node at each position, (nx, ny), e1 along the first axis; None if they count row by row.
     """
 
-    nodes: Indices
+    size: tuple[int, int]
     spacing: tuple[float, float]
     frame: Array
+    numbers: Indices | None = None
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Numbers of nodes along e1 and e2."""
-        return self.nodes.shape[0], self.nodes.shape[1]
+    def nodes(self) -> Indices:
+        """Number of the node at each position, (nx, ny)."""
+        return np.arange(self.count).reshape(self.size) if self.numbers is None else self.numbers
+
+    @property
+    def count(self) -> int:
+        """Number of nodes."""
+        return self.size[0] * self.size[1]
 
     @cached_property
     def _order(self) -> Literal["C", "F"] | None:
         """Order of the numbers of nodes: 'C' along the second axis first, 'F' along the first, None otherwise."""
-        numbers = np.arange(self.nodes.size)
-        if np.array_equal(self.nodes.ravel("C"), numbers):
+        if self.numbers is None:
             return "C"
-        return "F" if np.array_equal(self.nodes.ravel("F"), numbers) else None
+        return "F" if np.array_equal(self.numbers.ravel("F"), np.arange(self.count)) else None
 
-    def place(self, values: Array) -> Array:
+    def to_grid(self, values: Array) -> Array:
         """Return nodal values (k, n) on the grid, (k, nx, ny), as a view if possible."""
         if self._order is None:
             return values[:, self.nodes]
@@ -58,8 +65,8 @@ class Grid:
         Fields are stored one after another.
         """
         if self._order == "C":
-            return values.reshape(len(values), self.nodes.size).T
-        nodal = np.empty((len(values), self.nodes.size), values.dtype)
+            return values.reshape(len(values), self.count).T
+        nodal = np.empty((len(values), self.count), values.dtype)
         for row_of_values, value in zip(nodal, values, strict=True):
             if self._order is None:
                 row_of_values[self.nodes] = value
@@ -102,13 +109,19 @@ def find_grid(zone: FlatZone, name: str) -> Grid:
     MeshError
         Unless its nodes form a full grid with equal spacings along e1 and along e2.
     """
+    if isinstance(zone.cells, GridCells):
+        first, last = zone.points[0], zone.points[-1]
+        extents = (zone.frame @ (last - first))[:2].tolist()
+        hx, hy = (extent / (count - 1) for extent, count in zip(extents, zone.cells.shape, strict=True))
+        return Grid(zone.cells.shape, (hx, hy), zone.frame)
     x, y, _ = zone.frame @ zone.points.T
     (i, hx), (j, hy) = _positions(x, y, name), _positions(y, x, name)
     nodes = np.full((i.max() + 1, j.max() + 1), -1)
     nodes[i, j] = np.arange(len(i))
     if nodes.size != len(i) or nodes.min() < 0:
         raise _no_grid(name, len(i), f", which would have {nodes.shape[0]} x {nodes.shape[1]}")
-    return Grid(nodes, (hx, hy), zone.frame)
+    in_order = np.array_equal(nodes.ravel(), np.arange(nodes.size))
+    return Grid((nodes.shape[0], nodes.shape[1]), (hx, hy), zone.frame, None if in_order else nodes)
 
 
 def _no_grid(name: str, count: int, reason: str) -> MeshError:

@@ -4,13 +4,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, Literal, final
+from typing import Any, Final, Literal, Protocol, final
 
 import numba
 import numpy as np
 import scipy  # submodules are loaded on first use
 
-from meeframe.plugin import Array
+from meeframe.plugin import Array, Indices
 from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
 from meeframe_halfspace.kernels import fill_symbol
 from meeframe_halfspace.response import PointResponse, mirror_parity, series_entry
@@ -20,13 +20,36 @@ Window = Literal["bilinear", "constant", "trigonometric"]
 POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
 
 
+class EntrySeries(Protocol):
+    """The entries of a response and their symmetries; see PointResponse."""
+
+    @property
+    def numbers(self) -> list[int]:
+        """Numbers of the nonzero entries."""
+
+    @property
+    def parities(self) -> Indices | None:
+        """Parities of the entries if each is an even or odd function of the angle."""
+
+    def entry(self, number: int) -> tuple[Array, bool]:
+        """Return the series (n, 2) of an entry, and True if its harmonics are odd."""
+
+
 @dataclass(frozen=True, eq=False)
 class GridResponse(ABC):
-    """The response of a half space on a grid of `size` nodes, `spacing` [m] apart, in scaled fields."""
+    """The response of a half space on a grid of `size` nodes, `spacing` [m] apart, in scaled fields.
+
+    response: that of a half space of the material at the surface.
+    """
 
     response: PointResponse
     spacing: tuple[float, float]
     size: tuple[int, int]
+
+    @property
+    @abstractmethod
+    def series(self) -> EntrySeries:
+        """The entries of the symbol."""
 
     @property
     @abstractmethod
@@ -41,6 +64,10 @@ class GridResponse(ABC):
     @abstractmethod
     def diagonal(self) -> Array:
         """Response (entries,) of a node to the density around it."""
+
+    @abstractmethod
+    def wave_response(self) -> "GridResponse | None":
+        """Return the response to waves on the padded grid if its inverse approximates that of a free grid better."""
 
     @abstractmethod
     def coarsen(self) -> "GridResponse | None":
@@ -66,6 +93,11 @@ class FreeGrid(GridResponse):
 
     shape: Shape
     near: Array | None = None
+
+    @property
+    def series(self) -> EntrySeries:
+        """The entries of the symbol."""
+        return self.response
 
     @property
     def padded(self) -> tuple[int, int]:
@@ -104,6 +136,10 @@ class FreeGrid(GridResponse):
         values[self.response.layout.n_symmetric :] = 0.0  # odd functions vanish at zero
         return values
 
+    def wave_response(self) -> None:
+        """Return None: the symbol of the free grid serves as well."""
+        return
+
     def coarsen(self) -> "FreeGrid":
         """Return the coarser grid; as of 1/r, the response at as many spacings is twice that of the finer one."""
         spacing, size = _double(self.spacing), _halve(self.size)
@@ -133,30 +169,40 @@ class PeriodicGrid(GridResponse):
     shape: Window
 
     @property
+    def series(self) -> EntrySeries:
+        """The entries of the symbol."""
+        return self.response
+
+    @property
     def padded(self) -> tuple[int, int]:
         """The size of the grid."""
         return self.size
 
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
         """Yield entries from the series of the surface compliance."""
+        count = self.size[1] if self.response.parities is None else self.size[1] // 2 + 1
         for number in numbers:
-            entry = self._entry(number)
+            entry = self.wave_entry(number, count)
             if entry is not None:
                 yield number, entry.astype(precision, copy=False)
 
-    def _entry(self, number: int) -> Array | None:
+    def waves(self, count: int) -> tuple[list[Array], list[Array]]:
+        """Return wave numbers (nx // 2 + 1,), (count,), and the transforms of the density along both axes."""
+        waves = [
+            2.0 * np.pi * scipy.fft.rfftfreq(self.size[0], self.spacing[0]),
+            2.0 * np.pi * scipy.fft.fftfreq(self.size[1], self.spacing[1])[:count],
+        ]
+        power = POWERS[self.shape]
+        return waves, [np.sinc(q * h / (2.0 * np.pi)) ** power for q, h in zip(waves, self.spacing, strict=True)]
+
+    def wave_entry(self, number: int, count: int) -> Array | None:
+        """Return an entry (nx // 2 + 1, count) of the symbol, for the first wave numbers along the second axis."""
         nx, ny = self.size
         even, odd = self.response.wave_series()
         coefficients, antisymmetric = series_entry(even, odd, number)
         if not len(coefficients):
             return None
-        count = ny if self.response.parities is None else ny // 2 + 1
-        waves = [
-            2.0 * np.pi * scipy.fft.rfftfreq(nx, self.spacing[0]),
-            2.0 * np.pi * scipy.fft.fftfreq(ny, self.spacing[1])[:count],
-        ]
-        power = POWERS[self.shape]
-        windows = [np.sinc(q * h / (2.0 * np.pi)) ** power for q, h in zip(waves, self.spacing, strict=True)]
+        waves, windows = self.waves(count)
         symbol = np.empty((len(waves[0]), count))
 
         def fill(first: int, last: int) -> None:
@@ -170,17 +216,11 @@ class PeriodicGrid(GridResponse):
     @property
     def diagonal(self) -> Array:
         """Response (entries,) of a node to the density around it."""
-        nx, ny = self.size
-        multiplicity = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, except real ones
-        multiplicity[0] = 1.0
-        if nx % 2 == 0:
-            multiplicity[-1] = 1.0
-        values = np.zeros(self.response.layout.n_values)  # odd functions vanish at zero
-        parities = self.response.parities
-        for number, symbol in self.symbol(range(self.response.layout.n_symmetric)):
-            full = symbol if parities is None else full_entry(symbol, parities[number], ny)
-            values[number] = multiplicity @ full.sum(axis=1) / (nx * ny)
-        return values
+        return periodic_diagonal(self)
+
+    def wave_response(self) -> None:
+        """Return None: the symbol of the grid is that of the waves."""
+        return
 
     def coarsen(self) -> "PeriodicGrid | None":
         """Return the coarser grid; None unless numbers of nodes are even."""
@@ -193,12 +233,27 @@ class PeriodicGrid(GridResponse):
         return
 
 
+def periodic_diagonal(grid: GridResponse) -> Array:
+    """Return the response (entries,) of a node of a periodic grid to the density around it, the mean of the symbol."""
+    nx, ny = grid.size
+    multiplicity = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, except real ones
+    multiplicity[0] = 1.0
+    if nx % 2 == 0:
+        multiplicity[-1] = 1.0
+    layout, parities = grid.response.layout, grid.series.parities
+    values = np.zeros(layout.n_values)  # odd functions vanish at zero
+    for number, symbol in grid.symbol(range(layout.n_symmetric)):
+        full = symbol if parities is None else full_entry(symbol, parities[number], ny)
+        values[number] = multiplicity @ full.sum(axis=1) / (nx * ny)
+    return values
+
+
 def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:
     """Return the factor [m] of a uniform load on a periodic surface: 1/k of a wave as long as the period."""
     return float(np.sqrt(size[0] * spacing[0] * size[1] * spacing[1]) / (2.0 * np.pi))
 
 
-def free_symbol(table: Array, response: PointResponse, number: int, padded: tuple[int, int]) -> Array:
+def free_symbol(table: Array, response: EntrySeries, number: int, padded: tuple[int, int]) -> Array:
     """Return an entry of a symbol, see Symbol, from its table.
 
     Parameters

@@ -1,17 +1,26 @@
 """Indenters from measured surfaces."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal, final
 
 import numpy as np
-import scipy  # submodules are loaded on first use
-from numpy.typing import NDArray
 
-from meeframe.plugin import Array, CaseError, HeightGrid, Indenter, Quantity, check_quantities
-from meeframe_halfspace.height_files import HeightMap, Scales, read_height_map
+from meeframe.plugin import (
+    Array,
+    CaseError,
+    HeightGrid,
+    HeightMap,
+    Indenter,
+    Quantity,
+    check_quantities,
+    detrend,
+    fill_missing,
+    remove_outliers,
+)
+from meeframe_halfspace.height_files import Scales, read_height_map
 
 Length = Annotated[float, Quantity("m", gt=0, lt=float("inf"))]
 
@@ -32,15 +41,18 @@ class MeasuredHeights(Indenter):
     spacing
         Spacing of a matrix along x and y, overriding that of the file.
     dataset
-        Path of the dataset in an HDF5 file.
+        Path of the dataset in an HDF5 file, or name of the channel of an instrument.
     facing
         'up' as measured, so that peaks touch first, or 'down' as the height of an indenter.
     levelled
-        Whether the best-fit plane is subtracted.
+        Whether the best-fit plane is subtracted, or with 'quadratic' the best-fit paraboloid.
     centred
         Whether the middle of the map is on the axis of the indenter; otherwise its coordinates apply.
+    outliers
+        Largest deviation from the heights around, in standard deviations; heights that deviate more count as missing.
     missing
-        Whether missing heights are an error or replaced by those of the nearest neighbours.
+        Whether missing heights are an error, or replaced by those of the nearest neighbours, or by the harmonic surface
+        through their neighbours.
     interpolation
         Bilinear or bicubic interpolation.
     """
@@ -51,9 +63,10 @@ class MeasuredHeights(Indenter):
     spacing: tuple[Length, Length] | None = None
     dataset: str | None = None
     facing: Literal["up", "down"] = "up"
-    levelled: bool = False
+    levelled: bool | Literal["quadratic"] = False
     centred: bool = True
-    missing: Literal["error", "nearest"] = "error"
+    outliers: Annotated[float, Quantity("", gt=0)] | None = None
+    missing: Literal["error", "nearest", "harmonic"] = "error"
     interpolation: Literal["linear", "cubic"] = "linear"
 
     def __post_init__(self) -> None:
@@ -70,6 +83,11 @@ class MeasuredHeights(Indenter):
         # bicubic patches can undershoot the lowest height
         return np.maximum(_sample(self, _modification_time(self.file)).height(x, y), 0.0)
 
+    def topography(self) -> HeightMap:
+        """Return the prepared map, peaks up as they touch first. Raises CaseError as `height`."""
+        surface = _prepared(self, _modification_time(self.file))
+        return surface if self.facing == "up" else replace(surface, heights=-surface.heights)
+
 
 def _modification_time(file: Path) -> int:
     try:
@@ -79,19 +97,31 @@ def _modification_time(file: Path) -> int:
 
 
 @lru_cache(maxsize=2)
-def _sample(indenter: MeasuredHeights, _modification_time: int) -> HeightGrid:
-    """Return the map, cached until the file changes."""
+def _prepared(indenter: MeasuredHeights, _modification_time: int) -> HeightMap:
+    """Return the full and levelled map, as measured, cached until the file changes."""
     scales = Scales(indenter.unit, indenter.lateral_unit, indenter.spacing, indenter.dataset)
     surface = read_height_map(indenter.file, scales)
-    missing = ~np.isfinite(surface.heights)
-    if missing.any() and (indenter.missing == "error" or missing.all()):
-        raise CaseError(
-            f"height map {indenter.file}: {int(missing.sum())} of {missing.size} heights are missing; allowed: a full "
-            "map, or missing = 'nearest' for those of the nearest neighbours"
-        )
-    if indenter.levelled:
-        surface = surface.levelled()  # missing heights do not affect the plane
-    surface = _fill(surface, missing)
+    try:
+        if indenter.outliers is not None:
+            surface = remove_outliers(surface, indenter.outliers)
+        missing = ~np.isfinite(surface.heights)
+        if missing.any() and (indenter.missing == "error" or missing.all()):
+            raise CaseError(
+                f"{int(missing.sum())} of {missing.size} heights are missing; allowed: a full map, or missing = "
+                "'nearest' or 'harmonic' to replace them by their neighbours"
+            )
+        if indenter.levelled:
+            # missing heights do not affect the fit
+            surface = detrend(surface, "quadratic" if indenter.levelled == "quadratic" else "plane")
+        return fill_missing(surface, indenter.missing) if indenter.missing != "error" else surface
+    except CaseError as error:
+        raise CaseError(f"height map {indenter.file}: {error}") from None
+
+
+@lru_cache(maxsize=2)
+def _sample(indenter: MeasuredHeights, modification_time: int) -> HeightGrid:
+    """Return the surface of the indenter, cached until the file changes."""
+    surface = _prepared(indenter, modification_time)
     x, y = surface.x, surface.y
     if indenter.centred:
         x, y = x - (x[0] + x[-1]) / 2, y - (y[0] + y[-1]) / 2
@@ -100,10 +130,3 @@ def _sample(indenter: MeasuredHeights, _modification_time: int) -> HeightGrid:
         return HeightGrid(x, y, heights, indenter.interpolation)
     except ValueError as error:
         raise CaseError(f"height map {indenter.file}: {error}") from None
-
-
-def _fill(surface: HeightMap, missing: NDArray[np.bool_]) -> HeightMap:
-    if not missing.any():
-        return surface
-    nearest = scipy.ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
-    return HeightMap(surface.x, surface.y, surface.heights[tuple(nearest)])

@@ -191,7 +191,7 @@ class _Spectrum:
         self.power = POWERS[response.shape]
         self.spacing = np.array(grid.spacing)
         scaled = load * response.response.factors
-        density = grid.place((scaled if self.periodic else scaled * interior.shares[:, None]).T)
+        density = grid.to_grid((scaled if self.periodic else scaled * interior.shares[:, None]).T)
         first, last = np.zeros(2, int), np.array(grid.size)
         if not self.periodic and density.any():  # the rectangle that is loaded
             _, *nodes = np.nonzero(density)

@@ -8,7 +8,7 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 from pydantic import Field
 
-from meeframe.plugin import Array, CaseError, Indenter, Quantity, check_quantities
+from meeframe.plugin import Array, CaseError, HeightMap, Indenter, Quantity, check_quantities
 
 SAMPLES_PER_WAVE: Final = 8
 """Default number of samples per shortest wavelength."""
@@ -77,6 +77,12 @@ class SelfAffine(Indenter):
         They are at x and y = (i + 1/2) period / samples - period / 2.
         """
         return _surface(self)
+
+    def topography(self) -> HeightMap:
+        """Return one period, with peaks up as they touch first, at its samples."""
+        heights = self.surface()
+        axis = (np.arange(len(heights)) + 0.5) * self.period / len(heights) - self.period / 2
+        return HeightMap(axis, axis, -heights, is_periodic=True)
 
     def height(self, x: Array, y: Array) -> Array:
         """Return the height above the lowest sample, (n,) [m]."""

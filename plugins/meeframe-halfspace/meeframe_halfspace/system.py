@@ -16,6 +16,7 @@ from meeframe.plugin import (
     EdgeCorrection,
     EdgeResolution,
     FieldwiseApply,
+    GridCells,
     IndenterEdge,
     Indices,
     InteriorFields,
@@ -24,8 +25,9 @@ from meeframe.plugin import (
     ReducedSystem,
     Restriction,
     Subsystem,
+    ZoneRecovery,
 )
-from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, row_major_grid
+from meeframe_halfspace.coarsening import bilinear, box, coarse_grid, row_major_grid
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
 from meeframe_halfspace.entries import entries_to_matrix
@@ -37,6 +39,8 @@ C = TypeVar("C")
 
 MAX_SUBGRID_FRACTION: Final = 0.75
 """Largest fraction of the nodes in a subgrid; larger subgrids do not repay the time for their entries."""
+MIN_FIELDWISE_NODES: Final = 2**20
+"""Number of nodes from which the response to one field is computed field by field, which takes less memory."""
 STORED_SUBGRIDS: Final = 2
 """Number of sizes of subgrids whose entries are stored, up to 500 MB each at 1024 x 1024: the present contact's, and
 the one before."""
@@ -51,6 +55,7 @@ class HalfSpaceSystem(
     Multigrid,
     Restriction,
     EdgeResolution,
+    ZoneRecovery,
 ):
     """A half space whose compliance is the convolution of shares * load with the response to one node.
 
@@ -101,7 +106,18 @@ class HalfSpaceSystem(
         """
         loaded = [field for field in range(self.n_fields) if load[:, field].any()]
         every = range(self.n_fields)
+        if len(loaded) == 1 and self.grid.count >= MIN_FIELDWISE_NODES:
+            return self._field_by_field(load.T[loaded], loaded)
         return self._response(load.T if len(loaded) == self.n_fields else load.T[loaded], loaded, every)
+
+    def _field_by_field(self, load: Array, loaded: Sequence[int]) -> Array:
+        """Return the displacement (n, f) due to a load (l, n) in l fields with the spectra of one field at a time."""
+        displacement = np.zeros((self.n_fields, self.grid.count)).T  # columns of zeros are never written
+        for number in range(self.n_fields):
+            (values,) = self._response(load, loaded, [number]).T
+            if values.any():
+                displacement[:, number] = values
+        return displacement
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in k fields by one transform for each of them and for each loaded field."""
@@ -114,7 +130,7 @@ class HalfSpaceSystem(
             load = load.astype(precision, copy=False)
         else:
             load = np.multiply(load, self.shares.astype(precision, copy=False), dtype=precision, order="C")
-        return self.grid.scatter(self.convolution.response(self.grid.place(load), loaded, fields))
+        return self.grid.scatter(self.convolution.response(self.grid.to_grid(load), loaded, fields))
 
     @cached_property
     def _inside(self) -> bool:
@@ -151,14 +167,14 @@ class HalfSpaceSystem(
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Return the inverse of each wave, in single precision."""
-        made, chosen = cache(partial(wave_inverse, self.convolution, fields)), list(fields)
+        made, chosen = cache(partial(wave_inverse, self.convolution, fields, self._waves)), list(fields)
 
         def inverse(displacement: Array) -> Array:
             # made at the first call: entries in double precision, from which it takes less time, may exist by then
             waves = made()
             nonzero = [column for column in range(len(chosen)) if displacement[:, column].any()]
             values = displacement.T if len(nonzero) == len(chosen) else displacement.T[nonzero]
-            on_grid = self.grid.place(values.astype(np.float32, copy=False))
+            on_grid = self.grid.to_grid(values.astype(np.float32, copy=False))
             answer = waves.response(on_grid, [chosen[column] for column in nonzero], chosen)
             load = self.grid.scatter(answer).astype(displacement.dtype, copy=False)
             if waves.size != self.convolution.padded:
@@ -166,6 +182,12 @@ class HalfSpaceSystem(
             return load
 
         return inverse
+
+    @cached_property
+    def _waves(self) -> Symbol | None:
+        """Symbol of the waves of a free surface if the approximate inverse is made of it."""
+        source = self.grid_response.wave_response()
+        return None if source is None else Symbol(source.symbol, source.series.numbers, source.series.parities)
 
     def coarsen(self) -> Coarsening:
         """Return the system on every second node along both axes."""
@@ -180,10 +202,10 @@ class HalfSpaceSystem(
         nodes = self.grid.nodes[::2, ::2].ravel()
         system = HalfSpaceSystem(
             points=self.points[nodes],
-            frames=self.frames[nodes],
+            frames=self._frames(nodes.size),
             weights=4.0 * self.weights[nodes],
-            cells=coarse_cells(grid),
-            offset=self.offset[nodes],
+            cells=GridCells(grid.size),
+            offset=self._no_offset(nodes.size),
             grid=grid,
             grid_response=response,
             convolution=convolution_of(response),
@@ -201,8 +223,17 @@ class HalfSpaceSystem(
         if response is None:
             return None
         inner, grid = subgrid.ravel(), row_major_grid(self.grid, size)
-        arrays = self.points[inner], self.frames[inner], self.weights[inner], coarse_cells(grid), self.offset[inner]
+        frames, offset = self._frames(inner.size), self._no_offset(inner.size)
+        arrays = self.points[inner], frames, self.weights[inner], GridCells(grid.size), offset
         return Subsystem(HalfSpaceSystem(*arrays, grid, *response, self.shares[inner]), inner)
+
+    def _frames(self, count: int) -> Array:
+        """Return the frames (count, 3, 3) of that many nodes, as a view of one."""
+        return np.broadcast_to(self.grid.frame, (count, 3, 3))
+
+    def _no_offset(self, count: int) -> Array:
+        """Return the offset (count, fields) of that many nodes, which is zero."""
+        return np.zeros((count, self.n_fields))
 
     def _response_on(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
         """Return the response on subgrids of a size, or None if there is none; store the latest responses."""
@@ -238,7 +269,7 @@ def convolution_of(response: GridResponse) -> Convolution:
     """Return the convolution in SI units with the signs of ReducedSystem; its entries are computed on demand."""
     factors = response.response.factors
     scale = np.outer(factors * potential_signs(len(factors)), factors)
-    symbol = Symbol(response.symbol, response.response.numbers, response.response.parities)
+    symbol = Symbol(response.symbol, response.series.numbers, response.series.parities)
     return Convolution(symbol, response.size, response.padded, scale)
 
 
@@ -250,7 +281,7 @@ def _prolong(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -
 
 def dense_matrix(system: HalfSpaceSystem) -> Array:
     """Return the compliance of a system, (n, f, n, f), by one product for each field of a unit load."""
-    (nx, ny), n, n_fields = system.grid.size, system.grid.nodes.size, system.n_fields
+    (nx, ny), n, n_fields = system.grid.size, system.grid.count, system.n_fields
     # a unit density in the corner of a grid that has room for all offsets
     wide = replace(system.convolution, size=system.convolution.padded)
     kernel = np.empty((n_fields, n_fields, *wide.size))

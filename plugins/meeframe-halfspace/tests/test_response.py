@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from meeframe_halfspace import PointResponse
-from meeframe_halfspace.cells import _pieces, _product_rules, cell_table, far_table, near_size
+from meeframe_halfspace.cells import _product_rules, cell_table, density_pieces, far_table, near_size
 from meeframe_halfspace.entries import entries_to_matrix
 from meeframe_halfspace.kernels import _near, tabulate
 from meeframe_halfspace.kernels import cell_response as one_cell
@@ -149,7 +149,7 @@ def test_near_and_far_rules_agree_at_transitions(shape):
     changes."""
     response = PointResponse.of(rotated_orthotropic(), np.eye(3))
     spacing, rule = np.array([1.0, 0.8]), np.array(np.polynomial.legendre.leggauss(60))
-    pieces = [_pieces(shape, h) for h in spacing]
+    pieces = [density_pieces(shape, h) for h in spacing]
     series = response.even, response.odd
     around = tabulate(*series, 8192)
     worst = 0.0

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from meeframe_halfspace import MeasuredHeights, Scales, SelfAffine, read_height_map
 
+from meeframe import topography
 from meeframe.common.errors import CaseError
 from meeframe.testing import check_indenter
 
@@ -36,6 +37,47 @@ def test_root_mean_squares_with_fewest_samples():
     with pytest.raises(CaseError, match="at least 7"):
         SelfAffine(period, shortest, 0.8, 1e-6, samples=6)
     assert np.std(SelfAffine(period, shortest, 0.8, 1e-6, samples=7).surface()) == pytest.approx(1e-6, rel=1e-12)
+
+
+def test_topography_of_the_generator_is_exact():
+    """Statistics of the samples, by Parseval, are those of the waves; the spectrum is flat down to the roll-off."""
+    surface = SELF_AFFINE.topography()
+    np.testing.assert_array_equal(surface.heights, -SELF_AFFINE.surface())
+    statistics = topography.SurfaceStatistics.of(surface)
+    numbers = np.indices((49, 49)).reshape(2, -1).T - 24
+    size = np.hypot(*numbers.T)
+    q = 2.0 * np.pi / PERIOD * size[(size > 0) & (size <= 24 * (1 + 1e-12))]
+    density = np.maximum(q / (2.0 * np.pi * 3 / PERIOD), 1.0) ** -3.6
+    scale = 1e-12 / density.sum()
+    assert statistics.rms_height == pytest.approx(1e-6, rel=1e-12)
+    assert statistics.rms_slope_spectrum == pytest.approx(np.sqrt(scale * (q**2 * density).sum()), rel=1e-10)
+    assert statistics.rms_curvature_spectrum == pytest.approx(np.sqrt(scale * (q**4 * density).sum()) / 2, rel=1e-10)
+    qx, qy, spectrum = topography.power_spectrum(surface)
+    long_waves = (np.hypot(qx[:, None], qy) < 2.0 * np.pi * 3.01 / PERIOD) & (spectrum > 0.0)
+    np.testing.assert_allclose(spectrum[long_waves], scale * PERIOD**2, rtol=1e-9)
+    steep = SelfAffine(PERIOD, PERIOD / 24, 0.8, rms_slope=0.02, seed=3, samples=128).topography()
+    assert topography.SurfaceStatistics.of(steep).rms_slope_spectrum == pytest.approx(0.02, rel=1e-11)
+
+
+def test_preparation_of_measured_maps(tmp_path):
+    """Trends, outliers and missing heights of a file are treated before the surface becomes an indenter."""
+    x = y = 1e-6 * (np.arange(24) - 11.5)
+    waves = 1e-8 * np.sin(4e5 * x)[:, None] * np.cos(5e5 * y)
+    bent = waves + 2e3 * x[:, None] ** 2 - 0.01 * y
+    bent[5, 6] = 1e-3
+    bent[12, 3] = np.nan
+    np.save(tmp_path / "map.npy", bent.T)
+    keys = {"spacing": (1e-6, 1e-6), "outliers": 30.0}
+    with pytest.raises(CaseError, match=r"map.npy: 2 of 576 heights are missing"):
+        MeasuredHeights(tmp_path / "map.npy", **keys).topography()
+    indenter = MeasuredHeights(tmp_path / "map.npy", **keys, missing="harmonic", levelled="quadratic")
+    surface = indenter.topography()
+    expected = topography.detrend(topography.HeightMap(x, y, waves), "quadratic").heights
+    np.testing.assert_allclose(surface.heights, expected, atol=2e-9)
+    gap = indenter.height(*(grid.ravel() for grid in np.meshgrid(x, y, indexing="ij")))
+    np.testing.assert_allclose(gap, surface.heights.max() - surface.heights.ravel(), atol=1e-20)
+    down = MeasuredHeights(tmp_path / "map.npy", **keys, missing="nearest", levelled=True, facing="down")
+    assert np.isfinite(down.topography().heights).all()
 
 
 def test_spectrum_with_roll_off_and_cut_off():

@@ -4,6 +4,7 @@ from meeframe.plugin import ContactLaw, Record
 from meeframe_laws.adhesive import DMT, DMTCoulomb, Dugdale
 from meeframe_laws.compliant import Compliant
 from meeframe_laws.gaps import SignoriniGap
+from meeframe_laws.hardness import Hardness
 
 RECORDS: list[Record[ContactLaw]] = [
     Record(
@@ -29,6 +30,12 @@ RECORDS: list[Record[ContactLaw]] = [
         Dugdale,
         "hard contact, constant attraction of limited range, Coulomb friction",
         "Maugis, J. Colloid Interface Sci. 150 (1992) 243-269",
+    ),
+    Record(
+        "hardness",
+        Hardness,
+        "unilateral contact with pressures up to the hardness, perfectly plastic asperities, Coulomb friction",
+        "Almqvist, Sahlin, Larsson & Glavatskih, Tribol. Int. 40 (2007) 574-579",
     ),
     Record(
         "signorini-gap",

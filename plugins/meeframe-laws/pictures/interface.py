@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from meeframe_laws.interface import DMT, Compliant, DMTCoulomb, Dugdale, SignoriniGap
+from meeframe_laws.interface import DMT, Compliant, DMTCoulomb, Dugdale, Hardness, SignoriniGap
 
 from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.fields import Array
@@ -142,6 +142,20 @@ def dugdale(formula: Any, contact: Any) -> None:
     contact.set_title("lines: Maugis' theory, dots: meeframe", fontsize=9)
 
 
+def hardness(formula: Any, contact: Any) -> None:
+    """Plot pressure over overlap, and the pressure in the middle for several hardnesses."""
+    formula.plot([-1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], color=COLOURS[0], label="hardness")
+    formula.set(
+        xlabel=r"overlap $-g_\nu$, open on the left", ylabel=r"pressure $|p_\nu| / H$", xticks=[0.0], ylim=(-0.05, 1.2)
+    )
+    contact.plot(*_pressure(sphere(Signorini())), "k--", linewidth=1.0, label="Signorini")
+    for gigapascals, colour in zip((1.2, 0.8, 0.4), COLOURS, strict=False):
+        law = Hardness(gigapascals * GPA)
+        contact.plot(*_pressure(sphere(law)), ".-", color=colour, label=f"H = {gigapascals:g} GPa")
+    contact.set(xlabel="x [mm], y = 0", ylabel="pressure [GPa]")
+    contact.set_title("under a sphere at the same approach", fontsize=9)
+
+
 def signorini_gap(formula: Any, contact: Any) -> None:
     """Plot the waves, and the pressure under a sphere on them."""
     law = SignoriniGap(amplitude=2 * UM, wavelength_1=2 * MM, mu=0.0)
@@ -161,6 +175,7 @@ PICTURES: Final[dict[str, Callable[[Any, Any], None]]] = {
     "dmt": dmt,
     "dmt-coulomb": dmt_coulomb,
     "dugdale": dugdale,
+    "hardness": hardness,
     "signorini-gap": signorini_gap,
 }
 

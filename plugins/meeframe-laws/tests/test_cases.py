@@ -100,7 +100,9 @@ LIMITS = {
         p,
     ),
     "dmt-coulomb": lambda law, t, p, s, w, d: (size(t), law.mu * (p + law.adhesive_pressure)),
-    **dict.fromkeys(("compliant", "dmt", "dugdale", "signorini-gap"), lambda law, t, p, s, w, d: (size(t), law.mu * p)),
+    **dict.fromkeys(
+        ("compliant", "dmt", "dugdale", "hardness", "signorini-gap"), lambda law, t, p, s, w, d: (size(t), law.mu * p)
+    ),
 }
 # of surfaces in contact [Pa]
 ATTRACTION = {

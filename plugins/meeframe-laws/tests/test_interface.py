@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meeframe_laws.interface import DMT, RECORDS, Compliant, DMTCoulomb, Dugdale, SignoriniGap
+from meeframe_laws.interface import DMT, RECORDS, Compliant, DMTCoulomb, Dugdale, Hardness, SignoriniGap
 
 from meeframe.common.errors import CaseError
 from meeframe.indenters import Sphere
@@ -28,6 +28,7 @@ NAMES = {
     "dmt": DMT,
     "dmt-coulomb": DMTCoulomb,
     "dugdale": Dugdale,
+    "hardness": Hardness,
     "signorini-gap": SignoriniGap,
 }
 # for pressures near 1 MPa and gaps near 10 um
@@ -39,6 +40,7 @@ KIT = [
     DMTCoulomb(0.3, 5e5),
     Dugdale(1.0, 1e5, mu=np.inf),
     Dugdale(0.0, 1e5),
+    Hardness(5e5, mu=0.3),
     SignoriniGap(amplitude=1e-6, wavelength_1=1e-3, mu=0.4),
     SignoriniGap(surface=Sphere(0.1), phase_2=0.3, wavelength_2=2e-3),
 ]
@@ -48,6 +50,7 @@ LARGE = {
     "dmt": DMT(100.0, 2e-5, mu=0.3),
     "dmt-coulomb": DMTCoulomb(0.3, 2e8),
     "dugdale": Dugdale(300.0, 3e7, transition=1.0, mu=0.3),
+    "hardness": Hardness(8e8, mu=0.3),
     "signorini-gap": SignoriniGap(amplitude=2e-6, wavelength_1=2e-3, wavelength_2=3e-3, mu=0.3),
 }
 

@@ -6,7 +6,7 @@ Symbols: C_iJKm extended stiffness; B gradients of shape functions times the squ
 from typing import Final
 
 import numpy as np
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import bsr_array, coo_array, csr_array
 
 from meeframe.plugin import Array, Indices, SurfaceElement
 from meeframe.plugin.surfaces import VOLUME_ORDER, gauss_rule, normal_vectors, shape_functions
@@ -88,3 +88,10 @@ def face_masses(points: Array, element: SurfaceElement, connectivity: Indices) -
     measures = np.linalg.norm(normal_vectors(points, element, connectivity, xi), axis=-1) * weights
     masses: Array = np.einsum("fm,ma,mb->fab", measures, shape, shape, optimize=True)
     return masses
+
+
+def mass_matrix(points: Array, element: SurfaceElement, connectivity: Indices) -> csr_array:
+    """Return int N_a N_b dS over all faces, (n, n) for n points, for connectivity (f, k)."""
+    masses, k = face_masses(points, element, connectivity), connectivity.shape[1]
+    rows, columns = np.repeat(connectivity, k, axis=1).ravel(), np.tile(connectivity, k).ravel()
+    return csr_array(coo_array((masses.ravel(), (rows, columns)), shape=(len(points),) * 2))

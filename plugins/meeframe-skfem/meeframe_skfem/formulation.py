@@ -21,8 +21,10 @@ from meeframe.plugin import (
 )
 from meeframe.plugin.boundary_elements import Layout, Units, characteristic_length, find_patches, lay_out
 from meeframe.plugin.surfaces import check_mesh
+from meeframe_skfem.constraints import Constraints, constrain
 from meeframe_skfem.factorisation import LinearSolver, uses_pardiso
 from meeframe_skfem.grid import Grid, box_volume
+from meeframe_skfem.half_space import box_below
 from meeframe_skfem.interior import FiniteElementInterior
 from meeframe_skfem.matching import MatchedBody, match
 from meeframe_skfem.system import FiniteElementSolution, solve_body
@@ -35,14 +37,16 @@ class FiniteElements(Formulation):
     """Displacements and potentials in the volume, int u_J,i C_iJKm v_K,m dV = int t_J v_J dS; direct sparse solution.
 
     A body that is a box is filled with a graded grid of hexahedra, which continues the contact zone: hex8 under quad4,
-    hex20 under quad8, hex27 under quad9. Other bodies come with a volume mesh of hex8, hex20, hex27 or tet10.
+    hex20 under quad8, hex27 under quad9. Other bodies come with a volume mesh of hex8, hex20, hex27 or tet10. Layers on
+    a rigid base are the box below the mesh of the half space; so is a half space without base for a `depth`.
 
     growth: largest ratio of the widths of successive elements, outside the zone and downwards; outside: elements from
     the zone to each edge of the box instead; layers: elements from the zone's face to the opposite one instead, not
     with shells; grid: 'tensor', lines of the zone through the whole box, or 'shells' around a cube under the zone;
     volume: file of a volume mesh, any that meshio reads, whose boundary is the surface mesh; unit: metres in the file's
     unit; linear_solver: pardiso (with pypardiso) or splu; auto takes pardiso where it is installed; edge_angle: fluxes
-    are discontinuous where normals of neighbouring faces differ by more than this [rad].
+    are discontinuous where normals of neighbouring faces differ by more than this [rad]; depth: of the box that stands
+    for a half space without rigid base [m], at whose sides and base displacements and potentials are zero.
     Raises CaseError if one is not allowed.
     """
 
@@ -54,6 +58,7 @@ class FiniteElements(Formulation):
     unit: Annotated[float, Quantity("m", gt=0, lt=np.inf)] = 1.0
     linear_solver: LinearSolver = "auto"
     edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
+    depth: Annotated[float, Quantity("m", gt=0, lt=np.inf)] | None = None
 
     def __post_init__(self) -> None:
         check_quantities(self)
@@ -74,9 +79,13 @@ class FiniteElements(Formulation):
 
         Raises MeshError if the surface is not closed, if the body is neither a box nor has a volume mesh, or if that
         does not fit it; CaseError if boundary conditions contradict each other, touch the contact zone or leave a field
-        undetermined, or if the linear solver is not installed.
+        undetermined, if layers do not fit the mesh or its keys, or if the linear solver is not installed.
         """
         self._prepare(body)
+
+    def supports_layers(self) -> bool:
+        """Return True."""
+        return True
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Assemble, factorise once, condense to the contact zone.
@@ -98,16 +107,41 @@ class FiniteElements(Formulation):
         progress("mesh", 0.0)
         return solve_body(*self._prepare(body), self.linear_solver, progress)
 
-    def _prepare(self, body: Body) -> tuple[MatchedBody, Layout, Units]:
+    def _prepare(self, body: Body) -> tuple[MatchedBody, Layout, Units, Constraints]:
         uses_pardiso(self.linear_solver)  # raises CaseError if it is required but not installed
         check_mesh(body.mesh)
+        body = self._finite(body)
         matched = match(body, self._volume(body))
         units = Units(characteristic_length(matched.body), FieldScaling.of(body.stiffness))
-        return matched, lay_out(matched.body, find_patches(matched.body.mesh, self.edge_angle), units), units
+        layout = lay_out(matched.body, find_patches(matched.body.mesh, self.edge_angle), units)
+        return matched, layout, units, constrain(matched.layered, matched.nodes, layout)
+
+    def _finite(self, body: Body) -> Body:
+        """Return the box that stands for a half space, or else the body itself."""
+        base = body.layers.base
+        if self.depth is not None and (base is not None or not body.mesh.semi_infinite):
+            raise CaseError(
+                f"skfem: depth = {self.depth:g} m: the depth of a block or of layers on a rigid base is known; "
+                "allowed: half spaces without [base]"
+            )
+        if base is not None and base.insulating:
+            raise CaseError(
+                f"skfem: the base insulates {', '.join(base.insulating)}: the potential of a layer without ground has "
+                "no limit far away; allowed: 'grounded'"
+            )
+        depth = self.depth if base is None else body.layers.thickness + base.thickness
+        return body if depth is None or body.contact_group is None else box_below(body, depth)
 
     def _volume(self, body: Body) -> VolumeMesh:
         if self.volume is not None:
             return read_volume(self.volume, self.unit, body.fields.size)
+        keys = {"layers": self.layers is not None, 'grid = "shells"': self.grid == "shells"}
+        refused = [key for key, is_set in keys.items() if is_set]
+        if body.layers.layers and refused:
+            raise CaseError(
+                f"skfem: {refused[0]}: the grid is not fitted to layers of other materials; allowed: growth and "
+                'outside with grid = "tensor"'
+            )
         return box_volume(body, self.growth, self.outside, self.layers, self.grid)
 
 

@@ -1,6 +1,7 @@
 """Volume meshes of boxes, graded from the grid of the contact zone."""
 
 import math
+from itertools import pairwise
 from typing import Final, Literal
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from meeframe.plugin import Array, Body, MeshError, SurfaceElement, SurfaceMesh
 from meeframe.plugin.surfaces import ElementBlock, geometric_fractions
 from meeframe_skfem.elements import HEX8, HEX20, HEX27, VolumeElement
+from meeframe_skfem.layers import check_thickness, interface_depths
 from meeframe_skfem.shells import convert_cells, shells_around
 from meeframe_skfem.volume import VolumeMesh, check_memory
 
@@ -34,12 +36,12 @@ def box_volume(body: Body, growth: float, outside: int | None, layers: int | Non
     outside : int or None
         Number of elements from the contact zone outwards, or number of shells.
     layers : int or None
-        Number of elements from the contact zone downwards.
+        Number of elements from the contact zone downwards, for a body without layers of other materials.
     grid : {'tensor', 'shells'}
         With 'tensor', the grid lines of the contact zone extend through the entire body. The first elements outside it
         are as wide as those of the zone, those below it as their mean, and the next ones grow in a constant ratio. With
         'shells', a core of cubes lies below the zone, as deep as the zone is wide in its narrower direction. Shells
-        around it grow to the box, the first one as thick as the cubes.
+        around it grow to the box, the first one as thick as the cubes; layers of other materials do not fit them.
 
     Raises
     ------
@@ -61,12 +63,27 @@ def box_volume(body: Body, growth: float, outside: int | None, layers: int | Non
         before = graded_positions(coordinates[0] - low[axis], steps[0], growth, outside)
         after = graded_positions(high[axis] - coordinates[-1], steps[-1], growth, outside)
         axes[axis] = np.concatenate([coordinates[0] - before[::-1], coordinates, coordinates[-1] + after])
-    depths = np.concatenate([[0.0], graded_positions(high[normal] - low[normal], _mean_step(lines), growth, layers)])
+    depths = _depths(body, high[normal] - low[normal], _mean_step(lines), growth, layers)
     axes[normal] = high[normal] - depths[::-1] if top else low[normal] + depths
     for axis in range(3):  # the exact corners of the box
         axes[axis][[0, -1]] = low[axis], high[axis]
     check_memory(_NODES_PER_CELL[element.name] * math.prod(len(axis) for axis in axes), body.fields.size)
     return tensor_grid((axes[0], axes[1], axes[2]), element)
+
+
+def _depths(body: Body, depth: float, step: float, growth: float, count: int | None) -> Array:
+    """Return the depths of the ends of elements below the zone, among them those of the interfaces between layers.
+
+    The widths in a layer continue those above it. A layer thinner than the elements of the zone is one element, below
+    which widths start again with those of the zone.
+    """
+    if body.layers.layers:
+        check_thickness(body, depth)
+    depths, width = [np.zeros(1)], step
+    for start, end in pairwise([0.0, *interface_depths(body), depth]):
+        depths.append(start + graded_positions(end - start, width, growth, count))
+        width = max(step, growth * float(np.diff(np.append(start, depths[-1]))[-1]))
+    return np.concatenate(depths)
 
 
 def _mean_step(lines: dict[int, Array]) -> float:
@@ -146,7 +163,7 @@ def tensor_grid(axes: tuple[Array, Array, Array], element: VolumeElement) -> Vol
 def _box(mesh: SurfaceMesh) -> tuple[Array, Array]:
     """Return the lowest and the highest corner of a box, (3,) each; raise MeshError for other bodies."""
     if mesh.semi_infinite:
-        raise MeshError(f"a semi-infinite body has no volume mesh; {_ALLOWED}")
+        raise MeshError(f"a semi-infinite body has no volume mesh without [base] or `depth`; {_ALLOWED}")
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     tolerance = COORDINATE_TOLERANCE * float((high - low).max())
     deviation = np.minimum(np.abs(mesh.points - low), np.abs(mesh.points - high)).min(axis=1)

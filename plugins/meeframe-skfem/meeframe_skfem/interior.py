@@ -38,7 +38,8 @@ _BATCH: Final = 10_000_000
 class FiniteElementInterior(InteriorFields):
     """Values and gradients of the shape functions in the element that contains a point.
 
-    Gradients jump between elements; on a common side, those of one element are returned.
+    Gradients jump between elements; on a common side, those of one element are returned. So do fluxes along interfaces
+    between layers, and values where interfaces are not bonded.
 
     Attributes
     ----------
@@ -68,14 +69,20 @@ class FiniteElementInterior(InteriorFields):
             )
         tractions = load.copy()
         tractions[:, MECHANICAL] = np.einsum("nai,na->ni", matched.zone.frames, load[:, MECHANICAL])
-        nodal = self.solution.values(tractions)[mesh.cells[cells]]
+        layered = matched.layered
+        nodal = self.solution.values(tractions)[layered.mesh.cells[cells]]
         shapes, slopes = tabulate(mesh.element, xi)
         maps = np.einsum("mnk,mnx->mkx", slopes, mesh.points[mesh.cells[cells]])
         derivatives = np.einsum("mxk,mnk->mnx", np.linalg.inv(maps), slopes)
         values = np.einsum("mn,mnj->mj", shapes, nodal)
         gradients = np.einsum("mnx,mnj->mjx", derivatives, nodal)
+        fluxes = np.empty_like(gradients.transpose(0, 2, 1))
+        for region, stiffness in enumerate(layered.stiffnesses):
+            members = layered.regions[cells] == region
+            fields = PointFields.of(points[members], values[members], gradients[members], stiffness)
+            fluxes[members] = fields.fluxes
         progress(INTERIOR_STAGE, 1.0)
-        return PointFields.of(points, values, gradients, matched.body.stiffness)
+        return PointFields(points, values, gradients, fluxes)
 
 
 def locate(mesh: VolumeMesh, points: Array) -> tuple[Indices, Array]:

@@ -17,6 +17,7 @@ from meeframe.plugin import (
     find_contact_zone,
 )
 from meeframe.plugin.surfaces import ElementBlock, area, shape_functions
+from meeframe_skfem.layers import LayeredMesh, layered_mesh
 from meeframe_skfem.locate import interpolation, nearest_points
 from meeframe_skfem.volume import Faces, VolumeMesh, boundary_faces
 
@@ -43,6 +44,8 @@ class MatchedBody:
         The contact zone of the reduced system.
     zone_points : Indices
         Points of the surface that are those of the zone, (n,).
+    layered : LayeredMesh
+        The volume mesh with the materials of its cells.
     """
 
     volume: VolumeMesh
@@ -51,6 +54,7 @@ class MatchedBody:
     nodes: Indices
     zone: ContactZone
     zone_points: Indices
+    layered: LayeredMesh
 
 
 def match(body: Body, volume: VolumeMesh) -> MatchedBody:
@@ -61,8 +65,10 @@ def match(body: Body, volume: VolumeMesh) -> MatchedBody:
     Raises
     ------
     MeshError
-        If the boundary of the volume is not the surface of the body, if face groups cut faces of the volume, or if the
-        elements of the contact zone are not faces of the volume.
+        If the boundary of the volume is not the surface of the body, if face groups cut faces of the volume, if the
+        elements of the contact zone are not faces of the volume, or if its cells do not fit the layers.
+    CaseError
+        As `layered_mesh`.
     """
     if body.contact_group is None:
         raise MeshError("the body has no contact zone to condense to")
@@ -78,7 +84,9 @@ def match(body: Body, volume: VolumeMesh) -> MatchedBody:
     conditions = _transfer_conditions(body, surface, MAX_DISTANCE * size)
     zone = find_contact_zone(body.mesh, body.contact_group)
     zone_points = _zone_points(zone, surface, body.contact_group)
-    return MatchedBody(volume, faces, replace(body, mesh=surface, conditions=conditions), nodes, zone, zone_points)
+    layered = layered_mesh(body, volume, zone)
+    matched = replace(body, mesh=surface, conditions=conditions)
+    return MatchedBody(volume, faces, matched, nodes, zone, zone_points, layered)
 
 
 def _centre_shape(volume: VolumeMesh) -> Array:

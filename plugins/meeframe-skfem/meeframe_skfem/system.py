@@ -6,16 +6,21 @@ mass matrix of its faces; all in units of the system (meeframe.formulations.dens
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import product
+from operator import add
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, kron
 
 from meeframe.plugin import Array, NodalFields, Progress
 from meeframe.plugin.boundary_elements import NONE, Layout, Units
 from meeframe.plugin.surfaces import normal_vectors
-from meeframe_skfem.assembly import face_masses, gradients, stiffness_matrix
+from meeframe_skfem.assembly import face_masses, gradients, mass_matrix, stiffness_matrix
+from meeframe_skfem.constraints import Constraints
 from meeframe_skfem.elements import face_nodes, tabulate
 from meeframe_skfem.factorisation import LinearSolver, condense
+from meeframe_skfem.layers import LayeredMesh
 from meeframe_skfem.matching import MatchedBody
 from meeframe_skfem.volume import VolumeMesh
 
@@ -24,16 +29,17 @@ from meeframe_skfem.volume import VolumeMesh
 class FiniteElementSolution:
     """values = constant + respond(nodal forces on the zone), in units of the system.
 
-    mesh: the volume; stiffness: scaled, (3, fields, fields, 3); constant: (p, fields) values at zero load; respond:
-    values (p, fields) of nodal forces (n, fields) on the zone; flexibility: (fields n, fields n) values of the zone's
-    nodes by their forces, symmetric; mass: (n, n) of the zone's faces, forces from fluxes.
+    mesh: the volume, with p nodes; stiffnesses: scaled, (3, fields, fields, 3), of its regions; constant: (p, fields)
+    values at zero load; respond: values (p, fields) of nodal forces (n, fields) on the zone; flexibility: (fields n,
+    fields n) values of the zone's nodes by their forces, symmetric; mass: (n, n) of the zone's faces, for forces from
+    fluxes.
     """
 
     matched: MatchedBody
     layout: Layout
     units: Units
     mesh: VolumeMesh
-    stiffness: Array
+    stiffnesses: tuple[Array, ...]
     constant: Array
     respond: Callable[[Array], Array]
     flexibility: Array
@@ -91,63 +97,88 @@ class FiniteElementSolution:
     def _face_fluxes(self, values: Array) -> Array:
         """Return n_i C_iJKm u_K,m at the nodes of each boundary face, (f, k, fields)."""
         mesh, faces = self.mesh, self.matched.faces
+        regions = self.matched.layered.regions[faces.cell]
         fluxes = np.empty((*faces.nodes.shape, values.shape[1]))
-        for local, nodes in enumerate(face_nodes(mesh.element)):
-            selected = np.flatnonzero(faces.local == local)
+        for (local, nodes), (region, stiffness) in product(
+            enumerate(face_nodes(mesh.element)), enumerate(self.stiffnesses)
+        ):
+            selected = np.flatnonzero((faces.local == local) & (regions == region))
             cells = mesh.cells[faces.cell[selected]]
             slopes, _ = gradients(mesh.points[cells], tabulate(mesh.element, mesh.element.nodes[nodes])[1])
             gradient = np.einsum("fanm,fnk->fakm", slopes, values[cells])
             surface = mesh.element.surface
             normals = normal_vectors(mesh.points, surface, faces.nodes[selected], surface.nodes)
             normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-            fluxes[selected] = np.einsum("fai,ijkm,fakm->faj", normals, self.stiffness, gradient, optimize=True)
+            fluxes[selected] = np.einsum("fai,ijkm,fakm->faj", normals, stiffness, gradient, optimize=True)
         return fluxes
 
 
 def solve_body(
-    matched: MatchedBody, layout: Layout, units: Units, solver: LinearSolver, progress: Progress
+    matched: MatchedBody,
+    layout: Layout,
+    units: Units,
+    constraints: Constraints,
+    solver: LinearSolver,
+    progress: Progress,
 ) -> FiniteElementSolution:
     """Assemble, factorise once, solve for the prescribed data. Raises CaseError if the system is singular."""
     progress("assembly", 0.0)
-    mesh = replace(matched.volume, points=matched.volume.points / units.length)
-    stiffness = units.scaling.scale_stiffness(matched.body.stiffness)
-    matrix = stiffness_matrix(mesh, stiffness)
-    n_points, n_fields, nodes = len(mesh.points), stiffness.shape[1], matched.nodes
-    values, free = np.zeros((n_points, n_fields)), np.ones((n_points, n_fields), bool)
-    values[nodes], free[nodes] = layout.value_data, layout.value_column != NONE
+    layered = matched.layered
+    mesh = replace(layered.mesh, points=layered.mesh.points / units.length)
+    stiffnesses = tuple(units.scaling.scale_stiffness(stiffness) for stiffness in layered.stiffnesses)
+    matrix = constraints.merge(_assemble(mesh, layered, stiffnesses, units))
+    n_points, n_fields, nodes = len(mesh.points), layout.value_data.shape[1], matched.nodes
     forces = np.zeros((n_points, n_fields))
     _add_forces(forces, matched, mesh, layout)
-    unknown, known = np.flatnonzero(free), np.flatnonzero(~free)
+    unknown, known = constraints.unknown, np.setdiff1d(np.arange(n_points * n_fields), constraints.unknown)
     rows = matrix[unknown]
     zone = np.searchsorted(unknown, n_fields * nodes[matched.zone_points][:, None] + np.arange(n_fields)).ravel()
     progress("factorisation", 0.0)
     solve, flexibility = condense(csr_array(rows[:, unknown]), zone, solver)
     progress("factorisation", 1.0)
-    values.flat[unknown] = solve(forces.ravel()[unknown] - rows[:, known] @ values.ravel()[known])
+    rhs = constraints.merge_forces(forces)[unknown] - rows[:, known] @ constraints.values[known]
+    constant = constraints.expand(solve(rhs), constraints.values).reshape(n_points, n_fields)
 
     def respond(zone_forces: Array) -> Array:
-        rhs, response = np.zeros(len(unknown)), np.zeros((n_points, n_fields))
+        rhs = np.zeros(len(unknown))
         rhs[zone] = zone_forces.ravel()
-        response.flat[unknown] = solve(rhs)
-        return response
+        return constraints.expand(solve(rhs)).reshape(n_points, n_fields)
 
     mass = _zone_mass(matched, units.length)
-    return FiniteElementSolution(matched, layout, units, mesh, stiffness, values, respond, flexibility, mass)
+    return FiniteElementSolution(matched, layout, units, mesh, stiffnesses, constant, respond, flexibility, mass)
+
+
+def _assemble(mesh: VolumeMesh, layered: LayeredMesh, stiffnesses: tuple[Array, ...], units: Units) -> csr_array:
+    """Return the stiffness matrix of all regions and of the springs between them, (p fields, p fields)."""
+    matrices = [
+        stiffness_matrix(replace(mesh, cells=mesh.cells[layered.regions == region]), stiffness)
+        for region, stiffness in enumerate(stiffnesses)
+    ]
+    factors = units.scaling.factors
+    for interface in layered.interfaces:
+        if not interface.jumps.any():
+            continue
+        count, size = len(interface.upper), len(mesh.points)
+        mass = mass_matrix(mesh.points[interface.upper], mesh.element.surface, interface.faces)
+        nodes = np.concatenate([interface.upper, interface.lower])
+        entries = np.repeat([1.0, -1.0], count), (np.tile(np.arange(count), 2), nodes)
+        jump = csr_array(coo_array(entries, shape=(count, size)))
+        springs = interface.springs * np.outer(factors, factors) * units.length
+        matrices.append(csr_array(kron(jump.T @ mass @ jump, springs)))
+    return reduce(add, matrices)
 
 
 def _add_forces(forces: Array, matched: MatchedBody, mesh: VolumeMesh, layout: Layout) -> None:
     """Add int N_a N_b dS t_b of the prescribed fluxes to nodal forces (p, fields)."""
-    block = matched.body.mesh.blocks[0]
+    faces, block = matched.faces, matched.body.mesh.blocks[0]
     data = layout.flux_data[layout.patches.connectivity[0]]
     acting = np.flatnonzero(data.any(axis=(1, 2)))
-    masses = face_masses(mesh.points, block.element, matched.faces.nodes[acting])
-    np.add.at(forces, matched.faces.nodes[acting], masses @ data[acting])
+    # nodes of the cell that the face belongs to, of the two at a point of an interface
+    nodes = mesh.cells[faces.cell[acting, None], face_nodes(mesh.element)[faces.local[acting]]]
+    np.add.at(forces, nodes, face_masses(mesh.points, block.element, nodes) @ data[acting])
 
 
 def _zone_mass(matched: MatchedBody, length: float) -> csr_array:
     """Return int N_a N_b dS over the contact zone, (n, n), lengths in a unit [m]."""
     (_, cells), block = matched.zone.cells[0], matched.body.mesh.blocks[0]
-    masses = face_masses(matched.zone.points / length, block.element, cells)
-    n = len(matched.zone.points)
-    rows, columns = np.repeat(cells, cells.shape[1], axis=1).ravel(), np.tile(cells, cells.shape[1]).ravel()
-    return csr_array(coo_array((masses.ravel(), (rows, columns)), shape=(n, n)))
+    return mass_matrix(matched.zone.points / length, block.element, cells)

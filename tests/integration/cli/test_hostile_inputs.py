@@ -12,7 +12,7 @@ from meeframe.common.errors import CaseError, MeshError, ResultError
 from meeframe.indenters.heights import Heights
 from meeframe.mesh.reader import read_any
 from meeframe.results.fclib import LocalProblem, read_local, write_local
-from meeframe.results.files import ResultWriter
+from meeframe.results.files import ResultWriter, read_result, write_result
 from meeframe.results.output import replacing
 
 CASE = """
@@ -142,6 +142,33 @@ def test_infinite_entries_of_fclib_files(tmp_path):
         file["fclib_local/W/m"] = np.array([np.inf])
     with pytest.raises(CaseError, match=r"problem\.hdf5: "):
         read_local(path)
+
+
+@pytest.mark.parametrize("structure", [b"HEAP", b"SNOD", b"TREE"])
+def test_damaged_structure_of_fclib_files(tmp_path, structure):
+    path = tmp_path / "problem.hdf5"
+    write_local(path, LocalProblem(np.eye(3), -np.ones(3), np.array([0.3])))
+    path.write_bytes(path.read_bytes().replace(structure, b"XXXX"))
+    with pytest.raises(ResultError, match=r"problem\.hdf5: cannot be read as HDF5: is damaged"):
+        read_local(path)
+
+
+@pytest.mark.parametrize("change", ["no length", "too long", "cut off"])
+def test_damaged_heaps(tmp_path, synthetic, change):
+    """HDF5 itself searches for a text in the first of them without end."""
+    write_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
+    path = tmp_path / "result.h5"
+    content = bytearray(path.read_bytes())
+    heap = content.index(b"GCOL")
+    if change == "no length":
+        content[heap + 16 : heap + 32] = bytes(16)
+    elif change == "too long":
+        content[heap + 24 : heap + 32] = b"\xf0" + 7 * b"\xff"
+    else:
+        content[heap + 8 : heap + 16] = (2**40).to_bytes(8, "little")
+    path.write_bytes(content)
+    with pytest.raises(ResultError, match=r"result\.h5 cannot be read as HDF5"):
+        read_result(tmp_path)
 
 
 def test_meshes_in_wkt(tmp_path):

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from meeframe.indenters import Placement
-from meeframe.indenters.base import MOTIONS, N_MOTIONS, motion_measures, motion_modes
+from meeframe.indenters.base import (
+    MOTIONS,
+    N_MOTIONS,
+    MotionModes,
+    motion_measures,
+    motion_modes,
+    total_resultants,
+)
+from meeframe.mesh.regular import shared_frames
 from meeframe.mesh.zone import local_frames
 
 ANGLE = 1e-7
@@ -47,6 +55,18 @@ def test_resultants_are_forces_moments_and_charges():
     expected = [-AXES[2] @ force, *(AXES[:2] @ force), *(AXES @ moment), *(WEIGHTS @ load[:, 3:])]
     np.testing.assert_allclose(totals, expected, rtol=1e-12)
     assert len(totals) == N_MOTIONS == max(column.stop for column in MOTIONS.values())
+
+
+def test_resultants_of_points_with_one_frame_follow_from_moments():
+    load, frames = np.random.default_rng(4).normal(size=(20, 5)), shared_frames(FRAMES[0], 20)
+    modes = MotionModes(POINTS, frames, AXES, REFERENCE)
+    expected = np.einsum(
+        "kni,ni->k", motion_measures(motion_modes(POINTS, frames.copy(), AXES, REFERENCE), WEIGHTS), load
+    )
+    np.testing.assert_allclose(total_resultants(modes, WEIGHTS, load), expected, rtol=1e-12)
+    largest = [np.abs(mode).max(axis=0) for mode in modes]
+    for extreme, bound in zip(modes.at_extremes(), largest, strict=True):
+        assert (np.abs(extreme).max(axis=0) >= (1.0 - 1e-12) * bound).all()
 
 
 def test_reference_point_is_level_with_the_highest_point():

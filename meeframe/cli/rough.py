@@ -1,0 +1,110 @@
+"""Command on rough surfaces."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from meeframe.cli import console
+from meeframe.cli.app import PluginFiles, Threads, app
+
+
+@app.command()
+def rough(
+    surface: Annotated[
+        Path, typer.Argument(metavar="SURFACE", help="A study file (.toml, docs/howto/rough.md) or a file of heights.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; created if it does not exist.")],
+    material: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Material of the half space: a name of the library.")
+    ] = None,
+    modulus: Annotated[
+        str | None,
+        typer.Option(metavar="PRESSURE", help="Contact modulus E/(1 - nu²) such as '120 GPa', instead of a material."),
+    ] = None,
+    pressure: Annotated[
+        list[str] | None, typer.Option(metavar="PRESSURE", help="Mean pressure such as '5 MPa'; repeatable.")
+    ] = None,
+    first: Annotated[str | None, typer.Option("--from", metavar="PRESSURE", help="Smallest mean pressure.")] = None,
+    last: Annotated[str | None, typer.Option("--to", metavar="PRESSURE", help="Largest mean pressure.")] = None,
+    count: Annotated[int | None, typer.Option(metavar="N", help="Number of pressures from --from to --to.")] = None,
+    periodic: Annotated[
+        bool | None, typer.Option("--periodic/--free", help="Whether the surface is one period of an infinite one.")
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(metavar="N", help="Resample the surface to this number of nodes along x.")
+    ] = None,
+    spacing: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Spacing of the heights of a matrix, such as '0.5 um'.")
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Unit of the heights in a file, such as '1 nm'.")
+    ] = None,
+    hardness: Annotated[
+        str | None, typer.Option(metavar="PRESSURE", help="Largest pressure, of perfectly plastic asperities.")
+    ] = None,
+    potential: Annotated[
+        str | None, typer.Option(metavar="VOLTAGE", help="Potential of the surface; computes charge and capacitance.")
+    ] = None,
+    conductivity: Annotated[
+        str | None,
+        typer.Option(metavar="VALUE", help="Conductivity of the body such as '58 MS/m'; computes the conductance."),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace earlier results in DIR.")] = False,
+    threads: Threads = None,
+    plugin: PluginFiles = None,
+) -> None:
+    """Press a rough surface on a half space with a series of mean pressures.
+
+    Area, mean gap, stiffness, conductance, capacitance and charge over the pressure are written to rough.h5 and
+    rough.csv, the statistics of the surface to surface.json, and pictures of both. Options replace the keys of a study
+    file. The exit status is 0 if every pressure converged, 1 if not, 2 for invalid input and 130 if interrupted.
+    """
+    with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
+        from meeframe.common.errors import CaseError
+        from meeframe.model.threads import limited
+        from meeframe.study.rough.figures import rough_table
+        from meeframe.study.rough.study import load_study
+        from meeframe.study.rough.study import rough as run_study
+
+        if material is not None and modulus is not None:
+            raise CaseError(f"--material {material} and --modulus {modulus}: allowed: one of them")
+        options: dict[str, Any] = {
+            "material": _material(material, modulus),
+            "pressures": _pressures(pressure, first, last, count),
+            "periodic": periodic,
+            "samples": samples,
+            "contact": {"law": {"name": "hardness", "hardness": hardness}} if hardness else None,
+            "electric_potential": potential,
+            "electrical_conductivity": conductivity,
+            "surface": {
+                **({"spacing": [spacing, spacing]} if spacing else {}),
+                **({"unit": unit} if unit else {}),
+            },
+        }
+        registry = console.registry(plugin)
+        given = {key: value for key, value in options.items() if value not in (None, {})}
+        with limited(threads), console.progress() as progress:
+            progress("reading", 0.0)
+            result = run_study(load_study(surface, given, registry), out, overwrite, progress)
+        console.stdout().print(rough_table(result))
+        print(f"dataset: {out / 'rough.h5'}, pictures: {out / 'rough.png'}, {out / 'surface.png'}")
+        raise typer.Exit(console.CONVERGED if result.is_converged else console.NOT_CONVERGED)
+
+
+def _material(name: str | None, modulus: str | None) -> dict[str, Any] | None:
+    """Return the [material] table of a name, or of an isotropic material with a contact modulus."""
+    if modulus is not None:
+        return {"name": "isotropic", "young_modulus": modulus, "poisson_ratio": 0.0}
+    return None if name is None else {"name": name}
+
+
+def _pressures(values: list[str] | None, first: str | None, last: str | None, count: int | None) -> Any:
+    """Return the key `pressures` of the options; None without any."""
+    limits = {"from": first, "to": last, "count": count}
+    given = {key: value for key, value in limits.items() if value is not None}
+    if values and given:
+        from meeframe.common.errors import CaseError
+
+        raise CaseError(f"--pressure and --{next(iter(given))}: allowed: one of them")
+    return values or given or None

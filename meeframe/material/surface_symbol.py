@@ -1,0 +1,324 @@
+"""Surface compliance of layered half spaces, for waves of any length.
+
+A stack of plane layers in z < 0 carries the extended surface traction t^ exp(i k m.x); its surface moves by
+u^ exp(i k m.x), u^ = Y(k, m) t^ / k. In each layer u and t / k obey a linear equation in k z with a constant matrix of
+twice as many rows as there are fields. Half of its solutions decay downwards, with u = Y_+ t / k, where Y_+ is the
+compliance of a half space of the layer's material, from the integrals of Barnett and Lothe. The other half decays
+upwards, with Y_- = -conj(Y_+). The recursion goes from the lowest medium up. It uses decaying exponentials alone, so
+that neither thick layers nor degenerate materials are exceptions, and yields the difference of Y from Y_+ of the top
+layer without cancellation.
+
+Sources: Kausel and Roesset, Bull. Seismol. Soc. Am. 71 (1981) 1743, and Wang and Rokhlin, J. Mech. Phys. Solids 52
+(2004) 2473, on recursions for layered media; Ting, Anisotropic Elasticity (1996), chapters 6 and 7, on Y_+.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.fields import ELECTRIC, MECHANICAL, MEE, Array, FieldScaling, FieldSet
+from meeframe.material.half_space import surface_compliance
+from meeframe.material.layers import Interface, LayerStack
+
+Complex = NDArray[np.complex128]
+Number = TypeVar("Number", Array, Complex)
+
+MAX_SERIES_DEPTH: Final = 0.2
+"""Thickness times wave number up to which `SurfaceSymbol.evaluate` sums the solutions in a layer as a series: on a
+rigid base Y is as small as this number, and the recursion would lose its digits, other than the difference from Y_+."""
+_MAX_NORM: Final = 0.5  # of the argument of the series of an exponential, which is then squared
+_TERMS: Final = 14  # of that series; the next one is 0.5^15 / 15!
+_MAX_TERMS: Final = 200
+_NORMAL: Final = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Medium:
+    """A homogeneous material and waves in some directions, in scaled fields of its own.
+
+    Attributes
+    ----------
+    factors
+        Factors (fields,) of its scaled fields.
+    plus, minus
+        Compliances Y of the solutions that decay downwards and upwards, (directions, fields, fields).
+    descent
+        Derivative of t / k with respect to k z in the first of them, (directions, fields, fields); that in the second
+        is -conj(descent).
+    state
+        Matrix of the derivatives of (u, t / k) with respect to k z, (directions, 2 fields, 2 fields).
+    normal_compliance
+        Inverse of T = C_3JK3, (fields, fields): the response of a thin layer.
+    """
+
+    factors: Array
+    plus: Complex
+    minus: Complex
+    descent: Complex
+    state: Complex
+    normal_compliance: Array
+
+    @classmethod
+    def of(cls, stiffness: Array, frame: Array, angles: Array) -> "Medium":
+        """Return the medium of a stiffness [SI] for directions at angles (directions,) in a frame (3, 3)."""
+        local = _in_frame(stiffness, frame)
+        scaling = FieldScaling.of(stiffness)  # the same in all frames
+        scaled, f = scaling.scale_stiffness(local), len(scaling.factors)
+        m = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+        q = np.einsum("pi,iJKm,pm->pJK", m, scaled, m)
+        r = np.einsum("pi,iJK->pJK", m, scaled[:, :, :, 2])
+        t_inverse = np.asarray(np.linalg.inv(scaled[2, :, :, 2]), float)
+        flux = r @ t_inverse
+        upper = np.concatenate([-1j * flux.swapaxes(1, 2), np.broadcast_to(t_inverse, q.shape)], axis=2)
+        lower = np.concatenate([q - flux @ r.swapaxes(1, 2), -1j * flux], axis=2)
+        plus = surface_compliance(local, _NORMAL, m) / np.outer(scaling.factors, scaling.factors)
+        minus = -plus.conj()
+        descent = lower[:, :, :f] @ plus + lower[:, :, f:]
+        state = np.concatenate([upper, lower], axis=1)
+        return cls(scaling.factors, plus, minus, descent, state, t_inverse)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSymbol:
+    """Surface compliance Y(k, m) of layers for waves in some directions m.
+
+    Y is Hermitian and conjugate for opposite directions. With the signs of the potentials' rows changed, its Hermitian
+    part is positive definite; semidefinite directly below an electrode.
+
+    Attributes
+    ----------
+    media
+        The materials from the top; the last one is the half space, or the layer on a rigid base.
+    thicknesses
+        Thicknesses of the media from the top [m], without that of a half space.
+    interfaces
+        The interfaces between them.
+    insulating
+        (fields,) 1 for the fields that a rigid base insulates, 0 for others; None for a half space.
+    fields
+        Names of the fields.
+    """
+
+    media: tuple[Medium, ...]
+    thicknesses: tuple[float, ...]
+    interfaces: tuple[Interface, ...]
+    insulating: Array | None
+    fields: FieldSet
+
+    @classmethod
+    def of(
+        cls, stiffness: Array, layers: LayerStack, frame: Array, angles: Array, fields: FieldSet = MEE
+    ) -> "SurfaceSymbol":
+        """Return the symbol of layers on a material.
+
+        Parameters
+        ----------
+        stiffness
+            Extended stiffness of the material below the layers, (3, fields, fields, 3) [SI].
+        layers
+            The layers, and the base.
+        frame
+            Rows e1, e2 and the outward normal, (3, 3).
+        angles
+            Directions m = cos(angle) e1 + sin(angle) e2, (directions,).
+        fields
+            Names of the fields.
+
+        Raises
+        ------
+        MaterialError
+            As `surface_compliance`.
+        """
+        stiffnesses = [*(layer.material.stiffness for layer in layers.layers), stiffness]
+        thicknesses, insulating = [layer.thickness for layer in layers.layers], None
+        if layers.base is not None:
+            thicknesses.append(layers.base.thickness)
+            insulating = np.array([*(0.0,) * 3, *(float(name in layers.base.insulating) for name in fields.names)])
+        media = {key: Medium.of(one, frame, angles) for key, one in {one.tobytes(): one for one in stiffnesses}.items()}
+        return cls(
+            tuple(media[one.tobytes()] for one in stiffnesses),
+            tuple(thicknesses),
+            tuple(layer.interface for layer in layers.layers),
+            insulating,
+            fields,
+        )
+
+    @property
+    def factors(self) -> Array:
+        """Factors (fields,) of the scaled fields of all results: those of the top material."""
+        return self.media[0].factors
+
+    @property
+    def top(self) -> Complex:
+        """Y of a half space of the top material, the limit of short waves, (directions, fields, fields), scaled."""
+        return self.media[0].plus
+
+    @property
+    def slowest_decay(self) -> float:
+        """Smallest exponent of waves in the top layer per k z."""
+        return float(np.linalg.eigvals(self.media[0].descent).real.min())
+
+    def evaluate(self, k: Array) -> Complex:
+        """Return Y(k, m) for wave numbers k > 0 [1/m], (n,), as (n, directions, fields, fields), scaled."""
+        return _hermitian(_divide(*self._above(np.asarray(k, float), 0, MAX_SERIES_DEPTH)))
+
+    def difference(self, k: Array) -> Complex:
+        """Return Y(k, m) less that of the top material, without cancellation; as `evaluate`."""
+        if not self.thicknesses:
+            return np.zeros((len(k), *self.top.shape), complex)
+        g = _reflection(self.media[0], k * self.thicknesses[0], *self._below(k, 0, 0.0))
+        return _hermitian((self.media[0].minus - self.media[0].plus) @ _divide(g, np.eye(g.shape[-1]) + g))
+
+    def _below(self, k: Array, number: int, series_depth: float) -> tuple[Complex, Complex]:
+        """Return the subspace u = U c, t / k = V c at the lower side of a medium, in its scaled fields.
+
+        series_depth: k times thickness up to which layers are crossed by series.
+        """
+        medium = self.media[number]
+        if number == len(self.thicknesses) - 1 and self.insulating is not None:
+            free = np.diag(self.insulating).astype(complex)
+            shape = len(k), *medium.plus.shape
+            return np.broadcast_to(free, shape), np.broadcast_to(np.eye(len(free)) - free, shape)
+        lower = self.media[number + 1]
+        u, v = self._above(k, number + 1, series_depth)
+        u, v = _cross_interface(self.interfaces[number], self.fields, lower.factors, k, u, v)
+        ratio = medium.factors / lower.factors
+        return u / (ratio[:, None] * ratio), v * (ratio[:, None] / ratio)
+
+    def _above(self, k: Array, number: int, series_depth: float) -> tuple[Complex, Complex]:
+        """Return the subspace at the upper side of a medium, as `_below`."""
+        medium = self.media[number]
+        if number == len(self.thicknesses):  # the half space
+            shape = len(k), *medium.plus.shape
+            return np.broadcast_to(medium.plus, shape), np.broadcast_to(np.eye(shape[-1], dtype=complex), shape)
+        u, v = self._below(k, number, series_depth)
+        depth = k * self.thicknesses[number]
+        short = depth <= series_depth
+        if not short.any():
+            g = _reflection(medium, depth, u, v)
+            return medium.plus + medium.minus @ g, np.eye(g.shape[-1]) + g
+        u, v = u.copy(), v.copy()
+        u[short], v[short] = _sum_series(medium, depth[short], u[short], v[short])
+        if not short.all():
+            g = _reflection(medium, depth[~short], u[~short], v[~short])
+            u[~short], v[~short] = medium.plus + medium.minus @ g, np.eye(g.shape[-1]) + g
+        return u, v
+
+    def without_floating_electrodes(self) -> "SurfaceSymbol":
+        """Return the symbol for uniform loads, to which floating electrodes are no obstacle."""
+        interfaces = (replace(one, electrode=None) if one.electrode == "floating" else one for one in self.interfaces)
+        return replace(self, interfaces=tuple(interfaces))
+
+    def uniform_compliance(self) -> Array | None:
+        """Return the response (fields, fields) [m] to uniform loads, scaled; None unless it is finite.
+
+        It is finite on a rigid base that insulates no field.
+        """
+        if self.insulating is None or self.insulating.any():
+            return None
+        factors = self.factors
+        total = np.zeros((len(factors), len(factors)))
+        for number in range(len(self.media) - 1, -1, -1):
+            medium = self.media[number]
+            if number < len(self.interfaces):
+                interface = self.interfaces[number]
+                total += np.diag(interface.compliance(self.fields) / factors**2)
+                if interface.electrode == "grounded":
+                    total = _without(total, ELECTRIC)
+            ratio = factors / medium.factors
+            total = total + self.thicknesses[number] * medium.normal_compliance / (ratio[:, None] * ratio)
+        return total
+
+
+def _in_frame(stiffness: Array, frame: Array) -> Array:
+    """Return the stiffness in the axes of a frame (3, 3)."""
+    axes = np.eye(stiffness.shape[1])
+    axes[MECHANICAL, MECHANICAL] = frame
+    local: Array = np.einsum("ai,BJ,CK,dm,iJKm->aBCd", frame, axes, axes, frame, stiffness, optimize=True)
+    return local
+
+
+def _cross_interface(
+    interface: Interface, fields: FieldSet, factors: Array, k: Array, u: Complex, v: Complex
+) -> tuple[Complex, Complex]:
+    """Return the subspace above an interface from that below it, in scaled fields."""
+    jump = interface.compliance(fields) / factors**2
+    if jump.any():
+        u = u + (k[:, None] * jump)[:, None, :, None] * v
+    if interface.electrode is None:
+        return u, v
+    y = _divide(u, v)
+    return _without(y, ELECTRIC), np.broadcast_to(np.eye(y.shape[-1], dtype=complex), y.shape)
+
+
+def _without(compliance: Number, field: int) -> Number:
+    """Return compliances (..., f, f) for a flux of this field that makes its potential zero."""
+    column, row = compliance[..., :, field, None], compliance[..., None, field, :]
+    result = compliance - column * row / compliance[..., field, None, field, None]
+    result[..., field, :] = result[..., :, field] = 0.0
+    return result
+
+
+def _reflection(medium: Medium, depth: Array, u: Complex, v: Complex) -> Complex:
+    """Return the waves that decay downwards per those that decay upwards, at the upper side of a layer.
+
+    u, v: the subspace at its lower side; the subspace at its upper side is Y_+ + Y_- G, I + G.
+    """
+    down = exponential(-depth[:, None, None, None] * medium.descent)
+    jump = (medium.plus - medium.minus) @ down
+    result: Complex = down.conj() @ (v @ np.linalg.solve(u - medium.minus @ v, jump) - down)
+    return result
+
+
+def _divide(left: Complex, right: Complex) -> Complex:
+    """Return left right^-1."""
+    transposed = np.linalg.solve(right.swapaxes(-1, -2), left.swapaxes(-1, -2))
+    return np.asarray(transposed.swapaxes(-1, -2), complex)
+
+
+def _hermitian(matrices: Complex) -> Complex:
+    result: Complex = 0.5 * (matrices + matrices.conj().swapaxes(-1, -2))
+    return result
+
+
+def _sum_series(medium: Medium, depth: Array, u: Complex, v: Complex) -> tuple[Complex, Complex]:
+    """Return the subspace at the upper side of a thin layer by the series of the exponential."""
+    f = u.shape[-1]
+    term = total = np.concatenate([u, v], axis=-2)
+    for number in range(1, _MAX_TERMS):
+        term = (depth / number)[:, None, None, None] * (medium.state @ term)
+        total = total + term
+        if np.abs(term).max() <= np.finfo(float).eps * np.abs(total).max() / 16.0:
+            break
+    return total[..., :f, :], total[..., f:, :]
+
+
+def exponential(matrices: Complex) -> Complex:
+    """Return the exponentials of small matrices (..., f, f), by a series of a fraction of each and squaring.
+
+    Higham, SIAM J. Matrix Anal. Appl. 26 (2005) 1179, with the series in place of the Pade approximant: for many small
+    matrices products take less time than solutions.
+    """
+    norms = np.abs(matrices).sum(axis=-1).max(axis=-1, initial=0.0)
+    squarings = np.ceil(np.log2(np.maximum(norms, _MAX_NORM) / _MAX_NORM)).astype(int)
+    result = _series_of_exponential(matrices * (0.5**squarings)[..., None, None])
+    for number in range(int(squarings.max(initial=0))):
+        chosen = squarings > number
+        result[chosen] = result[chosen] @ result[chosen]
+    return result
+
+
+def _series_of_exponential(x: Complex) -> Complex:
+    """Return the sum of x^n / n! up to _TERMS, by products with the third power."""
+    coefficients = 1.0 / np.cumprod(np.array([1.0, *range(1, _TERMS + 1)]))
+    one = np.eye(x.shape[-1])
+    square = x @ x
+    powers = (one, x, square)
+    cube = square @ x
+    total = np.zeros(x.shape, complex)
+    for first in range(_TERMS // 3 * 3, -1, -3):
+        block = sum(coefficients[first + n] * powers[n] for n in range(3) if first + n <= _TERMS)
+        total[...] = total @ cube + block
+    return total

@@ -1,0 +1,53 @@
+"""Memory that a run on a large grid needs, estimated before anything is computed."""
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from meeframe.common.errors import TooLargeError
+from meeframe.common.memory import physical_memory
+from meeframe.contact.channels import FluxChannel
+from meeframe.fields import N_MECHANICAL
+from meeframe.laws.base import ContactLaw
+from meeframe.mesh.generators import BYTES_PER_NODE
+from meeframe.mesh.surface import SurfaceMesh
+
+BASE_BYTES: Final = 270_000_000
+"""Memory of Python, its libraries and compiled kernels."""
+BYTES_PER_FURTHER_FIELD: Final = 300
+"""Memory per node of each loaded field besides the pressure."""
+NOTICED_FRACTION: Final = 0.5
+"""Fraction of the memory of the machine above which the estimate is a warning."""
+
+
+def required_memory(nodes: int, law: ContactLaw, channels: Iterable[FluxChannel]) -> int:
+    """Return the estimated memory of a run on a grid of so many nodes [bytes].
+
+    Friction loads two fields besides the pressure, and each conducting law one.
+    """
+    loaded = N_MECHANICAL if law.tangential_scaling().any() else 1
+    loaded += sum(channel.is_conducting for channel in channels)
+    return BASE_BYTES + nodes * (BYTES_PER_NODE + (loaded - 1) * BYTES_PER_FURTHER_FIELD)
+
+
+def check_memory(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel]) -> None:
+    """Raise TooLargeError if a run on the grid of a half space needs more memory than the machine has."""
+    if mesh.grid is None:
+        return
+    nodes = mesh.grid[0] * mesh.grid[1]
+    required, available = required_memory(nodes, law, channels), physical_memory()
+    if required > available:
+        most = math.isqrt(max(available - BASE_BYTES, 0) * nodes // (required - BASE_BYTES))
+        raise TooLargeError(
+            f"divisions = {mesh.grid[0] - 1} x {mesh.grid[1] - 1}: a run with {nodes} nodes and these laws needs about "
+            f"{required / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB; allowed: about {most} x {most}"
+        )
+
+
+def memory_warning(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel]) -> Iterator[str]:
+    """Yield a warning if a run on the grid of a half space needs much of the memory of the machine."""
+    if mesh.grid is None:
+        return
+    required, available = required_memory(mesh.grid[0] * mesh.grid[1], law, channels), physical_memory()
+    if required > NOTICED_FRACTION * available:
+        yield f"the run needs about {required / 1e9:.3g} GB of the {available / 1e9:.3g} GB of this machine"

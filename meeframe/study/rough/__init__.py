@@ -1,0 +1,1 @@
+"""Rough contact over a series of mean pressures: study file, solution, quantities and files."""

@@ -1,0 +1,312 @@
+"""Schema of the study of a rough surface, and its cases; documented in docs/howto/rough.md."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+from pydantic import Field, Strict, ValidationError, model_validator
+
+from meeframe.common.errors import CaseError, listed
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity
+from meeframe.indenters.base import Indenter
+from meeframe.indenters.heights import SampledHeights
+from meeframe.indenters.topography import HeightMap, SurfaceStatistics, resample, topography_of
+from meeframe.material.half_space import surface_compliance
+from meeframe.material.material import Material
+from meeframe.model.case import Case
+from meeframe.model.load import case_from_tables
+from meeframe.plugin.registry import Kind, Registry
+from meeframe.plugin.validation import Problem, TableError, problems_of
+from meeframe.study.declare import Table, Text
+
+FORMULATION: Final = "half-space"
+"""Formulation of rough contact, of the package meeframe-halfspace."""
+DEFAULT_RANGE: Final = (0.01, 0.3)
+"""Mean pressures without a choice of the user, relative to the contact modulus times the root mean square slope."""
+DEFAULT_COUNT: Final = 8
+MAX_COUNT: Final = 10_000
+_FLAT: Final = 1e-9
+"""Slope without the mean plane, relative to that with it, of a plane."""
+_DIRECTIONS: Final = 32
+"""Number of directions over which the response of the surface is averaged."""
+
+Pressure = Annotated[float, Quantity("Pa", gt=0, lt=float("inf"))]
+
+
+class RangeTable(Table):
+    """Range of mean pressures: from, to and count with equal ratios, or equal differences for scale = "linear".
+
+    Attributes
+    ----------
+    from_, to
+        Ends of the range [Pa].
+    count
+        Number of pressures.
+    scale
+        Equal ratios or equal differences.
+    """
+
+    from_: Pressure = Field(alias="from")
+    to: Pressure
+    count: Annotated[int, Strict(), Field(ge=2, le=MAX_COUNT)] = DEFAULT_COUNT
+    scale: Literal["log", "linear"] = "log"
+
+    def values(self) -> tuple[float, ...]:
+        """Return the pressures [Pa]."""
+        spaced = np.geomspace if self.scale == "log" else np.linspace
+        return tuple(float(f"{value:.12g}") for value in spaced(self.from_, self.to, self.count))
+
+
+class RoughTable(Table):
+    """Study of a rough surface.
+
+    Attributes
+    ----------
+    title
+        Title of results and figures.
+    surface
+        The surface, with the keys of [indenter] in a case file.
+    material, contact, conductivity, formulation, solver
+        Tables as in a case file; the formulation is half-space.
+    pressures
+        Mean pressures that increase, or their range.
+    periodic
+        Whether the surface is one period; by default if its indenter is periodic.
+    samples
+        Number of nodes along x, to which the surface is resampled; by default that of its heights.
+    electric_potential
+        Potential of the surface; the charge is then computed.
+    electrical_conductivity
+        Conductivity of the body [S/m]; the contact conductance is then computed.
+    stiffness
+        Whether the incremental stiffness is computed, by two further loads for each pressure.
+    """
+
+    title: Text = "Rough contact"
+    surface: Any
+    material: dict[str, Any]
+    contact: dict[str, Any] = Field(default_factory=dict)
+    conductivity: dict[str, Any] = Field(default_factory=dict)
+    formulation: dict[str, Any] = Field(default_factory=dict)
+    solver: dict[str, Any] = Field(default_factory=dict)
+    pressures: tuple[Pressure, ...] | RangeTable | None = None
+    periodic: Annotated[bool, Strict()] | None = None
+    samples: Annotated[int, Strict(), Field(ge=4)] | None = None
+    electric_potential: Annotated[float, Quantity("V", gt=-float("inf"), lt=float("inf"))] | None = None
+    electrical_conductivity: Annotated[float, Quantity("S/m", gt=0, lt=float("inf"))] | None = None
+    stiffness: Annotated[bool, Strict()] = True
+
+    @model_validator(mode="after")
+    def _pressures_increase(self) -> "RoughTable":
+        values = self.given_pressures()
+        if values is not None and (not values or (np.diff(values) <= 0.0).any()):
+            raise ValueError(
+                f"pressures: {', '.join(f'{value:g}' for value in values) or 'none'} Pa; allowed: at least "
+                "one, each larger than the one before"
+            )
+        if "name" in self.formulation and self.formulation["name"] != FORMULATION:
+            raise ValueError(f"formulation.name = {self.formulation['name']!r}; allowed: {FORMULATION}")
+        return self
+
+    def given_pressures(self) -> tuple[float, ...] | None:
+        """Return the pressures that the user chose [Pa], None without a choice."""
+        return self.pressures.values() if isinstance(self.pressures, RangeTable) else self.pressures
+
+
+@dataclass(frozen=True, eq=False)
+class RoughStudy:
+    """A checked study: the surface on its grid, the case of its pressures, and properties of both.
+
+    Attributes
+    ----------
+    table : RoughTable
+        The study as declared.
+    surface : HeightMap
+        Surface on the grid of the contact, peaks up.
+    statistics : SurfaceStatistics
+        Its statistics.
+    case : Case
+        The case with one load step for each pressure, at the potential of the study.
+    pressures : Array
+        Mean pressures, (m,) [Pa].
+    modulus : float
+        Contact modulus E* of the insulated surface, averaged over directions [Pa].
+    is_coupled : bool
+        Whether mechanical and electric fields are coupled.
+    """
+
+    table: RoughTable
+    surface: HeightMap
+    statistics: SurfaceStatistics
+    case: Case
+    pressures: Array
+    modulus: float
+    is_coupled: bool
+
+
+def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path(), origin: str = "") -> RoughStudy:
+    """Return the checked study of its tables.
+
+    Parameters
+    ----------
+    tables : mapping
+        Keys of RoughTable; `surface` may also be a HeightMap or an Indenter.
+    registry : Registry
+        Registry in which names are looked up.
+    folder : Path, optional
+        Folder in which relative paths start.
+    origin : str, optional
+        Beginning of each message, such as the name of the file and a colon.
+
+    Returns
+    -------
+    RoughStudy
+        The study.
+
+    Raises
+    ------
+    CaseError
+        With a line for each problem: key, value and what is allowed.
+    """
+    try:
+        table = _table(tables)
+        surface = _surface(table, replace(registry, folder=folder))
+        return _study(table, surface, registry, folder)
+    except TableError as error:
+        raise CaseError(listed(f"{origin}{problem}" for problem in error.problems)) from error.__cause__
+
+
+def _table(tables: Mapping[str, Any]) -> RoughTable:
+    try:
+        return RoughTable.model_validate(dict(tables))
+    except ValidationError as error:
+        problems = problems_of(error, RoughTable)
+        raise TableError(
+            *(problem if problem.location else Problem((), problem.text) for problem in problems)
+        ) from None
+
+
+def _surface(table: RoughTable, registry: Registry) -> HeightMap:
+    """Return the full surface at the nodes of the contact."""
+    try:
+        surface = table.surface if isinstance(table.surface, HeightMap) else _map_of(table.surface, registry)
+        if table.periodic is not None:
+            surface = replace(surface, is_periodic=table.periodic)
+        if table.samples is not None and table.samples != surface.shape[0]:
+            ratio = surface.shape[1] / surface.shape[0]
+            surface = resample(surface, (table.samples, max(2, round(table.samples * ratio))))
+        _ = surface.spacing
+        return surface
+    except TableError as error:
+        raise TableError(*(problem.inside("surface") for problem in error.problems)) from error.__cause__
+    except CaseError as error:
+        raise TableError(Problem(("surface",), str(error))) from error.__cause__
+
+
+def _map_of(description: Any, registry: Registry) -> HeightMap:
+    indenter: Indenter = registry.create(Kind.INDENTER, description)
+    surface = topography_of(indenter)
+    if surface is None:
+        raise CaseError(
+            f"{type(indenter).__name__} is not known as heights on a grid; allowed: height-map or self-affine"
+        )
+    return surface
+
+
+def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> RoughStudy:
+    statistics = SurfaceStatistics.of(surface)
+    # a plane has no waves but round-off
+    if not statistics.rms_slope_spectrum > _FLAT * max(statistics.rms_slope, np.finfo(float).eps / _FLAT):
+        raise TableError(Problem(("surface",), "is flat: its heights are those of a plane; allowed: a rough surface"))
+    first = _case(table, surface, (1.0,), registry, folder)
+    modulus, _ = mean_response(first.material)
+    pressures = table.given_pressures()
+    if pressures is None:
+        unit = modulus * statistics.rms_slope_spectrum
+        pressures = tuple(float(f"{value:.6g}") for value in unit * np.geomspace(*DEFAULT_RANGE, DEFAULT_COUNT))
+    area = float(np.prod(surface.size if surface.is_periodic else _extents(surface)))
+    step = first.steps[0]
+    steps = tuple(replace(step, normal_force=pressure * area) for pressure in pressures)
+    coupled = bool(np.any(first.material.piezoelectric) or np.any(first.material.magnetoelectric))
+    case = replace(first, steps=steps)
+    return RoughStudy(table, surface, statistics, case, np.array(pressures), modulus, coupled)
+
+
+def _extents(surface: HeightMap) -> tuple[float, float]:
+    return float(np.ptp(surface.x)), float(np.ptp(surface.y))
+
+
+def _case(
+    table: RoughTable, surface: HeightMap, pressures: tuple[float, ...], registry: Registry, folder: Path
+) -> Case:
+    """Return the case with loads of these forces [N]."""
+    potential = {} if table.electric_potential is None else {"electric_potential": table.electric_potential}
+    conductivity = dict(table.conductivity)
+    if potential:
+        conductivity.setdefault("electric", {"name": "step", "kappa": float("inf")})
+    x, y = ((axis - (axis[0] + axis[-1]) / 2.0) for axis in (surface.x, surface.y))
+    tables = {
+        "title": table.title,
+        "material": table.material,
+        "mesh": {
+            "type": "half-space",
+            "contact_width": list(_extents(surface)),
+            "divisions": [count - 1 for count in surface.shape],
+            "rings": 1,
+        },
+        # peaks up touch first: the surface of the indenter is lowest there
+        "indenter": {"name": SampledHeights.on_grid(x, y, -surface.heights), **potential},
+        "contact": table.contact,
+        "conductivity": conductivity,
+        "formulation": {"name": FORMULATION, "periodic": surface.is_periodic, **table.formulation},
+        "solver": table.solver,
+        "steps": [{"normal_force": pressure} for pressure in pressures],
+    }
+    return case_from_tables({key: value for key, value in tables.items() if value != {}}, registry, folder)
+
+
+def mean_response(material: Material) -> tuple[float, float]:
+    """Return the moduli of a half space with normal x3, averaged over directions.
+
+    Parameters
+    ----------
+    material : Material
+        Material of the half space.
+
+    Returns
+    -------
+    tuple of float
+        Contact modulus E* [Pa], of the insulated surface, and permittivity [F/m], of the free one: a wave q of
+        pressure p displaces the surface by 2 p / (E* q), a wave of charge s changes its potential by s / (eps q).
+        The modulus is E / (1 - nu^2) of an isotropic material (Vlassak and Nix, Philos. Mag. A 67 (1993) 1045).
+    """
+    angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_DIRECTIONS)])
+    mean = surface_compliance(material.stiffness, (0.0, 0.0, 1.0), directions).real.mean(axis=0)
+    return float(2.0 / mean[2, 2]), float(1.0 / abs(mean[3, 3]))
+
+
+def conductor(material: Material, conductivity: float) -> Material:
+    """Return the material in which electric fields represent steady currents.
+
+    Parameters
+    ----------
+    material : Material
+        Material with the elastic constants.
+    conductivity : float
+        Electrical conductivity [S/m], which takes the place of the permittivity.
+
+    Returns
+    -------
+    Material
+        Material without coupling, whose charges are currents.
+    """
+    return replace(
+        material,
+        piezoelectric=np.zeros((3, 3, 3)),
+        magnetoelectric=np.zeros((3, 3)),
+        permittivity=conductivity * np.eye(3),
+    )

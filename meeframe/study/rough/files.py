@@ -1,0 +1,162 @@
+"""Dataset and files of the study of a rough surface."""
+
+import csv
+import io
+import json
+from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from meeframe.common.errors import ResultError
+from meeframe.indenters.topography import bearing_curve, profile_spectrum, radial_spectrum, scale_dependent_slope
+from meeframe.results.figures import save_figure
+from meeframe.results.hdf5 import sink
+from meeframe.results.output import replacing
+from meeframe.results.sweep_files import check_installed
+from meeframe.study.rough.figures import contact_figure, surface_figure
+from meeframe.study.rough.quantities import QUANTITIES
+from meeframe.study.rough.run import RoughResult
+
+FORMAT: Final = "meeframe-rough 1"
+DATASET_FILE: Final = "rough.h5"
+TABLE_FILE: Final = "rough.csv"
+STATISTICS_FILE: Final = "surface.json"
+CONTACT_PICTURE: Final = "rough.png"
+SURFACE_PICTURE: Final = "surface.png"
+FILES: Final = (DATASET_FILE, TABLE_FILE, STATISTICS_FILE, CONTACT_PICTURE, SURFACE_PICTURE)
+
+
+def dataset(result: RoughResult) -> Any:
+    """Return the result as an xarray.Dataset.
+
+    Parameters
+    ----------
+    result : RoughResult
+        The result.
+
+    Returns
+    -------
+    xarray.Dataset
+        Quantities over the mean pressure, the surface and its spectra; units and names are attributes, as are the
+        statistics of the surface.
+
+    Raises
+    ------
+    CaseError
+        Without xarray.
+    """
+    check_installed()
+    import xarray
+
+    surface = result.study.surface
+    variables: dict[str, Any] = {
+        name: (["pressure"], values, {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].label})
+        for name, values in result.values.items()
+    }
+    for name in ("status", "message"):
+        variables[name] = ["pressure"], np.array(getattr(result, name), object)
+    variables["height"] = ["y", "x"], surface.heights.T, _named("m", "height, peaks up")
+    if result.nodal_pressure.size:
+        variables["nodal_pressure"] = ["y", "x"], result.nodal_pressure.T, _named("Pa", "pressure at the last load")
+    rings, (fractions, levels) = radial_spectrum(surface), bearing_curve(surface)
+    variables["spectrum"] = ["wave_number"], rings.density, _named("m^4", "power spectral density")
+    variables["bearing_height"] = ["bearing_fraction"], levels, _named("m", "height with this bearing ratio")
+    distances, slopes = scale_dependent_slope(surface)
+    variables["scale_dependent_slope"] = ["distance"], slopes, _named("1", "root mean square slope")
+    coordinates = {
+        "pressure": (["pressure"], result.pressures, _named("Pa", "mean pressure")),
+        "x": (["x"], surface.x, _named("m", "x")),
+        "y": (["y"], surface.y, _named("m", "y")),
+        "wave_number": (["wave_number"], rings.wave_number, _named("1/m", "wave number")),
+        "bearing_fraction": (["bearing_fraction"], fractions, _named("1", "bearing ratio")),
+        "distance": (["distance"], distances, _named("m", "distance")),
+    }
+    for axis, name in enumerate("xy"):
+        q, density = profile_spectrum(surface, axis)
+        variables[f"spectrum_{name}"] = (
+            [f"wave_number_{name}"],
+            density,
+            _named("m^3", f"spectrum of profiles along {name}"),
+        )
+        coordinates[f"wave_number_{name}"] = [f"wave_number_{name}"], q, _named("1/m", f"wave number along {name}")
+    return xarray.Dataset(
+        variables, coordinates, {"format": FORMAT, "title": result.study.table.title, **facts(result)}
+    )
+
+
+def _named(unit: str, label: str) -> dict[str, str]:
+    return {"units": unit, "long_name": label}
+
+
+def facts(result: RoughResult) -> dict[str, float | int]:
+    """Return the statistics of the surface, and the constants that scale the results.
+
+    Parameters
+    ----------
+    result : RoughResult
+        The result.
+
+    Returns
+    -------
+    dict of str to float or int
+        Statistics by name, the contact modulus [Pa], and whether the surface is periodic (0 or 1).
+    """
+    study = result.study
+    return {
+        **asdict(study.statistics),
+        "contact_modulus": study.modulus,
+        "is_periodic": int(study.surface.is_periodic),
+    }
+
+
+def csv_text(result: RoughResult) -> str:
+    """Return the quantities as a table of comma-separated values, with units in the first line."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    columns = [f"{name} [{QUANTITIES[name].unit}]" for name in result.values]
+    writer.writerow(["pressure [Pa]", *columns, "status"])
+    for number, pressure in enumerate(result.pressures):
+        numbers = (f"{values[number]:.10g}" for values in result.values.values())
+        writer.writerow([f"{pressure:.10g}", *numbers, result.status[number]])
+    return text.getvalue()
+
+
+def write_rough(folder: Path, result: RoughResult) -> None:
+    """Write the dataset, the table, the statistics and the pictures into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Existing folder, whose files of an earlier study are replaced.
+    result : RoughResult
+        The result, with at least one pressure.
+
+    Raises
+    ------
+    ResultError
+        If a file cannot be written.
+    CaseError
+        Without xarray.
+    """
+    backends, h5netcdf = import_module("xarray.backends"), import_module("h5netcdf")
+    with replacing(folder / DATASET_FILE) as path, sink(path, "w") as stream, h5netcdf.File(stream, "w") as file:
+        dataset(result).dump_to_store(backends.H5NetCDFStore(file))
+    for name, text in ((TABLE_FILE, csv_text(result)), (STATISTICS_FILE, json.dumps(facts(result), indent=1) + "\n")):
+        with replacing(folder / name) as path:
+            path.write_text(text, encoding="utf-8")
+    for name, figure in ((SURFACE_PICTURE, surface_figure(result)), (CONTACT_PICTURE, contact_figure(result))):
+        with replacing(folder / name) as path:
+            save_figure(figure, path)
+
+
+def clear(folder: Path) -> None:
+    """Remove the files of an earlier study from a folder. Raises ResultError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in FILES:
+            (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise ResultError(f"output folder {folder} cannot be written: {error.strerror or error}") from None

@@ -1,0 +1,139 @@
+"""Quantities of rough contact at one mean pressure."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from meeframe.fields import ELECTRIC, N_MECHANICAL, Array
+from meeframe.results.records import StepResult, Zone, resultants
+
+CHARGE: Final = ELECTRIC - N_MECHANICAL
+"""Column of the electric field among the scalar fields."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity of the dataset: its unit, "1" for ratios, and its name in words."""
+
+    unit: str
+    label: str
+
+
+QUANTITIES: Final[Mapping[str, Quantity]] = {
+    "area_fraction": Quantity("1", "contact area over nominal area"),
+    "mean_gap": Quantity("m", "mean gap, zero in contact"),
+    "separation": Quantity("m", "mean gap, negative where surfaces overlap"),
+    "approach": Quantity("m", "approach"),
+    "max_pressure": Quantity("Pa", "largest pressure"),
+    "stiffness": Quantity("Pa/m", "incremental contact stiffness per area"),
+    "charge_density": Quantity("C/m^2", "charge that enters the body per area"),
+    "capacitance": Quantity("F/m^2", "contact capacitance per area"),
+    "conductance": Quantity("S/m^2", "contact conductance per area"),
+    "persson_area": Quantity("1", "area fraction of Persson's theory"),
+    "bush_gibson_thomas_area": Quantity("1", "area fraction of Bush, Gibson and Thomas"),
+}
+"""Quantities in the order of tables."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Mean values of an increment.
+
+    Attributes
+    ----------
+    pressure : float
+        Mean pressure [Pa].
+    area_fraction : float
+        Contact area over nominal area.
+    mean_gap, separation, approach : float
+        Mean gap with overlaps counted as zero, mean gap with overlaps counted as negative, and approach [m].
+    max_pressure : float
+        Largest pressure [Pa].
+    charge_density : float
+        Charge that enters the body over the nominal area [C/m^2].
+    potential_drop : float
+        Potential of the indenter less the mean of the surface if it is periodic [V].
+    """
+
+    pressure: float
+    area_fraction: float
+    mean_gap: float
+    separation: float
+    approach: float
+    max_pressure: float
+    charge_density: float
+    potential_drop: float
+
+    @classmethod
+    def of(cls, zone: Zone, step: StepResult, is_periodic: bool) -> "Contact":
+        """Return the mean values over the nominal area.
+
+        Parameters
+        ----------
+        zone : Zone
+            Nodes of the contact zone.
+        step : StepResult
+            The increment.
+        is_periodic : bool
+            Whether the zone is one period.
+        """
+        weights = zone.weights
+        area = float(weights.sum())
+
+        def mean(values: Array) -> float:
+            return float(weights @ values) / area
+
+        touching = step.touching.astype(float)
+        if step.area_fraction is not None:
+            touching *= step.area_fraction
+        gap = step.gap
+        potential = float(getattr(step.loading, step.fields.scalars[CHARGE].value_name))
+        if is_periodic:
+            potential -= mean(step.potentials[:, CHARGE])
+        return cls(
+            pressure=mean(-step.traction[:, 2]),
+            area_fraction=mean(touching),
+            mean_gap=mean(np.maximum(gap, 0.0)),
+            separation=mean(gap),
+            approach=step.loading.approach,
+            max_pressure=resultants(zone, step).max_pressure,
+            charge_density=-mean(step.fluxes[:, CHARGE]),
+            potential_drop=potential,
+        )
+
+
+def stiffness(below: Contact, above: Contact, is_periodic: bool) -> float:
+    """Return the incremental stiffness per area between two mean pressures.
+
+    Parameters
+    ----------
+    below, above : Contact
+        The contact at both pressures.
+    is_periodic : bool
+        True for the change of the pressure over that of the separation: the mean displacement of a periodic surface is
+        that of a body whose size is arbitrary. False for that over the change of the approach.
+
+    Returns
+    -------
+    float
+        Stiffness [Pa/m].
+    """
+    closing = below.separation - above.separation if is_periodic else above.approach - below.approach
+    return (above.pressure - below.pressure) / closing if closing > 0.0 else np.nan
+
+
+def per_drop(contact: Contact, reference: Contact | None = None) -> float:
+    """Return the charge or current per area over the potential drop that causes it; nan without a drop.
+
+    Parameters
+    ----------
+    contact : Contact
+        The contact under a potential.
+    reference : Contact, optional
+        The contact without a potential, where the pressure alone causes a charge.
+    """
+    charge = contact.charge_density - (reference.charge_density if reference else 0.0)
+    drop = contact.potential_drop - (reference.potential_drop if reference else 0.0)
+    return charge / drop if drop else np.nan

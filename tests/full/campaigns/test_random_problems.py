@@ -1,0 +1,81 @@
+"""Random problems, judged from their result files by code that shares nothing with the solvers; faults that the judge
+must find; problems that once failed."""
+
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "validation" / "campaigns"))
+
+import judge
+import random_problems
+
+import meeframe
+from meeframe.model.load import load_case
+from meeframe.model.solve import bodies_of
+
+CASE = """
+material = { name = "batio3-cofe2o4" }
+mesh = { type = "half-space", contact_width = "5 mm", divisions = 8 }
+formulation = { name = "half-space" }
+indenter = { name = "sphere", radius = "100 mm" }
+contact = { law = { name = "isotropic-coulomb", mu = 0.3 } }
+conductivity = { electric = { name = "step", kappa = 1e-6 } }
+output = { figures = false, vtu = false, fields = ["slip", "total_slip", "slip_path"] }
+steps = [{ normal_force = "100 N" }, { translation = ["0.5 um", 0], electric_potential = "100 V" }]
+"""
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """Return the folder of a result with stick, slip and conduction, and the compliances of its body."""
+    folder = tmp_path_factory.mktemp("solved")
+    (folder / "case.toml").write_text(CASE, encoding="utf-8")
+    case = load_case(folder / "case.toml")
+    meeframe.run(case, folder / "out")
+    return folder / "out", tuple(random_problems.compliance(*each) for each in bodies_of(case))
+
+
+def worst(folder, compliances):
+    return judge.judge(judge.read(folder), compliances)[-1]
+
+
+def test_a_correct_result(solved):
+    violations = worst(*solved)
+    assert max(violations.values()) < 1e-8, violations
+
+
+FAULTS = {
+    "pressure": ("traction", lambda values: values * np.array([1, 1, 1 + 1e-5]), "compliance"),
+    "friction": ("traction", lambda values: values * np.array([1 + 1e-5, 1, 1]), "friction beyond its limit"),
+    "direction": ("traction", lambda values: values[:, [1, 0, 2]], "dissipation"),
+    "tension": ("traction", lambda values: values + 1e4 * (values[:, 2:] == 0.0), "tension"),
+    "displacement": ("displacement", lambda values: values * (1 + 1e-5), "compliance"),
+    "flux": ("electric_flux", lambda values: values * (1 + 1e-5), "electric conduction"),
+    "potential": ("electric_potential", lambda values: values * (1 + 1e-5), "compliance"),
+    "gap": ("initial_gap", lambda values: values + 1e-10, "complementarity"),
+    "slip": ("slip", lambda values: values * 1.001, "slip"),
+    "force": ("loading/prescribed/normal_force", lambda values: values * (1 + 1e-5), "prescribed normal_force"),
+    "motion": ("loading/translation", lambda values: values * (1 + 1e-5), "position"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_are_found(solved, tmp_path, name):
+    source, compliances = solved
+    dataset, change, statement = FAULTS[name]
+    (tmp_path / "result.h5").write_bytes((source / "result.h5").read_bytes())
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        entry = file[f"steps/0002/{dataset}"]
+        entry[...] = change(entry[()])
+    assert worst(tmp_path, compliances)[statement] > random_problems.TOLERANCE
+
+
+@pytest.mark.parametrize("seed", range(5001, 5025))
+def test_random_problems(seed):
+    answer = random_problems.answer(seed, "auto")
+    assert answer.outcomes
+    assert set(answer.outcomes) <= {"converged", "stalled, with a reason"}, answer.notes

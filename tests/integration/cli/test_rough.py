@@ -1,0 +1,154 @@
+"""The command `rough`: its files, options, messages and interruption."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from meeframe.cli import app
+
+STUDY = """
+title = "A study"
+pressures = ["0.5 GPa", "1 GPa"]
+
+[material]
+name = "isotropic"
+young_modulus = "120 GPa"
+poisson_ratio = 0.34
+
+[surface]
+name = "self-affine"
+period = "1 mm"
+shortest = "0.25 mm"
+hurst = 0.8
+rms_slope = 0.1
+samples = 32
+"""
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, ["rough", *map(str, arguments)])
+
+
+@pytest.fixture
+def study(tmp_path):
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    return tmp_path / "study.toml"
+
+
+def heights(path, n=24):
+    """Write a matrix of heights with a spacing of half a micrometre, in nanometres."""
+    x = np.arange(n) / n
+    waves = np.cos(2 * np.pi * 2 * x)[:, None] + np.sin(2 * np.pi * 3 * x)
+    np.save(path, 20.0 * waves)
+    return path
+
+
+def test_study_file(study, tmp_path):
+    out = tmp_path / "out"
+    done = invoke(study, "--out", out, "--conductivity", "58 MS/m")
+    assert done.exit_code == 0, done.output
+    assert "A study" in done.output
+    xarray = pytest.importorskip("xarray")
+    with xarray.open_dataset(out / "rough.h5", engine="h5netcdf") as data:
+        np.testing.assert_allclose(data.pressure, [0.5e9, 1e9])
+        ratio = data.conductance / (2 * 5.8e7 / data.attrs["contact_modulus"] * data.stiffness)
+        np.testing.assert_allclose(ratio, 1.0, rtol=1e-3)
+    assert json.loads((out / "surface.json").read_text())["rms_slope_spectrum"] == pytest.approx(0.1)
+    assert (out / "rough.csv").read_text().startswith("pressure [Pa],area_fraction [1],")
+    assert {path.suffix for path in out.iterdir()} == {".h5", ".csv", ".json", ".png"}
+    again = invoke(study, "--out", out)
+    assert again.exit_code == 2
+    assert "is not empty" in again.output
+
+
+def test_height_map_with_options(tmp_path):
+    done = invoke(
+        *(heights(tmp_path / "map.npy"), "--out", tmp_path / "out", "--modulus", "70 GPa", "--unit", "1 nm"),
+        *("--spacing", "0.5 um", "--from", "20 MPa", "--to", "80 MPa", "--count", 3, "--periodic"),
+        *("--samples", 32, "--hardness", "1 GPa"),
+    )
+    assert done.exit_code == 0, done.output
+    rows = (tmp_path / "out" / "rough.csv").read_text().splitlines()
+    np.testing.assert_allclose([float(row.split(",")[0]) for row in rows[1:]], [20e6, 40e6, 80e6])
+    facts = json.loads((tmp_path / "out" / "surface.json").read_text())
+    assert facts["contact_modulus"] == pytest.approx(70e9)
+    assert facts["is_periodic"] == 1
+    assert facts["rms_height"] == pytest.approx(20e-9, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--material", "steel", "--modulus", "1 GPa"], "allowed: one of them"),
+        (["--pressure", "1 MPa", "--from", "2 MPa"], "allowed: one of them"),
+        (["--modulus", "1 GPa", "--pressure", "1 m"], "pressures"),
+        (["--material", "stel"], "steel"),
+        (["--modulus", "1 GPa", "--samples", "2"], "samples"),
+        (["--modulus", "1 GPa", "--hardness", "soft"], "hardness"),
+        ([], "material: missing"),
+    ],
+)
+def test_messages(study, tmp_path, options, message):
+    text = study.read_text().replace(
+        '[material]\nname = "isotropic"\nyoung_modulus = "120 GPa"\npoisson_ratio = 0.34\n', ""
+    )
+    study.write_text(text)
+    done = invoke(study, "--out", tmp_path / "out", *options)
+    assert done.exit_code == 2, done.output
+    assert message in done.output
+    assert "Traceback" not in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_other_files_are_refused(tmp_path, study):
+    missing = invoke(tmp_path / "none.npy", "--out", tmp_path / "out", "--modulus", "1 GPa")
+    assert missing.exit_code == 2
+    assert "does not exist" in missing.output
+    matrix = invoke(heights(tmp_path / "map.npy"), "--out", tmp_path / "out", "--modulus", "1 GPa")
+    assert matrix.exit_code == 2
+    assert "spacing" in matrix.output
+    (tmp_path / "case.toml").write_text("[mesh]\n[material]\n")
+    case = invoke(tmp_path / "case.toml", "--out", tmp_path / "out")
+    assert case.exit_code == 2
+    assert "is a case file" in case.output
+
+
+@pytest.mark.full
+def test_exit_status_of_loads_beyond_the_hardness(study, tmp_path):
+    done = invoke(study, "--out", tmp_path / "out", "--hardness", "0.8 GPa")
+    assert done.exit_code == 1, done.output
+    assert "more than the contact law admits" in done.output
+    rows = (tmp_path / "out" / "rough.csv").read_text().splitlines()
+    assert [row.rsplit(",", 1)[1] for row in rows[1:]] == ["converged", "stalled"]
+
+
+@pytest.mark.full
+def test_interruption_leaves_finished_pressures(study, tmp_path):
+    """A process that is interrupted at its second pressure reports what is in the folder."""
+    script = (
+        "import os, signal, sys\n"
+        "from meeframe.study.rough import run\n"
+        "original = run._collect\n"
+        "points = run._Solution.points\n"
+        "def interrupted(self):\n"
+        "    yield next(points(self))\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n"
+        "run._Solution.points = interrupted\n"
+        "from meeframe.cli import main\n"
+        "main()\n"
+    )
+    arguments = [sys.executable, "-c", script, "rough", str(study), "--out", str(tmp_path / "out")]
+    environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
+    done = subprocess.run(
+        arguments, capture_output=True, text=True, env=environment, check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    assert done.returncode == 130, done.stderr
+    assert "1 of 2 pressures are finished and in" in done.stderr
+    assert len((tmp_path / "out" / "rough.csv").read_text().splitlines()) == 2

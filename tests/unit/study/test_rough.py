@@ -1,0 +1,264 @@
+"""The study of a rough surface: its quantities against closed forms, theories, limits, messages and dataset."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.common.errors import CaseError
+from meeframe.material import library_material
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.plugin.registry import load
+from meeframe.study.rough.declare import declare, mean_response
+from meeframe.study.rough.files import csv_text, dataset
+from meeframe.study.rough.run import RoughInterrupted, solve_rough
+from meeframe.study.rough.theory import BUSH_GIBSON_THOMAS, PERSSON, bush_gibson_thomas_area, persson_area
+
+YOUNG, POISSON, SIGMA, EPSILON = 120e9, 0.34, 5.8e7, 8.8541878128e-12
+MODULUS = YOUNG / (1 - POISSON**2)
+COPPER = {"name": "isotropic", "young_modulus": YOUNG, "poisson_ratio": POISSON}
+SELF_AFFINE = {
+    "name": "self-affine",
+    "period": "1 mm",
+    "shortest": "0.25 mm",
+    "hurst": 0.8,
+    "rms_slope": 0.1,
+    "seed": 3,
+    "samples": 32,
+}
+
+
+def study(**keys):
+    return declare({"surface": SELF_AFFINE, "material": COPPER, "pressures": ["1 GPa"], **keys}, load())
+
+
+def wave(n=128, length=1e-3, amplitude=1e-6):
+    """Return a wave along x with this amplitude, and the pressure that flattens it."""
+    x, y = length * np.arange(n) / n, length / n * np.arange(4)
+    heights = amplitude * np.cos(2 * np.pi * x / length)[:, None] + np.zeros(4)
+    return meeframe.topography.HeightMap(x, y, heights, is_periodic=True), np.pi * MODULUS * amplitude / length
+
+
+def test_wave_of_westergaard():
+    """Area, gap, stiffness and conductance of a wave have closed forms (Johnson, Contact Mechanics, section 13.2).
+
+    The contact is an array of strips of half width a with sin(pi a / l)^2 = p / p*. The resistance of a strip exceeds
+    that of a uniform current by -l log(sin(pi a / l)) / (pi sigma) per area (Holm, Electric Contacts), and the
+    stiffness follows from it, or from the mean gap.
+    """
+    surface, flat = wave()
+    length, shares = 1e-3, np.array([0.1, 0.3, 0.6])
+    checked = study(surface=surface, pressures=list(shares * flat), electrical_conductivity=SIGMA)
+    result = solve_rough(checked)
+    assert result.is_converged
+    values = result.values
+    np.testing.assert_allclose(values["area_fraction"], 2 / np.pi * np.arcsin(np.sqrt(shares)), atol=2 / 128)
+    gap = 1e-6 - length * shares * flat / (np.pi * MODULUS) * (1 - np.log(shares))
+    np.testing.assert_allclose(values["mean_gap"], gap, atol=2e-9)
+    np.testing.assert_allclose(values["separation"], values["mean_gap"], atol=1e-15)
+    conductance = 2 * np.pi * SIGMA / (length * -np.log(shares))
+    np.testing.assert_allclose(values["conductance"], conductance, rtol=0.03)
+    np.testing.assert_allclose(values["stiffness"], np.pi * MODULUS / (length * -np.log(shares)), rtol=0.03)
+
+
+def hertz(n, radius=10e-3, width=1e-3, radii=(0.21e-3, 0.25e-3, 0.3e-3, 0.34e-3), stiffness=True):
+    """Return the result of a sphere on a free half space, with the radii of its contact."""
+    x = y = np.linspace(-width / 2, width / 2, n)
+    ball = meeframe.topography.HeightMap(x, y, -(x[:, None] ** 2 + y**2) / (2 * radius))
+    radii = np.array(radii)
+    forces = 4 * MODULUS * radii**3 / (3 * radius)
+    checked = study(surface=ball, pressures=list(forces / width**2), electrical_conductivity=SIGMA, stiffness=stiffness)
+    return solve_rough(checked).values, radii, width**2
+
+
+def test_sphere_of_hertz_and_holm():
+    values, radii, area = hertz(65)
+    np.testing.assert_allclose(values["area_fraction"] * area, np.pi * radii**2, rtol=0.03)
+    np.testing.assert_allclose(values["approach"], radii**2 / 10e-3, rtol=1e-3)
+    np.testing.assert_allclose(values["conductance"] * area, 4 * SIGMA * radii, rtol=0.02)
+    np.testing.assert_allclose(values["stiffness"] * area, 2 * MODULUS * radii, rtol=0.02)
+
+
+@pytest.mark.full
+def test_conductance_of_a_spot_converges():
+    """Root mean square errors over several radii decrease with more than first order, as the spot is resolved to
+    nodes."""
+    errors = []
+    for n in (33, 65, 129):
+        values, radii, area = hertz(n, radii=np.linspace(0.2e-3, 0.35e-3, 6), stiffness=False)
+        errors.append(np.sqrt(np.mean((values["conductance"] * area / (4 * SIGMA * radii) - 1) ** 2)))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert errors[-1] < 4e-3
+    assert orders.mean() > 1.0
+
+
+def test_conductance_and_stiffness_agree_by_barber():
+    """The currents and the differences of two loads do not know each other, nor the response to a mean load."""
+    values = solve_rough(
+        study(pressures=["0.5 GPa", "2 GPa"], electrical_conductivity="58 MS/m", electric_potential="2 V")
+    ).values
+    np.testing.assert_allclose(values["conductance"], 2 * SIGMA / MODULUS * values["stiffness"], rtol=1e-3)
+    np.testing.assert_allclose(values["capacitance"], EPSILON / SIGMA * values["conductance"], rtol=1e-9)
+    # of the same voltage, some is lost in the body
+    assert (values["charge_density"] > 0.0).all()
+    assert (values["charge_density"] < 2.0 * values["capacitance"]).all()
+
+
+def test_film_adds_its_resistance():
+    """On full contact the current is uniform, and the conductance is that of the film."""
+    surface, flat = wave(32)
+    film = {"electric": {"name": "step", "kappa": 3e10}}
+    full, part = (
+        solve_rough(
+            study(surface=surface, pressures=[p], electrical_conductivity=SIGMA, conductivity=film, stiffness=False)
+        ).values["conductance"][0]
+        for p in (1.5 * flat, 0.3 * flat)
+    )
+    assert full == pytest.approx(3e10, rel=1e-6)
+    assert part < 0.5 * full
+
+
+def test_piezoelectric_charge_and_capacitance():
+    """The charge of an earthed surface is proportional to the load, and a voltage adds one that is independent of it.
+
+    Eliminating the contact gives the ratio of capacitance to stiffness from the point response xi of the material.
+    """
+    xi = axisymmetric_compliance(library_material("pzt-4").stiffness)[:2, :2]
+    inverse = np.linalg.inv(xi)
+    charges = [
+        solve_rough(study(material={"name": "pzt-4"}, pressures=["0.3 GPa"], electric_potential=volt)).values
+        for volt in (0.0, 100.0, -250.0)
+    ]
+    assert "capacitance" not in charges[0]
+    ratio = charges[0]["charge_density"][0] / 0.3e9
+    assert ratio == pytest.approx(inverse[1, 0] / inverse[0, 0], rel=1e-6)
+    first, second = (values["capacitance"][0] for values in charges[1:])
+    assert first == pytest.approx(second, rel=1e-6)
+    assert first / charges[1]["stiffness"][0] == pytest.approx(abs(1 / xi[1, 1]) / inverse[0, 0], rel=1e-3)
+
+
+def test_hardness_raises_the_area():
+    keys = {"pressures": ["0.5 GPa", "1.5 GPa"], "stiffness": False}
+    hard = solve_rough(study(**keys)).values
+    soft = solve_rough(study(contact={"law": {"name": "hardness", "hardness": "3 GPa"}}, **keys)).values
+    assert (soft["area_fraction"] > hard["area_fraction"]).all()
+    assert (soft["area_fraction"] >= np.array([0.5, 1.5]) / 3).all()
+    assert (soft["separation"] < soft["mean_gap"]).all()
+    np.testing.assert_allclose(soft["max_pressure"], 3e9)
+
+
+def test_theories_have_their_slopes():
+    small = np.array([1e-5])
+    assert persson_area(small) / small == pytest.approx(PERSSON, rel=1e-8)
+    assert bush_gibson_thomas_area(small) / small == pytest.approx(BUSH_GIBSON_THOMAS)
+    assert np.sqrt(8 / np.pi) == PERSSON < BUSH_GIBSON_THOMAS == np.sqrt(2 * np.pi)
+    # the probability of pressures above zero in a normal distribution reflected at zero
+    p = np.linspace(0.1, 1.5, 5)
+    stress = np.linspace(0.0, 12.0, 20001)
+    deviation = 0.5
+    density = np.exp(-((stress - p[:, None]) ** 2) / (2 * deviation**2)) - np.exp(
+        -((stress + p[:, None]) ** 2) / (2 * deviation**2)
+    )
+    area = np.trapezoid(density, stress, axis=1) / (deviation * np.sqrt(2 * np.pi))
+    np.testing.assert_allclose(persson_area(p), area, atol=1e-7)
+
+
+def test_moduli_of_materials():
+    modulus, permittivity = mean_response(meeframe.Material.isotropic(YOUNG, POISSON, 3e-9))
+    assert modulus == pytest.approx(MODULUS, rel=1e-12)
+    assert permittivity == pytest.approx(3e-9, rel=1e-12)
+
+
+def test_default_pressures_scale_with_the_surface():
+    checked = declare({"surface": SELF_AFFINE, "material": COPPER}, load())
+    relative = checked.pressures / (MODULUS * 0.1)
+    assert relative[0] == pytest.approx(0.01, rel=1e-5)
+    assert relative[-1] == pytest.approx(0.3, rel=1e-5)
+    linear = study(pressures={"from": "1 MPa", "to": "3 MPa", "count": 3, "scale": "linear"})
+    np.testing.assert_allclose(linear.pressures, [1e6, 2e6, 3e6])
+
+
+def test_samples_resample_the_surface():
+    checked = study(samples=48)
+    assert checked.surface.shape == (48, 48)
+    assert checked.statistics.rms_slope_spectrum == pytest.approx(0.1, rel=1e-9)
+    assert len(checked.case.body.mesh.points) >= 48**2
+    free = study(periodic=False, samples=20)
+    assert not free.surface.is_periodic
+
+
+def test_interruption_keeps_finished_pressures():
+    calls = []
+
+    def progress(stage, fraction):
+        calls.append((stage, fraction))
+        if stage == "pressures" and fraction > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RoughInterrupted) as caught:
+        solve_rough(study(pressures=["0.5 GPa", "1 GPa", "1.5 GPa"]), progress)
+    result = caught.value.result
+    assert result.status == ("converged",)
+    assert not result.is_converged
+    assert len(result.values["area_fraction"]) == len(result.pressures) == 1
+
+
+def test_dataset_and_table_hold_the_same():
+    result = solve_rough(study(pressures=["0.5 GPa", "1 GPa"], title="Test"))
+    data = dataset(result)
+    assert data.attrs["title"] == "Test"
+    assert data.attrs["contact_modulus"] == pytest.approx(MODULUS)
+    assert data.area_fraction.attrs["units"] == "1"
+    rows = list(csv.DictReader(io.StringIO(csv_text(result))))
+    np.testing.assert_allclose([float(row["pressure [Pa]"]) for row in rows], data.pressure)
+    np.testing.assert_allclose([float(row["mean_gap [m]"]) for row in rows], data.mean_gap)
+    assert [row["status"] for row in rows] == ["converged"] * 2
+    total = float(data.nodal_pressure.mean())
+    assert total == pytest.approx(1e9, rel=1e-8)
+    touching = data.nodal_pressure > 0.0
+    assert float(data.height.where(touching).min()) > float(data.height.quantile(1.0 - 2.0 * touching.mean()))
+
+
+@pytest.mark.full
+def test_python_function(tmp_path):
+    data = meeframe.rough(wave(32)[0], "steel", ["20 MPa"], tmp_path / "out", stiffness=False)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "rough.h5", "rough.csv", "surface.json", "rough.png", "surface.png"
+    }  # fmt: skip
+    assert "stiffness" not in data
+    capped = meeframe.rough(
+        wave(32)[0], "steel", ["20 MPa"], contact=meeframe.law("hardness", hardness="50 MPa"), stiffness=False
+    )
+    assert float(capped.max_pressure[0]) <= 50e6 * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"pressures": ["2 GPa", "1 GPa"]}, "larger than the one before"),
+        ({"pressures": []}, "at least one"),
+        ({"pressures": ["1 mm"]}, r"pressures.*wrong unit"),
+        ({"pressures": {"from": "1 GPa", "to": "2 GPa", "count": 1}}, r"count"),
+        ({"surface": {"name": "sphere", "radius": 1.0}}, "surface: Sphere is not known as heights on a grid"),
+        ({"surface": {"name": "self-affine"}}, r"surface.period: missing"),
+        ({"surface": {"name": "ridges"}}, r"surface.name.*ridges"),
+        ({"material": {"name": "stel"}}, r"material.*steel"),
+        ({"contact": {"law": "signorni"}}, r"contact.law.*signorini"),
+        ({"formulation": {"name": "dense-bem"}}, "half-space"),
+        ({"formulation": {"density": "linear"}}, r"formulation.density"),
+        ({"samples": 3}, r"samples"),
+        ({"electric_potential": "1 A"}, r"electric_potential.*unit"),
+        ({"ambient": 1}, r"ambient.*unknown key"),
+    ],
+)
+def test_messages_name_keys(keys, message):
+    with pytest.raises(CaseError, match=message):
+        study(**keys)
+
+
+def test_flat_surfaces_are_refused():
+    surface = meeframe.topography.HeightMap(np.arange(8.0), np.arange(8.0), np.ones((8, 8)))
+    with pytest.raises(CaseError, match="surface: is flat"):
+        study(surface=surface)
