@@ -235,6 +235,6 @@ def total_resultants(modes: Sequence[Array] | Array, weights: Array, load: Array
         result = modes.work(weighted)
     else:
         totals = (sum(float(mode[:, number] @ column) for number, column in weighted.items()) for mode in modes)
-        result = np.array(list(totals))
+        result = np.array(list(totals), float)  # sums over no column are integers
     result[N_RIGID:] *= -1.0
     return result

@@ -71,7 +71,7 @@ def draw(seed: int, folder: Path, solver: str = "auto") -> str:
         case["contact"]["axes"] = {"direction": [float(value) for value in random.normal(size=3)]}
     if conductivity:
         case["conductivity"] = conductivity
-    case["solver"] = {"name": solver, "max_iterations": 5000}
+    case["solver"] = {"name": solver, "max_iterations": 1000}
     case["output"] = {"figures": False, "vtu": False, "fields": ["slip", "total_slip", "slip_path"]}
     case["steps"] = _steps(random, magnitudes, law, conductivity)
     return toml_text(case)
@@ -174,7 +174,7 @@ def _body(random: Random, width: float) -> tuple[Table, Table, dict[str, float]]
 
 
 def _half_space(random: Random, width: float) -> Table:
-    divisions = int(random.integers(5, 15))
+    divisions = int(random.integers(4, 10))
     formulation: Table = {"name": "half-space"}
     kind = _choice(random, {"matrix": 5, "free": 2, "resolved": 2, "periodic": 1})
     if kind != "matrix":

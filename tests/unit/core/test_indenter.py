@@ -57,6 +57,10 @@ def test_resultants_are_forces_moments_and_charges():
     assert len(totals) == N_MOTIONS == max(column.stop for column in MOTIONS.values())
 
 
+def test_resultants_without_load_are_zero():
+    np.testing.assert_array_equal(total_resultants(MODES, WEIGHTS, np.zeros((20, 5))), np.zeros(N_MOTIONS))
+
+
 def test_resultants_of_points_with_one_frame_follow_from_moments():
     load, frames = np.random.default_rng(4).normal(size=(20, 5)), shared_frames(FRAMES[0], 20)
     modes = MotionModes(POINTS, frames, AXES, REFERENCE)
