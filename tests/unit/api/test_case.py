@@ -19,7 +19,8 @@ CASES = sorted(
     path
     for folder in ("validation", "plugins")
     for path in (ROOT / folder).rglob("*.toml")
-    if "[material]" in path.read_text(encoding="utf-8")
+    if {"[material]", "[mesh]"}
+    <= {line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()}
 )
 
 STEPS = (meeframe.Step(approach="10 um", increments=2), meeframe.Step(translation=["1 um", 0], charge="0 C"))
