@@ -25,6 +25,7 @@ from meeframe.api.progress import Show, shown
 from meeframe.common.errors import CaseError
 from meeframe.common.toml import read_toml, toml_tables, toml_text
 from meeframe.contact.problem import Solver
+from meeframe.fields import THERMAL_FIELD
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.indenters import Placement
@@ -291,8 +292,13 @@ def _material(material: str | Mapping[str, Any] | Material) -> Any:
         return {"name": material}
     if not isinstance(material, Material):
         return material
-    further = {scalar.coefficient: np.asarray(value).tolist() for scalar, value in material.decoupled}
-    return material_table(material) | further
+    table = material_table(material)  # which has the conductivity for heat among its components
+    further = {
+        scalar.coefficient: np.asarray(value).tolist()
+        for scalar, value in material.decoupled
+        if scalar != THERMAL_FIELD
+    }
+    return table | further
 
 
 def _layers(body: Case | SecondBody) -> dict[str, Any]:
@@ -354,7 +360,7 @@ def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequenc
         indenter=checked.indenter,
         steps=tuple(Step(**_with_scalars(table, Step)) for table in tables["steps"]),
         boundary=_boundary(tables),
-        contact=Contact(checked.contact_law, checked.zone, checked.axes),
+        contact=Contact(checked.contact_law, checked.zone, checked.axes, checked.friction_heat),
         conductivity={name: law for name, law in checked.conductivity.items() if name in tables["conductivity"]}
         if "conductivity" in tables
         else {},

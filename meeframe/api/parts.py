@@ -171,11 +171,14 @@ class Contact:
         Name of the face group that may come into contact.
     axes : FrictionAxes, optional
         Direction of the local axis e1, from which laws measure their angles.
+    friction_heat : float, optional
+        Fraction of the work of friction that flows into the body as heat, in load steps with a duration.
     """
 
     law: ContactLaw = field(default_factory=Signorini)
     zone: str = "contact"
     axes: FrictionAxes | None = None
+    friction_heat: float = 0.0
 
 
 @dataclass(frozen=True)

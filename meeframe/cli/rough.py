@@ -1,7 +1,7 @@
 """Command on rough surfaces."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -39,6 +39,16 @@ def rough(
     ] = None,
     unit: Annotated[
         str | None, typer.Option(metavar="LENGTH", help="Unit of the heights in a file, such as '1 nm'.")
+    ] = None,
+    levelled: Annotated[
+        Literal["plane", "quadratic"] | None,
+        typer.Option(metavar="TREND", help="Subtract the best-fit 'plane' or 'quadratic' surface from the heights."),
+    ] = None,
+    missing: Annotated[
+        Literal["nearest", "harmonic"] | None,
+        typer.Option(
+            metavar="FILLING", help="Fill missing heights from the 'nearest' ones or by a 'harmonic' surface."
+        ),
     ] = None,
     hardness: Annotated[
         str | None, typer.Option(metavar="PRESSURE", help="Largest pressure, of perfectly plastic asperities.")
@@ -80,6 +90,8 @@ def rough(
             "surface": {
                 **({"spacing": [spacing, spacing]} if spacing else {}),
                 **({"unit": unit} if unit else {}),
+                **({"levelled": levelled == "plane" or levelled} if levelled else {}),
+                **({"missing": missing} if missing else {}),
             },
         }
         registry = console.registry(plugin)

@@ -36,8 +36,8 @@ MIN_TRACTION: Final = -float(np.finfo(float).tiny)
 
 
 def conducting(problem: ContactProblem) -> bool:
-    """Return whether any channel conducts."""
-    return any(channel.is_conducting for channel in problem.channels)
+    """Return whether fluxes may cross the contact: any channel conducts, or friction generates heat."""
+    return problem.friction_heat > 0.0 or any(channel.is_conducting for channel in problem.channels)
 
 
 def resistances(

@@ -117,6 +117,9 @@ class ContactProblem:
     area_fraction : Array, optional
         (n,), fraction of each node's area that is in contact where the contact edge lies between the nodes
         (EdgeResolution); None where it lies at nodes.
+    friction_heat : float, optional
+        Heat that flows into the body per work of friction in the increment and per time [1/s]: the fraction that the
+        body receives over the duration of the increment.
 
     Raises
     ------
@@ -132,6 +135,7 @@ class ContactProblem:
     potentials: Array
     prescribed_resultants: tuple[PrescribedResultant, ...] = ()
     area_fraction: Array | None = None
+    friction_heat: float = 0.0
 
     def __post_init__(self) -> None:
         n, count = len(self.system.points), len(self.channels)
@@ -139,6 +143,11 @@ class ContactProblem:
             raise CaseError(
                 f"the contact problem has {count} flux channels; {self.system.n_fields - N_MECHANICAL} are needed, "
                 "one for each scalar field of its reduced system"
+            )
+        if not 0.0 <= self.friction_heat < np.inf or (self.friction_heat and "thermal" not in self.fields.names):
+            raise CaseError(
+                f"friction_heat of the contact problem is {self.friction_heat}; allowed: finite numbers >= 0, and zero "
+                "without a thermal channel"
             )
         area_fraction = np.zeros(n) if self.area_fraction is None else self.area_fraction
         if np.shape(area_fraction) != (n,) or not ((area_fraction >= 0.0) & (area_fraction <= 1.0)).all():

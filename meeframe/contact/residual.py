@@ -6,6 +6,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.conduction import conducting, depends_on_gap, potential_diagonal, resistances, switch, unloaded
+from meeframe.contact.friction_heat import conducted_flux
 from meeframe.contact.nested import is_uniform
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, problem_scales
@@ -144,6 +145,8 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
     """Return the largest R f + (-phi + phi_o) over a characteristic potential, and f alone where insulated.
 
+    f is the conducted flux, without heat that friction generates.
+
     The violation is one where a law returns NaN: the law is not satisfied there, but the iteration may still proceed.
     """
     compliance, potential = np.diag(scales.compliance)[POTENTIALS], scales.drop
@@ -154,13 +157,12 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     relative_displacement -= state.displacement
     normal_traction = contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2])
     self_compliance = potential_diagonal(problem)
-    unloaded_position = (
-        unloaded(relative_displacement, state.load[:, POTENTIALS], self_compliance) if depends_on_gap(problem) else None
-    )
+    flux = conducted_flux(problem, state.load, relative_displacement)
+    unloaded_position = unloaded(relative_displacement, flux, self_compliance) if depends_on_gap(problem) else None
     resistance = resistances(problem, normal_traction, state.contact_fraction, self_compliance, unloaded_position)
     difference = -relative_displacement[:, POTENTIALS]
     weight = compliance / (compliance + resistance)
-    drop = np.where(weight > 0.0, difference, 0.0) * weight + (1.0 - weight) * compliance * state.load[:, POTENTIALS]
+    drop = np.where(weight > 0.0, difference, 0.0) * weight + (1.0 - weight) * compliance * flux
     return [
         largest(np.where(np.isnan(values), scale, values)) / scale
         for values, scale in zip(drop.T, potential, strict=True)

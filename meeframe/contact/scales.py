@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.free_motion import balanced_projection, motions
+from meeframe.contact.friction_heat import thermal_channel
 from meeframe.contact.nested import Coarse, coarse_problem, has_similar_area, is_similar, is_uniform
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, indenter_field, indenter_position
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
@@ -21,6 +22,8 @@ MIN_DEPTH_RATIO: Final = 4e-5
 """Least depth as a fraction of the free indenter's way to the body; round-off of the gap limits smaller depths."""
 MAX_REPRESENTATIVE_NODES: Final = 5_000
 """Number of nodes that suffice to estimate the magnitude of a compliance."""
+_SLIDING: Final = 1e6
+"""Trial tangential traction, in pressures, under which any surface slides."""
 MAX_FOUNDATION_STEPS: Final = 3
 """Number of estimates of the free indenter's motion, each with the compliance of the previous contact area."""
 
@@ -82,11 +85,12 @@ def problem_scales(problem: ContactProblem) -> Scales:
     depth = max(_overlap_depth(overlap), MIN_DEPTH_RATIO * largest(above[below] - problem.gap[below]))
     compliance = _uniform_response(problem.system, loaded)
     pressure = _pressure(problem, overlap, depth, compliance[2, 2])
-    prescribed_flux = _prescribed_flux(problem, loaded)
+    generated = _generated_heat(problem, pressure, motion)
+    prescribed_flux = _prescribed_flux(problem, loaded) + generated
     fields, self_compliance = range(problem.fields.size)[POTENTIALS], np.diag(compliance)[POTENTIALS]
     drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in fields]
     potential = np.maximum(drop, prescribed_flux * self_compliance)
-    is_conducting = np.array([channel.is_conducting for channel in problem.channels])
+    is_conducting = np.array([channel.is_conducting for channel in problem.channels]) | (generated > 0.0)
     share = _transmitted(problem, pressure, potential, self_compliance)
     flux = np.where(is_conducting, np.maximum(prescribed_flux, share * drop / self_compliance), 0.0)
     pressure = float(np.max([pressure, *(compliance[2, POTENTIALS] * flux / compliance[2, 2])]))
@@ -178,6 +182,19 @@ def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
             measure = np.abs(resultant.measure[loaded, POTENTIALS]).sum(axis=0)
             flux += np.divide(abs(resultant.total), measure, out=np.zeros_like(flux), where=measure > 0.0)
     return flux
+
+
+def _generated_heat(problem: ContactProblem, pressure: float, motion: Array) -> Array:
+    """Return the heat flux (channels,) that friction generates at a pressure [Pa] in the slip of the indenter."""
+    generated = np.zeros(len(problem.channels))
+    channel = thermal_channel(problem)
+    if channel is None:
+        return generated
+    slip = float(np.linalg.norm([largest(indenter_field(problem, axis, motion)) for axis in range(2)]))
+    traction = np.tile([_SLIDING * pressure, 0.0, -pressure], (len(problem.gap), 1))
+    sliding = resolve(problem.contact_law, traction, np.zeros_like(traction), (1.0, 1.0))
+    generated[channel] = problem.friction_heat * largest(sliding[:, 0]) * slip
+    return generated
 
 
 def _transmitted(problem: ContactProblem, pressure: float, potential: Array, self_compliance: Array) -> Array:

@@ -88,6 +88,20 @@ MAGNETIC_FIELD: Final = ScalarField(
     strength_unit="A/m",
 )
 """Magnetic potential and magnetic flux density, B.nu."""
+THERMAL_FIELD: Final = ScalarField(
+    name="thermal",
+    value_name="temperature",
+    value_unit="K",
+    flux_name="heat_flux",
+    flux_unit="W/m^2",
+    resultant="heat",
+    resultant_unit="W",
+    coefficient="thermal_conductivity",
+    coefficient_unit="W/m/K",
+    conductance_unit="W/m^2/K",
+    strength_unit="K/m",
+)
+"""Temperature above the reference at which the body is free of stress, and heat flux."""
 
 
 @dataclass(frozen=True)
@@ -156,8 +170,8 @@ class FieldSet:
 MEE: Final = FieldSet((ELECTRIC_FIELD, MAGNETIC_FIELD))
 """Fields of a magneto-electro-elastic body, which every material has."""
 
-OPTIONAL_FIELDS: Final[tuple[ScalarField, ...]] = ()
-"""Further scalar fields, uncoupled from the others, which a body has if its material gives their coefficient."""
+OPTIONAL_FIELDS: Final[tuple[ScalarField, ...]] = (THERMAL_FIELD,)
+"""Further scalar fields, on which the others do not act, which a body has if its material gives their coefficient."""
 
 N_FIELDS: Final = MEE.size
 """Size of the default field set, used by kernels that are compiled for one size."""

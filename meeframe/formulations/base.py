@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from meeframe.common.errors import CaseError
 from meeframe.mesh.body import Body, check_layers
@@ -13,6 +14,9 @@ from meeframe.system.reduced import Progress, ReducedSystem, silent
 @dataclass(frozen=True)
 class Formulation(ABC):
     """A discretisation; the fields of a concrete class are its case-file keys."""
+
+    couples_heat: ClassVar[bool] = False
+    """True if the temperature of a body may act on its other fields (`Body.thermal_moduli`)."""
 
     @abstractmethod
     def check(self, body: Body) -> None:
@@ -51,6 +55,21 @@ class Formulation(ABC):
     def resolves_edges(self) -> bool:
         """Return True if its reduced systems have the capability `EdgeResolution`."""
         return False
+
+    def undetermined_levels(self, body: Body) -> tuple[int, ...]:
+        """Return the fields whose level heat flow leaves undetermined in an infinite body.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Returns
+        -------
+        tuple of int
+            Their columns in local frames, in which 2 is the normal displacement.
+        """
+        return ()
 
     def supports_layers(self) -> bool:
         """Return True if it takes the layers of a body into account; other bodies with layers are refused."""
@@ -134,6 +153,36 @@ def check_layered(formulation: Formulation, body: Body) -> None:
             "that do, such as half-space"
         )
     check_layers(body)
+
+
+def check_body(formulation: Formulation, body: Body) -> None:
+    """Check the layers and the thermal expansion of a body, before `Formulation.check`.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body
+        The body.
+
+    Raises
+    ------
+    CaseError
+        As `check_layered`, or if the formulation ignores that heat acts on other fields of the body or its layers.
+    """
+    check_layered(formulation, body)
+    layers_expand = any(layer.material.thermal_moduli is not None for layer in body.layers.layers)
+    if body.layers and (body.thermal_moduli is not None or layers_expand):
+        raise CaseError(
+            "thermal expansion, pyroelectric and pyromagnetic coefficients are not supported in bodies with layers; "
+            "allowed: materials with thermal_conductivity alone, or a body without layers"
+        )
+    if body.thermal_moduli is not None and not formulation.couples_heat:
+        raise CaseError(
+            f"the formulation {type(formulation).__name__} does not support thermal expansion, pyroelectric and "
+            "pyromagnetic coefficients; allowed: a material with thermal_conductivity alone, or the formulation "
+            "half-space or skfem"
+        )
 
 
 def stored_arrays(formulation: Formulation, system: ReducedSystem) -> Mapping[str, AnyArray] | None:

@@ -1,4 +1,4 @@
-"""Built-in conductivity laws, electric and magnetic."""
+"""Built-in conductivity laws, electric, magnetic and thermal."""
 
 from dataclasses import dataclass
 from typing import Annotated, Final, final
@@ -30,8 +30,8 @@ class StepConductivity(ConductivityLaw):
     Attributes
     ----------
     kappa : float
-        Conductivity >= 0, in F/m^2 for the electric field and H/m^2 for the magnetic one; 0 insulates, inf conducts
-        perfectly.
+        Conductivity >= 0, in F/m^2 for the electric field, H/m^2 for the magnetic one and W/(m^2 K) for heat; 0
+        insulates, inf conducts perfectly.
 
     Raises
     ------

@@ -66,7 +66,7 @@ def validate_tensor(material: str, symbol: str, values: Array) -> Array:
             f"of at most {MAX_MAGNITUDE:g}"
         )
     for law, axes in _SYMMETRIES[symbol]:
-        _check_symmetry(material, symbol, tensor, law, axes)
+        check_tensor_symmetry(material, symbol, tensor, law, axes)
     for _, axes in _SYMMETRIES[symbol]:
         tensor = (tensor + tensor.transpose(axes)) / 2.0
     tensor.setflags(write=False)
@@ -93,7 +93,7 @@ def validate_coefficient(material: str, name: str, values: Array) -> Array:
     tensor: Array = np.array(values, dtype=float)
     if tensor.shape != (3, 3) or not (np.abs(tensor) <= MAX_MAGNITUDE).all():
         raise MaterialError(f"{material_phrase(material)}: {name} must be finite numbers of shape (3, 3)")
-    _check_symmetry(material, name, tensor, f"{name}_kl = {name}_lk", (1, 0))
+    check_tensor_symmetry(material, name, tensor, f"{name}_kl = {name}_lk", (1, 0))
     tensor = (tensor + tensor.T) / 2.0
     if not _lowest_eigenvalue(tensor)[1]:
         raise MaterialError(f"{material_phrase(material)} is not admissible: {name} must be positive definite")
@@ -101,7 +101,23 @@ def validate_coefficient(material: str, name: str, values: Array) -> Array:
     return tensor
 
 
-def _check_symmetry(material: str, symbol: str, tensor: Array, law: str, axes: tuple[int, ...]) -> None:
+def check_tensor_symmetry(material: str, symbol: str, tensor: Array, law: str, axes: tuple[int, ...]) -> None:
+    """Check that a tensor equals one of its transposes.
+
+    Parameters
+    ----------
+    material, symbol, law : str
+        Name of the material, symbol of the tensor, and the symmetry in symbols, for messages.
+    tensor : Array
+        Components.
+    axes : tuple of int
+        Order of the axes in the transpose.
+
+    Raises
+    ------
+    MaterialError
+        If a component differs beyond round-off; the message names it.
+    """
     difference = np.abs(tensor - tensor.transpose(axes))
     # below the smallest normal number there is no relative accuracy left
     if difference.max() <= _SYMMETRY_TOLERANCE * np.abs(tensor).max() + np.finfo(float).tiny:

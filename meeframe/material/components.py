@@ -1,4 +1,4 @@
-"""Materials from named components, as printed in tables: c_1122, e_311, q_15, eps_33, lambda_11, mu_33."""
+"""Materials from named components, as printed in tables: c_1122, e_311, q_15, eps_33, lambda_11, mu_33, alpha_11."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -7,16 +7,38 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import MaterialError
-from meeframe.fields import Array
+from meeframe.fields import ELECTRIC, MAGNETIC, MECHANICAL, THERMAL_FIELD, Array
 from meeframe.material.checks import material_phrase
-from meeframe.material.material import SYMBOLS, VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY, Material
+from meeframe.material.material import SYMBOLS as MATERIAL_SYMBOLS
+from meeframe.material.material import VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY, Material
 from meeframe.material.symmetry import Component, symmetry_class
+from meeframe.material.thermal import EXPANSION, MODULI, PYROELECTRIC, PYROMAGNETIC
 from meeframe.material.voigt import INDEX_PAIRS, coupling_matrix, elastic_matrix, voigt_index
 
-UNITS: Final = {"c": "Pa", "e": "C/m^2", "q": "N/(A*m)", "eps": "F/m", "lambda": "s/m", "mu": "N*s^2/C^2"}
+UNITS: Final = {
+    "c": "Pa",
+    "e": "C/m^2",
+    "q": "N/(A*m)",
+    "eps": "F/m",
+    "lambda": "s/m",
+    "mu": "N*s^2/C^2",
+    "k": "W/(m*K)",
+    "alpha": "1/K",
+    "beta": "Pa/K",
+    "p": "C/(m^2*K)",
+    "m": "N/(A*m*K)",
+}
 """SI units of the components, by symbol."""
+HEAT_SYMBOLS: Final = {
+    "alpha": EXPANSION,
+    "beta": MODULI,
+    "p": PYROELECTRIC,
+    "m": PYROMAGNETIC,
+}
+"""Arguments of `Material.with_heat`, by the symbol of their components; the symbol of the conductivity is k."""
 
-_NAME: Final = re.compile(r"(c|epsilon|eps|e|q|lambda|mu)_?([0-9]+)")
+_NAME: Final = re.compile(r"(c|epsilon|eps|e|q|lambda|mu|alpha|beta|k|p|m)_?([0-9]+)")
+_VECTORS: Final = ("p", "m")
 _VACUUM: Final = {"eps": VACUUM_PERMITTIVITY, "mu": VACUUM_PERMEABILITY}
 _TOLERANCE: Final = 1e-12  # relative; values of the same component may differ by the rounding of a unit conversion
 
@@ -51,7 +73,13 @@ def parse_component(name: str) -> Component:
         *head, i, j = (digit - 1 for digit in digits)
         first = voigt_index(head[0], head[1]) if symbol == "c" else head[0]
         return _canonical(symbol, first + 1, voigt_index(i, j) + 1)
-    if len(digits) == 2 and all(1 <= digit <= limit for digit, limit in zip(digits, voigt, strict=True)):
+    if symbol in _VECTORS and len(digits) == 1 and 1 <= digits[0] <= 3:
+        return symbol, digits[0], 0
+    if (
+        symbol not in _VECTORS
+        and len(digits) == 2
+        and all(1 <= digit <= most for digit, most in zip(digits, voigt, strict=True))
+    ):
         return _canonical(symbol, *digits)
     raise _bad_name(name)
 
@@ -59,6 +87,8 @@ def parse_component(name: str) -> Component:
 def component_label(component: Component) -> str:
     """Return the name of a component with full indices, as printed in the paper."""
     symbol, first, second = component
+    if symbol in _VECTORS:
+        return f"{symbol}_{first}"
     if symbol not in ("c", "e", "q"):
         return f"{symbol}_{first}{second}"
     head = _full_indices(first) if symbol == "c" else str(first)
@@ -66,7 +96,11 @@ def component_label(component: Component) -> str:
 
 
 def material_from_components(
-    name: str, components: Mapping[str, float], symmetry: str = "triclinic", source: str = ""
+    name: str,
+    components: Mapping[str, float],
+    symmetry: str = "triclinic",
+    source: str = "",
+    pyro_constraint: str | None = None,
 ) -> Material:
     """Make a material from named components in SI units.
 
@@ -82,11 +116,14 @@ def material_from_components(
         components, and reject components that do not exist in them.
     source : str
         Where the constants come from.
+    pyro_constraint : {'strain', 'stress'}, optional
+        Quantity that is constant where p and m are measured; required if one of them is present.
 
     Returns
     -------
     Material
-        The material. If no component of eps, or of mu, is present, that of vacuum is used.
+        The material, with a temperature if there are components of k. If no component of eps, or of mu, is present,
+        that of vacuum is used.
 
     Raises
     ------
@@ -101,8 +138,18 @@ def material_from_components(
         values = symmetry_class(symmetry).complete(independent, component_label)
     except MaterialError as error:
         raise MaterialError(f"{material_phrase(name)}: {error}") from None
-    c, e, q, eps, lambda_, mu = (_matrix(symbol, values) for symbol in SYMBOLS.values())
-    return Material.from_voigt(name, c, e, q, eps, lambda_, mu, source)
+    c, e, q, eps, lambda_, mu = (_matrix(symbol, values) for symbol in MATERIAL_SYMBOLS.values())
+    material = Material.from_voigt(name, c, e, q, eps, lambda_, mu, source)
+    symbols = {symbol for symbol, *_ in independent}
+    heat = {argument: _matrix(symbol, values) for symbol, argument in HEAT_SYMBOLS.items() if symbol in symbols}
+    if "k" not in symbols:
+        if heat or pyro_constraint is not None:
+            raise MaterialError(
+                f"{material_phrase(name)}: {next(iter(heat), 'pyro_constraint')} without thermal conductivity; "
+                "allowed: with components of k"
+            )
+        return material
+    return material.with_heat(_matrix("k", values), **heat, pyro_constraint=pyro_constraint)
 
 
 def material_components(material: Material) -> dict[str, float]:
@@ -111,7 +158,7 @@ def material_components(material: Material) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Values in SI units by name (see `component_label`), each component once.
+        Values in SI units by name (see `component_label`), each component once; p and m are those at constant strain.
     """
     matrices = {
         "c": elastic_matrix(material.elastic),
@@ -121,10 +168,17 @@ def material_components(material: Material) -> dict[str, float]:
         "lambda": material.magnetoelectric,
         "mu": material.permeability,
     }
+    for field, coefficient in material.decoupled:
+        if field == THERMAL_FIELD:
+            matrices["k"] = coefficient
+    if material.thermal_moduli is not None:
+        beta = material.thermal_moduli
+        matrices |= {"beta": beta[:, MECHANICAL], "p": -beta[:, [ELECTRIC]], "m": -beta[:, [MAGNETIC]]}
     components: dict[str, float] = {}
     for symbol, matrix in matrices.items():
         for row, column in zip(*np.nonzero(matrix), strict=True):
-            component = _canonical(symbol, int(row) + 1, int(column) + 1)
+            second = 0 if symbol in _VECTORS else int(column) + 1
+            component = _canonical(symbol, int(row) + 1, second)
             components[component_label(component)] = float(matrix[row, column])
     return components
 
@@ -147,6 +201,8 @@ def _collect(components: Mapping[str, float]) -> dict[Component, float]:
 
 
 def _matrix(symbol: str, values: Mapping[Component, float]) -> Array:
+    if symbol in _VECTORS:
+        return np.array([values.get((symbol, i, 0), 0.0) for i in (1, 2, 3)])
     matrix = np.zeros({"c": (6, 6), "e": (3, 6), "q": (3, 6)}.get(symbol, (3, 3)))
     for (head, first, second), value in values.items():
         if head == symbol:
@@ -157,7 +213,7 @@ def _matrix(symbol: str, values: Mapping[Component, float]) -> Array:
 
 
 def _canonical(symbol: str, first: int, second: int) -> Component:
-    if symbol not in ("e", "q") and first > second:
+    if symbol not in ("e", "q", *_VECTORS) and first > second:
         first, second = second, first
     return symbol, first, second
 
@@ -167,5 +223,15 @@ def _full_indices(voigt: int) -> str:
 
 
 def _bad_name(name: str) -> MaterialError:
-    examples: Iterable[str] = ("c_1122 or c_12", "e_311 or e_31", "q_113 or q_15", "eps_11", "lambda_11", "mu_11")
+    examples: Iterable[str] = (
+        "c_1122 or c_12",
+        "e_311 or e_31",
+        "q_113 or q_15",
+        "eps_11",
+        "lambda_11",
+        "mu_11",
+        "alpha_11",
+        "k_11",
+        "p_3",
+    )
     return MaterialError(f"unknown component {name!r}; allowed: names such as {', '.join(examples)}")

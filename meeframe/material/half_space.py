@@ -43,7 +43,7 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
         If a vector is zero or a direction is normal to the surface, if the integrals do not converge (nearly
         inadmissible materials), or if too many digits are lost to round-off (nearly incompressible materials).
     """
-    nu, tangents = _frame(normal, directions)
+    nu, tangents = surface_frame(normal, directions)
     scaling = FieldScaling.of(stiffness)
     scaled_stiffness = scaling.scale_stiffness(stiffness)
     points, coarse = _MIN_POINTS, _barnett_lothe(scaled_stiffness, -nu, tangents, _MIN_POINTS)
@@ -125,7 +125,21 @@ def _unit(normal: ArrayLike) -> Array:
     return np.asarray(nu / length)
 
 
-def _frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+def surface_frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+    """Return the unit normal (3,) and unit directions (n, 3) in the surface.
+
+    Parameters
+    ----------
+    normal : array_like
+        Normal, (3,).
+    directions : array_like
+        Directions, (n, 3); their components normal to the surface are removed.
+
+    Raises
+    ------
+    MaterialError
+        If a vector is zero or a direction is along the normal.
+    """
     nu, vectors = _unit(normal), np.atleast_2d(np.asarray(directions, dtype=float))
     tangents = vectors - np.outer(vectors @ nu, nu)
     lengths = np.linalg.norm(tangents, axis=1, keepdims=True)

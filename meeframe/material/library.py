@@ -12,9 +12,10 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.common.toml import toml_tables
-from meeframe.fields import OPTIONAL_FIELDS, Array, ScalarField
+from meeframe.fields import OPTIONAL_FIELDS, THERMAL_FIELD, Array, ScalarField
 from meeframe.material.material import Material
 from meeframe.material.tables import check_keys, inline_material, quantity, read_material, rotate_by_table
+from meeframe.material.thermal import CONSTRAINT, HEAT_KEYS, heat_constants
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,7 @@ CONFIDENCE: Final[Mapping[str, str]] = {
     "fair": "one table, or tables that disagree as the note says",
     "nominal": "rounded values of a standard",
     "printed": "as printed in the reference paper",
+    "estimate": "thermal constants some of which are estimated, as the note says",
 }
 """Levels of confidence in the constants of the library."""
 
@@ -84,27 +86,47 @@ def library() -> tuple[LibraryEntry, ...]:
     return (*(_data_entry(name) for name in _DATA), _ISOTROPIC)
 
 
-def library_material(name: str, **options: float) -> Material:
+def library_material(name: str, *, thermal: bool = False, **options: float) -> Material:
     """Return a material of the library.
 
     Parameters
     ----------
     name : str
         Name of the entry.
+    thermal : bool, optional
+        Whether the material has a temperature, with the thermal constants of the library.
     **options : float
         Options of the entry in SI units.
 
     Raises
     ------
     MaterialError
-        For an unknown name or option; the message lists those that exist.
+        For an unknown name or option; the message lists those that exist. For a material without thermal constants in
+        the library.
     """
     entry = library_entry(name)
     check_keys(options, set(entry.options), f"material {name!r}")
     missing = [option for option in entry.required if option not in options]
     if missing:
         raise MaterialError(f"material {name!r} needs {', '.join(missing)}")
-    return entry.make(**options)
+    return with_library_heat(entry.make(**options), name) if thermal else entry.make(**options)
+
+
+def with_library_heat(material: Material, name: str) -> Material:
+    """Return a material with the thermal constants of the entry of a name; raise MaterialError if it has none."""
+    table = library_heat(name)
+    if table is None:
+        known = ", ".join(entry for entry in _DATA if library_heat(entry))
+        raise MaterialError(
+            f"material {name!r} has no thermal constants in the library; allowed: {known}, or thermal_conductivity and "
+            "other constants of your choice"
+        )
+    return material.with_heat(**{key: table[key] for key in (THERMAL_FIELD.coefficient, *HEAT_KEYS) if key in table})
+
+
+def library_heat(name: str) -> Mapping[str, Any] | None:
+    """Return the thermal constants of an entry in SI units, with source, confidence and note; None if it has none."""
+    return _data(name).get("thermal") if name in _DATA else None
 
 
 def material_from_table(
@@ -118,13 +140,14 @@ def material_from_table(
         One of the following, each with an optional rotation = {...}. Quantities are texts such as '226 GPa' or SI
         numbers.
 
-        - {name = "...", options}: a material of the library;
+        - {name = "...", options}: a material of the library; thermal = true adds its thermal constants;
         - {components = {...}, symmetry, name, source}: see `meeframe.material.tables.inline_material`;
         - {file = "..."}: a material file.
     directory : Path
         Directory to which the path of a material file is relative.
     scalar_fields : tuple of ScalarField
-        Further scalar fields whose coefficients the table may contain, as one number or three rows of three.
+        Further scalar fields whose coefficients the table may contain, as one number, three on the diagonal, or three
+        rows of three.
 
     Raises
     ------
@@ -133,11 +156,8 @@ def material_from_table(
     """  # fmt: skip
     coefficients = {field: table[field.coefficient] for field in scalar_fields if field.coefficient in table}
     if coefficients:
-        rest = {key: value for key, value in table.items() if key not in {field.coefficient for field in coefficients}}
-        material = material_from_table({key: value for key, value in rest.items() if key != "rotation"}, directory, ())
-        for field, value in coefficients.items():
-            material = material.with_field(field, _coefficient(field, value))
-        return rotate_by_table(material, rest)
+        return rotate_by_table(_with_fields(table, coefficients, directory), table)
+    _check_heat_keys(table)
     forms = table.keys() & {"components", "file"} or table.keys() & {"name"}
     if len(forms) != 1:
         raise MaterialError("a material needs exactly one of the keys name (from the library), components or file")
@@ -147,21 +167,54 @@ def material_from_table(
         check_keys(table, {"file", "rotation"}, "material")
         return rotate_by_table(read_material(directory / str(table["file"])), table)
     entry = library_entry(table["name"])
-    check_keys(table, {"name", "rotation", *entry.options}, f"material {entry.name!r}")
+    check_keys(table, {"name", "rotation", "thermal", *entry.options}, f"material {entry.name!r}")
+    thermal = table.get("thermal", False)
+    if not isinstance(thermal, bool):
+        raise MaterialError(f"material {entry.name!r}: thermal is {thermal!r}; allowed: true or false")
     options = {
         key: quantity(f"material {entry.name!r}: {key}", table[key], unit)
         for key, unit in entry.options.items()
         if key in table
     }
-    return rotate_by_table(library_material(entry.name, **options), table)
+    return rotate_by_table(library_material(entry.name, thermal=thermal, **options), table)
+
+
+def _with_fields(table: Mapping[str, Any], coefficients: Mapping[ScalarField, Any], directory: Path) -> Material:
+    """Return the material of a table with further scalar fields, not rotated."""
+    further = {"rotation", *(field.coefficient for field in coefficients)}
+    constants: dict[str, Any] = {}
+    if THERMAL_FIELD in coefficients:
+        constants = heat_constants(table)
+        further |= constants.keys()
+    else:
+        _check_heat_keys(table)
+    material = material_from_table({key: value for key, value in table.items() if key not in further}, directory, ())
+    for scalar, value in coefficients.items():
+        coefficient = _coefficient(scalar, value)
+        if scalar == THERMAL_FIELD:
+            material = material.with_heat(coefficient, **constants)
+        else:
+            material = material.with_field(scalar, coefficient)
+    return material
+
+
+def _check_heat_keys(table: Mapping[str, Any]) -> None:
+    """Raise MaterialError if the temperature acts on other fields but has no conductivity of its own."""
+    present = [key for key in HEAT_KEYS if key in table and not (key == CONSTRAINT and "components" in table)]
+    if present:
+        raise MaterialError(f"{present[0]} without {THERMAL_FIELD.coefficient}; allowed: both, or neither")
 
 
 def _coefficient(field: ScalarField, value: Any) -> Array | float:
-    """Return the coefficient of a scalar field, from one number or three rows of three, in SI units."""
+    """Return the coefficient of a scalar field in SI units, from one number, three on the diagonal, or three rows."""
     if not isinstance(value, list | tuple):
         return quantity(field.coefficient, value, field.coefficient_unit)
+    if len(value) == 3 and not any(isinstance(entry, list | tuple) for entry in value):
+        return np.diag([quantity(field.coefficient, entry, field.coefficient_unit) for entry in value])
     if len(value) != 3 or any(not isinstance(row, list | tuple) or len(row) != 3 for row in value):
-        raise MaterialError(f"{field.coefficient} is {value!r}, must be one number or three rows of three")
+        raise MaterialError(
+            f"{field.coefficient} is {value!r}, must be one number, three on the diagonal, or three rows of three"
+        )
     return np.array([[quantity(field.coefficient, entry, field.coefficient_unit) for entry in row] for row in value])
 
 
@@ -189,7 +242,7 @@ def _data(name: str) -> dict[str, Any]:
 
 @lru_cache(maxsize=64)
 def _from_data(name: str) -> Material:
-    return inline_material({key: value for key, value in _data(name).items() if key not in _DESCRIPTION})
+    return inline_material({key: value for key, value in _data(name).items() if key not in (*_DESCRIPTION, "thermal")})
 
 
 def _data_entry(name: str) -> LibraryEntry:

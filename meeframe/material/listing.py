@@ -7,7 +7,7 @@ from rich.text import Text
 
 from meeframe.common.literal import LiteralTable
 from meeframe.material.components import UNITS, material_components, parse_component
-from meeframe.material.library import CONFIDENCE, LibraryEntry, library, library_entry
+from meeframe.material.library import CONFIDENCE, LibraryEntry, library, library_entry, library_heat
 from meeframe.material.material import Material
 
 _COUPLINGS: Final = (
@@ -54,7 +54,15 @@ def material_page(name: str) -> RenderableType:
     table.add_column("value", justify="right")
     for component, value in material_components(_made(entry)).items():
         table.add_row(component, UNITS[parse_component(component)[0]], f"{value:.6g}")
-    return Group(*lines, Text(""), table)
+    heat = library_heat(entry.name)
+    if heat is None:
+        return Group(*lines, Text(""), table)
+    thermal = LiteralTable(box=None, pad_edge=False, header_style="bold")
+    for title in ("thermal constant, with thermal = true", "value"):
+        thermal.add_column(title)
+    for key, value in heat.items():
+        thermal.add_row(key, str(value))
+    return Group(*lines, Text(""), table, Text(""), thermal)
 
 
 def couplings(material: Material) -> str:

@@ -7,10 +7,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meeframe.common.errors import MaterialError
-from meeframe.fields import ELECTRIC, MAGNETIC, MEE, Array, FieldScaling, FieldSet, ScalarField
+from meeframe.fields import ELECTRIC, MAGNETIC, MEE, THERMAL_FIELD, Array, FieldScaling, FieldSet, ScalarField
 from meeframe.fields.units import MAX_MAGNITUDE
-from meeframe.material.checks import check_elastic, check_electromagnetic, validate_coefficient, validate_tensor
+from meeframe.material.checks import (
+    check_elastic,
+    check_electromagnetic,
+    material_phrase,
+    validate_coefficient,
+    validate_tensor,
+)
 from meeframe.material.rotation import validate_rotation
+from meeframe.material.thermal import moduli_from_constants, rotate_moduli, validate_moduli
 from meeframe.material.voigt import coupling_tensor, elastic_tensor
 
 VACUUM_PERMITTIVITY = 8.8541878128e-12
@@ -44,13 +51,16 @@ class Material:
     source : str
         Where the constants come from.
     decoupled : tuple of (ScalarField, Array)
-        Further scalar fields, not coupled to the others, each with its coefficient (3, 3) in SI units.
+        Further scalar fields, on which the others do not act, each with its coefficient (3, 3) in SI units.
+    thermal_moduli : Array, optional
+        beta_iJ at constant strain, (3, 5) in SI units, by which the temperature acts on the other fields
+        (meeframe.material.thermal); None if it does not.
 
     Raises
     ------
     MaterialError
         If an entry is not finite, a symmetry of eq. (8) is violated, or c, the block [[eps, lambda], [lambda, mu]]
-        or a further coefficient is not positive definite.
+        or a further coefficient is not positive definite, or if there are thermal moduli without a thermal field.
 
     Notes
     -----
@@ -66,6 +76,7 @@ class Material:
     permeability: Array
     source: str = ""
     decoupled: tuple[tuple[ScalarField, Array], ...] = ()
+    thermal_moduli: Array | None = None
 
     def __post_init__(self) -> None:
         for field, symbol in SYMBOLS.items():
@@ -76,6 +87,12 @@ class Material:
             (field, validate_coefficient(self.name, field.coefficient, value)) for field, value in self.decoupled
         )
         object.__setattr__(self, "decoupled", tuple(decoupled))
+        if self.thermal_moduli is not None:
+            if THERMAL_FIELD not in self.fields.scalars:
+                raise MaterialError(
+                    f"{material_phrase(self.name)} has thermal moduli; {THERMAL_FIELD.coefficient} is missing"
+                )
+            object.__setattr__(self, "thermal_moduli", validate_moduli(self.name, self.thermal_moduli))
 
     @classmethod
     def from_voigt(
@@ -168,15 +185,58 @@ class Material:
         field : ScalarField
             The field.
         coefficient : array_like
-            Its coefficient, (3, 3), or one number if it is isotropic, in SI units.
+            Its coefficient, (3, 3), three numbers on the diagonal, or one number if it is isotropic, in SI units.
 
         Raises
         ------
         MaterialError
             As for `Material`.
         """
-        tensor = np.asarray(coefficient, float) * (np.eye(3) if np.ndim(coefficient) == 0 else 1.0)
+        if field in self.fields.scalars:
+            raise MaterialError(f"{material_phrase(self.name)} has the {field.name} field already")
+        tensor = np.asarray(coefficient, float)
+        tensor = np.eye(3) * tensor if tensor.ndim < 2 else tensor
         return replace(self, decoupled=(*self.decoupled, (field, tensor)))
+
+    def with_heat(
+        self,
+        thermal_conductivity: ArrayLike,
+        thermal_expansion: ArrayLike | None = None,
+        thermal_moduli: ArrayLike | None = None,
+        pyroelectric: ArrayLike | None = None,
+        pyromagnetic: ArrayLike | None = None,
+        pyro_constraint: str | None = None,
+    ) -> "Material":
+        """Return the material with the temperature as a further scalar field, which acts on the others.
+
+        Parameters
+        ----------
+        thermal_conductivity : array_like
+            k, one number, three on the diagonal, or (3, 3) [W/(m K)], symmetric and positive definite.
+        thermal_expansion, thermal_moduli : array_like, optional
+            alpha [1/K] or c alpha [Pa/K]: one number, three on the diagonal, or (3, 3).
+        pyroelectric, pyromagnetic : array_like, optional
+            p [C/(m^2 K)] and m [N/(A m K)], (3,).
+        pyro_constraint : {'strain', 'stress'}, optional
+            Quantity that is constant where p and m are measured; required if one of them is given.
+
+        Raises
+        ------
+        MaterialError
+            As for `Material` and `meeframe.material.thermal.moduli_from_constants`.
+        """
+        moduli = moduli_from_constants(
+            self.name,
+            (self.elastic, self.piezoelectric, self.piezomagnetic),
+            thermal_expansion,
+            thermal_moduli,
+            pyroelectric,
+            pyromagnetic,
+            pyro_constraint,
+        )
+        return replace(
+            self.with_field(THERMAL_FIELD, thermal_conductivity), thermal_moduli=moduli if moduli.any() else None
+        )
 
     @cached_property
     def fields(self) -> FieldSet:
@@ -229,6 +289,7 @@ class Material:
             r @ self.permeability @ r.T,
             self.source,
             tuple((field, r @ coefficient @ r.T) for field, coefficient in self.decoupled),
+            rotate_moduli(self.thermal_moduli, r),
         )
 
 
@@ -276,4 +337,8 @@ def mixture(first: Material, second: Material, fraction: float) -> Material:
         for (field, one), (_, other) in zip(first.decoupled, second.decoupled, strict=True)
     )
     source = f"rule of mixture of [{first.source}] and [{second.source}]"
-    return Material(name, **tensors, source=source, decoupled=decoupled)
+    moduli = [
+        np.zeros((3, MEE.size)) if each.thermal_moduli is None else each.thermal_moduli for each in (first, second)
+    ]
+    mixed = fraction * moduli[0] + (1.0 - fraction) * moduli[1]
+    return Material(name, **tensors, source=source, decoupled=decoupled, thermal_moduli=mixed if mixed.any() else None)

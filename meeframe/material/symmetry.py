@@ -7,7 +7,11 @@ from typing import Final
 from meeframe.common.errors import MaterialError
 
 Component = tuple[str, int, int]
-"""Symbol and two 1-based indices: two Voigt indices for c; field and Voigt for e and q; plain for eps, lambda, mu."""
+"""Symbol and two 1-based indices: two Voigt indices for c; field and Voigt for e and q; one and zero for the vectors p
+and m; plain for the others."""
+
+SYMBOLS: Final = ("c", "e", "q", "eps", "lambda", "mu", "alpha", "beta", "k", "p", "m")
+"""Symbols of the components; those of heat come last (meeframe.material.thermal)."""
 
 Label = Callable[[Component], str]
 
@@ -22,9 +26,9 @@ class SymmetryClass:
     ----------
     name : str
         Name of the class in case files.
-    elastic, coupling, second_order : tuple of str
-        Groups of equal components of c; of e and q; of eps, lambda and mu. A group is a text
-        of Voigt or plain indices such as '11 22'.
+    elastic, coupling, second_order, polar : tuple of str
+        Groups of equal components of c; of e and q; of tensors of second order; of vectors. A group is a text of Voigt
+        or plain indices such as '11 22'.
     shear : str
         Elastic component that equals (c_11 - c_12)/2, if any.
     complete_tables : bool
@@ -35,6 +39,7 @@ class SymmetryClass:
     elastic: tuple[str, ...]
     coupling: tuple[str, ...]
     second_order: tuple[str, ...]
+    polar: tuple[str, ...] = ()
     shear: str | None = None
     complete_tables: bool = True
 
@@ -71,8 +76,8 @@ class SymmetryClass:
         return values
 
     def _groups(self) -> Iterator[tuple[Component, ...]]:
-        groups = {"c": self.elastic, "e": self.coupling, "q": self.coupling}
-        for symbol in ("c", "e", "q", "eps", "lambda", "mu"):
+        groups = {"c": self.elastic, **dict.fromkeys("eq", self.coupling), **dict.fromkeys("pm", self.polar)}
+        for symbol in SYMBOLS:
             for text in groups.get(symbol, self.second_order):
                 yield tuple(_component(symbol, pair) for pair in text.split())
 
@@ -129,6 +134,7 @@ _CLASSES: Final = (
         _index_pairs(6, 6, True),
         _index_pairs(3, 6, False),
         _index_pairs(3, 3, True),
+        ("1", "2", "3"),
         complete_tables=False,
     ),
     SymmetryClass(
@@ -136,12 +142,14 @@ _CLASSES: Final = (
         ("11", "12", "13", "22", "23", "33", "44", "55", "66"),
         ("15", "24", "31", "32", "33"),
         ("11", "22", "33"),
+        ("3",),
     ),
     SymmetryClass(
         "transversely-isotropic",
         ("11 22", "12", "13 23", "33", "44 55", "66"),
         ("15 24", "31 32", "33"),
         ("11 22", "33"),
+        ("3",),
         shear="66",
     ),
     SymmetryClass("cubic", ("11 22 33", "12 13 23", "44 55 66"), ("14 25 36",), ("11 22 33",)),
@@ -164,4 +172,4 @@ def symmetry_class(name: str) -> SymmetryClass:
 
 
 def _component(symbol: str, pair: str) -> Component:
-    return symbol, int(pair[0]), int(pair[1])
+    return symbol, int(pair[0]), int(pair[1:] or 0)

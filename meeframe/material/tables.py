@@ -15,8 +15,9 @@ from meeframe.material.checks import material_phrase
 from meeframe.material.components import UNITS, material_components, material_from_components, parse_component
 from meeframe.material.material import Material
 from meeframe.material.rotation import rotation_about, rotation_from_euler
+from meeframe.material.thermal import CONSTRAINT
 
-_INLINE_KEYS = {"name", "source", "symmetry", "components", "rotation"}
+_INLINE_KEYS = {"name", "source", "symmetry", "components", "rotation", CONSTRAINT}
 
 
 def inline_material(table: Mapping[str, Any]) -> Material:
@@ -26,8 +27,8 @@ def inline_material(table: Mapping[str, Any]) -> Material:
     ----------
     table : mapping
         The keys are `components` (a table of named components, texts with units such as '226 GPa' or SI numbers) and,
-        optionally, `name`, `source`, `symmetry` (see `material_from_components`) and `rotation` (see
-        `rotation_from_table`).
+        optionally, `name`, `source`, `symmetry`, `pyro_constraint` (see `material_from_components`) and `rotation`
+        (see `rotation_from_table`).
 
     Raises
     ------
@@ -45,7 +46,9 @@ def inline_material(table: Mapping[str, Any]) -> Material:
         key: quantity(f"{material_phrase(name)}: components.{key}", value, UNITS[parse_component(key)[0]])
         for key, value in components.items()
     }
-    material = material_from_components(name, values, _text(table, "symmetry", "triclinic"), _text(table, "source", ""))
+    constraint = _text(table, CONSTRAINT, "") if CONSTRAINT in table else None
+    texts = _text(table, "symmetry", "triclinic"), _text(table, "source", "")
+    material = material_from_components(name, values, *texts, constraint)
     return rotate_by_table(material, table)
 
 
@@ -55,6 +58,8 @@ def material_table(material: Material) -> dict[str, Any]:
     `inline_material` makes the same material from the table, to the last digit.
     """
     head = {"name": material.name, "source": material.source, "symmetry": "triclinic"}
+    if material.thermal_moduli is not None:
+        head[CONSTRAINT] = "strain"
     return {**head, "components": material_components(material)}
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from meeframe.common.errors import CaseError
 from meeframe.fields import MEE, Array, FieldSet
 from meeframe.material.layers import LayerStack
+from meeframe.material.material import Material
 from meeframe.mesh.surface import SurfaceMesh
 
 
@@ -51,6 +52,8 @@ class Body:
         Face group that may come into contact, None for a boundary value problem without contact.
     fields : FieldSet
         Names of the columns.
+    thermal_moduli : Array or None
+        beta_iJ, (3, 5), by which the temperature, one of the fields, acts on the others; None if it does not.
     layers : LayerStack
         Layers on the body, and its rigid base; none for a homogeneous body.
     """
@@ -61,6 +64,20 @@ class Body:
     contact_group: str | None
     fields: FieldSet = MEE
     layers: LayerStack = field(default_factory=LayerStack)
+    thermal_moduli: Array | None = None
+
+    @classmethod
+    def of(
+        cls,
+        material: Material,
+        mesh: SurfaceMesh,
+        conditions: tuple[BoundaryCondition, ...],
+        contact_group: str | None,
+        layers: LayerStack | None = None,
+    ) -> "Body":
+        """Return the body of a material, with its fields; the arguments are those of `Body`."""
+        geometry = mesh, conditions, contact_group
+        return cls(material.stiffness, *geometry, material.fields, layers or LayerStack(), material.thermal_moduli)
 
 
 def check_layers(body: Body) -> None:

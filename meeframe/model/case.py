@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel, field_set
-from meeframe.formulations.base import Formulation, check_layered
+from meeframe.formulations.base import Formulation, check_body
 from meeframe.indenters import Placement, initial_gap
 from meeframe.indenters.base import Indenter, MotionModes
 from meeframe.laws.base import ContactLaw
@@ -20,6 +20,7 @@ from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.data import CaseData
 from meeframe.model.data import Output as Output
 from meeframe.model.frames import frames_along
+from meeframe.model.heat import check_friction_heat, check_levels
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
@@ -63,6 +64,9 @@ class Case(CaseData):
         Law of the tractions.
     axes : FrictionAxes, optional
         Direction of the local axis e1, from which a contact law measures its angle; by default that of local_frames.
+    friction_heat : float, optional
+        Fraction of the work of friction that flows into the body as heat, from 0 (by default) to 1; the rest heats the
+        indenter. Load steps without a duration are infinitely slow and generate none.
     conductivity : mapping of str to ConductivityLaw, optional
         Conductivity laws of the contact by the name of their scalar field; a field without one is insulated.
     formulation : Formulation, optional
@@ -104,7 +108,7 @@ class Case(CaseData):
         _check_keys("conductivity", self.conductivity, self.fields.names)
         _check_keys("potentials", self.potentials, [scalar.value_name for scalar in self.fields.scalars])
         check_contact_zone(self.mesh, self.zone)
-        check_layered(self.formulation, self.body)
+        check_body(self.formulation, self.body)
         check_memory(self.mesh, self.contact_law, self.channels)
         self.formulation.check(self.body)
         if not self.steps:
@@ -116,6 +120,8 @@ class Case(CaseData):
         for channel in self.channels:
             check_conductivity(channel.law, len(contact_zone.points))
         check_fields(self.second_body, self.fields)
+        check_friction_heat(self.friction_heat, self.fields, self.second_body is not None)
+        check_levels(self.steps, self.channels, self.friction_heat, self._undetermined_levels)
         check_alike(self.second_body, self.formulation)
         check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:
@@ -132,9 +138,16 @@ class Case(CaseData):
         check_solver(self, self.solver)
 
     @property
+    def _undetermined_levels(self) -> set[int]:
+        """Fields of either body whose level heat flow leaves undetermined."""
+        second_body = () if self.second_body is None else ((self.second_body.formulation, self.second_body.body),)
+        bodies = ((self.formulation, self.body), *second_body)
+        return {field for formulation, body in bodies for field in formulation.undetermined_levels(body)}
+
+    @property
     def body(self) -> Body:
         """Boundary value problem for the formulation."""
-        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.fields, self.layers)
+        return Body.of(self.material, self.mesh, self.conditions, self.zone, self.layers)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -13,8 +13,10 @@ from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
 from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, MotionModes
 from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, is_adhesive
+from meeframe.mesh.body import Body
 from meeframe.mesh.measures import corners
 from meeframe.mesh.regular import GridCells, grid_shape, outermost_cells
+from meeframe.model.heat_diagnostics import heat_diagnostics
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
 from meeframe.plugin.hookspecs import PROJECT
@@ -102,6 +104,9 @@ class Diagnostics:
         # contact that reaches the boundary already implies an overlap of the whole zone
         warnings = list(preflight(kinematics)) if warns and not sides else []
         sentences = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(warnings)))
+        if case.material.thermal_moduli is not None:
+            body = Body.of(case.material, case.mesh, (), case.zone)
+            sentences += heat_diagnostics(body, increment, result, kinematics.system.weights)
         if onsets is not None:
             sentences += diagnostics_on_end(zone, result, case.contact_law, onsets)
             sentences += snap_in(kinematics.system, case.contact_law, result)

@@ -173,7 +173,14 @@ class IndenterKinematics:
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         problem = ContactProblem(
-            self.system, contact_law, channels, gap, translation, potentials, tuple(prescribed_resultants.values())
+            self.system,
+            contact_law,
+            channels,
+            gap,
+            translation,
+            potentials,
+            tuple(prescribed_resultants.values()),
+            friction_heat=0.0 if duration is None else self.case.friction_heat / duration,
         )
         return Increment(problem, base, np.array(list(prescribed_resultants), int), prescribed, duration)
 

@@ -98,7 +98,7 @@ def case_from_tables(
     try:
         return assemble(checked.solver.named)
     except MeeframeError as error:
-        body = Body(material.stiffness, mesh, (), checked.contact.zone, material.fields, layers)
+        body = Body.of(material, mesh, (), checked.contact.zone, layers)
         problem = locate(error, checked, body, second_body, restart, assemble)
         raise TableError(problem.quoting(tables)) from error.__cause__
     except MemoryError as error:
@@ -138,7 +138,7 @@ def _second_body(table: SecondBodyTable, material: Material, registry: Registry,
     try:
         return SecondBody(material, mesh, _conditions(table.boundary), table.zone, table.formulation, layers)
     except MeeframeError as error:
-        body = Body(material.stiffness, mesh, (), table.zone, material.fields, layers)
+        body = Body.of(material, mesh, (), table.zone, layers)
         raise TableError(locate_in_second_body(error, table, body)) from error.__cause__
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
@@ -197,6 +197,7 @@ def _assemble(
         zone=table.contact.zone,
         contact_law=table.contact.law,
         axes=table.contact.axes,
+        friction_heat=table.contact.friction_heat,
         conductivity=table.conductivity.laws,
         formulation=table.formulation,
         solver=solver,

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from meeframe.common.errors import MeeframeError, MeshError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import Solver
-from meeframe.formulations.base import check_layered
+from meeframe.formulations.base import check_body, check_layered
 from meeframe.indenters.base import IndenterMotions
 from meeframe.laws.base import is_conducting
 from meeframe.mesh import check_contact_zone, check_mesh, check_supports, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.model.body_tables import SecondBodyTable
 from meeframe.model.case import Case, check_indenter, check_title, resistance
+from meeframe.model.heat import check_friction_heat, check_levels
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.memory import check_memory
 from meeframe.model.preflight import check_solver
@@ -79,6 +80,7 @@ def _failed_check(
         others = table.boundary[:number] + table.boundary[number + 1 :]
         conditions = tuple(condition for boundary in others for condition in boundary.conditions())
         with suppress(MeeframeError), faults_of_plugins():
+            check_body(table.formulation, body)
             table.formulation.check(replace(body, conditions=conditions))
             return Problem(("boundary", number), "")
     return Problem(("mesh" if isinstance(error, MeshError) else "formulation",), "")
@@ -137,6 +139,12 @@ def _case_checks(
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
         yield Problem(("steps", number), ""), partial(check_pull, step, law)
         yield Problem(("steps", number), ""), partial(_check_held, step, IndenterMotions(body.fields), held)
+    heat, two_bodies = table.contact.friction_heat, second_body is not None
+    yield Problem(("contact", "friction_heat"), "", heat), partial(check_friction_heat, heat, body.fields, two_bodies)
+    levels = {*table.formulation.undetermined_levels(body)}
+    if second_body is not None:
+        levels |= {*second_body.formulation.undetermined_levels(second_body.body)}
+    yield Problem((), ""), partial(check_levels, steps, channels, heat, levels)
     duration = steps[0].increment_duration
     yield Problem(("contact", "law"), ""), partial(law_of_increment, law, np.zeros(len(points)), duration)
     yield Problem(("solver",), ""), partial(_check_solver, assemble, table.solver.named)

@@ -8,7 +8,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError, MeshError
 from meeframe.fields import FieldSet
-from meeframe.formulations.base import Formulation, check_layered
+from meeframe.formulations.base import Formulation, check_body
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material
 from meeframe.material.layers import LayerStack
@@ -41,14 +41,13 @@ class SecondBody:
     def __post_init__(self) -> None:
         check_contact_zone(self.mesh, self.zone)
         with faults_of_plugins():
-            check_layered(self.formulation, self.body)
+            check_body(self.formulation, self.body)
             self.formulation.check(self.body)
 
     @property
     def body(self) -> Body:
         """Boundary value problem for the formulation."""
-        fields = self.material.fields
-        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, fields, self.layers)
+        return Body.of(self.material, self.mesh, self.conditions, self.zone, self.layers)
 
 
 def check_fields(second_body: SecondBody | None, fields: FieldSet) -> None:

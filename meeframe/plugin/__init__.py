@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from meeframe.fields import N_FIELDS as N_FIELDS
     from meeframe.fields import N_MECHANICAL as N_MECHANICAL
     from meeframe.fields import POTENTIALS as POTENTIALS
+    from meeframe.fields import THERMAL_FIELD as THERMAL_FIELD
     from meeframe.fields import Array as Array
     from meeframe.fields import FieldScaling as FieldScaling
     from meeframe.fields import FieldSet as FieldSet
@@ -71,8 +72,10 @@ if TYPE_CHECKING:
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
+    from meeframe.material.layer_fields import waves_in_layers as waves_in_layers
     from meeframe.material.layers import LayerStack as LayerStack
     from meeframe.material.surface_symbol import SurfaceSymbol as SurfaceSymbol
+    from meeframe.material.thermal_half_space import thermal_response as thermal_response
     from meeframe.mesh.body import Body as Body
     from meeframe.mesh.body import BoundaryCondition as BoundaryCondition
     from meeframe.mesh.body import check_conditions as check_conditions
@@ -128,6 +131,7 @@ _HOMES = {
     "N_FIELDS": "meeframe.fields",
     "N_MECHANICAL": "meeframe.fields",
     "POTENTIALS": "meeframe.fields",
+    "THERMAL_FIELD": "meeframe.fields",
     "Quantity": "meeframe.fields.units",
     "check_quantities": "meeframe.fields.units",
     # Laws
@@ -174,7 +178,9 @@ _HOMES = {
     "Formulation": "meeframe.formulations.base",
     "PersistentFormulation": "meeframe.formulations.base",
     "surface_compliance": "meeframe.material.half_space",
+    "thermal_response": "meeframe.material.thermal_half_space",
     "LayerStack": "meeframe.material.layers",
+    "waves_in_layers": "meeframe.material.layer_fields",
     "SurfaceSymbol": "meeframe.material.surface_symbol",
     "Body": "meeframe.mesh.body",
     "BoundaryCondition": "meeframe.mesh.body",

@@ -87,7 +87,7 @@ class Auto(Solver):
             memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
-        if memory.idle > stage.stall_window:
+        if memory.idle > stage.stall_window and len(memory.stages) > 1:
             best = evaluate(problem, memory.best)
             return _begin(problem, memory.stages[1:], best, memory.scales, memory.tolerance)
         return replace(inner, memory=memory)
@@ -97,7 +97,7 @@ def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
     """Return all stages that may be tried, in this order."""
     if problem.system.dense() is None and FRICTIONLESS.accepts(problem):
         return (_Stage(FRICTIONLESS, 1, 8), *STAGES)
-    return STAGES
+    return STAGES[:1] if problem.friction_heat else STAGES
 
 
 def _begin(

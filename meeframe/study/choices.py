@@ -1,6 +1,7 @@
 """Choices of a comparison from the command line, and the case of each of their combinations."""
 
 import dataclasses
+import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Any, Final
 
 from meeframe.common.errors import CaseError, listed
 from meeframe.common.toml import toml_tables
-from meeframe.fields import MEE, FieldSet
+from meeframe.fields import MEE, THERMAL_FIELD, FieldSet
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
 from meeframe.model.values import DEFAULT_FORMULATION
@@ -232,7 +233,12 @@ def _enter_conductivity(tables: dict[str, Any], value: str | Mapping[str, Any], 
         return
     conductivity = tables.setdefault("conductivity", {})
     material = _table(tables.get("material"))
-    further = (scalar for scalar in registry.scalar_fields if scalar.coefficient in material)
+    has_heat = material.get("thermal") or any(re.match("k_?[0-9]", name) for name in _table(material.get("components")))
+    further = (
+        scalar
+        for scalar in registry.scalar_fields
+        if scalar.coefficient in material or (scalar == THERMAL_FIELD and has_heat)
+    )
     for field in FieldSet((*MEE.scalars, *further)).names:
         conductivity[field] = _fit(value, conductivity.get(field), Kind.CONDUCTIVITY_LAW, registry)
 

@@ -24,7 +24,7 @@ from meeframe.common.errors import CaseError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.elements import Quad4
-from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, ScalarField
+from meeframe.fields import MECHANICAL, MEE, POTENTIALS, THERMAL_FIELD, Array, FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
@@ -53,19 +53,7 @@ from meeframe.testing import check_formulation
 from meeframe.testing.capabilities import check_capabilities, check_edge_resultants
 from meeframe.testing.manufactured import LinearField, prescribe
 
-HEAT = ScalarField(
-    name="thermal",
-    value_name="temperature",
-    value_unit="K",
-    flux_name="heat_flux",
-    flux_unit="W/m^2",
-    resultant="heat",
-    resultant_unit="W",
-    coefficient="thermal_conductivity",
-    coefficient_unit="W/m/K",
-    conductance_unit="W/m^2/K",
-    strength_unit="K/m",
-)
+HEAT = THERMAL_FIELD
 CONDUCTIVITY = np.array([[3.0, 0.2, 0.0], [0.2, 2.5, 0.1], [0.0, 0.1, 3.5]])
 LAWS = StepConductivity(1e-5), StepConductivity(0.4)
 KAPPA = 700.0
@@ -213,7 +201,7 @@ def test_field_set_with_a_single_scalar(name: str) -> None:
 
 def test_scalar_field_in_case_files_results_and_reports(tmp_path: Path) -> None:
     """Coefficient, law, potential and resultant are keys of a case file, and all output names the field."""
-    registry = replace(plugins.load(), scalar_fields=(HEAT,))
+    registry = plugins.load()
     (tmp_path / "warm.toml").write_text(CASE, encoding="utf-8")
     case = load_case(tmp_path / "warm.toml", registry)
     assert case.fields == FieldSet((*MEE.scalars, HEAT))
@@ -223,7 +211,7 @@ def test_scalar_field_in_case_files_results_and_reports(tmp_path: Path) -> None:
     with pytest.raises(CaseError, match=r"steps\[2\].heet = '2 mW': unknown key; did you mean 'heat'\?"):
         load_case(tmp_path / "wrong.toml", registry)
     with pytest.raises(CaseError, match="unknown key 'thermal_conductivity' in material 'isotropic'"):
-        load_case(tmp_path / "warm.toml")
+        load_case(tmp_path / "warm.toml", replace(registry, scalar_fields=()))
 
     result = solve_case(case)
     first, last = result.steps
@@ -342,7 +330,7 @@ def warm(tmp_path: Path) -> tuple[Path, plugins.Registry]:
     """Return a case file with one increment of the additional field, and the registry that contains the field."""
     path = tmp_path / "warm.toml"
     path.write_text(CASE.removesuffix('[[steps]]\nheat = "2 mW"\n'), encoding="utf-8")
-    return path, replace(plugins.load(), scalar_fields=(HEAT,))
+    return path, plugins.load()
 
 
 def test_verification_compares_scalar_field(warm: tuple[Path, plugins.Registry], tmp_path: Path) -> None:
@@ -419,7 +407,7 @@ def test_sweeps_collect_scalar_field(warm: tuple[Path, plugins.Registry], tmp_pa
 def test_studies_show_scalar_field(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     (tmp_path / "warm.toml").write_text(CASE, encoding="utf-8")
-    registry = replace(plugins.load(), scalar_fields=(HEAT,))
+    registry = plugins.load()
     study.write_text(CURVES, encoding="utf-8")
     panel = solve_study(study, tmp_path / "cache", registry=registry).panels[0]
     np.testing.assert_allclose(panel.quantities["heat"], 2e-3, rtol=1e-8)  # prescribed

@@ -7,6 +7,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.free_motion import start_load, start_motion
+from meeframe.contact.friction_heat import check_no_friction_heat
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.fields import POTENTIALS, Array
 from meeframe.fields.units import Quantity
@@ -75,6 +76,10 @@ class Uzawa(Solver):
                     object.__setattr__(self, name, _STEP.check(value))
                 except ValueError as error:
                     raise CaseError(f"Uzawa: {name} = {value!r}: {error}, or 'auto'") from None
+
+    def check(self, problem: ContactProblem) -> None:
+        """Raise CaseError if friction heats the body."""
+        check_no_friction_heat(problem, "uzawa")
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, or no load at all."""

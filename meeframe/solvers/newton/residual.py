@@ -4,7 +4,7 @@ With the trial traction t* = p + r S g of a load (p, f) and a contact fraction c
 each field and one more:
 
     p - project(t*)                                     contact,
-    T (-phi + phi_o) + (1 - T) d f                      each potential, T = d / (d + R),
+    T (-phi + phi_o) + (1 - T) d f                      each potential, T = d / (d + R), f the conducted flux,
     sigma (c - clip(c - t*_nu / sigma, 0, 1))           at biactive nodes; elsewhere c = [t*_nu < 0].
 
 The transmissivity T grows from 0 (insulated) to 1 (perfect conductor) with the conductivity and is interpolated by c as
@@ -30,6 +30,7 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 
 from meeframe.contact.conduction import Mask, depends_on_gap, switch
+from meeframe.contact.friction_heat import conducted_flux, thermal_channel
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
 from meeframe.contact.scales import Scales, motion_scales, problem_scales
 from meeframe.contact.transmissivity import Transmissivity
@@ -124,6 +125,9 @@ class ContactResidual:
         modes, measures = modes.transpose(2, 1, 0), measures.transpose(0, 2, 1)
         has_friction = bool(problem.contact_law.tangential_scaling().any())
         conducting = [channel.is_conducting for channel in problem.channels]
+        heated = thermal_channel(problem)
+        if heated is not None:
+            conducting[heated] = True
         loaded = np.flatnonzero([has_friction, has_friction, True, *conducting]).tolist()
         system = problem.system
         approximate = system.capability(ApproximateInverse) if system.dense() is None else None
@@ -179,11 +183,12 @@ class ContactResidual:
         trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
         contact_fraction = np.where(biactive, contact_fraction, trial[:, 2] < 0.0)
         normal_traction = contact_traction(law, load[:, 2], gap[:, 2])
-        unloaded_position = self.transmissivity.unloaded(relative_displacement, load[:, POTENTIALS])
+        conducted = conducted_flux(self.problem, load, relative_displacement)
+        unloaded_position = self.transmissivity.unloaded(relative_displacement, conducted)
         conducting = self.transmissivity(normal_traction, unloaded_position, 1.0)
         jump = conducting - self.transmissivity.open(normal_traction, unloaded_position)
         transmissivity = conducting - (1.0 - np.clip(contact_fraction, 0.0, 1.0))[:, None] * jump
-        flux = self.self_compliance * load[:, POTENTIALS]
+        flux = self.self_compliance * conducted
         drive = -(relative_displacement[:, POTENTIALS] + flux)
         # change of the trial when the node alone opens or closes: only a trial this near to zero can be biactive
         trial_change = np.abs(self.normal_coupling * jump * drive).sum(axis=1)
@@ -390,7 +395,8 @@ class ResidualState:
         a[fraction, fraction] = np.where(between, 0.0, self.sigma / scales.pressure)
         b[fraction, 2] = np.where(between, -equation.r / scales.pressure, 0.0)
         contact_fraction = np.clip(self.contact_fraction, 0.0, 1.0)
-        unloaded_position = equation.transmissivity.unloaded(self.relative_displacement, self.load[:, POTENTIALS])
+        conducted = conducted_flux(equation.problem, self.load, self.relative_displacement)
+        unloaded_position = equation.transmissivity.unloaded(self.relative_displacement, conducted)
         projected = self.load[:, 2] - scales.pressure * self.residual[:, 2]
         ends = normal_traction, contact_traction(law, projected, self.relative_displacement[:, 2])
         slope = contact_fraction[:, None] * equation.transmissivity.slope(*ends, unloaded_position)
@@ -403,6 +409,7 @@ class ResidualState:
         if is_adhesive(law):
             by_attraction = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
             gap_slope = -by_attraction if gap_slope is None else gap_slope - by_attraction
+        heated = thermal_channel(equation.problem)
         for k, field in enumerate(range(N_MECHANICAL, fraction)):
             unit = scales.drop[k]
             drive = self.drive[:, k] / unit
@@ -412,6 +419,11 @@ class ResidualState:
             b[field, field] = share[:, k] / unit
             if gap_slope is not None:
                 b[field, 2] = -drive * gap_slope[:, k]
+            if k == heated:
+                generation = a[field, field] * equation.problem.friction_heat
+                for axis in range(N_MECHANICAL - 1):
+                    a[field, axis] = generation * self.relative_displacement[:, axis]
+                    b[field, axis] = -generation * self.load[:, axis]
         max_motion = MAX_MOTION_RATIO * float(np.abs(self.motion / equation.units).max(initial=1.0))
         of_unknowns, of_displacement = (NodeBlocks.of(entries, residual.T.shape) for entries in (a, b))
         return Linearization(of_unknowns, of_displacement, residual, self.balance, max_motion)

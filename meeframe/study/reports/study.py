@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 
 from meeframe.fields import Array
-from meeframe.results.canvas import label_panels, line_style, sheet, styled
+from meeframe.results.canvas import line_style, sheet, styled
 from meeframe.results.picture import Picture, lengths
 from meeframe.results.records import Zone
 
@@ -125,7 +125,10 @@ def _distinct(zones: Sequence[Zone]) -> tuple[list[Zone], list[int]]:
 
 @styled
 def study_figure(study: Study) -> "Figure":
-    """Return the figure with a column for each panel, or for maps a column for each run."""
+    """Return the figure with a column for each panel, or for maps a column for each run.
+
+    Titles hold the letters of panels, as those of published figures do.
+    """
     draw, width, height = {
         "curves": (_curves, min(5.0, 16.0 / len(study.panels)) * len(study.panels), 4.0),
         "sections": (_sections, 4.8 * len(study.panels), 2.6 * _rows(study)),
@@ -163,7 +166,6 @@ def _curves(figure: "Figure", study: Study) -> None:
         axes.grid(visible=True)
         axes.legend(fontsize=8)
     grid[0, 0].set_ylabel("relative to reference")
-    label_panels(grid[0])
 
 
 def _sections(figure: "Figure", study: Study) -> None:
@@ -183,7 +185,6 @@ def _sections(figure: "Figure", study: Study) -> None:
         grid[0, column].set_title(panel.title)
         grid[0, column].legend(title=panel.axis or None, fontsize=7, title_fontsize=7)
         grid[-1, column].set_xlabel(f"x [{unit}]")
-    label_panels(grid.ravel())
 
 
 def _lengths(study: Study) -> tuple[float, str]:
@@ -229,7 +230,6 @@ def _maps(figure: "Figure", study: Study) -> None:
         title = "\n".join(filter(None, [panel.title, _run_title(panel, run) if several else ""]))
         grid[0, column].set_title(title, fontsize=9)
         grid[-1, column].set_xlabel(f"x [{scale[1]}]")
-    label_panels(grid.ravel())
 
 
 def _run_title(panel: Panel, run: int) -> str:

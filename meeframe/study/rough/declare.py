@@ -109,6 +109,8 @@ class RoughTable(Table):
             )
         if "name" in self.formulation and self.formulation["name"] != FORMULATION:
             raise ValueError(f"formulation.name = {self.formulation['name']!r}; allowed: {FORMULATION}")
+        if "periodic" in self.formulation:
+            raise ValueError("formulation.periodic: allowed: the key periodic of the study in its place")
         return self
 
     def given_pressures(self) -> tuple[float, ...] | None:

@@ -16,7 +16,7 @@ from meeframe_halfspace.response import PointResponse, mirror_parity
 Shape = Literal["bilinear", "constant"]
 
 _EDGE_POINTS: Final = 48
-_MAX_GAUSS_POINTS: Final = 9
+MAX_GAUSS_POINTS: Final = 9
 _ANGLES: Final = 8192
 _ANGLES_PER_HARMONIC: Final = 200
 _ACCURACY: Final = 1e-13
@@ -24,7 +24,7 @@ FAR: Final = 30.0
 """Distance from a cell, in spacings, beyond which the response at nodes suffices to integrate over the density."""
 TABLES: Final = 2**25
 """Bytes of tables that are made at once."""
-_STENCIL_HALF_WIDTH: Final = 4
+STENCIL_HALF_WIDTH: Final = 4
 """Nodes on either side in that sum, which is exact up to the ninth degree; its error is about 48 / distance^10."""
 
 
@@ -84,7 +84,7 @@ def far_tables(
     whose series have the same harmonics are computed together.
     """
     nx, ny = size
-    steps, weights = hop * np.array(spacing), node_weights(shape, _STENCIL_HALF_WIDTH if hop == 1 else 1, hop)
+    steps, weights = hop * np.array(spacing), node_weights(shape, STENCIL_HALF_WIDTH if hop == 1 else 1, hop)
     alike = defaultdict[tuple[bool, int], list[tuple[int, Array]]](list)
     for entry in entries:
         coefficients, odd = response.entry(entry)
@@ -136,11 +136,11 @@ def _product_rules(shape: Shape) -> tuple[Array, Array]:
 
     The error of n points falls like (width / (4 distance))^2n, width of the density and distance in spacings.
     """
-    tables = np.zeros((_MAX_GAUSS_POINTS, 2, _MAX_GAUSS_POINTS))
-    for n in range(1, _MAX_GAUSS_POINTS + 1):
-        tables[n - 1, :, :n] = _gauss(shape, n)
+    tables = np.zeros((MAX_GAUSS_POINTS, 2, MAX_GAUSS_POINTS))
+    for n in range(1, MAX_GAUSS_POINTS + 1):
+        tables[n - 1, :, :n] = gauss_rule(shape, n)
     width = 1.0 if shape == "constant" else 2.0
-    thresholds = width / 4.0 * _ACCURACY ** (-0.5 / np.arange(1, _MAX_GAUSS_POINTS + 1))
+    thresholds = width / 4.0 * _ACCURACY ** (-0.5 / np.arange(1, MAX_GAUSS_POINTS + 1))
     thresholds[-1] = min(thresholds[-1], NEAR)
     return tables, thresholds
 
@@ -160,9 +160,9 @@ def node_weights(shape: Shape, half_width: int, hop: int) -> Array:
     return np.concatenate([half[:0:-1], half])
 
 
-def _gauss(shape: Shape, n: int) -> tuple[Array, Array]:
+def gauss_rule(shape: Shape, n: int) -> tuple[Array, Array]:
     """Return the Gauss rule (n,), (n,) of the density on an axis, from the recurrence of its orthogonal polynomials."""
-    x, w = np.polynomial.legendre.leggauss(2 * _MAX_GAUSS_POINTS)
+    x, w = np.polynomial.legendre.leggauss(2 * MAX_GAUSS_POINTS)
     if shape == "constant":
         points, weights = x / 2, w / 2
     else:

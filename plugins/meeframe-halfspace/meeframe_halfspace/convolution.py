@@ -111,6 +111,8 @@ class Convolution:
         Padded with zeros to twice its size, the grid stands free.
     scale
         (fields, fields) factors of the response in each field to a load in each field.
+    source
+        Field that acts on others without reaction, see EntryLayout; None if there is none.
 
     Notes
     -----
@@ -122,6 +124,7 @@ class Convolution:
     size: tuple[int, int]
     padded: tuple[int, int]
     scale: Array
+    source: int | None = None
     _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -179,7 +182,7 @@ class Convolution:
     def _product(self, loaded: tuple[int, ...], fields: tuple[int, ...], precision: np.dtype[Any]) -> _Product:
         key = loaded, fields, precision
         if key not in self._products:
-            layout = entry_layout(len(self.scale))
+            layout = entry_layout(len(self.scale), self.source)
             every = [
                 (answer, load, number, imaginary, self.scale[row, column] * sign)
                 for answer, row in enumerate(fields)

@@ -1,7 +1,8 @@
 """Entries of the surface compliance: which numbers make up a Hermitian matrix of any size.
 
 The real part is symmetric, the imaginary part antisymmetric: a matrix of f fields has f (f + 1)/2 symmetric entries,
-numbered first, and f (f - 1)/2 antisymmetric ones.
+numbered first, and f (f - 1)/2 antisymmetric ones. The temperature acts on the first N_FIELDS fields without reaction:
+the real parts of these entries follow, then the imaginary parts.
 """
 
 from collections.abc import Iterator
@@ -11,14 +12,18 @@ from math import isqrt
 
 import numpy as np
 
-from meeframe.plugin import Array, Indices
+from meeframe.plugin import N_FIELDS, Array, Indices
 
 
 @dataclass(frozen=True)
 class EntryLayout:
-    """Numbers of the entries of matrices (n_fields, n_fields)."""
+    """Numbers of the entries of matrices (n_fields, n_fields).
+
+    source: column of a field that acts on the first N_FIELDS fields without reaction; None if there is none.
+    """
 
     n_fields: int
+    source: int | None = None
 
     @property
     def n_symmetric(self) -> int:
@@ -28,6 +33,11 @@ class EntryLayout:
     @property
     def n_values(self) -> int:
         """Number of all entries."""
+        return self.n_hermitian + (0 if self.source is None else 2 * N_FIELDS)
+
+    @property
+    def n_hermitian(self) -> int:
+        """Number of the symmetric and antisymmetric entries, after which those of the source begin."""
         return self.n_fields**2
 
     @cached_property
@@ -51,7 +61,7 @@ class EntryLayout:
     def imaginary(self) -> Indices:
         """Numbers (n_fields, n_fields) of the entries that are the imaginary part, zero on the diagonal."""
         numbers = np.zeros((self.n_fields, self.n_fields), np.int64)
-        numbers[self.strict] = numbers[self.strict[::-1]] = np.arange(self.n_symmetric, self.n_values)
+        numbers[self.strict] = numbers[self.strict[::-1]] = np.arange(self.n_symmetric, self.n_hermitian)
         return numbers
 
     @cached_property
@@ -65,22 +75,29 @@ class EntryLayout:
         yield int(self.real[row, column]), False, 1.0
         if row != column:
             yield int(self.imaginary[row, column]), True, float(self.sign[row, column])
+        if column == self.source and row < N_FIELDS:
+            yield self.n_hermitian + row, False, 1.0
+            yield self.n_hermitian + N_FIELDS + row, True, 1.0
 
     def matrix(self, values: Array) -> Array:
         """Return matrices (..., n_fields, n_fields), real plus imaginary part, from entries (..., n_values)."""
         matrix = np.zeros((*values.shape[:-1], self.n_fields, self.n_fields))
-        symmetric, antisymmetric = values[..., : self.n_symmetric], values[..., self.n_symmetric :]
+        symmetric, antisymmetric = np.split(values[..., : self.n_hermitian], [self.n_symmetric], axis=-1)
         matrix[..., self.upper[1], self.upper[0]] = symmetric
         matrix[..., self.upper[0], self.upper[1]] = symmetric
         matrix[..., self.strict[0], self.strict[1]] += antisymmetric
         matrix[..., self.strict[1], self.strict[0]] -= antisymmetric
+        if self.source is not None:
+            matrix[..., :N_FIELDS, self.source] += (
+                values[..., self.n_hermitian :].reshape(*values.shape[:-1], 2, N_FIELDS).sum(axis=-2)
+            )
         return matrix
 
 
 @lru_cache(maxsize=8)
-def entry_layout(n_fields: int) -> EntryLayout:
-    """Return the layout for a number of fields."""
-    return EntryLayout(n_fields)
+def entry_layout(n_fields: int, source: int | None = None) -> EntryLayout:
+    """Return the layout for a number of fields, and a source if there is one."""
+    return EntryLayout(n_fields, source)
 
 
 def entries_to_matrix(values: Array) -> Array:

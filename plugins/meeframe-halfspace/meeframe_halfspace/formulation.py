@@ -1,12 +1,14 @@
 """The formulation `half-space`: body in, reduced system out."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal, final
+from typing import Annotated, ClassVar, Final, Literal, final
 
 import numpy as np
 from pydantic import Field
 
 from meeframe.plugin import (
+    THERMAL_FIELD,
     Array,
     Body,
     CaseError,
@@ -14,6 +16,7 @@ from meeframe.plugin import (
     Formulation,
     MeshError,
     Progress,
+    Quantity,
     ReducedSystem,
     check_conditions,
     check_quantities,
@@ -23,10 +26,13 @@ from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
 from meeframe_halfspace.interior import HalfSpaceInterior
+from meeframe_halfspace.layer_waves import LayerWaves
 from meeframe_halfspace.layered_grid import LayeredFreeGrid, LayeredPeriodicGrid
 from meeframe_halfspace.layered_symbol import LayeredResponse
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
+from meeframe_halfspace.thermal import ThermalResponse
+from meeframe_halfspace.thermal_grid import HeatedGrid, with_heat
 
 MIN_CELLS_OF_EDGES: Final = 4.0
 """Smallest thickness of the top layer, in spacings, for contact edges between the nodes."""
@@ -51,12 +57,19 @@ class HalfSpace(Formulation):
     edges
         Contact edges are at the 'nodes', or 'resolved' between them, which solves each increment twice and stores no
         matrix.
+    reference_radius
+        Distance [m] from a point where heat flows out, at which its mean effect on the displacement and the potentials
+        vanishes. A half space leaves that level undetermined: without this length, contact with heat flow needs
+        prescribed forces and total fluxes, which do not depend on it.
     """
+
+    couples_heat: ClassVar[bool] = True
 
     density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"
     periodic: bool = False
     matrix_up_to: Annotated[int, Field(ge=0)] = 256
     edges: Literal["nodes", "resolved"] = "nodes"
+    reference_radius: Annotated[float, Quantity("m", gt=0, lt=math.inf)] | None = None
 
     def __post_init__(self) -> None:
         check_quantities(self)
@@ -68,6 +81,17 @@ class HalfSpace(Formulation):
             raise CaseError(f"half-space: edges = 'resolved' with density = {self.density!r}; allowed: 'bilinear'")
         if not isinstance(self.matrix_up_to, int) or self.matrix_up_to < 0:
             raise CaseError(f"half-space: matrix_up_to = {self.matrix_up_to!r}; allowed: whole numbers from 0")
+        if self.reference_radius is not None:
+            if self.periodic:
+                raise CaseError(
+                    "half-space: reference_radius with periodic = true has no effect: the response to heat has zero "
+                    "mean over the period; allowed: one of them"
+                )
+            radius = Quantity("m", gt=0, lt=math.inf)
+            try:
+                object.__setattr__(self, "reference_radius", radius.check(self.reference_radius))
+            except ValueError as error:
+                raise CaseError(f"half-space: reference_radius = {self.reference_radius!r}: {error}") from None
 
     def check(self, body: Body) -> None:
         """Raise MeshError or CaseError if the body is not a half space with a regular grid.
@@ -109,19 +133,48 @@ class HalfSpace(Formulation):
             convolution=convolution_of(grid_response),
             shares=shares,
             edge_waves=grid_response.response.wave_series()[0] if self.resolves_edges() else None,
-            interior=None if body.layers else HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares),
+            interior=_interior(body, grid, grid_response, origin, shares),
         )
         # a system with a matrix does not know its grid any more
         return _with_matrix(system) if len(weights) <= self.matrix_up_to and not self.resolves_edges() else system
 
+    def _point_response(self, body: Body, grid: Grid) -> PointResponse:
+        response = PointResponse.of(body.stiffness, grid.frame)
+        if body.thermal_moduli is None:
+            return response
+        source = body.fields.index(THERMAL_FIELD.name)
+        return with_heat(response, ThermalResponse.of(body.stiffness, body.thermal_moduli, source, grid.frame))
+
     def _grid_response(self, body: Body, grid: Grid) -> GridResponse:
         if body.layers:
             return self._layered_response(LayeredResponse.of(body, grid.frame), grid)
-        response = PointResponse.of(body.stiffness, grid.frame)
+        response = self._point_response(body, grid)
         if self.periodic:
-            return PeriodicGrid(response, grid.spacing, grid.size, self.density)
+            periodic = PeriodicGrid(response, grid.spacing, grid.size, self.density)
+            return periodic if response.thermal is None else HeatedGrid.of(periodic, math.inf)
         assert self.density != "trigonometric"
-        return FreeGrid(response, grid.spacing, grid.size, self.density)
+        free = FreeGrid(response, grid.spacing, grid.size, self.density)
+        if response.thermal is None:
+            return free
+        return HeatedGrid.of(free, self.reference_radius or _radius(grid))
+
+    def warnings(self, body: Body) -> tuple[str, ...]:
+        """Return a remark on the reference radius, on which prescribed motions and potentials depend."""
+        if body.thermal_moduli is None or self.reference_radius is None:
+            return ()
+        return (
+            f"where heat flows, approach and potentials of a half space are those for reference_radius = "
+            f"{self.reference_radius:g} m, at which the effect of heat on the surface vanishes",
+        )
+
+    def undetermined_levels(self, body: Body) -> tuple[int, ...]:
+        """Return the fields whose level heat leaves undetermined, by column: those it acts on, without a radius."""
+        if body.thermal_moduli is None or body.contact_group is None or self.reference_radius is not None:
+            return ()
+        _, grid = self._grid(body)
+        thermal = self._point_response(body, grid).thermal
+        assert thermal is not None
+        return tuple(np.flatnonzero(thermal.level).tolist())
 
     def _layered_response(self, layers: LayeredResponse, grid: Grid) -> GridResponse:
         if self.periodic:
@@ -154,6 +207,18 @@ class HalfSpace(Formulation):
         return zone, grid
 
 
+def _interior(
+    body: Body, grid: Grid, grid_response: GridResponse, origin: Array, shares: Array
+) -> HalfSpaceInterior | None:
+    """Return the fields inside a body; None with heat and on periodic layers."""
+    if isinstance(grid_response, (HeatedGrid, LayeredPeriodicGrid)):
+        return None
+    if isinstance(grid_response, LayeredFreeGrid):
+        waves = LayerWaves(body, grid.frame)
+        return HalfSpaceInterior(grid, grid_response.homogeneous, waves.stiffnesses[0], origin, shares, waves)
+    return HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares)
+
+
 def _check_grounded(body: Body) -> None:
     base = body.layers.base
     if base is not None and base.insulating:
@@ -171,6 +236,11 @@ def _check_resolved(body: Body, grid: Grid) -> None:
             "near an edge the response is that of the top material; allowed: thicknesses of "
             f"{MIN_CELLS_OF_EDGES:g} spacings and more, or edges = 'nodes'"
         )
+
+
+def _radius(grid: Grid) -> float:
+    """Return the radius [m] of a circle with the area of a grid, where results do not depend on it."""
+    return float(np.sqrt(grid.weights(False).sum() / np.pi))
 
 
 def _with_matrix(system: HalfSpaceSystem) -> DenseSystem:

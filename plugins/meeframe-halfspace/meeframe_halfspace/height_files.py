@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.plugin import Array, CaseError, HeightMap, Quantity, check_file, open_hdf5, read_npy
+from meeframe_halfspace.instrument_files import is_binary, read_instrument
 
 AnyArray = NDArray[Any]
 
@@ -35,7 +36,7 @@ class Scales:
     spacing
         Spacing of a matrix along x and y [m].
     dataset
-        Path of the dataset in an HDF5 file.
+        Path of the dataset in an HDF5 file, or name of the channel of an instrument.
     """
 
     unit: float | None = None
@@ -57,6 +58,7 @@ def read_height_map(file: str | Path, scales: Scales | None = None) -> HeightMap
         of which '# Width: 20 um', '# Height: 20 um' and
           '# Value units: nm' define the size of a matrix and the unit of its numbers unless `scales` do; other lines
           before the first number are skipped.
+        - Other binary files: those of instruments, by SurfaceTopography if it is installed.
     scales
         Properties that the file does not define.
 
@@ -102,6 +104,8 @@ def _reader(path: Path) -> _Reader:
         return _Reader(_read_surfer, "DSAA, nx ny, x0 x1, y0 y1, z0 z1, with x0 < x1 and y0 < y1, and nx ny heights")
     if first and first[0].lower() == "ncols":
         return _Reader(_read_esri, "ncols, nrows and cellsize > 0, each with its number, and ncols nrows heights")
+    if is_binary(path):
+        return _Reader(_read_instrument, "a file of an instrument that SurfaceTopography reads")
     return _Reader(_read_text, "rows of equally many numbers: a matrix whose spacing is known, or x, y, height")
 
 
@@ -150,6 +154,10 @@ def _read_esri(path: Path, scales: Scales) -> HeightMap:
         (start + size * np.arange(count)) * scales.lateral_unit for start, count in zip(starts, (nx, ny), strict=True)
     )
     return _matrix(x, y, heights, scales)
+
+
+def _read_instrument(path: Path, scales: Scales) -> HeightMap:
+    return read_instrument(path, scales.unit, scales.spacing, scales.dataset)
 
 
 def _read_text(path: Path, scales: Scales) -> HeightMap:

@@ -41,7 +41,7 @@ class MeasuredHeights(Indenter):
     spacing
         Spacing of a matrix along x and y, overriding that of the file.
     dataset
-        Path of the dataset in an HDF5 file.
+        Path of the dataset in an HDF5 file, or name of the channel of an instrument.
     facing
         'up' as measured, so that peaks touch first, or 'down' as the height of an indenter.
     levelled

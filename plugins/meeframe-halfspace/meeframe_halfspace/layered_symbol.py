@@ -71,7 +71,7 @@ class LayeredResponse:
     def decay(self) -> float:
         """Slowest decay of waves in the top layer, per k z: the difference decays at least twice as fast."""
         angles = np.pi * np.arange(_FIRST_ANGLES) / _FIRST_ANGLES
-        return surface_symbol(self.body, self.frame, angles).slowest_decay
+        return float(surface_symbol(self.body, self.frame, angles).slowest_decays[0])
 
     @property
     def layout(self) -> EntryLayout:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from meeframe.plugin import (
     MECHANICAL,
+    N_FIELDS,
     Array,
     FieldScaling,
     Indices,
@@ -27,6 +28,7 @@ from meeframe.plugin import (
     surface_compliance,
 )
 from meeframe_halfspace.entries import EntryLayout, entries_to_matrix, entry_layout
+from meeframe_halfspace.thermal import ThermalResponse
 
 NORMAL: Final = 2
 """Column of the normal displacement and traction."""
@@ -40,17 +42,19 @@ class PointResponse:
     """K(theta) in scaled fields; d from source to point in the axes e1, e2.
 
     even: (n, 2, symmetric entries) cosine and sine coefficients of harmonics 0, 2, ... (see EntryLayout); odd:
-    (n, 2, antisymmetric entries) of harmonics 1, 3, ...; factors: (fields,) of the scaling.
+    (n, 2, antisymmetric entries) of harmonics 1, 3, ...; factors: (fields,) of the scaling; thermal: response to heat,
+    None unless it acts on other fields.
     """
 
     even: Array
     odd: Array
     factors: Array
+    thermal: ThermalResponse | None = None
 
     @property
     def layout(self) -> EntryLayout:
         """Numbers of the entries."""
-        return entry_layout(len(self.factors))
+        return entry_layout(len(self.factors), None if self.thermal is None else self.thermal.source)
 
     @classmethod
     def of(cls, stiffness: Array, frame: Array) -> "PointResponse":
@@ -93,6 +97,8 @@ class PointResponse:
 
     def entry(self, number: int) -> tuple[Array, bool]:
         """Return the series (n, 2) of an entry without zeros at its end, and True if its harmonics are odd."""
+        if self.thermal is not None and number >= self.layout.n_hermitian:
+            return self.thermal.entry(number - self.layout.n_hermitian)
         return series_entry(self.even, self.odd, number)
 
     @cached_property
@@ -109,9 +115,10 @@ class PointResponse:
         result = np.array([mirror_parity(self.entry(number)[0]) for number in self.numbers])
         for signs in product((1, -1), repeat=self.layout.n_fields - 1):
             of_fields = np.outer((1, *signs), (1, *signs))
-            parities = np.concatenate([of_fields[self.layout.upper], of_fields[self.layout.strict]])
+            acting = [] if self.layout.source is None else np.tile(of_fields[:N_FIELDS, self.layout.source], 2)
+            parities = np.concatenate([of_fields[self.layout.upper], of_fields[self.layout.strict], acting])
             if (result == parities[self.numbers]).all():
-                return parities
+                return parities.astype(np.int64)
         return None
 
     def wave_series(self) -> tuple[Array, Array]:
@@ -169,6 +176,11 @@ def series_blocks(even: Array, angles: Array) -> Array:
     n_symmetric = values.shape[1]
     n_antisymmetric = n_symmetric - (isqrt(8 * n_symmetric + 1) - 1) // 2
     return entries_to_matrix(np.concatenate([values, np.zeros((len(angles), n_antisymmetric))], axis=1))
+
+
+def series_values(even: Array, odd: Array, angles: Array) -> tuple[Array, Array]:
+    """Return symmetric and antisymmetric entries (n, ...) of a series laid out as PointResponse, at angles (n,)."""
+    return _sum(even, 2 * angles, 0.0), _sum(odd, 2 * angles, angles)
 
 
 def _over_half(stiffness: Array, frame: Array, count: int, start: float) -> NDArray[np.complex128]:

@@ -30,7 +30,6 @@ from meeframe.plugin import (
 from meeframe_halfspace.coarsening import bilinear, box, coarse_grid, row_major_grid
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
-from meeframe_halfspace.entries import entries_to_matrix
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
 from meeframe_halfspace.inverse import wave_inverse
@@ -150,8 +149,9 @@ class HalfSpaceSystem(
 
     @cached_property
     def _block(self) -> Array:
-        """Response (5, 5) of a node to the density around it."""
-        block: Array = entries_to_matrix(self.grid_response.diagonal) * self.convolution.scale
+        """Response (f, f) of a node to the density around it."""
+        layout = self.grid_response.response.layout
+        block: Array = layout.matrix(self.grid_response.diagonal) * self.convolution.scale
         return block
 
     def dense(self) -> Array | None:
@@ -270,7 +270,7 @@ def convolution_of(response: GridResponse) -> Convolution:
     factors = response.response.factors
     scale = np.outer(factors * potential_signs(len(factors)), factors)
     symbol = Symbol(response.symbol, response.series.numbers, response.series.parities)
-    return Convolution(symbol, response.size, response.padded, scale)
+    return Convolution(symbol, response.size, response.padded, scale, response.response.layout.source)
 
 
 def _prolong(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:

@@ -1,6 +1,7 @@
 """Stress, D and B by FFT and by boundary elements agree with second order."""
 
 import numpy as np
+import pytest
 from meeframe_halfspace import HalfSpace
 
 from meeframe.elements import Quad4
@@ -25,6 +26,7 @@ def fluxes(formulation, divisions):
     return system.capability(InteriorFields).evaluate(load, POINTS).fluxes * FACTORS
 
 
+@pytest.mark.full
 def test_boundary_elements_converge_to_the_half_space():
     """Differences decrease with the square of the element size and nearly vanish after extrapolation."""
     coarse, fine = (fluxes(DenseBEM(), divisions) - fluxes(HalfSpace(), divisions) for divisions in (10, 16))

@@ -16,7 +16,8 @@ from meeframe.material import library_material, rotation_about
 from meeframe.material.layers import Interface, Layer, LayerStack, RigidBase
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
-from meeframe.system.capabilities import Multigrid, Restriction
+from meeframe.model.solve import reduce
+from meeframe.system.capabilities import InteriorFields, Multigrid, Restriction
 from meeframe.testing.axisymmetric_layers import AxisymmetricLayers
 from meeframe.testing.capabilities import check_capabilities
 
@@ -298,6 +299,40 @@ def test_resolved_edges():
     assert errors["resolved"] < 0.3 * errors["nodes"]
     with pytest.raises(CaseError, match="thicknesses of 4 spacings"):
         HalfSpace(edges="resolved").check(body(LayerStack((Layer(library_material("batio3"), 0.5 * UM),))))
+
+
+def test_interior_of_layers_of_the_substrate():
+    """Layers of the substrate's material leave the fields inside as they are."""
+    layers = LayerStack((Layer(SUBSTRATE, 0.4 * UM), Layer(SUBSTRATE, 0.3 * UM)))
+    points = np.array([[x, 0.2 * UM, -depth * UM] for depth in (0.3, 0.55, 1.3) for x in (-UM, 0.0, 0.4 * UM)])
+    fields = []
+    for one in (layers, LayerStack()):
+        system = HalfSpace(matrix_up_to=0).reduce(body(one, divisions=(12, 11)))
+        load = random_load(system, layers) * (np.hypot(*system.points[:, :2].T) < 1.2 * UM)[:, None]
+        fields.append(system.capability(InteriorFields).evaluate(load, points))
+    for name in ("values", "gradients", "fluxes"):
+        computed, expected = getattr(fields[0], name), getattr(fields[1], name)
+        assert_close(computed.reshape(len(points), -1), expected.reshape(len(points), -1), 1e-6)
+
+
+def test_interior_fields_balance_the_load():
+    """The normal stress on both sides of the interface adds up to the force on the surface."""
+    result = sphere((meeframe.Layer("batio3", UM),), divisions=16)
+    interior = reduce(meeframe.Case.from_toml(result.provenance.case_text).checked).capability(InteriorFields)
+    x = np.linspace(-6 * UM, 6 * UM, 41)
+    load = np.concatenate([result[-1].traction, result[-1].fluxes], axis=1)
+    stresses = []
+    for depth in (UM * (1.0 - 1e-6), UM * (1.0 + 1e-6)):
+        points = np.stack([*np.meshgrid(x, x, indexing="ij"), np.full((41, 41), -depth)], axis=-1).reshape(-1, 3)
+        stresses.append(interior.evaluate(load, points).fluxes[:, 2])
+        inside = -stresses[-1][:, 2].sum() * (x[1] - x[0]) ** 2
+        # of a point force z^3 / (z^2 + r^2)^1.5 = 0.4 % is outside
+        assert inside == pytest.approx(force_of(result), rel=6e-3)
+    assert_close(stresses[1][:, :3], stresses[0][:, :3], 1e-5)
+
+
+def test_periodic_layers_have_no_interior_fields():
+    assert HalfSpace(periodic=True, matrix_up_to=0).reduce(body(FILM)).capability(InteriorFields) is None
 
 
 def test_refusals():

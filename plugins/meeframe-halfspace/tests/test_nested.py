@@ -165,6 +165,7 @@ def test_laws_with_nodal_data_are_evaluated_at_their_nodes() -> None:
     assert np.abs(states[0].load - states[1].load).max() < 1e-7 * np.abs(states[0].load).max()
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(("formulation", "divisions"), GRIDS)
 def test_capabilities_of_a_half_space(formulation: HalfSpace, divisions: tuple[int, int]) -> None:
     check_capabilities(system_of(formulation, divisions))
@@ -333,6 +334,7 @@ def test_two_bodies_without_common_coarse_nodes() -> None:
     assert combine_bodies(odd, odd).capability(Multigrid) is not None
 
 
+@pytest.mark.full
 def test_two_bodies_resolve_edges_if_both_do() -> None:
     resolved, nodal = (system_of(HalfSpace(matrix_up_to=0, edges=edges), (24, 24)) for edges in ("resolved", "nodes"))
     both = combine_bodies(resolved, rotate_frames(resolved, np.tile([0.6, 0.8, 0.0], (len(nodal.points), 1))))

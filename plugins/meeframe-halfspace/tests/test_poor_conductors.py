@@ -38,6 +38,7 @@ increments = 2
 """
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("solver", ["auto", "uzawa-bb", "uzawa"])
 @pytest.mark.parametrize("prescribed", ["electric_potential = 1e10", "charge = 1e-3", "charge = 1.0"])
 def test_laws_hold_in_units_of_the_solution(solver, prescribed):

@@ -1,6 +1,7 @@
 """Interior fields by hierarchical and dense matrices agree, also for a system restored from arrays."""
 
 import numpy as np
+import pytest
 from meeframe_hmatrix import HierarchicalBEM
 
 from meeframe.fields import FieldScaling
@@ -8,6 +9,7 @@ from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.system.capabilities import InteriorFields
 
 
+@pytest.mark.full
 def test_interior_fields_match_dense(make_block, smooth_load):
     body = make_block(6)
     formulation = HierarchicalBEM(tolerance=1e-6)

@@ -17,7 +17,7 @@ class PowerLaw(ConductivityLaw):
     Attributes
     ----------
     reference_conductivity : float
-        kappa at the reference pressure, in F/m^2 (electric) or H/m^2 (magnetic).
+        kappa at the reference pressure, in F/m^2 (electric), H/m^2 (magnetic) or W/(m^2 K) (thermal).
     reference_pressure : float
         Reference pressure [Pa].
     exponent : float
@@ -41,7 +41,7 @@ class PowerLaw(ConductivityLaw):
     Yovanovich, Thermal contact correlations, Prog. Astronaut. Aeronaut. 83, 1982.
     """
 
-    reference_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
+    reference_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0, lt=math.inf)]
     reference_pressure: Annotated[float, Quantity("Pa", gt=0, lt=math.inf)]
     exponent: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 0.95
 
@@ -62,7 +62,7 @@ class Saturating(ConductivityLaw):
     Attributes
     ----------
     largest_conductivity : float
-        Conductivity of complete coverage, in F/m^2 (electric) or H/m^2 (magnetic).
+        Conductivity of complete coverage, in F/m^2 (electric), H/m^2 (magnetic) or W/(m^2 K) (thermal).
     saturation_pressure : float
         Hardness [Pa].
 
@@ -79,7 +79,7 @@ class Saturating(ConductivityLaw):
     conducts.
     """
 
-    largest_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
+    largest_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0, lt=math.inf)]
     saturation_pressure: Annotated[float, Quantity("Pa", gt=0, lt=math.inf)]
 
     def __post_init__(self) -> None:
@@ -98,7 +98,7 @@ class Thresholded(ConductivityLaw):
     Attributes
     ----------
     contact_conductivity : float
-        Conductivity without the film, in F/m^2 (electric) or H/m^2 (magnetic).
+        Conductivity without the film, in F/m^2 (electric), H/m^2 (magnetic) or W/(m^2 K) (thermal).
     threshold : float
         Pressure at which the film begins to break [Pa].
     ramp : float
@@ -115,7 +115,7 @@ class Thresholded(ConductivityLaw):
     law has a ramp instead of a step, since there is no solution where the pressure equals that of a step.
     """
 
-    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
+    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0, lt=math.inf)]
     threshold: Annotated[float, Quantity("Pa", ge=0, lt=math.inf)]
     ramp: Annotated[float, Quantity("Pa", gt=0, lt=math.inf)]
 
@@ -136,9 +136,9 @@ class AcrossGap(ConductivityLaw):
     Attributes
     ----------
     gap_constant : float
-        Permittivity [F/m] (electric) or permeability [H/m] (magnetic) of the medium in the gap.
+        Permittivity [F/m], permeability [H/m] or thermal conductivity [W/(m K)] of the medium in the gap.
     contact_conductivity : float
-        Conductivity of the spots of contact, in F/m^2 or H/m^2; inf is allowed.
+        Conductivity of the spots of contact, in F/m^2, H/m^2 or W/(m^2 K); inf is allowed.
     residual_gap : float
         Gap that roughness leaves between surfaces in contact [m].
 
@@ -159,8 +159,8 @@ class AcrossGap(ConductivityLaw):
 
     across_gap: ClassVar[bool] = True
 
-    gap_constant: Annotated[float, Quantity("F/m", "H/m", ge=0, lt=math.inf)]
-    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)] = math.inf
+    gap_constant: Annotated[float, Quantity("F/m", "H/m", "W/m/K", ge=0, lt=math.inf)]
+    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0)] = math.inf
     residual_gap: Annotated[float, Quantity("m", ge=0, lt=math.inf)] = 0.0
 
     def __post_init__(self) -> None:
@@ -185,7 +185,7 @@ class Breakdown(ConductivityLaw):
     breakdown_field : float
         Breakdown field, in V/m (electric) or A/m (magnetic).
     breakdown_conductivity : float
-        Conductivity of the discharge, in F/m^2 or H/m^2.
+        Conductivity of the discharge, in F/m^2, H/m^2 or W/(m^2 K).
 
     Raises
     ------
@@ -207,10 +207,10 @@ class Breakdown(ConductivityLaw):
 
     across_gap: ClassVar[bool] = True
 
-    gap_constant: Annotated[float, Quantity("F/m", "H/m", ge=0, lt=math.inf)]
-    breakdown_field: Annotated[float, Quantity("V/m", "A/m", gt=0, lt=math.inf)]
-    breakdown_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
-    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)] = math.inf
+    gap_constant: Annotated[float, Quantity("F/m", "H/m", "W/m/K", ge=0, lt=math.inf)]
+    breakdown_field: Annotated[float, Quantity("V/m", "A/m", "K/m", gt=0, lt=math.inf)]
+    breakdown_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0, lt=math.inf)]
+    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0)] = math.inf
     residual_gap: Annotated[float, Quantity("m", ge=0, lt=math.inf)] = 0.0
 
     def __post_init__(self) -> None:
@@ -234,7 +234,8 @@ class Robin(ConductivityLaw):
     Attributes
     ----------
     kappa : float
-        Conductivity, in F/m^2 (electric) or H/m^2 (magnetic); inf prescribes the potential on the entire zone.
+        Conductivity, in F/m^2 (electric), H/m^2 (magnetic) or W/(m^2 K) (thermal); inf prescribes the potential on the
+        entire zone.
 
     Raises
     ------
@@ -250,7 +251,7 @@ class Robin(ConductivityLaw):
     Carslaw & Jaeger, Conduction of Heat in Solids (1959), section 1.9 (radiation into a medium).
     """
 
-    kappa: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)]
+    kappa: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0)]
 
     def __post_init__(self) -> None:
         check_quantities(self)

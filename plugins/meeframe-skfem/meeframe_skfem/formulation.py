@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, final, get_args
+from typing import Annotated, ClassVar, final, get_args
 
 import numpy as np
 from pydantic import Field
@@ -49,6 +49,8 @@ class FiniteElements(Formulation):
     for a half space without rigid base [m], at whose sides and base displacements and potentials are zero.
     Raises CaseError if one is not allowed.
     """
+
+    couples_heat: ClassVar[bool] = True
 
     growth: Annotated[float, Quantity("", ge=1, lt=10)] = 1.5
     outside: Annotated[int, Field(ge=1)] | None = None
@@ -98,7 +100,8 @@ class FiniteElements(Formulation):
         offset, compliance = solution.zone_relation()
         geometry = zone.points, zone.frames, zone.weights, zone.cells
         system = in_local_frames(*geometry, offset, compliance, solution.fields)
-        system = replace(system, interior=FiniteElementInterior(solution))
+        if solution.heat is None:  # the stress inside would lack the part of the temperature
+            system = replace(system, interior=FiniteElementInterior(solution))
         _check_response(system, solution.matched.body.mesh.blocks[0].element.name)
         return system
 

@@ -13,13 +13,14 @@ from operator import add
 import numpy as np
 from scipy.sparse import coo_array, csr_array, kron
 
-from meeframe.plugin import Array, NodalFields, Progress
+from meeframe.plugin import N_FIELDS, Array, NodalFields, Progress
 from meeframe.plugin.boundary_elements import NONE, Layout, Units
 from meeframe.plugin.surfaces import normal_vectors
 from meeframe_skfem.assembly import face_masses, gradients, mass_matrix, stiffness_matrix
 from meeframe_skfem.constraints import Constraints
 from meeframe_skfem.elements import face_nodes, tabulate
 from meeframe_skfem.factorisation import LinearSolver, condense
+from meeframe_skfem.heat import HeatAction
 from meeframe_skfem.layers import LayeredMesh
 from meeframe_skfem.matching import MatchedBody
 from meeframe_skfem.volume import VolumeMesh
@@ -31,8 +32,8 @@ class FiniteElementSolution:
 
     mesh: the volume, with p nodes; stiffnesses: scaled, (3, fields, fields, 3), of its regions; constant: (p, fields)
     values at zero load; respond: values (p, fields) of nodal forces (n, fields) on the zone; flexibility: (fields n,
-    fields n) values of the zone's nodes by their forces, symmetric; mass: (n, n) of the zone's faces, for forces from
-    fluxes.
+    fields n) values of the zone's nodes by their forces, symmetric unless heat acts on other fields; mass: (n, n) of
+    the zone's faces, for forces from fluxes; heat: action of the temperature on other fields, None if there is none.
     """
 
     matched: MatchedBody
@@ -44,6 +45,7 @@ class FiniteElementSolution:
     respond: Callable[[Array], Array]
     flexibility: Array
     mass: csr_array
+    heat: HeatAction | None = None
 
     def zone_relation(self) -> tuple[Array, Array]:
         """Return offset (n, fields) and compliance (n, fields, n, fields) of values on fluxes in the zone.
@@ -110,6 +112,9 @@ class FiniteElementSolution:
             normals = normal_vectors(mesh.points, surface, faces.nodes[selected], surface.nodes)
             normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
             fluxes[selected] = np.einsum("fai,ijkm,fakm->faj", normals, stiffness, gradient, optimize=True)
+            if self.heat is not None:
+                temperature = values[faces.nodes[selected], self.heat.source]
+                fluxes[selected, :, :N_FIELDS] -= self.heat.fluxes(normals, temperature)
         return fluxes
 
 
@@ -138,14 +143,21 @@ def solve_body(
     progress("factorisation", 1.0)
     rhs = constraints.merge_forces(forces)[unknown] - rows[:, known] @ constraints.values[known]
     constant = constraints.expand(solve(rhs), constraints.values).reshape(n_points, n_fields)
+    heat = HeatAction.of(matched.body, mesh, units)
+    if heat is not None:
+        heat.add_response(constant, unknown, solve)
+        heat.add_flexibility(flexibility, unknown, zone, solve, n_fields)
 
     def respond(zone_forces: Array) -> Array:
         rhs = np.zeros(len(unknown))
         rhs[zone] = zone_forces.ravel()
-        return constraints.expand(solve(rhs)).reshape(n_points, n_fields)
+        response = constraints.expand(solve(rhs)).reshape(n_points, n_fields)
+        if heat is not None:
+            heat.add_response(response, unknown, solve)
+        return response
 
     mass = _zone_mass(matched, units.length)
-    return FiniteElementSolution(matched, layout, units, mesh, stiffnesses, constant, respond, flexibility, mass)
+    return FiniteElementSolution(matched, layout, units, mesh, stiffnesses, constant, respond, flexibility, mass, heat)
 
 
 def _assemble(mesh: VolumeMesh, layered: LayeredMesh, stiffnesses: tuple[Array, ...], units: Units) -> csr_array:

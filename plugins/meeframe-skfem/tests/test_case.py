@@ -85,6 +85,7 @@ def differences(folder, material, divisions, growth):
     return np.abs(fem / bem - 1)
 
 
+@pytest.mark.full
 def test_eight_node_elements_are_rejected_under_strong_coupling(tmp_path):
     """The response of a corner node to its pressure is negative under strong coupling only."""
     given = {"divisions": 2, "formulation": 'name = "skfem"\ngrid = "shells"\ngrowth = 3.0', "element": "quad8"}

@@ -37,6 +37,7 @@ def test_conformance():
     check_formulation(FiniteElements(), tolerance=1e-10)
 
 
+@pytest.mark.full
 def test_conformance_with_hex27():
     field = LinearField.random(STIFFNESS, seed=5)
     kinds = {"base": "vvvvv", **dict.fromkeys(SIDES, "fffff")}

@@ -40,6 +40,7 @@ def inside(body, count=10):
     return low + (high - low) * np.random.default_rng(1).uniform(0.05, 0.95, (count, 3))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("element", [Quad4(), Quad9()], ids=lambda e: e.name)
 def test_linear_fields_are_exact(element):
     """A linear state of a coupled block is exact to round-off, also on the surface and at corners of elements."""
@@ -56,6 +57,7 @@ def test_linear_fields_are_exact(element):
     np.testing.assert_allclose(fluxes, np.broadcast_to(exact, fluxes.shape), atol=1e-9 * np.abs(exact).max())
 
 
+@pytest.mark.full
 def test_against_boundary_elements():
     """Finite and boundary elements agree within the errors of both, which the exact field determines."""
     field = PointSourceField(STIFFNESS, np.array([1.0, 0.9, 1.1]), np.array([1.0, -0.6, 0.8, 0.5, -0.9]))

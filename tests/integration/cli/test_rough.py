@@ -71,7 +71,7 @@ def test_height_map_with_options(tmp_path):
     done = invoke(
         *(heights(tmp_path / "map.npy"), "--out", tmp_path / "out", "--modulus", "70 GPa", "--unit", "1 nm"),
         *("--spacing", "0.5 um", "--from", "20 MPa", "--to", "80 MPa", "--count", 3, "--periodic"),
-        *("--samples", 32, "--hardness", "1 GPa"),
+        *("--samples", 32, "--hardness", "1 GPa", "--levelled", "plane", "--missing", "nearest"),
     )
     assert done.exit_code == 0, done.output
     rows = (tmp_path / "out" / "rough.csv").read_text().splitlines()

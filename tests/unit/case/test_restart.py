@@ -108,6 +108,7 @@ def test_other_friction_axes_are_rejected(write_case, registry):
     error_of(path, registry, text)
 
 
+@pytest.mark.full
 def test_restart_with_rotated_axes(write_case, registry, tmp_path):
     path = write_case(more=LAW + FIRST)
     path.write_text(path.read_text().replace(*AXES))

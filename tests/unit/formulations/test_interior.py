@@ -103,6 +103,7 @@ def boussinesq(system, pressure, depths):
     return np.array([-3.0 * z**3 / (2.0 * np.pi) * (forces / (squared + z * z) ** 2.5).sum() for z in depths])
 
 
+@pytest.mark.full
 def test_semi_infinite_mesh():
     """The axial stress under a pressure converges with second order on two meshes of a half space."""
     stiffness = library_material("isotropic", young_modulus=2e11, poisson_ratio=0.3).stiffness

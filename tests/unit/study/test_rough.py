@@ -247,6 +247,7 @@ def test_python_function(tmp_path):
         ({"material": {"name": "stel"}}, r"material.*steel"),
         ({"contact": {"law": "signorni"}}, r"contact.law.*signorini"),
         ({"formulation": {"name": "dense-bem"}}, "half-space"),
+        ({"formulation": {"periodic": True}}, "the key periodic of the study"),
         ({"formulation": {"density": "linear"}}, r"formulation.density"),
         ({"samples": 3}, r"samples"),
         ({"electric_potential": "1 A"}, r"electric_potential.*unit"),

@@ -1,0 +1,85 @@
+"""Checks of heat in a case: frictional heat, and levels that heat flow leaves undetermined in an infinite body."""
+
+from collections.abc import Collection, Iterator, Sequence
+from typing import Final
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.channels import FluxChannel
+from meeframe.fields import N_MECHANICAL, THERMAL_FIELD, FieldSet
+from meeframe.model.step import Step
+from meeframe.plugin.validation import Problem, TableError
+
+NORMAL: Final = 2
+"""Column of the normal displacement in local frames."""
+
+
+def check_friction_heat(friction_heat: float, fields: FieldSet, two_bodies: bool) -> None:
+    """Raise CaseError unless a body with these fields may be heated by friction.
+
+    friction_heat: fraction of the work that flows into the body; two_bodies: whether both bodies are deformable.
+    """
+    if not 0.0 <= friction_heat <= 1.0:
+        raise CaseError(f"friction_heat = {friction_heat!r}; allowed: numbers from 0 to 1")
+    if friction_heat and THERMAL_FIELD not in fields.scalars:
+        raise CaseError(
+            f"friction_heat = {friction_heat:g} needs a body with a temperature; allowed: 0, or a material with "
+            f"{THERMAL_FIELD.coefficient}"
+        )
+    if friction_heat and two_bodies:
+        raise CaseError(f"friction_heat = {friction_heat:g} with [second_body]; allowed: 0, or a rigid indenter")
+
+
+def check_levels(
+    steps: Sequence[Step], channels: Sequence[FluxChannel], friction_heat: float, levels: Collection[int]
+) -> None:
+    """Check that no prescribed quantity depends on a level that heat flow leaves undetermined.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+        Load steps.
+    channels : sequence of FluxChannel
+        Flux channels of the contact.
+    friction_heat : float
+        Fraction of the work of friction that flows into the body.
+    levels : collection of int
+        Undetermined fields (`Formulation.undetermined_levels`).
+
+    Raises
+    ------
+    TableError
+        If heat may flow while the approach or a potential is prescribed, whose level is undetermined.
+    """
+    thermal = [channel for channel in channels if channel.field == THERMAL_FIELD]
+    if not levels or not (friction_heat or any(channel.is_conducting for channel in thermal)):
+        return
+    instead = {"approach": "normal_force"} | {c.field.value_name: c.field.resultant for c in channels}
+    for number, key in _prescribed_levels(steps, channels, levels):
+        text = (
+            f"prescribes {key}, whose level heat flow leaves undetermined in an infinite body; allowed: {instead[key]} "
+            "in its place, a step without net heat (heat = 0), or a free half space with a reference_radius"
+        )
+        raise TableError(Problem(("steps", number), text))
+
+
+def _prescribed_levels(
+    steps: Sequence[Step], channels: Sequence[FluxChannel], levels: Collection[int]
+) -> Iterator[tuple[int, str]]:
+    """Yield the number of a load step, and a quantity prescribed in it whose level is undetermined."""
+    is_value = {"approach": True} | {channel.field.value_name: True for channel in channels}
+    no_heat = False
+    for number, step in enumerate(steps):
+        if step.approach is not None or step.normal_force is not None:
+            is_value["approach"] = step.approach is not None
+        for field in (channel.field for channel in channels):
+            for key in {field.value_name, field.resultant} & step.scalars.keys():
+                is_value[field.value_name] = key == field.value_name
+                if field == THERMAL_FIELD:
+                    no_heat = key == field.resultant and step.scalars[key] == 0.0
+        if no_heat:
+            continue
+        if NORMAL in levels and is_value["approach"]:
+            yield number, "approach"
+        for column, channel in enumerate(channels, N_MECHANICAL):
+            if column in levels and channel.is_conducting and is_value[channel.field.value_name]:
+                yield number, channel.field.value_name

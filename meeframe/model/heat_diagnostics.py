@@ -1,0 +1,87 @@
+"""Diagnostics of heat in contact: frictional heat near its critical value, and imperfect contact under cooling."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from meeframe.contact.friction_heat import TANGENTIAL, thermal_channel
+from meeframe.fields import N_FIELDS, N_MECHANICAL, THERMAL_FIELD, Array
+from meeframe.material.half_space import surface_compliance
+from meeframe.material.thermal_half_space import thermal_response
+from meeframe.mesh import find_contact_zone
+from meeframe.mesh.body import Body
+from meeframe.model.kinematics import Increment
+from meeframe.results.records import StepResult
+
+CRITICAL: Final = 0.6385675210
+"""Critical lambda of axisymmetric frictional heat, at which the contact radius has its upper limit.
+
+It is the reciprocal of the largest eigenvalue of G = lambda times the integral of G(y) ln|(x + y)/(x - y)| over (0, 1).
+"""
+DIRECTIONS: Final = 16
+"""Number of directions over which the response of the surface is averaged."""
+
+
+def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weights: Array) -> Iterator[str]:
+    """Yield diagnostics of the heat in an increment, each in words.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+    increment : Increment
+        The increment.
+    result : StepResult
+        Its result.
+    weights : Array
+        Areas of the nodes, (n,) [m^2].
+    """
+    if body.thermal_moduli is None:
+        return
+    channel = body.fields.index(THERMAL_FIELD.name)
+    partial = (result.contact_fraction > 0.0) & (result.contact_fraction < 1.0)
+    if partial.any() and increment.problem.channels[channel - N_MECHANICAL].is_conducting:
+        yield (
+            f"{int(partial.sum())} nodes with zero pressure and zero gap conduct heat in part: neither contact nor "
+            "separation is possible there, as next to the edge of contact with a colder indenter"
+        )
+    if thermal_channel(increment.problem) is None or not result.touching.any():
+        return
+    heating = frictional_heat_number(body, increment, result, weights)
+    if heating > 0.0:
+        yield (
+            f"frictional heat: lambda = {heating:.3g}, {heating / CRITICAL:.0%} of the critical value at which no "
+            "pressure makes a round contact grow any further; at and beyond it there is no steady state"
+        )
+
+
+def frictional_heat_number(body: Body, increment: Increment, result: StepResult, weights: Array) -> float:
+    """Return lambda = delta m E* a / (2 pi), with the heat m into the body per pressure and the contact radius a.
+
+    Parameters
+    ----------
+    body, increment, result, weights
+        As for `heat_diagnostics`. In a finite body the contact is assumed to be small.
+
+    Returns
+    -------
+    float
+        lambda, negative where the surface sinks as it is heated.
+    """
+    zone = find_contact_zone(body.mesh, body.contact_group or "")
+    e1, e2, normal = zone.frames[0]
+    angles = np.arange(DIRECTIONS) * (np.pi / DIRECTIONS)
+    directions = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), e2)
+    coupled = body.stiffness[:, :N_FIELDS, :N_FIELDS]
+    y = surface_compliance(coupled, normal, directions)[:, :3, :3]
+    modulus = 2.0 / float(np.einsum("i,nij,j->n", normal, y.real, normal).mean())
+    column = body.fields.index(THERMAL_FIELD.name)
+    assert body.thermal_moduli is not None
+    heat = thermal_response(coupled, body.thermal_moduli, -body.stiffness[:, column, column], normal, directions)[0]
+    distortivity = -float((heat[:, :3] @ normal).real.mean())
+    work = (result.traction[:, TANGENTIAL] * result.slip).sum(axis=1)
+    pressure = np.maximum(-result.traction[:, 2], 0.0)
+    per_pressure = increment.problem.friction_heat * float(weights @ work) / float(weights @ pressure)
+    radius = np.sqrt(float(weights @ result.touching) / np.pi)
+    return float(distortivity * per_pressure * modulus * radius / (2.0 * np.pi))

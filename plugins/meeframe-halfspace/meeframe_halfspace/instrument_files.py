@@ -1,0 +1,104 @@
+"""Height maps from binary files of instruments, read by the optional package SurfaceTopography."""
+
+import warnings
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from meeframe.plugin import CaseError, HeightMap, Quantity
+
+_SAMPLE: Final = 2**16
+"""Number of bytes at the beginning of a file that show whether it is text."""
+_METRE: Final = Quantity("m", gt=0, lt=float("inf"))
+
+
+def is_binary(path: Path) -> bool:
+    """Return whether a file holds anything but text. Raises OSError if it cannot be read."""
+    with path.open("rb") as file:
+        return b"\0" in file.read(_SAMPLE)
+
+
+def read_instrument(
+    path: Path,
+    unit: float | None = None,
+    spacing: tuple[float, float] | None = None,
+    channel: str | None = None,
+) -> HeightMap:
+    """Read a height map in any format that SurfaceTopography detects.
+
+    Parameters
+    ----------
+    path
+        The file.
+    unit
+        Metres per unit of heights, overriding that of the file.
+    spacing
+        Spacing along x and y [m], overriding that of the file.
+    channel
+        Name of the channel; by default that with heights.
+
+    Returns
+    -------
+    HeightMap
+        The map, NaN where heights are missing.
+
+    Raises
+    ------
+    CaseError
+        Without SurfaceTopography.
+    ValueError
+        If it cannot read the file, or if the file does not define unit or size and neither do the arguments.
+    """
+    try:
+        from SurfaceTopography import open_topography
+    except ImportError as error:
+        raise CaseError(
+            f"height map {path}: a binary file; SurfaceTopography reads those of many instruments ({error}): pip "
+            "install 'meeframe-halfspace[instruments]'"
+        ) from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with open_topography(str(path)) as reader:
+                return _height_map(_channel(reader, channel), unit, spacing)
+    except ValueError:
+        raise
+    except Exception as error:  # its readers raise any kind of exception for damaged files
+        lines = [line for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
+        raise ValueError(f"SurfaceTopography cannot read it: {lines[0][:200]}") from None
+
+
+def _channel(reader: Any, name: str | None) -> Any:
+    """Return the topography of a channel. Raises ValueError if there is none of this name."""
+    if name is None:
+        return reader.topography()
+    names = [str(channel.name) for channel in reader.channels]
+    if name not in names:
+        raise ValueError(f"dataset = {name!r}; the channels in the file are {', '.join(names)}")
+    return reader.topography(channel_index=names.index(name))
+
+
+def _height_map(topography: Any, unit: float | None, spacing: tuple[float, float] | None) -> HeightMap:
+    heights = np.ma.filled(np.ma.asarray(topography.heights(), float), np.nan)
+    if heights.ndim != 2:
+        raise ValueError("a line scan, not a map")
+    metres = _metres(topography.unit)
+    if unit is None and metres is None:
+        raise ValueError('no unit of heights in it: needs a key such as unit = "1 nm"')
+    if spacing is None:
+        sizes = topography.physical_sizes
+        if sizes is None or metres is None:
+            raise ValueError('no physical size in it: needs a key such as spacing = ["1 um", "1 um"]')
+        spacing = tuple(metres * float(size) / count for size, count in zip(sizes, heights.shape, strict=True))
+    x, y = (step * np.arange(count) for step, count in zip(spacing, heights.shape, strict=True))
+    height_unit = metres if unit is None else unit
+    return HeightMap(x, y, np.ascontiguousarray(heights) * height_unit, bool(topography.is_periodic))
+
+
+def _metres(unit: str | None) -> float | None:
+    """Return the metres of a unit of length, None if it is not one."""
+    try:
+        return None if unit is None else _METRE.check(f"1 {unit}")
+    except ValueError:
+        return None

@@ -1,0 +1,181 @@
+"""Response of a regular grid to the heat through one of its cells, integrated to round-off.
+
+The density of a cell is bilinear on rectangles. With d = r (cos theta, sin theta) from the source to the field point,
+the integral over a rectangle of d is the sum over its edges of integrals in theta alone, because those of
+r^(n + 1) and r^(n + 1) ln r along a ray are elementary. On an edge at distance |a| the variable is s with
+(distance along the edge) = |a| sinh s, as in meeframe_halfspace.kernels.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from meeframe.plugin import Array
+from meeframe_halfspace.cells import (
+    FAR,
+    MAX_GAUSS_POINTS,
+    STENCIL_HALF_WIDTH,
+    Shape,
+    density_pieces,
+    gauss_rule,
+    near_size,
+    node_weights,
+)
+from meeframe_halfspace.kernels import NEAR
+from meeframe_halfspace.response import mirror_parity
+from meeframe_halfspace.thermal import ThermalResponse
+
+_EDGE_POINTS: Final = 48
+
+
+def heat_table(
+    response: ThermalResponse,
+    number: int,
+    spacing: tuple[float, float],
+    shape: Shape,
+    size: tuple[int, int],
+    reference_radius: float,
+) -> Array:
+    """Return an entry of the response to a cell, scaled, (nx, 2 ny - 1), or (nx, ny) at offsets j >= 0 if mirrored.
+
+    Parameters
+    ----------
+    response
+        Response of the half space.
+    number
+        Number of the entry, see ThermalResponse.entry.
+    spacing
+        Spacing along both axes [m].
+    shape
+        Shape of the density around a node.
+    size
+        Numbers of offsets (nx, ny); i from 0 to nx - 1, j from -(ny - 1) to ny - 1.
+    reference_radius
+        Radius [m] at which the mean of the response vanishes.
+    """
+    coefficients, is_odd = response.point_entry(number)
+    nx, ny = size
+    first = 0 if mirror_parity(response.entry(number)[0]) else 1 - ny
+    table = _far(coefficients, is_odd, spacing, shape, (nx, first, ny), reference_radius)
+    near_x, near_y = near_size(spacing, size)
+    i, j = np.meshgrid(np.arange(near_x), np.arange(max(first, 1 - near_y), near_y), indexing="ij")
+    distance = np.hypot(i * spacing[0], j * spacing[1]) / max(spacing)
+    for nodes, integral in ((distance < NEAR, _near), ((distance >= NEAR) & (distance <= FAR), _middle)):
+        x, y = i[nodes] * spacing[0], j[nodes] * spacing[1]
+        table[i[nodes], j[nodes] - first] = integral(coefficients, is_odd, x, y, spacing, shape, reference_radius)
+    return table
+
+
+def point_values(coefficients: Array, is_odd: bool, x: Array, y: Array, reference_radius: float) -> Array:
+    """Return the response at offsets x, y [m] of any shape, zero at the source, where it is not defined."""
+    r = np.hypot(x, y)
+    safe = np.where(r > 0.0, r, reference_radius)
+    values = _angular(coefficients, is_odd, x / safe, y / safe)
+    if not is_odd and len(coefficients):
+        values += coefficients[0, 0] * np.log(safe / reference_radius)
+    return np.where(r > 0.0, values, 0.0)
+
+
+def _angular(coefficients: Array, is_odd: bool, c: Array, s: Array) -> Array:
+    """Return the sum of the harmonics from 1 on at directions of cosine c and sine s."""
+    total = np.zeros(np.shape(c))
+    rest = coefficients if is_odd else coefficients[1:]
+    if rest.any():
+        step = (c + 1j * s) ** 2
+        wave = c + 1j * s if is_odd else step
+        for cosine, sine in rest:
+            total += cosine * wave.real + sine * wave.imag
+            wave = wave * step
+    return total
+
+
+def _far(
+    coefficients: Array,
+    is_odd: bool,
+    spacing: tuple[float, float],
+    shape: Shape,
+    offsets: tuple[int, int, int],
+    reference_radius: float,
+) -> Array:
+    """Return the response at offsets 0 .. nx - 1 and first .. ny - 1 from samples at surrounding nodes."""
+    (nx, first, ny), wide = offsets, STENCIL_HALF_WIDTH
+    x = np.arange(-wide, nx + wide) * spacing[0]
+    y = np.arange(first - wide, ny + wide) * spacing[1]
+    samples = point_values(coefficients, is_odd, x[:, None], y[None, :], reference_radius)
+    weights = node_weights(shape, wide, 1)
+    across = sum(w * samples[k : k + nx] for k, w in enumerate(weights))
+    along = sum(w * across[:, k : k + ny - first] for k, w in enumerate(weights))
+    return np.asarray(along * (spacing[0] * spacing[1]))
+
+
+def _middle(
+    coefficients: Array,
+    is_odd: bool,
+    x: Array,
+    y: Array,
+    spacing: tuple[float, float],
+    shape: Shape,
+    reference_radius: float,
+) -> Array:
+    """Return the response at offsets (n,) by a product rule of Gauss on the cell."""
+    nodes, weights = gauss_rule(shape, MAX_GAUSS_POINTS)
+    dx, dy = x[:, None, None] - nodes[:, None] * spacing[0], y[:, None, None] - nodes[None, :] * spacing[1]
+    values = point_values(coefficients, is_odd, dx, dy, reference_radius)
+    return np.asarray(np.einsum("nij,i,j->n", values, weights, weights) * (spacing[0] * spacing[1]))
+
+
+def _near(
+    coefficients: Array,
+    is_odd: bool,
+    x: Array,
+    y: Array,
+    spacing: tuple[float, float],
+    shape: Shape,
+    reference_radius: float,
+) -> Array:
+    """Return the response at offsets (n,) by integrals along the edges of the pieces of the density."""
+    total = np.zeros(len(x))
+    for start_x, end_x, w0, w1 in density_pieces(shape, spacing[0]):
+        for start_y, end_y, v0, v1 in density_pieces(shape, spacing[1]):
+            x0, x1, y0, y1 = x - end_x, x - start_x, y - end_y, y - start_y
+            # the density is (p0 + p1 d_x)(q0 + q1 d_y)
+            weight = w0 + w1 * x, np.full_like(x, -w1), v0 + v1 * y, np.full_like(y, -v1)
+            for a, low, high, upright, sign in (
+                (x1, y0, y1, True, 1.0),
+                (x0, y0, y1, True, -1.0),
+                (y1, x0, x1, False, 1.0),
+                (y0, x0, x1, False, -1.0),
+            ):
+                edge = a, low, high, upright
+                total += sign * _edge(coefficients, is_odd, edge, weight, reference_radius)
+    return total
+
+
+def _edge(
+    coefficients: Array,
+    is_odd: bool,
+    edge: tuple[Array, Array, Array, bool],
+    weight: tuple[Array, Array, Array, Array],
+    reference_radius: float,
+) -> Array:
+    """Return the integral (n,) of an edge at signed distances a (n,), from low to high along it; zero where a is."""
+    a, low, high, upright = edge
+    size = np.where(a == 0.0, 1.0, np.abs(a))
+    t, w = np.polynomial.legendre.leggauss(_EDGE_POINTS)
+    start, end = np.arcsinh(low / size), np.arcsinh(high / size)
+    half = ((end - start) / 2.0)[:, None]
+    s = start[:, None] + half * (1.0 + t)
+    length = size[:, None] * np.cosh(s)
+    across, along = np.sign(a)[:, None] / np.cosh(s), np.tanh(s)
+    cos, sin = (across, along) if upright else (along, across)
+    p0, p1, q0, q1 = (values[:, None] for values in weight)
+    # the density along a ray is a polynomial of the length r: its coefficients times r integrate to these moments
+    density = p0 * q0, (p1 * q0 * cos + p0 * q1 * sin) * length, p1 * q1 * cos * sin * length**2
+    values = _angular(coefficients, is_odd, cos, sin)
+    logarithm = np.log(length / reference_radius)
+    moments = np.zeros_like(s)
+    for power, term in enumerate(density, 2):
+        moments += values * term / power
+        if not is_odd and len(coefficients):
+            moments += coefficients[0, 0] * term * (logarithm / power - 1.0 / power**2)
+    return np.asarray((half * a[:, None] * moments * length) @ w)

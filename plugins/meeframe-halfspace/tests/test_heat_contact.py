@@ -1,0 +1,428 @@
+"""Contact with heat on half spaces: closed forms, energy balance, solvers, and case files."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+from meeframe_laws.conductivity import PowerLaw, Robin
+
+from meeframe import load_case, solve_case
+from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
+from meeframe.contact.problem import ContactProblem, ContactSolution, PrescribedResultant, Solver, Status
+from meeframe.elements import Quad4
+from meeframe.fields import Array
+from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.material import Material, library_material
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.material.thermal_half_space import thermal_response
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.results.records import resultants
+from meeframe.solvers import Auto, BarzilaiBorwein, SemismoothNewton, StoppingCriteria, Uzawa, solve_to_edges
+from meeframe.system.two_body import combine_bodies
+from meeframe.testing.closed_forms import FlatPunch, Sphere
+from meeframe.testing.closed_forms_heat import HotIndentation, hot_punch_force
+
+COMPOSITE = library_material("batio3-cofe2o4").with_heat(
+    [2.8, 2.8, 3.1], [12.9e-6, 12.9e-6, 7.5e-6], None, [0, 0, -7e-5], [0, 0, -3e-4], "strain"
+)
+YOUNG, POISSON, EXPANSION, CONDUCTIVITY = 2e11, 0.3, 1.2e-5, 40.0
+STEEL = Material.isotropic(YOUNG, POISSON).with_heat(CONDUCTIVITY, EXPANSION)
+MODULUS, DISTORTIVITY = YOUNG / (1.0 - POISSON**2), EXPANSION * (1.0 + POISSON) / CONDUCTIVITY
+A, R, REFERENCE_RADIUS, TEMPERATURE = 1e-3, 0.1, 2e-3, 300.0
+PERFECT = StepConductivity(np.inf)
+Potentials = tuple[float | None, float | None]
+
+
+def surface(material: Material) -> tuple[Array, Array, float]:
+    """Return xi, delta and kappa of a material that is axisymmetric about x3."""
+    coupled = material.stiffness[:, :5, :5]
+    xi = axisymmetric_compliance(coupled)
+    y, kappa = thermal_response(coupled, material.thermal_moduli, material.decoupled[0][1], (0, 0, 1), [[1.0, 0, 0]])
+    return xi, -y[0, 2:].real, float(kappa[0])
+
+
+def hot_problem(
+    material: Material,
+    height: Any,
+    approach: float,
+    cells: int,
+    laws: tuple[ConductivityLaw, ...],
+    potentials: tuple[float, float, float],
+    edges: Any = "nodes",
+    law: ContactLaw | None = None,
+    force: float | None = None,
+    reference_radius: float | None = REFERENCE_RADIUS,
+    **options: Any,
+) -> ContactProblem:
+    """Return the indentation with `cells` in the radius A; with a force, the approach is free."""
+    spacing, n = A / cells, 2 * round(1.2 * cells) + (height is flat)
+    mesh = half_space_mesh(0.1, n * spacing, (n, n), 1, Quad4())
+    formulation = HalfSpace(edges=edges, reference_radius=reference_radius, matrix_up_to=0)
+    system = formulation.reduce(Body.of(material, mesh, (), "contact"))
+    x, y = system.points[:, :2].T
+    gap = height(np.hypot(x, y)) - approach
+    mode = np.zeros_like(system.offset)
+    mode[:, 2] = -1.0
+    prescribed = () if force is None else (PrescribedResultant(mode, mode * system.weights[:, None], force),)
+    drag = options.pop("translation", 0.0)
+    return ContactProblem(
+        system,
+        law or Signorini(),
+        flux_channels(*laws, fields=material.fields),
+        gap,
+        np.tile([drag, 0.0], (len(gap), 1)),
+        np.tile(potentials, (len(gap), 1)),
+        prescribed,
+        **options,
+    )
+
+
+def sphere(r: Array) -> Array:
+    return np.asarray(r**2 / (2.0 * R))
+
+
+def flat(r: Array) -> Array:
+    return np.where(r <= A, 0.0, np.inf)
+
+
+def solved(problem: ContactProblem, solver: Solver | None = None, tolerance: float = 1e-9) -> ContactSolution:
+    solution, _ = solve_to_edges(problem, solver or Auto(), StoppingCriteria(tolerance=tolerance))
+    assert solution.status is Status.CONVERGED, solution.message
+    return solution
+
+
+def totals(problem: ContactProblem, solution: ContactSolution) -> Array:
+    return np.asarray(problem.system.weights @ solution.state.load)
+
+
+def close(values: Array, expected: Array, tolerance: float) -> None:
+    """Require that columns agree relative to their largest entries."""
+    assert (np.abs(values - expected) <= tolerance * np.abs(expected).max(axis=0)).all()
+
+
+def conduction(potentials: Potentials) -> tuple[ConductivityLaw, ...]:
+    return (*(Insulating() if value is None else PERFECT for value in potentials), PERFECT)
+
+
+@pytest.mark.parametrize("cells", [20, pytest.param(64, marks=pytest.mark.full)])
+@pytest.mark.parametrize(
+    "potentials",
+    [(0.0, 0.0), *(pytest.param(given, marks=pytest.mark.full) for given in ((None, None), (0.0, None), (None, 0.0)))],
+)
+def test_hot_sphere_in_closed_form(potentials: Potentials, cells: int) -> None:
+    """Force, heat, charge and magnetic flux at the approach and the potentials of a contact radius.
+
+    Fluxes are singular at the contact edge, whose position is uncertain by a fraction of a spacing.
+    """
+    tolerance = 0.1 / cells
+    exact = HotIndentation(*surface(COMPOSITE), Sphere(R), A, TEMPERATURE, potentials, REFERENCE_RADIUS)
+    given = (potentials[0] or 0.0, potentials[1] or 0.0, TEMPERATURE)
+    problem = hot_problem(
+        COMPOSITE, sphere, exact.solved_approach, cells, conduction(potentials), given, edges="resolved"
+    )
+    result = totals(problem, solved(problem))
+    assert -result[2] == pytest.approx(exact.force, rel=tolerance / 4.0)
+    for column in (3, 4):
+        assert result[column] == pytest.approx(exact.totals[column - 2], rel=tolerance)
+    assert result[5] == pytest.approx(exact.heat, rel=tolerance)
+
+
+@pytest.mark.parametrize("cells", [16, pytest.param(64, marks=pytest.mark.full)])
+def test_hot_sphere_under_force_control(cells: int) -> None:
+    """Isotropic: pressure at the centre and contact radius do not depend on the reference radius."""
+    exact = HotIndentation(*surface(STEEL), Sphere(R), A, TEMPERATURE)
+    thermal = MODULUS * EXPANSION * (1.0 + POISSON) * TEMPERATURE
+    hertz = 4.0 * MODULUS * A**3 / (3.0 * R)
+    assert exact.force == pytest.approx(hertz + 2.0 / np.pi * thermal * A**2, rel=1e-10)
+    centre = exact.pressure(np.array([0.0]))[0]
+    assert centre == pytest.approx(2.0 * MODULUS * A / (np.pi * R) + thermal / 4.0, rel=1e-9)
+    states = []
+    for radius in (None, 5e-2):
+        laws = (Insulating(), Insulating(), PERFECT)
+        problem = hot_problem(
+            STEEL, sphere, A**2 / R, cells, laws, (0.0, 0.0, TEMPERATURE), force=exact.force, reference_radius=radius
+        )
+        solution = solved(problem)
+        states.append(solution.state)
+        assert solution.state.load[:, 2].min() == pytest.approx(-centre, rel=0.05 / cells)
+        assert totals(problem, solution)[5] == pytest.approx(exact.heat, rel=0.12 / cells)
+        area = problem.system.weights @ (solution.state.load[:, 2] < 0.0)
+        assert np.sqrt(area / np.pi) == pytest.approx(A, rel=0.2 / cells)
+    close(states[1].load, states[0].load, 1e-6)
+    # the approach changes by the level alone: y_0 H / (2 pi) ln(R' / R)
+    own = np.sqrt(problem.system.weights.sum() / np.pi)
+    heat = problem.system.weights @ states[0].load[:, 5]
+    change = -DISTORTIVITY * heat / (2.0 * np.pi) * np.log(5e-2 / own)
+    assert states[0].motion[0] - states[1].motion[0] == pytest.approx(change, rel=1e-5)
+
+
+def second_half_space(material: Material, problem: ContactProblem, reference_radius: float) -> ContactProblem:
+    """Return the problem with a second body of a material on the same grid."""
+    n = round(np.sqrt(len(problem.gap))) - 1
+    mesh = half_space_mesh(0.1, float(np.ptp(problem.system.points[:, 0])), (n, n), 1, Quad4())
+    body = Body.of(material, mesh, (), "contact")
+    other = HalfSpace(reference_radius=reference_radius, matrix_up_to=0).reduce(body)
+    return replace(problem, system=combine_bodies(problem.system, other))
+
+
+def test_heat_between_two_spheres() -> None:
+    """Equal bodies are not distorted by heat and have the resistance 1 / (2 a k); others bulge by the difference."""
+    aluminium = Material.isotropic(7e10, 0.33).with_heat(200.0, 2.3e-5)
+    for material, young, poisson, conductivity, expansion in (
+        (STEEL, YOUNG, POISSON, CONDUCTIVITY, EXPANSION),
+        (aluminium, 7e10, 0.33, 200.0, 2.3e-5),
+    ):
+        modulus = 1.0 / (1.0 / MODULUS + (1.0 - poisson**2) / young)
+        kappa = 1.0 / (1.0 / CONDUCTIVITY + 1.0 / conductivity)
+        difference = DISTORTIVITY - expansion * (1.0 + poisson) / conductivity
+        force = 4.0 * modulus * A**3 / (3.0 * R) + 2.0 / np.pi * modulus * difference * kappa * TEMPERATURE * A**2
+        laws = (Insulating(), Insulating(), PERFECT)
+        alone = hot_problem(STEEL, sphere, A**2 / R, 20, laws, (0.0, 0.0, TEMPERATURE), force=force)
+        problem = second_half_space(material, alone, REFERENCE_RADIUS)
+        solution = solved(problem)
+        assert -totals(problem, solution)[5] == pytest.approx(4.0 * A * kappa * TEMPERATURE, rel=6e-3)
+        centre = 2.0 * modulus * A / (np.pi * R) + modulus * difference * kappa * TEMPERATURE / 4.0
+        assert -solution.state.load[:, 2].min() == pytest.approx(centre, rel=2.5e-3)
+
+
+def test_hot_flat_punch() -> None:
+    """Force and heat of full contact; below the least force the corners separate."""
+    least = hot_punch_force(MODULUS, DISTORTIVITY, CONDUCTIVITY, A, TEMPERATURE)
+    for approach, full in ((2e-6, True), (-1e-6, False)):
+        exact = HotIndentation(*surface(STEEL), FlatPunch(A), A, TEMPERATURE, (None, None), REFERENCE_RADIUS, approach)
+        closed = 2.0 * MODULUS * A * approach + 2.0 / np.pi * MODULUS * EXPANSION * (
+            1.0 + POISSON
+        ) * TEMPERATURE * A**2 * (3.0 - 4.0 * np.log(2.0) + 2.0 * np.log(REFERENCE_RADIUS / A))
+        assert exact.force == pytest.approx(closed, rel=1e-12)
+        assert (exact.force > least) == full
+        problem = hot_problem(STEEL, flat, approach, 24, (Insulating(), Insulating(), PERFECT), (0.0, 0.0, TEMPERATURE))
+        solution = solved(problem)
+        touching = solution.state.load[:, 2] < 0.0
+        under = np.isfinite(problem.gap)
+        assert bool((touching == under).all()) == full
+        if full:
+            assert -totals(problem, solution)[2] == pytest.approx(exact.force, rel=3e-3)
+            assert totals(problem, solution)[5] == pytest.approx(exact.heat, rel=5e-3)
+
+
+@pytest.mark.full(except_for=1)
+@pytest.mark.parametrize(("biot", "share"), [(0.1, 0.072401), (1.0, 0.426680), (10.0, 0.858672), (np.inf, 1.0)])
+def test_constriction_resistance(biot: float, share: float) -> None:
+    """Heat through a disc in units of 4 a kappa theta, with a uniform conductance under the indenter."""
+    laws = (Insulating(), Insulating(), Robin(biot * CONDUCTIVITY / A))
+    problem = hot_problem(STEEL, flat, 1e-5, 32, laws, (0.0, 0.0, 1.0))
+    heat = -totals(problem, solved(problem))[5]
+    assert heat / (4.0 * A * CONDUCTIVITY) == pytest.approx(share, rel=4e-3)
+
+
+@pytest.mark.full(except_for=1)
+@pytest.mark.parametrize(
+    "law", [StepConductivity(2e5), PowerLaw(2e5, 1e9), Robin(1e5)], ids=["constant", "of pressure", "everywhere"]
+)
+def test_gradient_solvers_solve_for_heat_first(law: ConductivityLaw) -> None:
+    """Solvers that eliminate the fluxes at given tractions reach the solution of Newton's method."""
+    laws = (Insulating(), PERFECT, law)
+    problem = hot_problem(COMPOSITE, sphere, 1e-5, 8, laws, (0.0, 0.0, TEMPERATURE))
+    expected = solved(problem, SemismoothNewton(), 1e-10).state
+    for solver in (BarzilaiBorwein(), Uzawa()):
+        state = solved(problem, solver, 1e-9).state
+        close(state.load, expected.load, 1e-5)
+
+
+FRICTION = 1e-4
+FACTORS = {0.1: 1.177437, 0.3: 1.841996, 0.5: 4.403257}
+
+
+def central_pressure(heating: float) -> tuple[float, float]:
+    """Return force and central pressure of a sliding sphere in units of Hertz's, by the integral equation.
+
+    G(x) = 2 x + heating integral of G(y) ln|(x + y) / (x - y)| dy, with the singularity subtracted.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    x, w = (nodes + 1.0) / 2.0, weights / 2.0
+    same = np.eye(len(x), dtype=bool)
+    kernel = np.where(same, 0.0, np.log((x[:, None] + x) / np.where(same, 1.0, np.abs(x[:, None] - x))))
+    whole = (1.0 + x) * np.log(1.0 + x) - (1.0 - x) * np.log(1.0 - x) - 2.0 * x * np.log(x)
+    matrix = np.eye(len(x)) - heating * (kernel * w + np.diag(whole - kernel @ w))
+    g = np.linalg.solve(matrix, 2.0 * x)
+    return float(1.5 * w @ (x * g)), float(0.5 * w @ (g / x))
+
+
+@pytest.mark.parametrize("heating", [0.3, *(pytest.param(value, marks=pytest.mark.full) for value in (0.1, 0.5))])
+@pytest.mark.parametrize("cells", [20, pytest.param(64, marks=pytest.mark.full)])
+def test_frictional_heating_of_a_sliding_sphere(heating: float, cells: int) -> None:
+    """Contact radius and central pressure under the force of the integral equation; all heat enters the body.
+
+    Friction is weak and sliding fast, so that tangential tractions do not matter.
+    """
+    factor, central = central_pressure(heating)
+    assert factor == pytest.approx(FACTORS[heating], rel=1e-5)
+    speed = heating * 2.0 * np.pi / (DISTORTIVITY * FRICTION * MODULUS * A)
+    force = 4.0 * MODULUS * A**3 / (3.0 * R) * factor
+    problem = hot_problem(
+        STEEL,
+        sphere,
+        A**2 / R,
+        cells,
+        (Insulating(),) * 3,
+        (0.0, 0.0, 0.0),
+        law=IsotropicCoulomb(FRICTION),
+        force=force,
+        reference_radius=None,
+        translation=1.0,
+        friction_heat=speed,
+    )
+    solution = solved(problem, tolerance=1e-8)
+    result = totals(problem, solution)
+    assert result[5] == pytest.approx(-FRICTION * speed * force, rel=1e-6)
+    hertz = 2.0 * MODULUS * A / (np.pi * R)
+    assert -solution.state.load[:, 2].min() == pytest.approx(central * hertz, rel=1e-3)
+    area = problem.system.weights @ (solution.state.load[:, 2] < 0.0)
+    assert np.sqrt(area / np.pi) == pytest.approx(A, rel=0.15 / cells)
+    with pytest.raises(CaseError, match="cannot include the heat of friction"):
+        Uzawa().check(problem)
+
+
+def test_heat_of_friction_is_shared_and_conducted() -> None:
+    """At each node heat flux = conductance * drop - share * power of friction, with sticking and slipping nodes."""
+    share, duration = 0.3, 1e-3
+    laws = (Insulating(), Insulating(), StepConductivity(2e5))
+    problem = hot_problem(
+        STEEL,
+        sphere,
+        A**2 / R,
+        16,
+        laws,
+        (0.0, 0.0, 20.0),
+        law=IsotropicCoulomb(0.3),
+        translation=3e-6,
+        friction_heat=share / duration,
+    )
+    state = solved(problem, SemismoothNewton(), 1e-11).state
+    slip = problem.translation - state.displacement[:, :2]
+    power = (state.load[:, :2] * slip).sum(axis=1) / duration
+    stuck = (np.hypot(*slip.T) < 1e-12) & (state.load[:, 2] < 0.0)
+    slipping = (power > 1e-6 * power.max()) & ~stuck
+    assert stuck.sum() > 20
+    assert slipping.sum() > 20
+    assert power.min() > -1e-6 * power.max()
+    drop = -state.displacement[:, 5] - 20.0
+    expected = np.where(state.load[:, 2] < 0.0, 2e5 * drop, 0.0) - share * power
+    np.testing.assert_allclose(state.load[:, 5], expected, rtol=0.0, atol=1e-7 * np.abs(expected).max())
+    assert share * power.max() > 0.01 * np.abs(expected).max()
+
+
+CASE = """
+formulation = "half-space"
+[material]
+name = "batio3-cofe2o4"
+thermal = true
+[mesh]
+type = "half-space"
+contact_width = "2.4 mm"
+divisions = 15
+[contact]
+law = {name = "isotropic-coulomb", mu = 0.2}
+friction_heat = 0.5
+[conductivity]
+thermal = {name = "power-law", reference_conductivity = "5000 W/m^2/K", reference_pressure = "100 MPa"}
+[indenter]
+name = "sphere"
+radius = "100 mm"
+temperature = "100 K"
+[[steps]]
+normal_force = "1 kN"
+[[steps]]
+translation = ["1 mm", 0]
+duration = "0.1 s"
+"""
+
+
+def case(folder: Path, *changes: tuple[str, str]) -> Any:
+    text = CASE
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "case.toml").write_text(text, encoding="utf-8")
+    return load_case(folder / "case.toml")
+
+
+def test_case_with_heat(tmp_path: Path) -> None:
+    """Friction reduces the heat that leaves the indenter by conduction and adds its share; names are in the result."""
+    result = solve_case(case(tmp_path))
+    still, sliding = result.steps
+    assert (still.status, sliding.status) == (Status.CONVERGED, Status.CONVERGED)
+    assert resultants(result.zone, still).heat < -0.1
+    drop = sliding.potentials[:, 2] - 100.0
+    pressure = np.maximum(-sliding.traction[:, 2], 0.0)
+    conducted = 5000.0 * (pressure / 1e8) ** 0.95 * drop
+    work = (sliding.traction[:, :2] * sliding.slip).sum(axis=1)
+    flux = conducted - 0.5 * work / 0.1
+    np.testing.assert_allclose(sliding.fluxes[:, 2], flux, rtol=0.0, atol=1e-6 * np.abs(flux).max())
+
+
+def test_messages_state_frictional_heat_and_reference_radius(tmp_path: Path) -> None:
+    """lambda = delta share mu V E* a / (2 pi), of the radius of the contact area."""
+    steel = (
+        'name = "batio3-cofe2o4"\nthermal = true',
+        f'name = "isotropic"\nyoung_modulus = {YOUNG}\npoisson_ratio = {POISSON}\n'
+        f"thermal_conductivity = {CONDUCTIVITY}\nthermal_expansion = {EXPANSION}",
+    )
+    radius = ('formulation = "half-space"', 'formulation = {name = "half-space", reference_radius = "2 mm"}')
+    given = case(tmp_path, steel, radius, ("1 mm", "20 mm"))
+    assert any("reference_radius = 0.002 m" in text for text in given.warnings)
+    result = solve_case(given)
+    last = result.steps[-1]
+    a = np.sqrt(result.zone.weights @ last.touching / np.pi)
+    expected = DISTORTIVITY * 0.5 * 0.2 * 0.2 * MODULUS * a / (2.0 * np.pi)
+    (text,) = (part for part in last.message.split("; ") if part.startswith("frictional heat"))
+    assert float(text.split("lambda = ")[1].split(",")[0]) == pytest.approx(expected, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ([('normal_force = "1 kN"', 'approach = "5 um"')], r"steps\[1\]: prescribes approach, whose level"),
+        ([("[conductivity]", "[conductivity]\nelectric = 'step'")], "kappa"),
+        (
+            [("[conductivity]", "[conductivity]\nelectric = {name = 'step', kappa = 1}")],
+            r"steps\[1\]: prescribes electric_potential, whose level .* allowed: charge in its place",
+        ),
+        ([("friction_heat = 0.5", "friction_heat = 2")], r"contact.friction_heat = 2: must be >= 0 and <= 1"),
+        (
+            [
+                ("thermal = true\n", ""),
+                ("thermal = {", "electric = {"),
+                ("W/m^2/K", "F/m^2"),
+                ('temperature = "100 K"', ""),
+            ],
+            r"contact.friction_heat = 0.5: .*needs a body with a temperature",
+        ),
+        ([('formulation = "half-space"', 'formulation = "dense-bem"')], "does not support thermal expansion"),
+        (
+            [('formulation = "half-space"', 'formulation = {name = "half-space", reference_radius = "-1 m"}')],
+            "reference_radius",
+        ),
+    ],
+)
+def test_invalid_cases(tmp_path: Path, changes: list[tuple[str, str]], message: str) -> None:
+    with pytest.raises(CaseError, match=message):
+        case(tmp_path, *changes)
+
+
+def test_approach_with_reference_radius_or_without_heat(tmp_path: Path) -> None:
+    radius = ('formulation = "half-space"', 'formulation = {name = "half-space", reference_radius = "2 mm"}')
+    assert case(tmp_path, radius, ('normal_force = "1 kN"', 'approach = "5 um"')).formulation.reference_radius == 2e-3
+    case(tmp_path, ('normal_force = "1 kN"', 'approach = "5 um"\nheat = 0'))
+
+
+def test_layers_that_expand_are_refused(tmp_path: Path) -> None:
+    layer = '[[layers]]\nthickness = "1 mm"\nmaterial = {name = "batio3", thermal = true}\n[[steps]]\nnormal_force'
+    with pytest.raises(CaseError, match="not supported in bodies with layers"):
+        case(tmp_path, ("[[steps]]\nnormal_force", layer))

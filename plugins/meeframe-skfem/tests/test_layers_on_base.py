@@ -1,0 +1,145 @@
+"""Layers on a rigid base: the same case file by finite elements and by the half space."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_skfem import FiniteElements
+
+import meeframe
+from meeframe.common.errors import CaseError, MeshError
+from meeframe.elements import Quad4
+from meeframe.material import library_material
+from meeframe.material.layers import Layer, LayerStack, RigidBase
+from meeframe.mesh import block_mesh, half_space_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.study.reports.verified import Verdict
+from meeframe.study.verify import verify
+
+LOWER = library_material("cofe2o4")
+FILM = (Layer(library_material("batio3"), 0.2),)
+PLANE = half_space_mesh(0.5, 0.4, 2, 1, Quad4())
+SIDES = ("side_x-", "side_x+", "side_y-", "side_y+")
+
+
+def half_space(layers=(), base=None):
+    return Body(LOWER.stiffness, PLANE, (), "contact", layers=LayerStack(layers, base))
+
+
+@pytest.mark.parametrize(
+    ("formulation", "body"),
+    [
+        (FiniteElements(), half_space(FILM, RigidBase(0.3))),
+        (FiniteElements(), half_space((), RigidBase(0.5))),
+        (FiniteElements(depth=0.5), half_space(FILM)),
+    ],
+    ids=["layer on base", "base", "depth"],
+)
+def test_half_spaces_are_boxes_with_zero_values_far_away(formulation, body):
+    """The box is the block of the same depth whose sides and base are held and grounded."""
+    held = tuple(BoundaryCondition(group, field, "value") for group in (*SIDES, "base") for field in range(5))
+    mesh = block_mesh(0.5, 0.5, 0.4, 2, 1, 1, Quad4())
+    block = replace(body, mesh=mesh, conditions=held, layers=LayerStack(body.layers.layers))
+    one, other = formulation.reduce(body), FiniteElements().reduce(block)
+    scale = np.sqrt(np.abs(np.einsum("naa->a", one.diagonal_blocks())))
+    difference = (one.dense() - other.dense()) / (scale[:, None, None] * scale)
+    assert np.abs(difference).max() < 1e-12
+    assert one.recover(np.ones((len(one.points), 5))).points.shape[1] == 3
+
+
+@pytest.mark.parametrize(
+    ("formulation", "body", "error", "message"),
+    [
+        (FiniteElements(), half_space(FILM), MeshError, r"no volume mesh without \[base\] or `depth`"),
+        (FiniteElements(depth=0.2), half_space(FILM), MeshError, r"layers are 0\.2 m thick, the body is 0\.2 m deep"),
+        (FiniteElements(depth=1.0), half_space(FILM, RigidBase(0.3)), CaseError, "depth = 1 m: the depth of a block"),
+        (FiniteElements(), half_space(FILM, RigidBase(0.3, ("electric",))), CaseError, "the base insulates electric"),
+    ],
+    ids=["no depth", "shallow", "two depths", "insulating"],
+)
+def test_messages(formulation, body, error, message):
+    with pytest.raises(error, match=message):
+        formulation.check(body)
+
+
+CASE = """
+[material]
+name = "{lower}"
+
+[mesh]
+type = "half-space"
+contact_width = "4 um"
+half_width = "12 um"
+divisions = {divisions}
+rings = 2
+element = "{element}"
+
+[[layers]]
+material = "{film}"
+thickness = "1 um"
+interface = {interface}
+
+[base]
+thickness = "3 um"
+
+[conductivity]
+electric = {{name = "step", kappa = inf}}
+
+[indenter]
+name = "sphere"
+radius = "10 um"
+
+[formulation]
+{formulation}
+
+[[steps]]
+approach = "120 nm"
+"""
+
+
+def totals(folder, **values):
+    """Return normal force [N] and charge [C] under the sphere."""
+    path = folder / "case.toml"
+    path.write_text(CASE.format(**values), encoding="utf-8")
+    result = meeframe.solve_case(meeframe.load_case(path))
+    (last,) = result.steps
+    assert last.status == "converged"
+    return result.zone.weights @ np.column_stack([last.traction[:, 2], last.fluxes[:, 0]])
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(
+    ("film", "lower", "interface"),
+    [("batio3", "cofe2o4", '{electrode = "grounded"}'), ("pzt-4", "batio3-cofe2o4", '"bonded"')],
+    ids=["electrode", "bonded"],
+)
+def test_sphere_on_a_film_by_finite_elements_and_half_space(tmp_path, film, lower, interface):
+    """On the same nodes, the differences decrease with the elements, and end below 1 %."""
+    coarse, fine = (
+        differences(tmp_path, divisions, growth, film=film, lower=lower, interface=interface, element="quad9")
+        for divisions, growth in ((4, 2.5), (6, 1.85))
+    )
+    assert (fine < coarse).all()
+    assert (fine < 0.01).all()
+
+
+def differences(folder, divisions, growth, **values):
+    """Return the differences of the totals by finite elements, relative to those by the half space."""
+    formulations = 'name = "half-space"', f'name = "skfem"\ngrowth = {growth}'
+    by_waves, by_elements = (totals(folder, divisions=divisions, formulation=text, **values) for text in formulations)
+    return np.abs(by_elements / by_waves - 1.0)
+
+
+@pytest.mark.full
+def test_verify_takes_the_same_case_file(tmp_path):
+    """Linear elements: force and pressure of both methods have the same limits within resolved errors."""
+    path = tmp_path / "case.toml"
+    values = {"film": "batio3", "lower": "cofe2o4", "interface": '{electrode = "grounded"}', "element": "quad4"}
+    path.write_text(CASE.format(divisions=18, formulation='name = "half-space"', **values), encoding="utf-8")
+    both = ("half-space", '{name = "skfem", growth = 1.6}')
+    verification = verify(path, tmp_path / "out", both)
+    assert verification.verdict is Verdict.AGREE
+    pairs = {pair.quantity: pair for pair in verification.agreements}
+    for name in ("force", "charge", "max_pressure"):
+        assert pairs[name].verdict is Verdict.AGREE
+    assert abs(pairs["force"].difference) < 0.01 * pairs["force"].scale
