@@ -31,6 +31,9 @@ _SAME: Final = 1e-6
 """Relative change of tractions below which they count as equal."""
 _UNCERTAIN: Final = 10.0
 """Change of tractions, in multiples of the residual, below which they count as equal."""
+_SLIGHT: Final = 1e-12
+_JUMP: Final = 1e-6
+"""Relative pressure that is hardly any, and relative friction under it that is considerable."""
 _LARGEST_ONSET: Final = 0.25
 """Fraction of the nodes in contact that may come into contact within one increment.
 
@@ -123,14 +126,19 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
     law: that of the increment; sides: number of sides at the zone boundary that the contact has reached; distant: the
     distance of an indenter without contact is reported elsewhere.
 
-    If the increment did not converge: its consequences. Otherwise: nothing touches; the contact reaches the boundary of
-    its zone, where it is cut off; the indenter has moved further than the theory of small motions permits, by more than
-    the extent of the zone or a tenth of a radian; a prescribed tangential force or torque is all that friction can
-    bear, so that the motion is not determined.
+    If the increment did not converge: a reason that lies in the law, and its consequences. Otherwise: nothing touches;
+    the contact reaches the boundary of its zone, where it is cut off; the indenter has moved further than the theory of
+    small motions permits, by more than the extent of the zone or a tenth of a radian; a prescribed tangential force or
+    torque is all that friction can bear, so that the motion is not determined.
     """
     if step.status is Status.CYCLING and type(law).__module__.partition(".")[0] not in {PROJECT, *BUNDLED_PACKAGES}:
         yield "a law that violates its contract can cause this: `meeframe plugins check FILE.py` tests a plugin"
     if step.status is not Status.CONVERGED:
+        if step.status is not Status.DIVERGED and limit_jumps(law, step.traction):
+            yield (
+                "the friction limit of the law jumps where contact begins, so that no state exists if shear lifts a "
+                "node that would touch without it: use a limit in proportion to the pressure, such as capped-coulomb"
+            )
         yield "the next increment starts from the last one that converged"
         return
     if not step.touching.any() and not distant:
@@ -143,6 +151,18 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
             "the whole contact slips under the prescribed force or torque: the motion beyond the onset of full slip is "
             "undetermined"
         )
+
+
+def limit_jumps(law: ContactLaw, traction: Array) -> bool:
+    """Return whether a law admits friction under hardly any pressure, as constant limits and full stick do.
+
+    traction: (n, 3), whose largest modulus is the measure of pressure and friction [Pa].
+    """
+    size = float(np.abs(traction).max(initial=0.0))
+    if not 0.0 < size < np.inf:
+        return False
+    trial = np.tile([size, 0.0, -_SLIGHT * size], (len(traction), 1))
+    return bool(np.abs(law.project(trial)[:, :2]).max() > _JUMP * size)
 
 
 @dataclass(frozen=True, eq=False)

@@ -373,7 +373,7 @@ GOOD: Final = ("valid", "refused")
 
 def campaign(name: str, seeds: Sequence[int], keep: Path | None = None) -> Iterator[tuple[int, str, str]]:
     """Yield the seed, outcome and words of each variant of a kind; a process that crashes is started again."""
-    with tempfile.TemporaryDirectory() as temporary:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as temporary:  # an interrupted process may write
         folder = Path(temporary)
         (folder / "valid").mkdir()
         templates = list(KINDS[name].make(folder / "valid"))
@@ -381,7 +381,7 @@ def campaign(name: str, seeds: Sequence[int], keep: Path | None = None) -> Itera
         while waiting:
             receiver, sender = multiprocessing.Pipe(duplex=False)
             process = multiprocessing.get_context("fork").Process(
-                target=_serve, args=(name, templates, waiting, folder, sender, keep)
+                target=_serve, args=(name, templates, waiting, folder, sender, keep), daemon=True
             )
             process.start()
             sender.close()

@@ -36,7 +36,13 @@ from meeframe.model.solve import bodies_of
 TOLERANCE: Final = 1e-6
 """Largest violation of a converged increment, relative to the magnitudes of its solution."""
 
-REASONS: Final = ("friction can carry", "cannot be resisted", "Nothing touches", "nothing touches")
+REASONS: Final = (
+    "more than friction bears",
+    "add up to the prescribed forces",
+    "does not touch",
+    "jumps where contact begins",
+)
+"""Words in the message of an increment that did not converge which state a reason that no solver can remove."""
 
 
 @dataclass

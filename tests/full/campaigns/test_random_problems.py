@@ -25,7 +25,7 @@ indenter = { name = "sphere", radius = "100 mm" }
 contact = { law = { name = "isotropic-coulomb", mu = 0.3 } }
 conductivity = { electric = { name = "step", kappa = 1e-6 } }
 output = { figures = false, vtu = false, fields = ["slip", "total_slip", "slip_path"] }
-steps = [{ normal_force = "100 N" }, { translation = ["0.5 um", 0], electric_potential = "100 V" }]
+steps = [{ normal_force = 100 }, { translation = [5e-7, 0], electric_potential = 100 }]
 """
 
 
@@ -74,8 +74,8 @@ def test_faults_are_found(solved, tmp_path, name):
     assert worst(tmp_path, compliances)[statement] > random_problems.TOLERANCE
 
 
-@pytest.mark.parametrize("seed", range(5001, 5025))
+@pytest.mark.parametrize("seed", range(5001, 5013))
 def test_random_problems(seed):
     answer = random_problems.answer(seed, "auto")
     assert answer.outcomes
-    assert set(answer.outcomes) <= {"converged", "stalled, with a reason"}, answer.notes
+    assert set(answer.outcomes) <= {"converged", "rejected", "stalled, with a reason"}, answer.notes

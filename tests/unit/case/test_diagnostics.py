@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from meeframe_laws.adhesive import DMTCoulomb
+from meeframe_laws.evolving import RateAndPressure
+from meeframe_laws.friction import CappedCoulomb, Tresca
 
 import meeframe
 from meeframe.contact.problem import Status
 from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.model.diagnostics import diagnostics, open_sides, sides_reached
+from meeframe.model.diagnostics import diagnostics, limit_jumps, open_sides, sides_reached
 from meeframe.model.load import load_case
 from meeframe.model.step import Step
 from meeframe.results.records import Region
@@ -208,3 +211,25 @@ def test_cycling_with_a_plugin_law_mentions_plugins_check(synthetic):
     assert not any("plugins check" in text for text in diagnostics(zone, step, IsotropicCoulomb(0.3)))
     other = replace(step, status=Status.ITERATION_LIMIT)
     assert not any("plugins check" in text for text in diagnostics(zone, other, Law(0.3)))
+
+
+@pytest.mark.parametrize(
+    ("law", "jumps"),
+    [
+        (Signorini(), False),
+        (IsotropicCoulomb(0.9), False),
+        (IsotropicCoulomb(np.inf), True),
+        (OrthotropicCoulomb(0.1, 0.9), False),
+        (Tresca(1e4), True),
+        (CappedCoulomb(10.0, 1e4), False),
+        (RateAndPressure(0.2, 0.3, 1e-3, pressure_exponent=2 / 3), False),
+        (DMTCoulomb(0.3, 1e3), True),
+        (DMTCoulomb(0.3, 0.0), False),
+    ],
+)
+def test_friction_limits_that_jump_are_a_reason(synthetic, law, jumps):
+    step = synthetic.step(1e-6, Status.STALLED)
+    assert limit_jumps(law, step.traction) == jumps
+    sentences = list(diagnostics(synthetic.zone(), step, law))
+    assert any("jumps where contact begins" in sentence for sentence in sentences) == jumps
+    assert sentences[-1] == "the next increment starts from the last one that converged"
