@@ -14,7 +14,7 @@ ALWAYS_ALLOWED: Final = 2**30
 
 
 @contextmanager
-def open_hdf5(path: Path, is_own_link: Callable[[str, str], bool] = lambda name, target: False) -> Iterator[Any]:
+def open_hdf5(path: Path, is_result_link: Callable[[str, str], bool] = lambda name, target: False) -> Iterator[Any]:
     """Open an HDF5 file for reading, if it refers to no other file.
 
     HDF5 follows external links, external storage and virtual datasets wherever they lead, so that a file from somebody
@@ -24,7 +24,7 @@ def open_hdf5(path: Path, is_own_link: Callable[[str, str], bool] = lambda name,
     ----------
     path : Path
         The file.
-    is_own_link : callable, optional
+    is_result_link : callable, optional
         Returns True for an external link, given by its name and its target file, that is allowed, and whose target is
         checked likewise. By default none is.
 
@@ -41,11 +41,11 @@ def open_hdf5(path: Path, is_own_link: Callable[[str, str], bool] = lambda name,
         If it refers to other files, or if an array is larger than the file can hold.
     """
     with h5py.File(path, "r") as file:
-        _check(file, path.stat().st_size, is_own_link)
+        _check(file, path.stat().st_size, is_result_link)
         yield file
 
 
-def _check(group: Any, size: int, is_own_link: Callable[[str, str], bool] | None) -> None:
+def _check(group: Any, size: int, is_result_link: Callable[[str, str], bool] | None) -> None:
     """Check the links and arrays of a group at any depth, in a file of a size [bytes]. Raises ValueError."""
     external: dict[bytes, str] = {}
 
@@ -62,7 +62,7 @@ def _check(group: Any, size: int, is_own_link: Callable[[str, str], bool] | None
     h5py.h5o.visit(group.id, visit_object, info=True)  # low-level: as fast as the arrays are read
     for link, target in external.items():
         name = link.decode(errors="replace")
-        if is_own_link is None or not is_own_link(name, target):
+        if is_result_link is None or not is_result_link(name, target):
             raise ValueError(f"{name!r} is a link to another file, {target!r}; allowed: data in the file itself")
         with suppress(KeyError):  # it may not be written yet
             linked = group[link]

@@ -135,10 +135,10 @@ def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fi
     modes = np.zeros((N_RIGID + len(potentials), fields.size, len(points))).transpose(0, 2, 1)
     for number in range(N_RIGID):
         if number < 3:
-            moved = np.broadcast_to((-axes[2], axes[0], axes[1])[number], points.shape)
+            displacement = np.broadcast_to((-axes[2], axes[0], axes[1])[number], points.shape)
         else:
-            moved = np.cross(axes[number - 3], points - reference)
-        local = local_components(frames, moved)
+            displacement = np.cross(axes[number - 3], points - reference)
+        local = local_components(frames, displacement)
         for column in range(N_MECHANICAL):
             if local[:, column].any():
                 modes[number, :, column] = local[:, column]

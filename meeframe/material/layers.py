@@ -147,6 +147,13 @@ class LayerStack:
         """Thickness of all layers together [m], without the material of the body."""
         return float(sum(layer.thickness for layer in self.layers))
 
+    @property
+    def top_thickness(self) -> float:
+        """Thickness of the material at the surface [m]; inf for a homogeneous half space."""
+        if self.layers:
+            return self.layers[0].thickness
+        return np.inf if self.base is None else self.base.thickness
+
 
 def _check_thickness(what: str, thickness: float) -> None:
     if not (0.0 < thickness < np.inf):

@@ -12,6 +12,7 @@ Sources: Kausel and Roesset, Bull. Seismol. Soc. Am. 71 (1981) 1743, and Wang an
 (2004) 2473, on recursions for layered media; Ting, Anisotropic Elasticity (1996), chapters 6 and 7, on Y_+.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -26,8 +27,8 @@ Complex = NDArray[np.complex128]
 Number = TypeVar("Number", Array, Complex)
 
 MAX_SERIES_DEPTH: Final = 0.2
-"""Thickness times wave number up to which solutions in a layer are summed as a series: on a rigid base Y is as small as
-this number, and the recursion would lose its digits."""
+"""Thickness times wave number up to which `SurfaceSymbol.evaluate` sums the solutions in a layer as a series: on a
+rigid base Y is as small as this number, and the recursion would lose its digits, other than the difference from Y_+."""
 _MAX_NORM: Final = 0.5  # of the argument of the series of an exponential, which is then squared
 _TERMS: Final = 14  # of that series; the next one is 0.5^15 / 15!
 _MAX_TERMS: Final = 200
@@ -44,8 +45,9 @@ class Medium:
         Factors (fields,) of its scaled fields.
     plus, minus
         Compliances Y of the solutions that decay downwards and upwards, (directions, fields, fields).
-    descent, ascent
-        Derivatives of t / k with respect to k z in these solutions, (directions, fields, fields).
+    descent
+        Derivative of t / k with respect to k z in the first of them, (directions, fields, fields); that in the second
+        is -conj(descent).
     state
         Matrix of the derivatives of (u, t / k) with respect to k z, (directions, 2 fields, 2 fields).
     normal_compliance
@@ -56,13 +58,15 @@ class Medium:
     plus: Complex
     minus: Complex
     descent: Complex
-    ascent: Complex
     state: Complex
     normal_compliance: Array
 
     @classmethod
-    def of(cls, stiffness: Array, frame: Array, angles: Array) -> "Medium":
-        """Return the medium of a stiffness [SI] for directions at angles (directions,) in a frame (3, 3)."""
+    def of(cls, stiffness: Array, frame: Array, angles: Array, plus: Complex | None = None) -> "Medium":
+        """Return the medium of a stiffness [SI] for directions at angles (directions,) in a frame (3, 3).
+
+        plus: the scaled compliance of a half space if it is known.
+        """
         local = _in_frame(stiffness, frame)
         scaling = FieldScaling.of(stiffness)  # the same in all frames
         scaled, f = scaling.scale_stiffness(local), len(scaling.factors)
@@ -73,11 +77,12 @@ class Medium:
         flux = r @ t_inverse
         upper = np.concatenate([-1j * flux.swapaxes(1, 2), np.broadcast_to(t_inverse, q.shape)], axis=2)
         lower = np.concatenate([q - flux @ r.swapaxes(1, 2), -1j * flux], axis=2)
-        plus = surface_compliance(local, _NORMAL, m) / np.outer(scaling.factors, scaling.factors)
+        if plus is None:
+            plus = surface_compliance(local, _NORMAL, m) / np.outer(scaling.factors, scaling.factors)
         minus = -plus.conj()
-        descent, ascent = (lower[:, :, :f] @ y + lower[:, :, f:] for y in (plus, minus))
+        descent = lower[:, :, :f] @ plus + lower[:, :, f:]
         state = np.concatenate([upper, lower], axis=1)
-        return cls(scaling.factors, plus, minus, descent, ascent, state, t_inverse)
+        return cls(scaling.factors, plus, minus, descent, state, t_inverse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +114,13 @@ class SurfaceSymbol:
 
     @classmethod
     def of(
-        cls, stiffness: Array, layers: LayerStack, frame: Array, angles: Array, fields: FieldSet = MEE
+        cls,
+        stiffness: Array,
+        layers: LayerStack,
+        frame: Array,
+        angles: Array,
+        fields: FieldSet = MEE,
+        half_spaces: Sequence[Complex] | None = None,
     ) -> "SurfaceSymbol":
         """Return the symbol of layers on a material.
 
@@ -125,6 +136,8 @@ class SurfaceSymbol:
             Directions m = cos(angle) e1 + sin(angle) e2, (directions,).
         fields
             Names of the fields.
+        half_spaces
+            Scaled compliances of half spaces of all materials, (directions, fields, fields) each, if they are known.
 
         Raises
         ------
@@ -136,8 +149,15 @@ class SurfaceSymbol:
         if layers.base is not None:
             thicknesses.append(layers.base.thickness)
             insulating = np.array([*(0.0,) * 3, *(float(name in layers.base.insulating) for name in fields.names)])
+        if half_spaces is None:
+            distinct = {one.tobytes(): one for one in stiffnesses}
+            made = {key: Medium.of(one, frame, angles) for key, one in distinct.items()}
+            media = tuple(made[one.tobytes()] for one in stiffnesses)
+        else:
+            known = zip(stiffnesses, half_spaces, strict=True)
+            media = tuple(Medium.of(one, frame, angles, plus) for one, plus in known)
         return cls(
-            tuple(Medium.of(one, frame, angles) for one in stiffnesses),
+            media,
             tuple(thicknesses),
             tuple(layer.interface for layer in layers.layers),
             insulating,
@@ -155,58 +175,65 @@ class SurfaceSymbol:
         return self.media[0].plus
 
     @property
-    def slowest_decay(self) -> float:
-        """Smallest exponent of waves in the top layer per k z."""
-        return float(np.linalg.eigvals(self.media[0].descent).real.min())
+    def slowest_decays(self) -> Array:
+        """Smallest exponents (media,) of waves per k z in each medium."""
+        return np.array([np.linalg.eigvals(medium.descent).real.min() for medium in self.media])
 
     def evaluate(self, k: Array) -> Complex:
         """Return Y(k, m) for wave numbers k > 0 [1/m], (n,), as (n, directions, fields, fields), scaled."""
-        return _hermitian(_divide(*self._above(np.asarray(k, float), 0)))
+        return _hermitian(_divide(*self._above(np.asarray(k, float)[:, None], 0, MAX_SERIES_DEPTH)))
 
     def difference(self, k: Array) -> Complex:
         """Return Y(k, m) less that of the top material, without cancellation; as `evaluate`."""
-        k = np.asarray(k, float)
-        result = np.empty((len(k), *self.top.shape), complex)
         if not self.thicknesses:
-            result[:] = 0.0
-            return result
-        depth = k * self.thicknesses[0]
-        for chosen, is_short in ((depth <= MAX_SERIES_DEPTH, True), (depth > MAX_SERIES_DEPTH, False)):
-            if chosen.any():
-                below = self._below(k[chosen], 0)
-                cross = _short_difference if is_short else _difference
-                result[chosen] = cross(self.media[0], depth[chosen], *below)
-        return _hermitian(result)
+            return np.zeros((len(k), *self.top.shape), complex)
+        k = np.asarray(k, float)[:, None]
+        g, _ = reflection(self.media[0], k * self.thicknesses[0], *self.below(k, 0))
+        return _hermitian((self.media[0].minus - self.media[0].plus) @ _divide(g, np.eye(g.shape[-1]) + g))
 
-    def _below(self, k: Array, number: int) -> tuple[Complex, Complex]:
-        """Return the subspace u = U c, t / k = V c at the lower side of a medium, in its scaled fields."""
+    def below(self, k: Array, number: int, series_depth: float = 0.0) -> tuple[Complex, Complex]:
+        """Return the subspace u = U c, t / k = V c at the lower side of a medium, in its scaled fields.
+
+        k: wave numbers (n, 1) for all directions, or (1, directions) for one each; series_depth: k times thickness up
+        to which layers are crossed by series.
+        """
         medium = self.media[number]
         if number == len(self.thicknesses) - 1 and self.insulating is not None:
             free = np.diag(self.insulating).astype(complex)
-            shape = len(k), *medium.plus.shape
+            shape = k.shape[0], *medium.plus.shape
             return np.broadcast_to(free, shape), np.broadcast_to(np.eye(len(free)) - free, shape)
         lower = self.media[number + 1]
-        u, v = self._above(k, number + 1)
+        u, v = self._above(k, number + 1, series_depth)
         u, v = _cross_interface(self.interfaces[number], self.fields, lower.factors, k, u, v)
         ratio = medium.factors / lower.factors
         return u / (ratio[:, None] * ratio), v * (ratio[:, None] / ratio)
 
-    def _above(self, k: Array, number: int) -> tuple[Complex, Complex]:
-        """Return the subspace at the upper side of a medium, as `_below`."""
+    def _above(self, k: Array, number: int, series_depth: float) -> tuple[Complex, Complex]:
+        """Return the subspace at the upper side of a medium, as `below`."""
         medium = self.media[number]
         if number == len(self.thicknesses):  # the half space
-            shape = len(k), *medium.plus.shape
+            shape = k.shape[0], *medium.plus.shape
             return np.broadcast_to(medium.plus, shape), np.broadcast_to(np.eye(shape[-1], dtype=complex), shape)
-        u, v = self._below(k, number)
+        u, v = self.below(k, number, series_depth)
         depth = k * self.thicknesses[number]
-        short = depth <= MAX_SERIES_DEPTH
+        short = (depth <= series_depth).all(axis=1)
+        if not short.any():
+            g, _ = reflection(medium, depth, u, v)
+            return medium.plus + medium.minus @ g, np.eye(g.shape[-1]) + g
         u, v = u.copy(), v.copy()
-        if short.any():
-            u[short], v[short] = _sum_series(medium, depth[short], u[short], v[short])
+        u[short], v[short] = _sum_series(medium, depth[short], u[short], v[short])
         if not short.all():
-            g = _reflection(medium, depth[~short], u[~short], v[~short])
+            g, _ = reflection(medium, depth[~short], u[~short], v[~short])
             u[~short], v[~short] = medium.plus + medium.minus @ g, np.eye(g.shape[-1]) + g
         return u, v
+
+    def compliance_at(self, k: Array, number: int) -> Complex:
+        """Return Y at the upper side of a medium, (directions, fields, fields), in its scaled fields.
+
+        k: wave numbers (1, directions), one for each direction.
+        """
+        compliance: Complex = _divide(*self._above(k, number, 0.0))[0]
+        return compliance
 
     def without_floating_electrodes(self) -> "SurfaceSymbol":
         """Return the symbol for uniform loads, to which floating electrodes are no obstacle."""
@@ -248,7 +275,7 @@ def _cross_interface(
     """Return the subspace above an interface from that below it, in scaled fields."""
     jump = interface.compliance(fields) / factors**2
     if jump.any():
-        u = u + (k[:, None] * jump)[:, None, :, None] * v
+        u = u + (k[..., None] * jump)[..., None] * v
     if interface.electrode is None:
         return u, v
     y = _divide(u, v)
@@ -263,27 +290,16 @@ def _without(compliance: Number, field: int) -> Number:
     return result
 
 
-def _reflection(medium: Medium, depth: Array, u: Complex, v: Complex) -> Complex:
-    """Return the waves that decay downwards per those that decay upwards, at the upper side of a layer.
+def reflection(medium: Medium, depth: Array, u: Complex, v: Complex) -> tuple[Complex, Complex]:
+    """Return the solutions that decay upwards per those that decay downwards from the upper side of a layer.
 
-    u, v: the subspace at its lower side; the subspace at its upper side is Y_+ + Y_- G, I + G.
+    At its upper side, G: the subspace there is Y_+ + Y_- G, I + G; and at its lower side. u, v: the subspace at the
+    lower side; depth: k times thickness.
     """
-    down = exponential(-depth[:, None, None, None] * medium.descent)
-    up = exponential(depth[:, None, None, None] * medium.ascent)
+    down = exponential(-depth[..., None, None] * medium.descent)
     jump = (medium.plus - medium.minus) @ down
-    result: Complex = up @ (v @ np.linalg.solve(u - medium.minus @ v, jump) - down)
-    return result
-
-
-def _difference(medium: Medium, depth: Array, u: Complex, v: Complex) -> Complex:
-    """Return Y - Y_+ at the upper side of a layer from the subspace at its lower side."""
-    g = _reflection(medium, depth, u, v)
-    return (medium.minus - medium.plus) @ _divide(g, np.eye(g.shape[-1]) + g)
-
-
-def _short_difference(medium: Medium, depth: Array, u: Complex, v: Complex) -> Complex:
-    """Return `_difference` for a layer that is thin compared with the wave."""
-    return _divide(*_sum_series(medium, depth, u, v)) - medium.plus
+    at_bottom: Complex = v @ np.linalg.solve(u - medium.minus @ v, jump) - down
+    return down.conj() @ at_bottom, at_bottom
 
 
 def _divide(left: Complex, right: Complex) -> Complex:
@@ -302,7 +318,7 @@ def _sum_series(medium: Medium, depth: Array, u: Complex, v: Complex) -> tuple[C
     f = u.shape[-1]
     term = total = np.concatenate([u, v], axis=-2)
     for number in range(1, _MAX_TERMS):
-        term = (depth / number)[:, None, None, None] * (medium.state @ term)
+        term = (depth / number)[..., None, None] * (medium.state @ term)
         total = total + term
         if np.abs(term).max() <= np.finfo(float).eps * np.abs(total).max() / 16.0:
             break

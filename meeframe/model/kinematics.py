@@ -113,7 +113,7 @@ class IndenterKinematics:
     def rim(self, increment: Increment) -> IndenterEdge | None:
         """Return the edge of the indenter in an increment."""
         rim = self._touching_rim
-        return rim and replace(rim, gap=rim.gap + self._moved(increment.base, 2))
+        return rim and replace(rim, gap=rim.gap + self._mode_displacement(increment.base, 2))
 
     @cached_property
     def modes(self) -> Array:
@@ -121,12 +121,12 @@ class IndenterKinematics:
         geometry = self.system.points, self.system.frames, self.case.placement.base, self.reference
         return motion_modes(*geometry, self.case.fields)
 
-    def _moved(self, motion: Array, column: int) -> Array:
+    def _mode_displacement(self, motion: Array, column: int) -> Array:
         """Return a local component (n,) [m] of the indenter's rigid motion, for motions (motions,)."""
-        moved = np.zeros(len(self.system.points))
+        displacement = np.zeros(len(self.system.points))
         for number in np.flatnonzero(motion[:N_RIGID]):
-            moved += motion[number] * self.modes[number, :, column]
-        return moved
+            displacement += motion[number] * self.modes[number, :, column]
+        return displacement
 
     def _measure(self, number: int) -> Array:
         """Return the measure (n, fields) of the resultant conjugate to a motion."""
@@ -148,8 +148,8 @@ class IndenterKinematics:
             base[self.case.motions.columns[key]] = controls[key]
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
-        gap = self.touching_gap + self._moved(base, 2)
-        tangential = np.stack([self._moved(base, column) for column in range(2)], axis=1)
+        gap = self.touching_gap + self._mode_displacement(base, 2)
+        tangential = np.stack([self._mode_displacement(base, column) for column in range(2)], axis=1)
         potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
@@ -211,7 +211,7 @@ class IndenterKinematics:
         traction = state.load[:, :2]
         if start.state is not None:
             # of the problem as solved: with a contact edge between nodes, those near the indenter have gaps, too
-            back = self._moved(start.motion - increment.base, 2)
+            back = self._mode_displacement(start.motion - increment.base, 2)
             gap = np.column_stack([slip, problem.gap + back - start.state.displacement[:, 2]])
             stiffness = 1.0 / problem_scales(problem).normal_compliance
             r = stiffness, _TANGENTIAL_STEP * stiffness

@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
+    from meeframe.material.layer_fields import waves_in_layers as waves_in_layers
     from meeframe.material.layers import LayerStack as LayerStack
     from meeframe.material.surface_symbol import SurfaceSymbol as SurfaceSymbol
     from meeframe.mesh.body import Body as Body
@@ -161,6 +162,7 @@ _HOMES = {
     "PersistentFormulation": "meeframe.formulations.base",
     "surface_compliance": "meeframe.material.half_space",
     "LayerStack": "meeframe.material.layers",
+    "waves_in_layers": "meeframe.material.layer_fields",
     "SurfaceSymbol": "meeframe.material.surface_symbol",
     "Body": "meeframe.mesh.body",
     "BoundaryCondition": "meeframe.mesh.body",

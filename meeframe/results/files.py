@@ -187,8 +187,8 @@ def read_result(folder: str | Path) -> Result:
 def _is_increment(name: str, target: str) -> bool:
     """Return whether a link of a result file is one to the file of an increment or of the boundary of an open run."""
     number = name.removeprefix("steps/")
-    own = _BOUNDARY_FILE if name == "boundary" else f"{number}.h5"
-    return (name == "boundary" or number.isdecimal()) and target == f"{INCREMENTS}/{own}"
+    file_name = _BOUNDARY_FILE if name == "boundary" else f"{number}.h5"
+    return (name == "boundary" or number.isdecimal()) and target == f"{INCREMENTS}/{file_name}"
 
 
 def _put_head(file: Any, result: Result) -> None:

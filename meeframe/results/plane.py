@@ -44,8 +44,8 @@ class PlaneField:
     def title(self) -> str:
         """Name of the field and position of the plane."""
         factor, unit = prefixed(np.array([self.position]), "m")
-        place = f"{self.position / factor:.4g} {unit}" if self.position else "0"
-        return f"{self.name}, {self.axes[2]} = {place}"
+        coordinate = f"{self.position / factor:.4g} {unit}" if self.position else "0"
+        return f"{self.name}, {self.axes[2]} = {coordinate}"
 
 
 @styled

@@ -56,4 +56,4 @@ def _coarser(file: Path, folder: Path) -> Path:
 def _claim(claim: PaperClaim) -> Claim:
     holds = None if claim.verdict is Verdict.NOT_RESOLVED else claim.verdict is Verdict.HOLDS
     words = f"{claim.figure}: {claim.paper}"
-    return Claim(words, claim.found, claim.criterion, holds, claim.explained, claim.as_explained)
+    return Claim(words, claim.observed, claim.criterion, holds, claim.explained, claim.as_explained)

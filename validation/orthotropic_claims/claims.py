@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from criteria import CLEARLY, UNALTERED, Claim, Found, change, claim, percent, size
+from criteria import CLEARLY, UNALTERED, Claim, Observed, change, claim, percent, size
 from figures import Figure, Panel
 from tangential import directions, fig_10, maps_under_load
 
@@ -23,7 +23,7 @@ def claims(figure: Figure) -> list[Claim]:
     return [] if evaluate is None else [claim(figure.name, *result) for result in evaluate(figure)]
 
 
-def _fig_03(figure: Figure) -> Found:
+def _fig_03(figure: Figure) -> Observed:
     for panel, flux in zip(figure.panels, ("charge", "magnetic_flux"), strict=True):
         total = panel.quantities[flux][-1]
         limit = {"charge": 21896.1, "magnetic_flux": 23287.8}[flux] / 23330.6  # docs/explanation/theory.md
@@ -36,7 +36,7 @@ def _fig_03(figure: Figure) -> Found:
         )
 
 
-def _fig_04(figure: Figure) -> Found:
+def _fig_04(figure: Figure) -> Observed:
     for panel, field, other in _conducting(figure):
         contact_fraction = panel.of("pressure", "inf") > 0
         left = np.abs(panel.of(field, "inf")[contact_fraction]).max()
@@ -62,7 +62,7 @@ def _conducting(figure: Figure) -> Iterator[tuple[Panel, str, str]]:
     yield figure.panel("EIMCI"), *fields[::-1]
 
 
-def _fig_05(figure: Figure) -> Found:
+def _fig_05(figure: Figure) -> Observed:
     force = figure.panel("(a)").quantities["force"]
     yield (
         "ECMII: the conductivity only affects the electric variables",
@@ -79,7 +79,7 @@ def _fig_05(figure: Figure) -> Found:
     )
 
 
-def _fig_05_sizes(figure: Figure) -> Found:
+def _fig_05_sizes(figure: Figure) -> Observed:
     for panel in figure.panels:
         (force,) = panel.quantities.values()
         yield (
@@ -90,7 +90,7 @@ def _fig_05_sizes(figure: Figure) -> Found:
         )
 
 
-def _fig_06(figure: Figure) -> Found:
+def _fig_06(figure: Figure) -> Observed:
     panel = figure.panel("ECMII")
     changes = {name: change(panel, name, "inf", "0") for name in ("pressure", "magnetic_potential")}
     yield (
@@ -112,7 +112,7 @@ def _fig_06(figure: Figure) -> Found:
     )
 
 
-def _fig_07(figure: Figure) -> Found:
+def _fig_07(figure: Figure) -> Observed:
     panel = figure.panel("(a)")
     rising = all(np.all(np.diff(values) > 0) for values in panel.quantities.values())
     ends = ", ".join(f"{name.replace('_', ' ')} {percent(v[-1] - 1)}" for name, v in panel.quantities.items())
@@ -134,7 +134,7 @@ def _fig_07(figure: Figure) -> Found:
     )
 
 
-def _fig_07_scales(figure: Figure) -> Found:
+def _fig_07_scales(figure: Figure) -> Observed:
     for panel in figure.panels:
         scale = float(panel.title.split()[0])
         electric, magnetic = (panel.quantities[f"max_{name}_potential"][-1] - 1 for name in ("electric", "magnetic"))
@@ -150,7 +150,7 @@ def _fig_07_scales(figure: Figure) -> Found:
         )
 
 
-def _fig_08(figure: Figure) -> Found:
+def _fig_08(figure: Figure) -> Observed:
     (panel,) = figure.panels
     tops = panel.quantities["traction_x"].max(axis=1)
     yield (
@@ -161,7 +161,7 @@ def _fig_08(figure: Figure) -> Found:
     )
 
 
-def _fig_09(figure: Figure) -> Found:
+def _fig_09(figure: Figure) -> Observed:
     (panel,) = figure.panels
     for name in panel.quantities:
         tops = {run: float(panel.of(name, run).max()) for run in panel.runs}
@@ -177,7 +177,7 @@ def _fig_09(figure: Figure) -> Found:
         )
 
 
-EVALUATIONS: dict[str, Callable[[Figure], Found]] = {
+EVALUATIONS: dict[str, Callable[[Figure], Observed]] = {
     "fig-03": _fig_03,
     "fig-04": _fig_04,
     "fig-05": _fig_05,

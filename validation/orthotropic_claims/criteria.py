@@ -25,13 +25,13 @@ class Verdict(StrEnum):
 class Claim:
     """Statement of the paper and its comparison with computed values.
 
-    paper: the statement; found: the computed values; explained: the reason if it is known not to hold; as_explained:
+    paper: the statement; observed: the computed values; explained: the reason if it is known not to hold; as_explained:
     True if the values agree with this reason.
     """
 
     figure: str
     paper: str
-    found: str
+    observed: str
     criterion: str
     verdict: Verdict
     explained: str = ""
@@ -39,7 +39,7 @@ class Claim:
 
 
 Decision = bool | np.bool_ | Verdict
-Found = Iterator[tuple[str, str, str, Decision] | tuple[str, str, str, Decision, str, bool | np.bool_]]
+Observed = Iterator[tuple[str, str, str, Decision] | tuple[str, str, str, Decision, str, bool | np.bool_]]
 """For each claim: statement, computed values, criterion, and whether it holds or the outcome; for a claim that is known
 not to hold also the reason, and whether the values agree with it."""
 
@@ -53,7 +53,7 @@ def claim(
     explained: str = "",
     as_explained: bool | np.bool_ = False,
 ) -> Claim:
-    """Return a claim from the items of Found."""
+    """Return a claim from the items of Observed."""
     if not isinstance(verdict, Verdict):
         verdict = Verdict.HOLDS if verdict else Verdict.DIFFERS
     return Claim(figure, paper, result, criterion, verdict, explained, bool(as_explained))

@@ -57,7 +57,7 @@ def page(figures: list[Figure], result: dict[str, list[Claim]]) -> str:
     summary = ["## Summary", "", f"Of {len(every)} claims, {counts}.", ""]
     for verdict, heading in LISTED.items():
         named = (claim for claim in every if claim.verdict is verdict)
-        lines = [f"- {_name(claim.figure)}: {claim.paper}. Here: {claim.found}." for claim in named]
+        lines = [f"- {_name(claim.figure)}: {claim.paper}. Here: {claim.observed}." for claim in named]
         summary += [heading, "", *lines, ""] if lines else []
     head = (HERE / "head.md").read_text(encoding="utf-8")
     tail = (HERE / "differences.md").read_text(encoding="utf-8")
@@ -86,7 +86,7 @@ def _section(figure: Figure, result: list[Claim]) -> list[str]:
     ]
     for claim in result:
         verdict = claim.verdict if claim.verdict is Verdict.HOLDS else f"**{claim.verdict}**"
-        lines.append(f"| {claim.paper} | {claim.found} | {claim.criterion} | {verdict} |")
+        lines.append(f"| {claim.paper} | {claim.observed} | {claim.criterion} | {verdict} |")
     return [*lines, "", *(f"Message of the run: {remark}." for remark in figure.remarks), ""]
 
 

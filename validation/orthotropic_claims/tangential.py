@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
-from criteria import CLEARLY, Found, Verdict, size
+from criteria import CLEARLY, Observed, Verdict, size
 from figures import Figure, Panel
 
 MOVED = 0.05
@@ -20,7 +20,7 @@ def _places(values: list[float]) -> str:
     return "at x = " + ", ".join("none" if np.isnan(v) else f"{round(v, 2) + 0.0:.2f}" for v in values) + " mm"
 
 
-def fig_10(figure: Figure) -> Found:
+def fig_10(figure: Figure) -> Observed:
     for panel in figure.panels:
         areas = [panel.stick_area(run) for run in LOADS]
         centres = [panel.stick_centre(run) for run in LOADS[:-1]]
@@ -44,7 +44,7 @@ def fig_10(figure: Figure) -> Found:
     yield from _more_pronounced(figure)
 
 
-def _largest(panel: Panel) -> Found:
+def _largest(panel: Panel) -> Observed:
     """Check position and size of the largest potentials as the load grows."""
     for name in ("electric_potential", "magnetic_potential"):
         words = name.replace("_", " ")
@@ -66,7 +66,7 @@ def _largest(panel: Panel) -> Found:
         )
 
 
-def _more_pronounced(figure: Figure) -> Found:
+def _more_pronounced(figure: Figure) -> Observed:
     low, high = figure.panels
     for name in ("electric_potential", "magnetic_potential"):
         motions = [np.ptp([p.position_of_largest(name, run)[0] for run in LOADS]) for p in (low, high)]
@@ -79,11 +79,11 @@ def _more_pronounced(figure: Figure) -> Found:
         )
 
 
-def maps_under_load(figure: Figure) -> Found:
+def maps_under_load(figure: Figure) -> Observed:
     yield from _largest(figure.panels[0])
 
 
-def directions(figure: Figure) -> Found:
+def directions(figure: Figure) -> Observed:
     for name in ("electric_potential", "magnetic_potential"):
         result, tops, places = [], [], []
         for panel in figure.panels:

@@ -96,7 +96,7 @@ def _joined(rows: list[Joined]) -> list[str]:
     largest = [max(abs(row.exact[i]) for row in rows) for i in range(3)]
     for row in rows:
         cells = []
-        for result, exact, size in zip(row.found, row.exact, largest, strict=True):
+        for result, exact, size in zip(row.observed, row.exact, largest, strict=True):
             nothing = abs(result) < 1e-12 * size
             cells += ["0" if nothing else f"{result:.5g}", _percent(result, exact)]
         lines.append(f"| {row.poling} | {row.condition} | " + " | ".join(cells) + " |")

@@ -123,7 +123,7 @@ class Joined:
 
     poling: str
     condition: str
-    found: tuple[float, float, float]
+    observed: tuple[float, float, float]
     exact: tuple[float, float, float]
 
 

@@ -111,7 +111,7 @@ class Claim:
     ----------
     name
         The statement.
-    found
+    observed
         Computed values, in words.
     criterion
         Criterion for the values.
@@ -129,7 +129,7 @@ class Claim:
     """
 
     name: str
-    found: str
+    observed: str
     criterion: str
     holds: bool | None
     explained: str = ""
@@ -137,7 +137,7 @@ class Claim:
 
     def __post_init__(self) -> None:
         what = f"claim {self.name!r}"
-        _check_texts(what, name=self.name, found=self.found, criterion=self.criterion, explained=self.explained)
+        _check_texts(what, name=self.name, observed=self.observed, criterion=self.criterion, explained=self.explained)
         for key, allowed in (("holds", "True, False or None"), ("as_explained", "True or False")):
             value = getattr(self, key)
             if not (isinstance(value, bool | np.bool_) or (key == "holds" and value is None)):

@@ -31,7 +31,7 @@ def table_cells(row: Row) -> TableCells:
     result, seconds = row.item, f"{row.seconds:.1f}"
     match result:
         case Claim():
-            return TableCells(result.name, result.found, "", "", result.criterion, seconds)
+            return TableCells(result.name, result.observed, "", "", result.criterion, seconds)
         case Skip():
             return TableCells(result.name, result.reason, "", "", "", seconds)
         case Check():

@@ -34,7 +34,7 @@ def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
     """Return the smallest subgrid with these nodes (k,) between SUBGRID_BOUNDARIES."""
     inside = np.zeros((1, grid.nodes.size), bool)
     inside[0, nodes] = True
-    (flags_on_grid,) = grid.place(inside)
+    (flags_on_grid,) = grid.to_grid(inside)
     along, across = (_span(flags_on_grid.any(axis=axis), n) for axis, n in zip((1, 0), grid.size, strict=True))
     return along, across
 

@@ -54,7 +54,9 @@ def point_difference(series: RadialSeries, thickness: float, distance: float) ->
         integrals = [_integrals(series, *ends) for ends in zip(low, high, strict=True)]
         return np.array(integrals) * scale
 
-    panels, coefficients, errors = interpolate(values, np.array(edges), TOLERANCE, _NARROWEST * thickness)
+    # the largest difference is that at the source
+    tolerance = TOLERANCE * float(np.abs(values(np.zeros(1), np.array(edges[1:2]))).max())
+    panels, coefficients, errors = interpolate(values, np.array(edges), tolerance, _NARROWEST * thickness)
     in_k = float(series.errors @ np.diff(series.edges)) / (2.0 * np.pi)
     return RadialSeries(series.terms, panels, coefficients, errors + in_k / len(errors))
 
@@ -98,13 +100,34 @@ def _rule(edges: Array, low: float, high: float) -> tuple[Array, Array]:
 
 
 def _bessel_functions(highest: int, x: Array) -> list[Array]:
-    """Return J_0 to J_highest at x, by the recurrence where it is stable."""
+    """Return J_0 to J_highest at x, by the recurrence upwards where it is stable, downwards for small x."""
     result = [scipy.special.j0(x), scipy.special.j1(x)]
-    for n in range(1, highest):
-        following = np.empty_like(x)
-        stable = x > n
-        np.divide(2.0 * n * result[n], x, out=following, where=stable)
-        following[stable] -= result[n - 1][stable]
-        following[~stable] = scipy.special.jv(n + 1, x[~stable])
-        result.append(following)
+    small = np.nonzero(x <= highest)
+    below = _by_backward_recurrence(highest, x[small])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reciprocal = 2.0 / x
+        for n in range(1, highest):
+            result.append(n * reciprocal * result[n] - result[n - 1])
+            result[-1][small] = below[n + 1]
     return result[: highest + 1]
+
+
+def _by_backward_recurrence(highest: int, x: Array) -> Array:
+    """Return J_0 to J_highest, (highest + 1, n), at x <= highest by Miller's algorithm."""
+    first = highest + 20 + 2 * int(np.sqrt(40.0 * max(highest, 1)))
+    x = np.maximum(x, 1e-30)  # J_n of zero but for n = 0
+    result = np.empty((highest + 1, len(x)))
+    upper, current, total = np.zeros_like(x), np.full_like(x, 1e-280), np.zeros_like(x)
+    for n in range(first, -1, -1):
+        if n <= highest:
+            result[n] = current
+        if n % 2 == 0:
+            total += current if n == 0 else 2.0 * current
+        if n > 0:
+            upper, current = current, 2.0 * n / x * current - upper
+            large = np.abs(current) > 1e200
+            if large.any():
+                scale = np.where(large, 1e-200, 1.0)
+                upper, current, total = upper * scale, current * scale, total * scale
+                result[min(n, highest + 1) :] *= scale
+    return result / total

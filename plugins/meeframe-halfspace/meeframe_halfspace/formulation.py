@@ -1,7 +1,7 @@
 """The formulation `half-space`: body in, reduced system out."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, final
+from typing import Annotated, Final, Literal, final
 
 import numpy as np
 from pydantic import Field
@@ -23,10 +23,14 @@ from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
 from meeframe_halfspace.interior import HalfSpaceInterior
+from meeframe_halfspace.layer_waves import LayerWaves
 from meeframe_halfspace.layered_grid import LayeredFreeGrid, LayeredPeriodicGrid
 from meeframe_halfspace.layered_symbol import LayeredResponse
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
+
+MIN_CELLS_OF_EDGES: Final = 4.0
+"""Smallest thickness of the top layer, in spacings, for contact edges between the nodes."""
 
 
 @final
@@ -106,7 +110,7 @@ class HalfSpace(Formulation):
             convolution=convolution_of(grid_response),
             shares=shares,
             edge_waves=grid_response.response.wave_series()[0] if self.resolves_edges() else None,
-            interior=None if body.layers else HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares),
+            interior=_interior(body, grid, grid_response, origin, shares),
         )
         # a system with a matrix does not know its grid any more
         return _with_matrix(system) if len(weights) <= self.matrix_up_to and not self.resolves_edges() else system
@@ -142,13 +146,44 @@ class HalfSpace(Formulation):
                     "half space is free of traction and flux beside its contact zone and at rest at infinity; allowed: "
                     "zero fluxes"
                 )
-        if body.layers.base is not None and body.layers.base.insulating and not self.periodic:
-            raise CaseError(
-                f"half-space: the base insulates {', '.join(body.layers.base.insulating)}: the potential of a layer "
-                "without ground has no limit far away; allowed: 'grounded', or periodic = true"
-            )
+        if not self.periodic:
+            _check_grounded(body)
         zone = flat_zone(body.mesh, body.contact_group)
-        return zone, find_grid(zone, body.contact_group)
+        grid = find_grid(zone, body.contact_group)
+        if body.layers and self.edges == "resolved":
+            _check_resolved(body, grid)
+        return zone, grid
+
+
+def _interior(
+    body: Body, grid: Grid, grid_response: GridResponse, origin: Array, shares: Array
+) -> HalfSpaceInterior | None:
+    """Return the fields inside a body; None on periodic layers."""
+    if isinstance(grid_response, LayeredPeriodicGrid):
+        return None
+    if isinstance(grid_response, LayeredFreeGrid):
+        waves = LayerWaves(body, grid.frame)
+        return HalfSpaceInterior(grid, grid_response.homogeneous, waves.stiffnesses[0], origin, shares, waves)
+    return HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares)
+
+
+def _check_grounded(body: Body) -> None:
+    base = body.layers.base
+    if base is not None and base.insulating:
+        raise CaseError(
+            f"half-space: the base insulates {', '.join(base.insulating)}: the potential of a layer without ground has "
+            "no limit far away; allowed: 'grounded', or periodic = true"
+        )
+
+
+def _check_resolved(body: Body, grid: Grid) -> None:
+    thickness, spacing = body.layers.top_thickness, max(grid.spacing)
+    if thickness < MIN_CELLS_OF_EDGES * spacing:
+        raise CaseError(
+            f"half-space: edges = 'resolved' with a top layer of {thickness:.3g} m and a spacing of {spacing:.3g} m: "
+            "near an edge the response is that of the top material; allowed: thicknesses of "
+            f"{MIN_CELLS_OF_EDGES:g} spacings and more, or edges = 'nodes'"
+        )
 
 
 def _with_matrix(system: HalfSpaceSystem) -> DenseSystem:

@@ -44,7 +44,7 @@ class Grid:
             return "C"
         return "F" if np.array_equal(self.nodes.ravel("F"), numbers) else None
 
-    def place(self, values: Array) -> Array:
+    def to_grid(self, values: Array) -> Array:
         """Return nodal values (k, n) on the grid, (k, nx, ny), as a view if possible."""
         if self._order is None:
             return values[:, self.nodes]

@@ -66,6 +66,10 @@ class GridResponse(ABC):
         """Response (entries,) of a node to the density around it."""
 
     @abstractmethod
+    def wave_response(self) -> "GridResponse | None":
+        """Return the response to waves on the padded grid if its inverse approximates that of a free grid better."""
+
+    @abstractmethod
     def coarsen(self) -> "GridResponse | None":
         """Return the response on a grid of every second node; None if that does not fit."""
 
@@ -131,6 +135,10 @@ class FreeGrid(GridResponse):
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
         values[self.response.layout.n_symmetric :] = 0.0  # odd functions vanish at zero
         return values
+
+    def wave_response(self) -> None:
+        """Return None: the symbol of the free grid serves as well."""
+        return
 
     def coarsen(self) -> "FreeGrid":
         """Return the coarser grid; as of 1/r, the response at as many spacings is twice that of the finer one."""
@@ -209,6 +217,10 @@ class PeriodicGrid(GridResponse):
     def diagonal(self) -> Array:
         """Response (entries,) of a node to the density around it."""
         return periodic_diagonal(self)
+
+    def wave_response(self) -> None:
+        """Return None: the symbol of the grid is that of the waves."""
+        return
 
     def coarsen(self) -> "PeriodicGrid | None":
         """Return the coarser grid; None unless numbers of nodes are even."""

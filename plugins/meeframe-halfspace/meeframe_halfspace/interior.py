@@ -41,6 +41,7 @@ from meeframe_halfspace.depth_kernels import propagate
 from meeframe_halfspace.entries import entry_layout
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import POWERS, FreeGrid, GridResponse, PeriodicGrid, mean_length
+from meeframe_halfspace.layer_waves import LayerWaves
 
 ComplexArray = NDArray[np.complex128]
 
@@ -77,6 +78,8 @@ class HalfSpaceInterior(InteriorFields):
         Position of the first node of the grid, (3,) [m].
     shares
         (n,) fraction of the density around each node that belongs to the zone.
+    layers
+        The layers of which `stiffness` is the top one; None for a homogeneous half space.
     """
 
     grid: Grid
@@ -84,6 +87,7 @@ class HalfSpaceInterior(InteriorFields):
     stiffness: Array
     origin: Array
     shares: Array
+    layers: LayerWaves | None = None
 
     def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) for a load (n, f).
@@ -109,7 +113,10 @@ class HalfSpaceInterior(InteriorFields):
         fields *= self.grid_response.response.factors[:, None]
         fields[:, MECHANICAL] = np.einsum("ji,djp->dip", self.grid.frame, fields[:, MECHANICAL])
         gradients = np.einsum("di,djp->pji", self.grid.frame, fields[1:])
-        return PointFields.of(points, np.ascontiguousarray(fields[0].T), gradients, self.stiffness)
+        values = np.ascontiguousarray(fields[0].T)
+        if self.layers is None:
+            return PointFields.of(points, values, gradients, self.stiffness)
+        return self.layers.point_fields(points, depths, values, gradients)
 
     def _depths(self, local: Array) -> Array:
         """Return the depths (m,) of points, those of round-off apart being equal; raise CaseError for other points."""
@@ -152,7 +159,9 @@ class HalfSpaceInterior(InteriorFields):
 
     @cached_property
     def slowest_decay(self) -> float:
-        """The smallest real part of an eigenvalue of G in any direction."""
+        """The smallest real part of an eigenvalue of G in any direction, and in any layer."""
+        if self.layers is not None:
+            return self.layers.slowest_decay
         angles = np.linspace(0.0, 2.0 * np.pi, _ANGLES, endpoint=False)
         waves = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         inverse_t, coupling = self.forms
@@ -167,6 +176,8 @@ class HalfSpaceInterior(InteriorFields):
 
     def waves_at_depth(self, waves: Array, loads: ComplexArray, depth: float) -> ComplexArray:
         """Return values and derivatives (4, f, w) of waves (w, 2) of the load (f, w) at a depth [m]."""
+        if self.layers is not None:
+            return self.layers.at_depth(waves, loads, depth)
         even, odd = self.series
         inverse_t, coupling = self.forms
         fields = np.empty((4, *loads.shape), complex)
@@ -191,7 +202,7 @@ class _Spectrum:
         self.power = POWERS[response.shape]
         self.spacing = np.array(grid.spacing)
         scaled = load * response.response.factors
-        density = grid.place((scaled if self.periodic else scaled * interior.shares[:, None]).T)
+        density = grid.to_grid((scaled if self.periodic else scaled * interior.shares[:, None]).T)
         first, last = np.zeros(2, int), np.array(grid.size)
         if not self.periodic and density.any():  # the rectangle that is loaded
             _, *nodes = np.nonzero(density)

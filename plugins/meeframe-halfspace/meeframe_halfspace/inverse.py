@@ -15,20 +15,25 @@ NEGLIGIBLE: Final = 1e-5
 """Entries this small relative to those of both fields alone are treated as zero."""
 
 
-def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution:
+def wave_inverse(convolution: Convolution, fields: Sequence[int], waves: Symbol | None = None) -> Convolution:
     """Return the convolution that gives the loads of k fields for their displacements.
 
     On a periodic grid it is exact. On a free grid of p padded nodes along an axis, the p / 2 nodes respond to waves as
     their neighbours do on average: as if the response were multiplied by cos(2 pi x / p), which falls to zero like its
     part that wraps around, and preserves the shorter waves. Single precision is sufficient for preconditioning.
+
+    waves: symbol of the waves of a free surface on the padded grid, from which the inverse is made in place of that of
+    the convolution. The latter has errors of the order of the response at the end of the grid, which is large for a
+    hard film on a soft substrate.
     """
+    source = convolution.symbol if waves is None else waves
     single, k, padded = np.dtype(np.float32), len(fields), convolution.padded
     if not convolution.periodic:
         padded = padded[0] // 2, padded[1] // 2
 
-    parities, layout = convolution.symbol.parities, entry_layout(len(convolution.scale))
+    parities, layout = source.parities, entry_layout(len(convolution.scale))
     numbers = {number for row, column in product(fields, repeat=2) for number, *_ in layout.entries(row, column)}
-    symbol, indices = convolution.symbol.entries(numbers, single)
+    symbol, indices = source.entries(numbers, single)
 
     def entry(number: int, parity: float) -> Array | float:
         if number not in indices:

@@ -8,7 +8,7 @@ from typing import Any, Final, final
 import numpy as np
 import scipy  # submodules are loaded on first use
 
-from meeframe.plugin import Array
+from meeframe.plugin import Array, Indices
 from meeframe_halfspace.cells import TABLES, Shape, density_pieces, node_weights, share_out, unfold
 from meeframe_halfspace.difference import point_difference
 from meeframe_halfspace.grid_response import (
@@ -30,6 +30,9 @@ from meeframe_halfspace.response import mirror_parity
 _MIN_DISTANCE: Final = 16.0
 """Distance in spacings from the singularities of the difference beyond which samples at nodes suffice, to 5e-11."""
 _HALF_WIDTH: Final = 4
+_SMOOTH_DISTANCE: Final = 96.0
+"""Distance in spacings from the source beyond which samples at every _HOP-th node are interpolated, to 2e-11."""
+_HOP, _NEIGHBOURS = 4, 10
 _ACCURACY: Final = 1e-11
 """Accuracy of integrals over the density, relative to the difference."""
 _RULES: Final = np.zeros((MAX_RULE, 2, MAX_RULE))
@@ -104,11 +107,8 @@ class LayeredFreeGrid(GridResponse):
 
     def _difference_tables(self, numbers: list[int], is_half: bool) -> Array:
         """Return the integrals of the difference over the density, as `_tables`, from samples at the nodes."""
-        (nx, ny), (hx, hy) = self.size, self.spacing
-        x = hx * np.arange(-_HALF_WIDTH, nx + _HALF_WIDTH)
-        y = hy * np.arange(-_HALF_WIDTH - (0 if is_half else ny - 1), ny + _HALF_WIDTH)
-        samples, series = np.empty((len(numbers), len(x), len(y))), compiled(self.difference, numbers)
-        share_out(partial(_fill_samples, x, y, series, samples), len(x))
+        ny, (hx, hy) = self.size[1], self.spacing
+        samples = self._samples(numbers, -(0 if is_half else ny - 1))
         weights = node_weights(self.homogeneous.shape, _HALF_WIDTH, 1)
         for axis in (1, 2):
             samples = scipy.ndimage.correlate1d(samples, weights, axis, mode="nearest")
@@ -121,6 +121,28 @@ class LayeredFreeGrid(GridResponse):
         else:
             tables[:, :width, ny - 1 - middle : ny + middle] = near
         return tables
+
+    def _samples(self, numbers: list[int], first: int) -> Array:
+        """Return the difference (n, nx + 8, ...) at nodes from _HALF_WIDTH before the grid to _HALF_WIDTH beyond it.
+
+        first: number of the first node of the grid along e2. Far from the source samples at every fourth node are
+        interpolated.
+        """
+        series, (hx, hy) = compiled(self.difference, numbers), self.spacing
+        i = np.arange(-_HALF_WIDTH, self.size[0] + _HALF_WIDTH)
+        j = np.arange(first - _HALF_WIDTH, self.size[1] + _HALF_WIDTH)
+        near = int(_SMOOTH_DISTANCE)
+        if len(i) <= 2 * near and len(j) <= 2 * near:
+            return _sampled(hx * i, hy * j, series, len(numbers))
+        coarse_i, along = _interpolation(i)
+        coarse_j, across = _interpolation(j)
+        coarse = _sampled(hx * coarse_i, hy * coarse_j, series, len(numbers))
+        samples = np.stack([along @ (across @ one.T).T for one in coarse])
+        widest = max(self.spacing)
+        box_i, box_j = (np.flatnonzero(np.abs(n) * h <= near * widest) for n, h in ((i, hx), (j, hy)))
+        inner = slice(box_i[0], box_i[-1] + 1), slice(box_j[0], box_j[-1] + 1)
+        samples[:, *inner] = _sampled(hx * i[inner[0]], hy * j[inner[1]], series, len(numbers))
+        return samples
 
     @cached_property
     def _near(self) -> Array:
@@ -141,6 +163,10 @@ class LayeredFreeGrid(GridResponse):
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
         values[self.response.layout.n_symmetric :] = 0.0  # odd functions vanish at zero
         return np.asarray(values + self.homogeneous.diagonal)
+
+    def wave_response(self) -> "LayeredPeriodicGrid":
+        """Return the response to waves on the padded grid."""
+        return LayeredPeriodicGrid.of(self.layers, self.spacing, self.padded, self.homogeneous.shape)
 
     def coarsen(self) -> "LayeredFreeGrid":
         """Return the coarser grid, on which the difference is the same function."""
@@ -214,6 +240,10 @@ class LayeredPeriodicGrid(GridResponse):
         """Response (entries,) of a node to the density around it."""
         return periodic_diagonal(self)
 
+    def wave_response(self) -> None:
+        """Return None: the symbol of the grid is that of the waves."""
+        return
+
     def coarsen(self) -> "LayeredPeriodicGrid | None":
         """Return the coarser grid; None unless numbers of nodes are even."""
         coarse = self.homogeneous.coarsen()
@@ -235,6 +265,34 @@ def compiled(series: RadialSeries, numbers: Sequence[int]) -> Series:
     counts = np.where(reversed_nonzero.any(axis=2), coefficients.shape[2] - reversed_nonzero.argmax(axis=2), 0)
     entries = np.array([position[int(entry)] for entry in terms.entries[chosen]], np.int64)
     return series.edges, coefficients, counts, entries, terms.harmonics[chosen], terms.sines[chosen]
+
+
+def _sampled(x: Array, y: Array, series: Series, count: int) -> Array:
+    """Return a series at offsets x (nx,), y (ny,), (count, nx, ny)."""
+    samples = np.empty((count, len(x), len(y)))
+    share_out(partial(_fill_samples, x, y, series, samples), len(x))
+    return samples
+
+
+def _interpolation(positions: Indices) -> tuple[Indices, scipy.sparse.csr_array]:
+    """Return every _HOP-th position around some consecutive ones, and the weights of values there, (n, m).
+
+    The weights are those of the polynomial through the _NEIGHBOURS nearest ones.
+    """
+    margin = _NEIGHBOURS // 2
+    low = positions[0] // _HOP - margin + 1
+    coarse = _HOP * np.arange(low, positions[-1] // _HOP + margin + 1)
+    first = positions // _HOP - margin + 1 - low
+    steps = np.arange(_NEIGHBOURS)
+    t = (positions % _HOP) / _HOP + margin - 1
+    weights = np.ones((len(positions), _NEIGHBOURS))
+    for node in steps:
+        for other in steps[steps != node]:
+            weights[:, node] *= (t - other) / (node - other)
+    columns = first[:, None] + steps
+    rows = np.repeat(np.arange(len(positions)), _NEIGHBOURS)
+    shape = len(positions), len(coarse)
+    return coarse, scipy.sparse.csr_array((weights.ravel(), (rows, columns.ravel())), shape=shape)
 
 
 def _fill_samples(x: Array, y: Array, series: Series, out: Array, first: int, last: int) -> None:

@@ -8,17 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.plugin import Array, Body, Indices, MaterialError, SurfaceSymbol
+from meeframe_halfspace.directions import PlaneSymmetry
 from meeframe_halfspace.entries import EntryLayout, entry_layout
 from meeframe_halfspace.radial import RadialSeries, Terms, interpolate, no_series, panel_points
 from meeframe_halfspace.response import PointResponse
 
-TOLERANCE: Final = 1e-11
+TOLERANCE: Final = 1e-10
 """Accuracy of the difference, relative to its largest entry."""
+MIN_DIFFERENCE: Final = 1e-3
+"""Difference per compliance below which errors are relative to the latter, because of its round-off."""
 NEGLIGIBLE: Final = 1e-12
 """Terms this small relative to the largest one are zero, as round-off of what symmetry forbids."""
-GROWTH: Final = 1.6
+GROWTH: Final = 2.0
 """Ratio of the ends of panels before they are halved."""
-_FIRST_ANGLES, _MAX_ANGLES = 8, 256
+_FIRST_ANGLES, _MAX_ANGLES, _MEAN_ANGLES = 8, 256, 128
 _SAMPLES: Final = 10
 _MAX_WAVE: Final = 1e6
 _NARROWEST: Final = 1e-9
@@ -62,15 +65,13 @@ class LayeredResponse:
     @property
     def thickness(self) -> float:
         """Thickness of the top layer [m]."""
-        layers, base = self.body.layers.layers, self.body.layers.base
-        thicknesses = [layer.thickness for layer in layers] + ([] if base is None else [base.thickness])
-        return thicknesses[0]
+        return self.body.layers.top_thickness
 
     @cached_property
     def decay(self) -> float:
         """Slowest decay of waves in the top layer, per k z: the difference decays at least twice as fast."""
         angles = np.pi * np.arange(_FIRST_ANGLES) / _FIRST_ANGLES
-        return surface_symbol(self.body, self.frame, angles).slowest_decay
+        return float(surface_symbol(self.body, self.frame, angles).slowest_decays[0])
 
     @property
     def layout(self) -> EntryLayout:
@@ -111,12 +112,12 @@ class LayeredResponse:
         On a rigid base it is finite. Else it is that to a wave of number 1 / length, averaged over its directions, to
         which floating electrodes are no obstacle.
         """
-        count = 2 * (int(self.difference.terms.harmonics.max(initial=0)) // 2 + 2)
-        symbol = surface_symbol(self.body, self.frame, np.pi * np.arange(count) / count)
+        directions = PlaneSymmetry.of(self.body, self.frame).directions(_MEAN_ANGLES)
+        symbol = surface_symbol(self.body, self.frame, directions.angles)
         uniform = symbol.uniform_compliance()
         if uniform is None:
             waves = symbol.without_floating_electrodes().evaluate(np.array([1.0 / length]))
-            uniform = length * waves[0].real.mean(axis=0)
+            uniform = length * directions.expand(waves)[0].real.mean(axis=0)
         entries: Array = uniform[self.layout.upper]
         return entries
 
@@ -129,53 +130,53 @@ def surface_symbol(body: Body, frame: Array, angles: Array) -> SurfaceSymbol:
 def difference_series(body: Body, frame: Array) -> RadialSeries:
     """Return the series of the difference of the surface compliance. Raises MaterialError without convergence."""
     depth = body.layers.thickness + (body.layers.base.thickness if body.layers.base is not None else 0.0)
-    harmonics = _highest_harmonic(body, frame, depth)
-    count = harmonics + 2
-    symbol = surface_symbol(body, frame, np.pi * np.arange(count) / count)
+    symmetry = PlaneSymmetry.of(body, frame)
+    harmonics, scale = _highest_harmonic(body, frame, depth, symmetry)
+    directions = symmetry.directions(harmonics + 2 + harmonics % 2)
+    symbol = surface_symbol(body, frame, directions.angles)
     layout = entry_layout(body.fields.size)
     terms = _all_terms(layout, harmonics)
-    edges = _edges(symbol, depth)
+    edges = _edges(symbol, depth, 0.1 * TOLERANCE * scale)
 
     def values(low: Array, high: Array) -> Array:
         k = panel_points(low, high)
-        return _coefficients(symbol.difference(k.ravel()), terms, layout).reshape(*k.shape, -1)
+        return _coefficients(directions.expand(symbol.difference(k.ravel())), terms, layout).reshape(*k.shape, -1)
 
     if len(edges) == 1:
         return no_series(terms.select(np.empty(0, int)), 1.0)
-    panels, coefficients, errors = interpolate(values, edges, TOLERANCE, _NARROWEST / depth)
+    panels, coefficients, errors = interpolate(values, edges, TOLERANCE * scale, _NARROWEST / depth)
     sizes = np.abs(coefficients).max(axis=(0, 2))
-    nonzero = np.flatnonzero(sizes > NEGLIGIBLE * sizes.max())
+    nonzero = np.flatnonzero(sizes > NEGLIGIBLE * scale)
     return RadialSeries(terms.select(nonzero), panels, np.ascontiguousarray(coefficients[:, nonzero]), errors)
 
 
-def _highest_harmonic(body: Body, frame: Array, depth: float) -> int:
-    """Return the highest multiple of the angle that is not negligible, from some wave numbers."""
+def _highest_harmonic(body: Body, frame: Array, depth: float, symmetry: PlaneSymmetry) -> tuple[int, float]:
+    """Return the highest multiple of the angle that is not negligible, from some wave numbers, and the scale of errors.
+
+    The scale is the largest difference, unless that is small compared with the compliance and its round-off.
+    """
     k, count = np.geomspace(1e-3, 3.0, _SAMPLES) / depth, _FIRST_ANGLES
     if body.layers.layers:
         k = np.append(k, 0.5 / body.layers.layers[0].thickness)
     while count <= _MAX_ANGLES:
-        symbol = surface_symbol(body, frame, np.pi * np.arange(count) / count)
-        waves = np.concatenate([part := symbol.difference(k), part.conj()], axis=1)
-        sizes = np.abs(np.fft.fft(waves, axis=1)).max(axis=(0, 2, 3))[: count + 1]
-        if not sizes.any():
-            return 0
-        significant = np.flatnonzero(sizes > TOLERANCE * sizes.max())
-        if significant.max() <= count // 2:
-            return int(significant.max())
+        directions = symmetry.directions(count)
+        symbol = surface_symbol(body, frame, directions.angles)
+        waves = np.concatenate([part := directions.expand(symbol.difference(k)), part.conj()], axis=1)
+        scale = max(float(np.abs(waves).max()), MIN_DIFFERENCE * float(np.abs(symbol.top).max()))
+        sizes = np.abs(np.fft.fft(waves, axis=1)).max(axis=(0, 2, 3))[: count + 1] / (2 * count)
+        highest = int(np.flatnonzero(sizes > TOLERANCE * scale).max(initial=0))
+        if highest <= count // 2:
+            return highest, scale
         count *= 2
     raise MaterialError(f"the response of the layers needs more than {_MAX_ANGLES} directions: nearly inadmissible")
 
 
-def _edges(symbol: SurfaceSymbol, depth: float) -> Array:
+def _edges(symbol: SurfaceSymbol, depth: float, negligible: float) -> Array:
     """Return ends of panels from zero to where the difference is negligible."""
-    edges, largest = [0.0, 0.25 / depth], 0.0
-    while edges[-1] * depth < _MAX_WAVE:
-        size = float(np.abs(symbol.difference(np.array(edges[-1:]))).max())
-        largest = max(largest, size)
-        if size <= 0.1 * TOLERANCE * largest:
-            break
-        edges.append(edges[-1] * GROWTH)
-    return np.array(edges if largest > NEGLIGIBLE * np.abs(symbol.top).max() else [0.0])
+    count = int(np.log(_MAX_WAVE) / np.log(GROWTH))
+    edges = np.concatenate([[0.0], 0.25 / depth * GROWTH ** np.arange(count)])
+    sizes = np.abs(symbol.difference(edges[1:])).max(axis=(1, 2, 3))
+    return edges[: int(np.flatnonzero(sizes > negligible).max(initial=-2)) + 3]
 
 
 def _all_terms(layout: EntryLayout, harmonics: int) -> Terms:

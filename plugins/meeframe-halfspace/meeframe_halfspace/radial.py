@@ -91,7 +91,7 @@ def panel_points(low: Array, high: Array) -> Array:
 
 
 def interpolate(
-    function: Callable[[Array, Array], Array], edges: Array, tolerance: float, smallest: float
+    function: Callable[[Array, Array], Array], edges: Array, tolerance: float, narrowest: float
 ) -> tuple[Array, Array, Array]:
     """Return panels, coefficients and errors of a function of the radius with values (..., t), as of RadialSeries.
 
@@ -104,8 +104,8 @@ def interpolate(
     edges
         Ends of the first panels, increasing.
     tolerance
-        Largest last coefficients, relative to the largest value.
-    smallest
+        Largest last coefficients.
+    narrowest
         Width of the narrowest panel.
 
     Raises
@@ -115,13 +115,11 @@ def interpolate(
     """
     low, high = edges[:-1], edges[1:]
     done: list[tuple[Array, Array, Array, Array]] = []
-    largest = 0.0
     while len(low):
         values = function(low, high)
         coefficients = np.einsum("cn,pnt->ptc", _TO_COEFFICIENTS, values)
-        largest = max(largest, float(np.abs(values).max()))
         last = np.abs(coefficients[:, :, -2:]).max(axis=(1, 2))
-        accepted = (last <= tolerance * largest) | (high - low <= smallest)
+        accepted = (last <= tolerance) | (high - low <= narrowest)
         done.append((low[accepted], high[accepted], coefficients[accepted], last[accepted]))
         low, high = low[~accepted], high[~accepted]
         middle = 0.5 * (low + high)

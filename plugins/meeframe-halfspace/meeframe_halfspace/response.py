@@ -171,6 +171,11 @@ def series_blocks(even: Array, angles: Array) -> Array:
     return entries_to_matrix(np.concatenate([values, np.zeros((len(angles), n_antisymmetric))], axis=1))
 
 
+def series_values(even: Array, odd: Array, angles: Array) -> tuple[Array, Array]:
+    """Return symmetric and antisymmetric entries (n, ...) of a series laid out as PointResponse, at angles (n,)."""
+    return _sum(even, 2 * angles, 0.0), _sum(odd, 2 * angles, angles)
+
+
 def _over_half(stiffness: Array, frame: Array, count: int, start: float) -> NDArray[np.complex128]:
     """Return Y(m) at equal steps over half a circle from `start` steps beyond e1; the other half is conjugate."""
     return scaled_compliance(stiffness, frame, np.pi * (np.arange(count) + start) / count)

@@ -114,7 +114,7 @@ class HalfSpaceSystem(
             load = load.astype(precision, copy=False)
         else:
             load = np.multiply(load, self.shares.astype(precision, copy=False), dtype=precision, order="C")
-        return self.grid.scatter(self.convolution.response(self.grid.place(load), loaded, fields))
+        return self.grid.scatter(self.convolution.response(self.grid.to_grid(load), loaded, fields))
 
     @cached_property
     def _inside(self) -> bool:
@@ -151,14 +151,14 @@ class HalfSpaceSystem(
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Return the inverse of each wave, in single precision."""
-        made, chosen = cache(partial(wave_inverse, self.convolution, fields)), list(fields)
+        made, chosen = cache(partial(wave_inverse, self.convolution, fields, self._waves)), list(fields)
 
         def inverse(displacement: Array) -> Array:
             # made at the first call: entries in double precision, from which it takes less time, may exist by then
             waves = made()
             nonzero = [column for column in range(len(chosen)) if displacement[:, column].any()]
             values = displacement.T if len(nonzero) == len(chosen) else displacement.T[nonzero]
-            on_grid = self.grid.place(values.astype(np.float32, copy=False))
+            on_grid = self.grid.to_grid(values.astype(np.float32, copy=False))
             answer = waves.response(on_grid, [chosen[column] for column in nonzero], chosen)
             load = self.grid.scatter(answer).astype(displacement.dtype, copy=False)
             if waves.size != self.convolution.padded:
@@ -166,6 +166,12 @@ class HalfSpaceSystem(
             return load
 
         return inverse
+
+    @cached_property
+    def _waves(self) -> Symbol | None:
+        """Symbol of the waves of a free surface if the approximate inverse is made of it."""
+        source = self.grid_response.wave_response()
+        return None if source is None else Symbol(source.symbol, source.series.numbers, source.series.parities)
 
     def coarsen(self) -> Coarsening:
         """Return the system on every second node along both axes."""

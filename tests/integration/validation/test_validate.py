@@ -124,7 +124,7 @@ def test_explanation_has_a_bound(bound):
     ("make", "words"),
     [
         (lambda: Claim("c", "f", "j", 1.0), "claim 'c': holds = 1.0; allowed: True, False or None"),
-        (lambda: Claim("c", 3, "j", True), "claim 'c': found = 3; allowed: a text"),
+        (lambda: Claim("c", 3, "j", True), "claim 'c': observed = 3; allowed: a text"),
         (lambda: Skip("s", None), "reason = None; allowed: a text"),
         (lambda: Curve("c", np.ones(3), np.ones(4)), r"curve 'c': y is float64 \(4,\); allowed: real numbers \(3,\)"),
         (lambda: Curve("c", np.ones((2, 2)), np.ones(4)), r"x is float64 \(2, 2\); allowed: real numbers \(4,\)"),

@@ -229,7 +229,7 @@ def test_exponential():
 
 
 def test_rotated_frame():
-    """The same stack in other axes: rows and columns of the compliance rotate with the frame."""
+    """Describe a stack in other axes: rows and columns of the compliance rotate with the frame."""
     one = symbol(STACKS["springs"])
     layers = LayerStack(
         tuple(

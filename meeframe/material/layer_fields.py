@@ -1,0 +1,71 @@
+"""Fields of waves inside layers: the solution that the recursion of a surface symbol defines, followed downwards.
+
+In a layer, the solutions that decay downwards have an amplitude c at its upper side, those that decay upwards an
+amplitude B c at its lower side. Both are bounded, so that the descent is as stable as the recursion.
+"""
+
+import numpy as np
+
+from meeframe.fields import ELECTRIC, Array
+from meeframe.material.surface_symbol import Complex, SurfaceSymbol, exponential, reflection
+
+
+def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: float) -> tuple[Complex, Complex]:
+    """Return fields and their derivatives along the outward normal at a depth below the surface.
+
+    Parameters
+    ----------
+    symbol
+        Symbol for the directions of the waves, (w,).
+    k
+        Wave numbers > 0, (w,) [1/m].
+    traction
+        Surface tractions and fluxes of the waves, (w, fields), scaled.
+    depth
+        Depth [m]; on an interface the fields are those above it.
+
+    Returns
+    -------
+    tuple of ndarray of complex
+        Fields and derivatives [1/m], (w, fields), scaled by `symbol.factors`.
+    """
+    state = (traction / k[:, None])[..., None]
+    pairs = k[None, :]
+    for number, medium in enumerate(symbol.media):
+        thickness = symbol.thicknesses[number] if number < len(symbol.thicknesses) else np.inf
+        down = exponential(-(k * min(depth, thickness))[:, None, None] * medium.descent)
+        if np.isfinite(thickness):
+            g, at_bottom = (one[0] for one in reflection(medium, pairs * thickness, *symbol.below(pairs, number)))
+            amplitude = np.linalg.solve(np.eye(g.shape[-1]) + g, state)
+            rest = max(thickness - depth, 0.0)
+            up = exponential(-(k * rest)[:, None, None] * medium.descent).conj() @ at_bottom @ amplitude
+        else:
+            amplitude, up = state, np.zeros_like(state)
+        down = down @ amplitude
+        if depth <= thickness:
+            break
+        state = _cross_downwards(symbol, number, pairs, down + up)
+        depth -= thickness
+    else:
+        return np.zeros_like(traction), np.zeros_like(traction)  # in the rigid base
+    values = medium.plus @ down + medium.minus @ up
+    size = values.shape[-2]
+    slopes = medium.state[:, :size, :size] @ values + medium.state[:, :size, size:] @ (down + up)
+    factors = medium.factors / symbol.factors
+    return values[..., 0] * factors, slopes[..., 0] * (k[:, None] * factors)
+
+
+def _cross_downwards(symbol: SurfaceSymbol, number: int, k: Array, state: Complex) -> Complex:
+    """Return t / k (w, fields, 1) below an interface from that above it, each in the scaled fields of its medium."""
+    if number + 1 >= len(symbol.media):
+        return state
+    medium, lower = symbol.media[number], symbol.media[number + 1]
+    result = state * (lower.factors / medium.factors)[:, None]
+    if symbol.interfaces[number].electrode is None:
+        return result
+    # the charge of the electrode makes its potential zero below, too
+    compliance = symbol.compliance_at(k, number + 1)
+    row = compliance[:, ELECTRIC]
+    result[:, ELECTRIC] = 0.0
+    result[:, ELECTRIC] = -np.einsum("wf,wfo->wo", row, result) / row[:, ELECTRIC, None]
+    return result

@@ -1,0 +1,88 @@
+"""Waves inside layers, for the fields inside a layered half space."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.plugin import Array, Body, PointFields, SurfaceSymbol, waves_in_layers
+from meeframe_halfspace.entries import entries_to_matrix
+from meeframe_halfspace.response import PointResponse, series_values
+
+ComplexArray = NDArray[np.complex128]
+BATCH: Final = 4096
+"""Number of waves that are followed downwards together."""
+_ANGLES: Final = 32
+
+
+@dataclass(frozen=True, eq=False)
+class LayerWaves:
+    """Waves in the layers of a body.
+
+    Attributes
+    ----------
+    body
+        The body.
+    frame
+        Rows e1, e2, outward normal, (3, 3).
+    """
+
+    body: Body
+    frame: Array
+
+    @cached_property
+    def stiffnesses(self) -> list[Array]:
+        """Stiffnesses of all materials from the top [SI], in global axes."""
+        return [*(layer.material.stiffness for layer in self.body.layers.layers), self.body.stiffness]
+
+    @cached_property
+    def _bottoms(self) -> Array:
+        """Depths of the lower sides of all layers [m], which do not include a half space."""
+        thicknesses = [layer.thickness for layer in self.body.layers.layers]
+        base = self.body.layers.base
+        return np.cumsum(thicknesses + ([] if base is None else [base.thickness]))
+
+    @cached_property
+    def _half_spaces(self) -> list[tuple[Array, Array]]:
+        """Series of the compliance of a half space of each material."""
+        return [PointResponse.of(stiffness, self.frame).wave_series() for stiffness in self.stiffnesses]
+
+    @cached_property
+    def slowest_decay(self) -> float:
+        """The smallest exponent of waves per k z in any layer and direction."""
+        return float(self._symbol(np.linspace(0.0, np.pi, _ANGLES, endpoint=False)).slowest_decays.min())
+
+    def at_depth(self, waves: Array, loads: ComplexArray, depth: float) -> ComplexArray:
+        """Return values and derivatives (4, f, w) of waves (w, 2) of the load (f, w) at a depth [m]."""
+        fields = np.empty((4, *loads.shape), complex)
+        for first in range(0, len(waves), BATCH):
+            part = slice(first, first + BATCH)
+            q = waves[part]
+            symbol = self._symbol(np.arctan2(q[:, 1], q[:, 0]))
+            values, slopes = waves_in_layers(symbol, np.hypot(*q.T), loads[:, part].T, depth)
+            fields[0, :, part], fields[3, :, part] = values.T, slopes.T
+            fields[1:3, :, part] = 1j * q.T[:, None, :] * values.T
+        return fields
+
+    def point_fields(self, points: Array, depths: Array, values: Array, gradients: Array) -> PointFields:
+        """Return the fields at points, each in the material at its depth (n,); on an interface in that above it."""
+        numbers = np.searchsorted(self._bottoms * (1.0 + 1e-12), depths)
+        fluxes = np.empty((len(points), 3, values.shape[1]))
+        for number in np.unique(numbers):
+            here = numbers == number
+            material = self.stiffnesses[min(number, len(self.stiffnesses) - 1)]
+            fluxes[here] = PointFields.of(points[here], values[here], gradients[here], material).fluxes
+        return PointFields(points, values, gradients, fluxes)
+
+    def _symbol(self, angles: Array) -> SurfaceSymbol:
+        half_spaces = []
+        for even, odd in self._half_spaces:
+            symmetric, antisymmetric = series_values(even, odd, angles)
+            zeros = np.zeros_like(antisymmetric), np.zeros_like(symmetric)
+            real = entries_to_matrix(np.concatenate([symmetric, zeros[0]], axis=1))
+            imaginary = entries_to_matrix(np.concatenate([zeros[1], antisymmetric], axis=1))
+            half_spaces.append(real + 1j * imaginary)
+        body = self.body
+        return SurfaceSymbol.of(body.stiffness, body.layers, self.frame, angles, body.fields, half_spaces)

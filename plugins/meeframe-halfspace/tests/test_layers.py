@@ -1,0 +1,340 @@
+"""Layered half spaces: their response in space and on grids, against integrals over waves and other solutions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+from meeframe_halfspace.difference import point_difference
+from meeframe_halfspace.layered_symbol import LayeredResponse, surface_symbol
+
+import meeframe
+from meeframe.common.errors import CaseError
+from meeframe.elements import Quad4
+from meeframe.fields import ELECTRIC, MAGNETIC, FieldScaling
+from meeframe.material import library_material, rotation_about
+from meeframe.material.layers import Interface, Layer, LayerStack, RigidBase
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.model.solve import reduce
+from meeframe.system.capabilities import InteriorFields, Multigrid, Restriction
+from meeframe.testing.axisymmetric_layers import AxisymmetricLayers
+from meeframe.testing.capabilities import check_capabilities
+
+POTENTIALS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
+UM = 1e-6
+
+
+def rotated(name, angle):
+    return library_material(name).rotated(rotation_about([1.0, 2.0, 3.0], angle))
+
+
+SPRINGS = Interface(3e17, 1e17, {"electric": 0.5})
+TRICLINIC = LayerStack((Layer(rotated("pzt-4", 0.7), UM, SPRINGS), Layer(rotated("batio3-cofe2o4", 1.9), 0.5 * UM)))
+SUBSTRATE = rotated("orthotropic-mee", 0.3)
+FILM = LayerStack((Layer(library_material("batio3"), UM, Interface(electrode="grounded")),))
+
+
+def assert_close(computed, expected, tolerance):
+    """Compare displacements field by field, relative to the largest one."""
+    errors = np.abs(computed - expected).max(axis=0) / np.abs(expected).max(axis=0)
+    assert errors.max() < tolerance, errors
+
+
+def body(layers, substrate=SUBSTRATE, divisions=(24, 21), width=(4 * UM, 3.5 * UM)):
+    mesh = half_space_mesh(4.0 * max(width), width, divisions, 1, Quad4())
+    return Body(substrate.stiffness, mesh, (), "contact", layers=layers)
+
+
+def random_load(system, layers):
+    scale = 1.0 / FieldScaling.of(layers.layers[0].material.stiffness).factors
+    return np.random.default_rng(1).normal(size=(len(system.points), 5)) * scale
+
+
+def polar_rule(k_max, n_k, n_angles, finest=0.01 / UM):
+    """Gauss points in k, closer towards zero, and equal angles over half a circle."""
+    edges = np.concatenate([[0.0], np.geomspace(finest, k_max, max(2, n_k // 24))])
+    x, w = np.polynomial.legendre.leggauss(24)
+    half = 0.5 * np.diff(edges)
+    k = (edges[:-1, None] + half[:, None] * (1.0 + x)).ravel()
+    return k, (half[:, None] * w).ravel(), np.pi * np.arange(n_angles) / n_angles
+
+
+@pytest.mark.parametrize("layers", [TRICLINIC, FILM, LayerStack(FILM.layers, RigidBase(2 * UM))])
+def test_difference_in_space_is_the_double_integral_over_waves(layers):
+    one = body(layers)
+    response = LayeredResponse.of(one, np.eye(3))
+    computed = point_difference(response.difference, UM, 20 * UM)
+    k, weights, angles = polar_rule(40.0 / UM, 500, 96)
+    symbol = surface_symbol(one, np.eye(3), angles)
+    difference = symbol.difference(k)
+    largest = np.abs(computed.coefficients).max()
+    for r, theta in ((0.0, 0.0), (0.3 * UM, 1.1), (1.7 * UM, 4.0), (6.0 * UM, -0.4)):
+        phase = np.exp(1j * r * np.outer(k, np.cos(angles - theta)))
+        # the other half of the waves is conjugate
+        expected = np.einsum("k,kp,kpJK->JK", weights, phase, difference).real / (2 * np.pi * len(angles))
+        terms, values = computed.terms, np.zeros(25)
+        of_terms = computed.coefficients_at(np.array([r]))[0]
+        turns = np.where(terms.sines == 1, np.sin(terms.harmonics * theta), np.cos(terms.harmonics * theta))
+        np.add.at(values, terms.entries, of_terms * turns)
+        np.testing.assert_allclose(response.layout.matrix(values), expected, rtol=0.0, atol=3e-9 * largest)
+    assert computed.error < 1e-7 * largest
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_layers_of_the_substrate_change_nothing(periodic):
+    layers = LayerStack((Layer(SUBSTRATE, UM), Layer(SUBSTRATE, 0.1 * UM)))
+    formulation = HalfSpace(periodic=periodic, matrix_up_to=0)
+    system, homogeneous = formulation.reduce(body(layers)), formulation.reduce(body(LayerStack()))
+    load = random_load(system, layers)
+    expected = homogeneous.apply(load)
+    assert_close(system.apply(load), expected, 1e-11)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_splitting_a_layer_changes_nothing(periodic):
+    first, second = TRICLINIC.layers
+    divided = LayerStack((Layer(first.material, 0.2 * UM), replace(first, thickness=0.8 * UM), second))
+    formulation = HalfSpace(periodic=periodic, matrix_up_to=0)
+    one, other = formulation.reduce(body(TRICLINIC)), formulation.reduce(body(divided))
+    load = random_load(one, TRICLINIC)
+    expected = one.apply(load)
+    assert_close(other.apply(load), expected, 1e-9)
+
+
+class GaussianOnLayers:
+    """Displacement under a Gaussian load on layers, by integration over waves, without any series or table."""
+
+    def __init__(self, one, amplitude, width, k_max=None):
+        k, weights, angles = polar_rule(k_max or 8.0 / width, 240, 40)
+        symbol = surface_symbol(one, np.eye(3), angles)
+        spectrum = 2 * np.pi * width**2 * np.exp(-0.5 * (k * width) ** 2) * weights / (2 * np.pi * len(angles))
+        compliance = symbol.evaluate(k) * np.outer(symbol.factors, symbol.factors)
+        self.amplitude, self.width = amplitude, width
+        self.waves = (k[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)).reshape(-1, 2)
+        self.answers = (compliance @ amplitude * spectrum[:, None, None]).reshape(-1, 5)
+
+    def load(self, points):
+        return np.exp(-0.5 * (points[:, :2] ** 2).sum(axis=1) / self.width**2)[:, None] * self.amplitude
+
+    def values(self, points):
+        return (np.exp(1j * points[:, :2] @ self.waves.T) @ self.answers).real
+
+
+@pytest.mark.parametrize("density", ["bilinear", "constant"])
+def test_all_fields_converge_with_second_order(density):
+    """All 25 entries take part: a load of all fields on a triclinic stack with springs."""
+    amplitude = np.array([1.0, -0.7, 1.3, 0.8, -0.6]) / FieldScaling.of(TRICLINIC.layers[0].material.stiffness).factors
+    field, errors = GaussianOnLayers(body(TRICLINIC), amplitude, 0.4 * UM), []
+    for n in (16, 32, 64):
+        system = HalfSpace(density, matrix_up_to=0).reduce(body(TRICLINIC, divisions=(n, n)))
+        computed = system.apply(field.load(system.points)) * POTENTIALS
+        chosen = np.random.default_rng(0).choice(len(system.points), 60, replace=False)
+        exact = field.values(system.points[chosen])
+        errors.append(np.abs(computed[chosen] - exact).max(axis=0) / np.abs(exact).max(axis=0))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders[1] > 1.8).all()
+    assert (errors[-1] < 4e-3).all()
+
+
+@pytest.mark.parametrize("thickness", [0.02 * UM, 0.1 * UM, 0.5 * UM])
+def test_layers_thinner_than_the_cells(thickness):
+    """Grids as coarse as ten thicknesses converge to the same waves: the difference is integrated over each cell."""
+    layers = LayerStack((Layer(library_material("batio3"), thickness),), RigidBase(0.5 * UM))
+    amplitude = np.array([1.0, -0.7, 1.3, 0.8, -0.6]) / FieldScaling.of(layers.layers[0].material.stiffness).factors
+    one, errors = body(layers, library_material("pzt-4")), []
+    field = GaussianOnLayers(one, amplitude, 0.4 * UM)
+    for n in (32, 64):
+        system = HalfSpace(matrix_up_to=0).reduce(body(layers, library_material("pzt-4"), divisions=(n, n)))
+        computed = system.apply(field.load(system.points)) * POTENTIALS
+        chosen = np.random.default_rng(0).choice(len(system.points), 60, replace=False)
+        exact = field.values(system.points[chosen])
+        errors.append(np.abs(computed[chosen] - exact).max(axis=0) / np.abs(exact).max(axis=0))
+    orders = np.log2(np.array(errors[0]) / errors[1])
+    assert (orders > 1.7).all()
+
+
+def test_periodic_waves_have_their_compliance():
+    layers = LayerStack(TRICLINIC.layers, RigidBase(3 * UM))
+    system = HalfSpace("trigonometric", periodic=True, matrix_up_to=0).reduce(body(layers))
+    points = system.points[:, :2] - system.points[:, :2].min(axis=0)
+    period = np.array([25 / 24 * 4 * UM, 22 / 21 * 3.5 * UM])
+    amplitude = np.array([1.0, -0.7, 1.3, 0.8, -0.6]) / FieldScaling.of(layers.layers[0].material.stiffness).factors
+    for numbers in ((1, 0), (2, -3), (0, 7)):
+        q = 2.0 * np.pi * np.array(numbers) / period
+        k, angle = np.hypot(*q), np.arctan2(q[1], q[0])
+        symbol = surface_symbol(body(layers), np.eye(3), np.array([angle]))
+        y = symbol.evaluate(np.array([k]))[0, 0] * np.outer(symbol.factors, symbol.factors)
+        phase = np.exp(1j * points @ q)
+        expected = (phase[:, None] * (y @ amplitude / k)).real * POTENTIALS
+        computed = system.apply(phase.real[:, None] * amplitude)
+        assert_close(computed, expected, 1e-10)
+    uniform = symbol.uniform_compliance() * np.outer(symbol.factors, symbol.factors) @ amplitude * POTENTIALS
+    computed = system.apply(np.tile(amplitude, (len(points), 1)))
+    np.testing.assert_allclose(computed, np.tile(uniform, (len(points), 1)), rtol=1e-10)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("layers", [TRICLINIC, FILM])
+def test_capabilities(periodic, layers):
+    """Coarser grids, subgrids, fields of the product and the approximate inverse agree with the product itself."""
+    system = HalfSpace(periodic=periodic, matrix_up_to=0).reduce(body(layers, divisions=(55, 51)))
+    check_capabilities(system)
+    assert (system.capability(Multigrid) is None) == (periodic and any(n % 2 for n in system.grid.size))
+    assert (system.capability(Restriction) is None) == periodic
+
+
+def test_matrix_matches_fft():
+    one = HalfSpace(matrix_up_to=10_000).reduce(body(TRICLINIC))
+    other = HalfSpace(matrix_up_to=0).reduce(body(TRICLINIC))
+    load = random_load(one, TRICLINIC)
+    assert_close(other.apply(load), one.apply(load), 1e-12)
+    matrix = one.dense().reshape(len(load) * 5, -1)
+    inside = np.abs(one.weights / one.weights.max() - 1.0) < 1e-9
+    square = one.dense()[inside][:, :, inside].reshape(inside.sum() * 5, -1)
+    scale = np.tile(FieldScaling.of(TRICLINIC.layers[0].material.stiffness).factors, inside.sum())
+    scaled = square / np.outer(scale, scale)
+    assert len(matrix) == len(load) * 5
+    assert np.linalg.eigvalsh(scaled + scaled.T).min() > 0.0
+
+
+def sphere(layers, material="cofe2o4", divisions=64, width=1.63 * UM, **keys):
+    parts = {
+        "material": material,
+        "mesh": meeframe.mesh.half_space(width, divisions, rings=1, half_width=width),
+        "indenter": meeframe.Sphere(10 * UM),
+        "steps": [meeframe.Step(approach=40e-9)],
+        "formulation": HalfSpace(matrix_up_to=0),
+        "layers": layers,
+    }
+    return meeframe.Case(**parts | keys).solve()
+
+
+def force_of(result):
+    return -meeframe.resultants(result.zone, result[-1]).force[2]
+
+
+CONDUCTING = {name: meeframe.StepConductivity(float("inf")) for name in ("electric", "magnetic")}
+GLASS_FILM = (meeframe.Layer("pzt-4", UM, interface=meeframe.Interface(electrode="grounded")),)
+
+
+@pytest.mark.full(except_for=2)
+@pytest.mark.parametrize(
+    ("layers", "stack", "substrate", "conducting"),
+    [
+        ((meeframe.Layer("batio3", UM),), LayerStack((Layer(library_material("batio3"), UM),)), "cofe2o4", False),
+        (
+            GLASS_FILM,
+            LayerStack((Layer(library_material("pzt-4"), UM, Interface(electrode="grounded")),)),
+            "glass",
+            True,
+        ),
+        ((meeframe.Layer("batio3", UM),), LayerStack((Layer(library_material("batio3"), UM),)), "cofe2o4", True),
+        (
+            GLASS_FILM,
+            LayerStack((Layer(library_material("pzt-4"), UM, Interface(electrode="grounded")),)),
+            "glass",
+            False,
+        ),
+    ],
+)
+def test_sphere_against_integral_equations(layers, stack, substrate, conducting):
+    potentials = {ELECTRIC: 0.0, MAGNETIC: 0.0} if conducting else {}
+    reference = AxisymmetricLayers(library_material(substrate).stiffness, stack, potentials)
+    exact = reference.press_sphere_by(10 * UM, 40e-9)
+    result = sphere(layers, substrate, conductivity=CONDUCTING if conducting else {})
+    assert result.status == "converged"
+    assert force_of(result) == pytest.approx(exact.force, rel=4e-4)
+    contact = result.zone.weights[result[-1].traction[:, 2] < 0.0].sum()
+    assert np.sqrt(contact / np.pi) == pytest.approx(exact.radius, rel=1e-2)
+    if conducting:
+        charge = result.zone.weights @ result[-1].fluxes[:, 0]
+        assert charge == pytest.approx(exact.fluxes[ELECTRIC], rel=1e-2)
+    else:
+        centre = np.hypot(*result.zone.points[:, :2].T).argmin()
+        assert result[-1].potentials[centre, 0] == pytest.approx(exact.centre[1], rel=2e-4)
+
+
+def test_two_equal_coated_bodies_share_the_approach():
+    """Each of two equal bodies deforms like one under a sphere of twice the radius at half the approach."""
+    layers = (meeframe.Layer("batio3", UM),)
+    second = meeframe.SecondBody(
+        "cofe2o4",
+        meeframe.mesh.half_space(1.63 * UM, 24, rings=1, half_width=1.63 * UM),
+        formulation=HalfSpace(matrix_up_to=0),
+        layers=layers,
+    )
+    two = sphere(layers, divisions=24, second_body=second)
+    one = sphere(layers, divisions=24, indenter=meeframe.Sphere(20 * UM), steps=[meeframe.Step(approach=20e-9)])
+    pressure = one[-1].traction[:, 2]
+    np.testing.assert_allclose(two[-1].traction[:, 2], pressure, rtol=0.0, atol=1e-8 * np.abs(pressure).max())
+
+
+def test_force_control_and_friction_histories():
+    """A force gives back the approach it belongs to, and a history with friction converges."""
+    film = (meeframe.Layer("pzt-4", UM, {"axis": [1, 0, 0], "angle": "20 deg"}),)
+    law, steps = meeframe.IsotropicCoulomb(0.3), [meeframe.Step(approach=40e-9, increments=2)]
+    by_motion = sphere(film, "silicon", 24, contact=law, steps=[*steps, meeframe.Step(translation=[5e-9, 0.0])])
+    assert by_motion.status == "converged"
+    assert len(set(by_motion[-1].region.tolist())) == 3  # open, slip and stick
+    force = force_of(by_motion)
+    without_friction = sphere(film, "silicon", 24)
+    steps = [meeframe.Step(normal_force=force_of(without_friction))]
+    by_force = sphere(film, "silicon", 24, steps=steps)
+    assert by_force[-1].loading.approach == pytest.approx(40e-9, rel=1e-7)
+    assert force == pytest.approx(force_of(without_friction), rel=0.05)
+
+
+def test_resolved_edges():
+    """The charge of a grounded sphere, singular at the contact edge on layers, is accurate on coarse grids."""
+    film = LayerStack((Layer(library_material("batio3"), UM),))
+    reference = AxisymmetricLayers(library_material("cofe2o4").stiffness, film, {ELECTRIC: 0.0, MAGNETIC: 0.0})
+    exact, errors = reference.press_sphere_by(10 * UM, 40e-9).fluxes[ELECTRIC], {}
+    for edges in ("nodes", "resolved"):
+        formulation = HalfSpace(matrix_up_to=0, edges=edges)
+        layers = (meeframe.Layer("batio3", UM),)
+        result = sphere(layers, divisions=16, conductivity=CONDUCTING, formulation=formulation)
+        errors[edges] = abs(result.zone.weights @ result[-1].fluxes[:, 0] / exact - 1.0)
+    assert errors["resolved"] < 4e-3
+    assert errors["resolved"] < 0.3 * errors["nodes"]
+    with pytest.raises(CaseError, match="thicknesses of 4 spacings"):
+        HalfSpace(edges="resolved").check(body(LayerStack((Layer(library_material("batio3"), 0.5 * UM),))))
+
+
+def test_interior_of_layers_of_the_substrate():
+    """Layers of the substrate's material leave the fields inside as they are."""
+    layers = LayerStack((Layer(SUBSTRATE, 0.4 * UM), Layer(SUBSTRATE, 0.3 * UM)))
+    points = np.array([[x, 0.2 * UM, -depth * UM] for depth in (0.3, 0.55, 1.3) for x in (-UM, 0.0, 0.4 * UM)])
+    fields = []
+    for one in (layers, LayerStack()):
+        system = HalfSpace(matrix_up_to=0).reduce(body(one, divisions=(12, 11)))
+        load = random_load(system, layers) * (np.hypot(*system.points[:, :2].T) < 1.2 * UM)[:, None]
+        fields.append(system.capability(InteriorFields).evaluate(load, points))
+    for name in ("values", "gradients", "fluxes"):
+        computed, expected = getattr(fields[0], name), getattr(fields[1], name)
+        assert_close(computed.reshape(len(points), -1), expected.reshape(len(points), -1), 1e-6)
+
+
+def test_interior_fields_balance_the_load():
+    """The normal stress on both sides of the interface adds up to the force on the surface."""
+    result = sphere((meeframe.Layer("batio3", UM),), divisions=16)
+    interior = reduce(meeframe.Case.from_toml(result.provenance.case_text).checked).capability(InteriorFields)
+    x = np.linspace(-6 * UM, 6 * UM, 41)
+    load = np.concatenate([result[-1].traction, result[-1].fluxes], axis=1)
+    stresses = []
+    for depth in (UM * (1.0 - 1e-6), UM * (1.0 + 1e-6)):
+        points = np.stack([*np.meshgrid(x, x, indexing="ij"), np.full((41, 41), -depth)], axis=-1).reshape(-1, 3)
+        stresses.append(interior.evaluate(load, points).fluxes[:, 2])
+        inside = -stresses[-1][:, 2].sum() * (x[1] - x[0]) ** 2
+        # of a point force z^3 / (z^2 + r^2)^1.5 = 0.4 % is outside
+        assert inside == pytest.approx(force_of(result), rel=6e-3)
+    assert_close(stresses[1][:, :3], stresses[0][:, :3], 1e-5)
+
+
+def test_periodic_layers_have_no_interior_fields():
+    assert HalfSpace(periodic=True, matrix_up_to=0).reduce(body(FILM)).capability(InteriorFields) is None
+
+
+def test_refusals():
+    with pytest.raises(CaseError, match="insulates electric"):
+        HalfSpace().check(body(LayerStack((), RigidBase(UM, ("electric",)))))
