@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import meshio
 import numpy as np
 import pytest
 from meeframe_skfem import FiniteElements
@@ -201,3 +202,32 @@ def test_cells_of_a_file_must_not_cross_interfaces(cube_file):
         formulation.check(cube_with(LayerStack((Layer(FILM, 0.3),)), mesh))
     with pytest.raises(MeshError, match="layer 1 has no cells"):
         formulation.check(cube_with(LayerStack((Layer(FILM, 1e-8),)), mesh))
+
+
+def rotated(body, file, turn):
+    """Return a body and the file of its volume mesh after a rotation."""
+    volume = meshio.read(file)
+    path = file.with_name("rotated.vtu")
+    meshio.write(path, meshio.Mesh(volume.points @ turn.T, volume.cells))
+    layers = tuple(replace(layer, material=layer.material.rotated(turn)) for layer in body.layers.layers)
+    mesh = replace(body.mesh, points=body.mesh.points @ turn.T)
+    return replace(body, stiffness=SUBSTRATE.rotated(turn).stiffness, mesh=mesh, layers=LayerStack(layers)), path
+
+
+def test_oblique_interfaces_with_springs(cube_file):
+    """The response of a rotated body is the same in its local frames."""
+    mesh, file = cube_file("hex8", 2)
+    body = cube_with(LayerStack((Layer(FILM, 0.5, SPRINGS),)), mesh)
+    turn = rotation_about((1.0, 2.0, 0.5), 0.8)
+    other, path = rotated(body, file, turn)
+    one, two = (FiniteElements(volume=f, unit=1e-3).reduce(b).dense() for f, b in ((file, body), (path, other)))
+    straight = (
+        FiniteElements(volume=file, unit=1e-3).reduce(replace(body, layers=LayerStack((Layer(FILM, 0.5),)))).dense()
+    )
+    normal = np.s_[:, 2:, :, 2:]
+    scale = np.abs(one).max(axis=(0, 2), keepdims=True)[normal]
+    assert np.abs((two[normal] - one[normal]) / scale).max() < 1e-10
+    assert np.abs((straight[normal] - one[normal]) / scale).max() > 0.01
+    alone = LayerStack((Layer(FILM, 0.5, Interface(normal_stiffness=3e11)),))
+    with pytest.raises(CaseError, match=r"interface below layer 1: only one of.*oblique.*allowed: both of them"):
+        FiniteElements(volume=path, unit=1e-3).check(replace(other, layers=alone))
