@@ -331,8 +331,10 @@ def _texts(value: Any) -> Any:
 def _placed(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return tables of a case file with paths relative to the working directory."""
     for name, key in _PATHS:
-        if key in tables.get(name, {}):
+        if isinstance(tables.get(name), Mapping) and key in tables[name]:
             tables = {**tables, name: {**tables[name], key: folder / tables[name][key]}}
+    if "grading" in tables:
+        tables = {**tables, "grading": _placed(tables["grading"], folder)}
     if "layers" in tables:
         tables = {**tables, "layers": [_placed(layer, folder) for layer in tables["layers"]]}
     if "second_body" in tables:

@@ -8,6 +8,8 @@ from pydantic import BeforeValidator
 
 from meeframe.fields import FieldSet
 from meeframe.fields.units import Quantity
+from meeframe.material import Material
+from meeframe.material.grading import Grading
 from meeframe.material.layers import Interface, RigidBase
 from meeframe.model.values import Size, Table, with_keys
 from meeframe.plugin.validation import Problem, TableError
@@ -52,12 +54,30 @@ class InterfaceTable(Table):
         return Interface(self.normal_stiffness, self.tangential_stiffness, finite, self.electrode)
 
 
+class GradingTable(Table):
+    """Table `grading` of a layer, key by key as in meeframe.material.grading.Grading."""
+
+    law: Literal["exponential", "power", "table"]
+    ratio: Annotated[float, Quantity("", gt=0, lt=math.inf)] | None = None
+    exponent: Annotated[float, Quantity("", gt=0, lt=math.inf)] | None = None
+    depths: tuple[Annotated[float, Quantity("", ge=0, le=1)], ...] | None = None
+    factors: tuple[Annotated[float, Quantity("", ge=0, lt=math.inf)], ...] | None = None
+    material: Annotated[dict[str, Any] | None, BeforeValidator(_material)] = None
+    tolerance: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1e-3
+
+    def grading(self, material: Material | None) -> Grading:
+        """Return the grading, with its material."""
+        values = {name: getattr(self, name) for name in GradingTable.model_fields if name != "material"}
+        return Grading(**values, material=material)
+
+
 class LayerTable(Table):
     """Table [[layers]]: one layer, the first of which is at the surface."""
 
     material: Annotated[dict[str, Any], BeforeValidator(_material)]
     thickness: Size
     rotation: dict[str, Any] | None = None
+    grading: GradingTable | None = None
     interface: Annotated[InterfaceTable, BeforeValidator(_interface)]
 
     @classmethod

@@ -13,7 +13,7 @@ from meeframe.common.toml import check_integers, read_toml
 from meeframe.contact.problem import Solver
 from meeframe.fields import FieldSet
 from meeframe.material import Material, material_from_table
-from meeframe.material.layers import Layer, LayerStack
+from meeframe.material.layers import Interface, Layer, LayerStack
 from meeframe.material.tables import rotate_by_table
 from meeframe.mesh import Grading, block_mesh, half_space_mesh, read_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
@@ -21,7 +21,7 @@ from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.body_tables import BoundaryTable, FileTable, HalfSpaceTable, MeshTable, SecondBodyTable
 from meeframe.model.case import Case
 from meeframe.model.data import Output
-from meeframe.model.layer_tables import LayerTable
+from meeframe.model.layer_tables import GradingTable, LayerTable
 from meeframe.model.locate import locate, locate_in_second_body
 from meeframe.model.restart import Restart, read_restart
 from meeframe.model.schema import CaseTable, RestartTable
@@ -149,22 +149,42 @@ def _layers(table: CaseTable | SecondBodyTable, registry: Registry, folder: Path
     layers: list[Layer] = []
     for number, layer in enumerate(table.layers):
         make = partial(_layer, layer, registry, folder)
-        layers += filter(None, [_attempt(problems, make, "layers", number)])
+        layers += _attempt(problems, make, "layers", number) or ()
     if problems:
         raise TableError(*problems)
     return LayerStack(tuple(layers), None if table.base is None else table.base.base())
 
 
-def _layer(table: LayerTable, registry: Registry, folder: Path) -> Layer:
+def _layer(table: LayerTable, registry: Registry, folder: Path) -> tuple[Layer, ...]:
+    """Return a layer, or the sublayers of a graded one."""
     problems: list[Problem] = []
-    make = partial(material_from_table, table.material, folder, registry.scalar_fields)
-    material = _attempt(problems, make, "material")
-    if material is not None and table.rotation is not None:
-        material = _attempt(problems, partial(rotate_by_table, material, {"rotation": table.rotation}), "rotation")
+
+    def make_material(value: Mapping[str, Any], *location: str) -> Material | None:
+        make = partial(material_from_table, value, folder, registry.scalar_fields)
+        material = _attempt(problems, make, *location, "material")
+        if material is None or table.rotation is None:
+            return material
+        return _attempt(problems, partial(rotate_by_table, material, {"rotation": table.rotation}), "rotation")
+
+    material = make_material(table.material)
     interface = _attempt(problems, table.interface.interface, "interface")
-    if material is None or interface is None:
+    graded = table.grading
+    other = None if graded is None or graded.material is None else make_material(graded.material, "grading")
+    if material is None or interface is None or problems:
         raise TableError(*problems)
-    return Layer(material, table.thickness, interface)
+    if graded is None:
+        return (Layer(material, table.thickness, interface),)
+    divide = partial(_sublayers, graded, other, material, table.thickness, interface)
+    sublayers = _attempt(problems, divide, "grading")
+    if sublayers is None:
+        raise TableError(*problems)
+    return sublayers
+
+
+def _sublayers(
+    table: GradingTable, other: Material | None, material: Material, thickness: float, interface: Interface
+) -> tuple[Layer, ...]:
+    return table.grading(other).sublayers(material, thickness, interface)
 
 
 def _conditions(boundary: tuple[BoundaryTable, ...]) -> tuple[BoundaryCondition, ...]:

@@ -304,7 +304,7 @@ def test_resolved_edges():
 def test_interior_of_layers_of_the_substrate():
     """Layers of the substrate's material leave the fields inside as they are."""
     layers = LayerStack((Layer(SUBSTRATE, 0.4 * UM), Layer(SUBSTRATE, 0.3 * UM)))
-    points = np.array([[x, 0.2 * UM, -depth * UM] for depth in (0.3, 0.55, 1.3) for x in (-UM, 0.0, 0.4 * UM)])
+    points = np.array([[x, 0.2 * UM, -depth * UM] for depth in (0.55, 1.3) for x in (-UM, 0.0, 0.4 * UM)])
     fields = []
     for one in (layers, LayerStack()):
         system = HalfSpace(matrix_up_to=0).reduce(body(one, divisions=(12, 11)))
