@@ -225,17 +225,17 @@ class Layer:
         Thickness [m].
     rotation : mapping, optional
         Rotation of the material's axes, as in `[material]` of a case file: {"axis": [0, 0, 1], "angle": "30 deg"}.
-    grading : mapping, optional
-        Profile of the constants over the depth, as in a case file: {"law": "exponential", "ratio": 4}.
     interface : 'bonded' or Interface, optional
         Interface below the layer.
+    grading : mapping, optional
+        Profile of the constants over the depth, as in a case file: {"law": "exponential", "ratio": 4}.
     """
 
     material: str | Mapping[str, Any] | Material
     thickness: Amount
     rotation: Mapping[str, Any] | None = None
-    grading: Mapping[str, Any] | None = None
     interface: Interface | Literal["bonded"] = "bonded"
+    grading: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)

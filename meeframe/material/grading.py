@@ -38,8 +38,8 @@ class Grading:
         Without it all constants are those of the layer's material times f, which must be positive. With it they are
         those of the mixture of a fraction f of this material and the rest of the layer's material.
     tolerance : float
-        Largest relative change of the surface compliance when the number of sublayers is doubled, for waves from a third
-        to three radians per thickness.
+        Largest relative change of the surface compliance when the number of sublayers is doubled, for waves from a
+        third to three radians per thickness.
 
     Raises
     ------
