@@ -21,4 +21,4 @@ def test_record_contains_all_cases():
 def test_values_match_the_record(name):
     comparison = record.check_one(name, RECORDED)
     assert not comparison.problems
-    assert comparison.difference <= record.ALLOWED, comparison.where
+    assert comparison.difference <= comparison.allowed, comparison.where

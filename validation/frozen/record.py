@@ -25,7 +25,8 @@ compared like all others.
 
 Two cases with hierarchical matrices, `hmatrix-bem` and `hmatrix-bem-conducting`, were recorded again after a change of
 the refinement rule of the line integral: kernel values changed by round-off, truncation selected other terms, and the
-results changed by 4e-7, far below the tolerance of 1e-4 of the matrices.
+results changed by 4e-7, far below the tolerance of 1e-4 of the matrices. For the same reason they differ by up to 8e-7
+between processors. These two cases are therefore compared to a tenth of that tolerance, all others to 1e-9.
 
 The results do not depend on the number of threads: with 1 and 2 threads the stored digits (1e-11) are the same. Other
 processors and versions of libraries may round differently; in that case, record the state before a change on the
@@ -48,9 +49,6 @@ from frozen_access import Array, State
 from frozen_cases import CASES, FrozenCase
 
 RECORD = Path(__file__).with_name("record.json")
-ALLOWED = 1e-9
-"""Largest difference, relative to the scale of a quantity."""
-
 UNIT = 1e-11
 """Unit of the stored numbers, relative to the scale of a quantity."""
 
@@ -60,7 +58,7 @@ class Comparison:
     """A case compared with its record.
 
     difference: the largest, relative to the scale of its quantity; where: its quantity and increment; problems: what
-    cannot be compared; iterations, recorded_iterations, seconds: for information.
+    cannot be compared; iterations, recorded_iterations, seconds: for information; allowed: largest difference.
     """
 
     difference: float
@@ -69,10 +67,11 @@ class Comparison:
     iterations: int
     recorded_iterations: int
     seconds: float
+    allowed: float
 
     @property
     def passed(self) -> bool:
-        return not self.problems and self.difference <= ALLOWED
+        return not self.problems and self.difference <= self.allowed
 
 
 def compute(case: FrozenCase) -> list[State]:
@@ -95,7 +94,7 @@ def compute(case: FrozenCase) -> list[State]:
         return access.run_case(file)
 
 
-def compare(states: Sequence[State], recorded: Mapping[str, Any], seconds: float) -> Comparison:
+def compare(states: Sequence[State], recorded: Mapping[str, Any], seconds: float, allowed: float) -> Comparison:
     """Compare the states of a case with its record."""
     problems, difference, where = [], 0.0, ""
     labels = [state.label for state in states]
@@ -122,7 +121,7 @@ def compare(states: Sequence[State], recorded: Mapping[str, Any], seconds: float
             if relative > difference:
                 difference, where = relative, f"{name}, {state.label}"
     iterations = sum(state.iterations for state in states)
-    return Comparison(difference, where, tuple(problems), iterations, recorded["iterations"], seconds)
+    return Comparison(difference, where, tuple(problems), iterations, recorded["iterations"], seconds, allowed)
 
 
 def in_units(values: Array, scale: float) -> Array:
@@ -206,7 +205,7 @@ def check_one(name: str, record: Mapping[str, Any], solver: str | None = None) -
         case = replace(case, tables={**case.tables, "solver": changed})
     begin = time.process_time()
     states = compute(case)
-    return compare(states, record[name], time.process_time() - begin)
+    return compare(states, record[name], time.process_time() - begin, case.allowed)
 
 
 def check(cases: Mapping[str, FrozenCase], solver: str | None = None) -> int:
