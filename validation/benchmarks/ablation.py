@@ -95,10 +95,6 @@ def _without_pairing() -> Iterator[None]:
         yield
 
 
-def _gap_in_double_precision(memory: Any, pressure: Any) -> Any:
-    return projected_cg._gap_opening(memory.problem, pressure)
-
-
 ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
     "nested grids": (
         "a start from the solution on every second node",
@@ -122,10 +118,6 @@ ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
         _constant(method, "_tolerance", lambda fall: method.MIN_TOLERANCE),
     ),
     "single precision": ("Newton steps in single precision", _constant(linear, "MIN_SINGLE_TOLERANCE", np.inf)),
-    "single-precision gaps": (
-        "changes of the gap in single precision in `projected-cg`",
-        _constant(projected_cg, "_change_of_gap", _gap_in_double_precision),
-    ),
     "estimate": ("convergence tested with the solver's own estimate between checks", _without_estimate),
     "conjugate gradients": (
         "`projected-cg` before `newton` in `auto`",
