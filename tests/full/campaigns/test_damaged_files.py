@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "validation" / "campaigns"))
 
 import damaged_files
 
-COUNT = 20
+COUNT = 5
 
 
 @pytest.mark.parametrize("name", damaged_files.KINDS)
