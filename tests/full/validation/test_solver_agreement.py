@@ -84,15 +84,19 @@ def assert_agree(case, *more):
             assert np.abs(flux) <= 1e-8 * np.abs(case.system.weights @ np.abs(reference.load[:, column])), solver
 
 
-@pytest.mark.parametrize("condition", CONDITIONS)
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    ("law", "condition"),
+    [*(("isotropic", name) for name in CONDITIONS), *((law, "EMCI") for law in LAWS if law != "isotropic")],
+)
 def test_indentation(system, table, law, condition):
     """Sections 7.1 and 7.2, with orthotropic friction as in section 7.3."""
     assert_agree(problem(system, LAWS[law], CONDITIONS[condition]), Uzawa(*PAPER_STEPS[table]))
 
 
-@pytest.mark.parametrize("condition", CONDITIONS)
-@pytest.mark.parametrize("law", ["isotropic", "orthotropic"])
+@pytest.mark.parametrize(
+    ("law", "condition"),
+    [("isotropic", "EMII"), ("isotropic", "EMCI"), ("orthotropic", "ECMII"), ("orthotropic", "EIMCI")],
+)
 def test_tangential_load(system, table, law, condition):
     """Section 7.4, by a prescribed translation below full slip."""
     more = [Uzawa(*PAPER_STEPS[table])] if law == "isotropic" else []  # the other one takes thousands of steps
