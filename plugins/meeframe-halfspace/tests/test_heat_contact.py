@@ -254,8 +254,9 @@ def central_pressure(heating: float) -> tuple[float, float]:
     return float(1.5 * w @ (x * g)), float(0.5 * w @ (g / x))
 
 
-@pytest.mark.parametrize("heating", [0.3, *(pytest.param(value, marks=pytest.mark.full) for value in (0.1, 0.5))])
-@pytest.mark.parametrize("cells", [20, pytest.param(64, marks=pytest.mark.full)])
+@pytest.mark.parametrize(
+    ("heating", "cells"), [(0.3, 20), *(pytest.param(*each, marks=pytest.mark.full) for each in ((0.5, 20), (0.1, 64)))]
+)
 def test_frictional_heating_of_a_sliding_sphere(heating: float, cells: int) -> None:
     """Contact radius and central pressure under the force of the integral equation; all heat enters the body.
 

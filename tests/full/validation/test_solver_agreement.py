@@ -103,8 +103,7 @@ def test_tangential_load(system, table, law, condition):
     assert_agree(problem(system, LAWS[law], CONDITIONS[condition], (1e-5, 5e-6)), *more)
 
 
-@pytest.mark.parametrize("translation", [(0.0, 0.0), (1e-5, 5e-6)])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("law", "translation"), [("isotropic", (0.0, 0.0)), ("orthotropic", (1e-5, 5e-6))])
 def test_finite_conductivity(system, table, law, translation):
     """Conductivities between the limits, as in Fig. 4."""
     assert_agree(problem(system, LAWS[law], FINITE[table], translation))
@@ -117,7 +116,7 @@ def normal_resultant(case, force):
     return PrescribedResultant(press, case.system.weights[:, None] * press, force)
 
 
-@pytest.mark.parametrize("condition", CONDITIONS)
+@pytest.mark.parametrize("condition", ["EMII", "EMCI"])
 def test_normal_force(system, condition):
     """Without friction, a prescribed force recovers the approach that causes it."""
     given = problem(system, LAWS["no friction"], CONDITIONS[condition])
