@@ -83,7 +83,8 @@ def test_triclinic_stack_against_collocation(electrode, kh, nodes):
     for angle, result in zip(ANGLES, computed, strict=True):
         m = np.array([np.cos(angle), np.sin(angle)])
         expected = collocated_compliance(stiffnesses, [kh, 0.5 * kh, 2 * kh], jumps, [electrode, False], m, nodes)
-        np.testing.assert_allclose(result, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+        # round-off of the collocation, which grows with the square of its nodes
+        np.testing.assert_allclose(result, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_half_space_against_collocation():
