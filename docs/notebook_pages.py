@@ -11,7 +11,6 @@ import re
 import tempfile
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from logging import getLogger
 from pathlib import Path
 from typing import Final
@@ -31,9 +30,6 @@ LOG: Final = getLogger("mkdocs.notebook_pages")
 ROOT: Final = Path(__file__).parents[1]
 NOTEBOOKS: Final = ROOT / "docs" / "notebooks"
 STORE: Final = ROOT / "out" / "notebooks"
-AT_ONCE: Final = 2
-"""Number of notebooks that run at the same time; most of their time is compilation, in one thread each."""
-
 CELL_SECONDS: Final = 600
 """Longest time of a cell; the first one to use a kernel of numba compiles it."""
 
@@ -52,10 +48,8 @@ EMPTY: Final = re.compile(r"<pre[^>]*></pre>\s*")
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add a page, its pictures and the notebook with outputs for each notebook."""
-    sources = sorted(NOTEBOOKS.glob("*.py"))
-    with ThreadPoolExecutor(AT_ONCE) as pool:
-        notebooks = list(pool.map(executed, sources))
-    for source, notebook in zip(sources, notebooks, strict=True):
+    for source in sorted(NOTEBOOKS.glob("*.py")):
+        notebook = executed(source)
         pictures: dict[str, bytes] = {}
         page = "\n\n".join(_page(source.stem, notebook, pictures))
         files.append(File.generated(config, f"notebooks/{source.stem}.md", content=page))
