@@ -54,8 +54,8 @@ def rough(
 
     Raises
     ------
-    KeyboardInterrupt
-        After Ctrl-C; its attribute `result` holds the pressures that are finished, which are also in the folder.
+    Interrupted
+        After Ctrl-C, with the pressures that are finished, which are also in the folder.
     MeeframeError
         If a key or value is not allowed, or the folder cannot be written.
     """

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,11 @@ from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.system.capabilities import Coarsening, Multigrid
 from meeframe.system.reduced import ReducedSystem
 
+T = TypeVar("T")
 MIN_COARSE_NODES: Final = 16
 """Least number of coarse nodes under the indenter, and in overlap; with fewer the problem is a different one."""
+SAMPLE_NODES: Final = 1_000
+"""Number of nodes at which a law without nodal data is tested."""
 MAX_RATIO: Final = 2.0
 """Factor below which two areas, or similar quantities, count as about the same."""
 
@@ -142,6 +145,26 @@ def _resolves_indenter(problem: ContactProblem, coarsening: Coarsening) -> bool:
 def is_uniform(law: ContactLaw, n: int) -> bool:
     """Return whether a law is known to be the same at all of n nodes; False for laws with a memory."""
     return is_pure_projection(law) and not has_nodal_data(law, n)
+
+
+def on_sample(law: ContactLaw, n: int, evaluate: Callable[[int], T]) -> T:
+    """Return what a function of the number of nodes returns for a law of n nodes, at few nodes if these are alike.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        The law.
+    n : int
+        Number of nodes.
+    evaluate : callable
+        Function of a number of nodes, whose result does not depend on it if the law has no nodal data.
+    """
+    if n > SAMPLE_NODES and not has_nodal_data(law, n):
+        try:
+            return evaluate(SAMPLE_NODES)
+        except Exception:  # a law may store nodal data under any name
+            pass
+    return evaluate(n)
 
 
 def has_nodal_data(data: object, n: int) -> bool:

@@ -4,6 +4,7 @@ import math
 import re
 from decimal import Decimal
 from functools import lru_cache
+from types import NoneType
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
 
 from meeframe.common.errors import CaseError
@@ -241,7 +242,7 @@ def _unknown(name: str) -> str:
 def check_quantities(record: Any) -> None:
     """Check the quantities of a frozen dataclass like entries of a case file.
 
-    Call it in `__post_init__`. Quantities become SI numbers.
+    Call it in `__post_init__`. Quantities become SI numbers; optional ones may be None.
 
     Parameters
     ----------
@@ -255,6 +256,10 @@ def check_quantities(record: Any) -> None:
     """
     for name, hint in get_type_hints(type(record), include_extras=True).items():
         value = getattr(record, name)
+        if NoneType in get_args(hint):
+            if value is None:
+                continue
+            hint = next(kind for kind in get_args(hint) if kind is not NoneType)
         try:
             for mark in getattr(hint, "__metadata__", ()):
                 if isinstance(mark, Quantity):

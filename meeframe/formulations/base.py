@@ -3,7 +3,6 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 from meeframe.common.errors import CaseError
 from meeframe.mesh.body import Body, check_layers
@@ -14,9 +13,6 @@ from meeframe.system.reduced import Progress, ReducedSystem, silent
 @dataclass(frozen=True)
 class Formulation(ABC):
     """A discretisation; the fields of a concrete class are its case-file keys."""
-
-    couples_heat: ClassVar[bool] = False
-    """True if the temperature of a body may act on its other fields (`Body.thermal_moduli`)."""
 
     @abstractmethod
     def check(self, body: Body) -> None:
@@ -73,6 +69,10 @@ class Formulation(ABC):
 
     def supports_layers(self) -> bool:
         """Return True if it takes the layers of a body into account; other bodies with layers are refused."""
+        return False
+
+    def couples_heat(self) -> bool:
+        """Return True if the temperature of a body may act on its other fields; other such bodies are refused."""
         return False
 
     @abstractmethod
@@ -177,7 +177,7 @@ def check_body(formulation: Formulation, body: Body) -> None:
             "thermal expansion, pyroelectric and pyromagnetic coefficients are not supported in bodies with layers; "
             "allowed: materials with thermal_conductivity alone, or a body without layers"
         )
-    if body.thermal_moduli is not None and not formulation.couples_heat:
+    if body.thermal_moduli is not None and not formulation.couples_heat():
         raise CaseError(
             f"the formulation {type(formulation).__name__} does not support thermal expansion, pyroelectric and "
             "pyromagnetic coefficients; allowed: a material with thermal_conductivity alone, or the formulation "

@@ -8,12 +8,16 @@ u_J(x) = xi_JK t_K / |x|, xi = Y / (2 pi).
 Source: Barnett and Lothe, Phys. Norvegica 7 (1973) 13; Ting, Anisotropic Elasticity (1996), chapters 6 and 7.
 """
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meeframe.common.errors import MaterialError
 from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, FieldScaling
 
+MEAN_DIRECTIONS: Final = 32
+"""Number of directions over which responses are averaged."""
 _MIN_POINTS, _MAX_POINTS = 32, 4096
 _MAX_CHANGE = 1e-12  # between two rules; the error falls geometrically, so that of the finer one is round-off
 _MAX_ROUND_OFF = 2e-6  # the actual error is about a tenth of this estimate
@@ -75,6 +79,50 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
     return result
 
 
+def mean_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
+    """Compute the real part of the surface compliance, averaged over the directions of waves.
+
+    Parameters
+    ----------
+    stiffness, normal
+        As for `surface_compliance`.
+
+    Returns
+    -------
+    Array
+        (fields, fields), in SI units and global axes.
+
+    Raises
+    ------
+    MaterialError
+        As `surface_compliance`.
+    """
+    mean: Array = surface_compliance(stiffness, normal, surface_directions(normal)).real.mean(axis=0)
+    return mean
+
+
+def surface_directions(normal: ArrayLike, count: int = MEAN_DIRECTIONS) -> Array:
+    """Return equally spaced unit vectors of a surface over half a circle, (count, 3).
+
+    Parameters
+    ----------
+    normal : array_like
+        Normal, (3,).
+    count : int, optional
+        Number of directions; responses to waves of opposite directions are conjugate.
+
+    Raises
+    ------
+    MaterialError
+        If the normal is zero or not finite.
+    """
+    nu = _unit(normal)
+    e1 = np.cross(nu, np.eye(3)[np.abs(nu).argmin()])
+    e1 /= np.linalg.norm(e1)
+    angles = np.linspace(0.0, np.pi, count, endpoint=False)
+    return np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), np.cross(nu, e1))
+
+
 def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
     """Compute the point-source response xi_JK of (normal displacement, phi, psi) to (normal traction, q, s).
 
@@ -98,14 +146,10 @@ def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0
         If the response depends on direction.
     """
     nu = _unit(normal)
-    helper = np.eye(3)[np.abs(nu).argmin()]
-    e1 = np.cross(nu, helper)
-    angles = np.linspace(0.0, np.pi, 7, endpoint=False)
-    directions = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), np.cross(nu, e1))
     n_fields = stiffness.shape[1]
     rows = np.eye(n_fields)[N_MECHANICAL - 1 :]
     rows[0, MECHANICAL] = nu
-    blocks = rows @ surface_compliance(stiffness, nu, directions) @ rows.T / (2.0 * np.pi)
+    blocks = rows @ surface_compliance(stiffness, nu, surface_directions(nu, 7)) @ rows.T / (2.0 * np.pi)
     factors = FieldScaling.of(stiffness).factors[N_MECHANICAL - 1 :]
     # an antisymmetric imaginary part, or a dependence on the direction, rules out a pure 1/r response
     spread = np.abs((blocks - blocks[0].real) / np.outer(factors, factors)).max()

@@ -91,6 +91,12 @@ class Diagnostics:
             return np.zeros((0, 2), np.int64)
         return open_sides(self.zone, None if case.indenter.pointwise else self.kinematics.gaps)
 
+    @cached_property
+    def _body(self) -> Body:
+        """Body of the case, without boundary conditions."""
+        case = self.kinematics.case
+        return Body.of(case.material, case.mesh, (), case.zone)
+
     def with_diagnostics(
         self, increment: Increment, result: StepResult, onsets: "ContactOnsets | None", warns: bool
     ) -> StepResult:
@@ -105,8 +111,7 @@ class Diagnostics:
         warnings = list(preflight(kinematics)) if warns and not sides else []
         sentences = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(warnings)))
         if case.material.thermal_moduli is not None:
-            body = Body.of(case.material, case.mesh, (), case.zone)
-            sentences += heat_diagnostics(body, increment, result, kinematics.system.weights)
+            sentences += heat_diagnostics(self._body, increment, result, kinematics.system.weights)
         if onsets is not None:
             sentences += diagnostics_on_end(zone, result, case.contact_law, onsets)
             sentences += snap_in(kinematics.system, case.contact_law, result)

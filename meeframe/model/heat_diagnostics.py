@@ -5,9 +5,10 @@ from typing import Final
 
 import numpy as np
 
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.friction_heat import TANGENTIAL, thermal_channel
-from meeframe.fields import N_FIELDS, N_MECHANICAL, THERMAL_FIELD, Array
-from meeframe.material.half_space import surface_compliance
+from meeframe.fields import MECHANICAL, N_FIELDS, N_MECHANICAL, THERMAL_FIELD, Array
+from meeframe.material.half_space import mean_compliance, surface_directions
 from meeframe.material.thermal_half_space import thermal_response
 from meeframe.mesh import find_contact_zone
 from meeframe.mesh.body import Body
@@ -19,8 +20,6 @@ CRITICAL: Final = 0.6385675210
 
 It is the reciprocal of the largest eigenvalue of G = lambda times the integral of G(y) ln|(x + y)/(x - y)| over (0, 1).
 """
-DIRECTIONS: Final = 16
-"""Number of directions over which the response of the surface is averaged."""
 
 
 def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weights: Array) -> Iterator[str]:
@@ -69,19 +68,20 @@ def frictional_heat_number(body: Body, increment: Increment, result: StepResult,
     float
         lambda, negative where the surface sinks as it is heated.
     """
-    zone = find_contact_zone(body.mesh, body.contact_group or "")
-    e1, e2, normal = zone.frames[0]
-    angles = np.arange(DIRECTIONS) * (np.pi / DIRECTIONS)
-    directions = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), e2)
-    coupled = body.stiffness[:, :N_FIELDS, :N_FIELDS]
-    y = surface_compliance(coupled, normal, directions)[:, :3, :3]
-    modulus = 2.0 / float(np.einsum("i,nij,j->n", normal, y.real, normal).mean())
-    column = body.fields.index(THERMAL_FIELD.name)
-    assert body.thermal_moduli is not None
-    heat = thermal_response(coupled, body.thermal_moduli, -body.stiffness[:, column, column], normal, directions)[0]
-    distortivity = -float((heat[:, :3] @ normal).real.mean())
     work = (result.traction[:, TANGENTIAL] * result.slip).sum(axis=1)
     pressure = np.maximum(-result.traction[:, 2], 0.0)
     per_pressure = increment.problem.friction_heat * float(weights @ work) / float(weights @ pressure)
     radius = np.sqrt(float(weights @ result.touching) / np.pi)
-    return float(distortivity * per_pressure * modulus * radius / (2.0 * np.pi))
+    return float(_distortion_per_pressure(body) * per_pressure * radius / (2.0 * np.pi))
+
+
+@memoize_by_identity
+def _distortion_per_pressure(body: Body) -> float:
+    """Return delta E*, the distortivity times the contact modulus, averaged over directions [Pa m/W]."""
+    assert body.thermal_moduli is not None
+    normal = find_contact_zone(body.mesh, body.contact_group or "").frames[0, 2]
+    coupled, column = body.stiffness[:, :N_FIELDS, :N_FIELDS], body.fields.index(THERMAL_FIELD.name)
+    modulus = 2.0 / float(normal @ mean_compliance(coupled, normal)[MECHANICAL, MECHANICAL] @ normal)
+    conductivity = -body.stiffness[:, column, column]
+    heat, _ = thermal_response(coupled, body.thermal_moduli, conductivity, normal, surface_directions(normal))
+    return -float((heat[:, MECHANICAL] @ normal).real.mean()) * modulus

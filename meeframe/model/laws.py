@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.nested import has_nodal_data
+from meeframe.contact.nested import on_sample
 from meeframe.fields import Array
 from meeframe.laws.base import (
     ConductivityLaw,
@@ -22,8 +22,6 @@ _STEPS: Final = (1e12, 1e12)
 """Normal and tangential steps of the augmented tractions with which laws are tested [Pa/m]."""
 _TRIALS: Final = np.array([[1e6, -2e6, -3e6], [1e5, 0.0, -3e6], [0.0, 0.0, -3e6], [1e6, 0.0, 1e6], [0.0, 0.0, 0.0]])
 """Trial tractions of nodes that slip, stick, are pressed, are apart, and are unloaded [Pa]."""
-_SAMPLE_NODES: Final = 1_000
-"""Number of nodes at which a law without nodal data is tested."""
 
 _PLAIN: Final = {"tangential_scaling": "", "adhesion": " at a gap of 0 m"}
 """Methods that take no trial tractions, with the words for their arguments."""
@@ -46,14 +44,12 @@ def check_tractions(law: ContactLaw, n: int) -> None:
     It must return one traction for each node, with the quantities that belong to it; leave its arguments unchanged; and
     return finite tractions for finite trial ones. Further requirements are left to its conformance kit.
     """
-    if n > _SAMPLE_NODES and not has_nodal_data(law, n):
-        try:
-            _check_tractions(law, np.resize(_TRIALS, (_SAMPLE_NODES, 3)))
-            return
-        except Exception:  # a law may store nodal data under any name
-            pass
-    for first in range(0, len(_TRIALS), n):  # small zones have too few nodes for all at once
-        _check_tractions(law, np.resize(np.roll(_TRIALS, -first, axis=0), (n, 3)))
+
+    def check(count: int) -> None:
+        for first in range(0, len(_TRIALS), count):  # small zones have too few nodes for all at once
+            _check_tractions(law, np.resize(np.roll(_TRIALS, -first, axis=0), (count, 3)))
+
+    on_sample(law, n, check)
 
 
 def _check_tractions(law: ContactLaw, trial: Array) -> None:

@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import get_native_id
@@ -148,15 +148,26 @@ def clear_output(folder: Path) -> None:
 
     Raises ResultError.
     """
+    remove_files(folder, (*output_files(), INTERIOR_FILE, INTERIOR_PICTURE))
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in map(Path, (*output_files(), INTERIOR_FILE, INTERIOR_PICTURE)):
-            (folder / name).unlink(missing_ok=True)
-            for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
-                leftover.unlink()
         for inner in (INCREMENTS, SERIES):
             if (folder / inner).is_dir():
                 shutil.rmtree(folder / inner)
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+
+
+def remove_files(folder: Path, names: Iterable[str]) -> None:
+    """Create a folder, or remove files of these names from it, with what is left of those that were not completed.
+
+    Raises ResultError.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in map(Path, names):
+            (folder / name).unlink(missing_ok=True)
+            for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
+                leftover.unlink()
     except OSError as error:
         raise _unwritable(folder, error) from None
 

@@ -118,12 +118,12 @@ def read_result(folder: str | Path) -> Result:
 
 
 class Interrupted(KeyboardInterrupt):
-    """Interruption of a run or a sweep.
+    """Interruption of a run, a sweep or a study of a rough surface.
 
     Parameters
     ----------
-    result : Result or xarray.Dataset
-        Result with the increments that were finished before, or dataset of a sweep with the finished points.
+    result : Result, xarray.Dataset or RoughResult
+        What was finished before: increments, points of a sweep, or pressures.
     *arguments
         Message.
     """

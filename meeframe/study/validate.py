@@ -17,10 +17,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final, get_args
 
-from meeframe.common.errors import CaseError, MeeframeError, PluginFault, ResultError
+from meeframe.common.errors import CaseError, MeeframeError, PluginFault
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.validation import choices
-from meeframe.results.output import open_output, replacing
+from meeframe.results.output import open_output, remove_files, replacing
 from meeframe.study.reports.validation import (
     CaseReport,
     Check,
@@ -138,7 +138,7 @@ def validate(
     chosen = [path for name, path in known.items() if not names or name in names]
     library = plot_library()
     with open_output(out, overwrite=True):
-        _clear(out)
+        remove_files(out, (NUMBERS_FILE, REPORT_FILE))
         return _run_all(chosen, out, quick, library, progress)
 
 
@@ -158,16 +158,6 @@ def _run_all(chosen: Sequence[Path], out: Path, quick: bool, library: str, progr
         error.add_note(_progress_note(validation, out))
         raise
     return validation
-
-
-def _clear(out: Path) -> None:
-    """Create the folder, or remove the two files of an earlier run from it. Raises ResultError."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for name in (NUMBERS_FILE, REPORT_FILE):
-            (out / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise ResultError(f"output folder {out} cannot be written: {error.strerror or error}") from None
 
 
 def _progress_note(validation: Validation, out: Path) -> str:

@@ -38,7 +38,7 @@ class FrozenCase:
 
 
 HIERARCHICAL_TOLERANCE = 1e-4
-"""Of matrices whose truncation selects other terms on other processors."""
+"""Tolerance of hierarchical matrices, whose truncation selects other terms on other processors."""
 
 # --- tables of cases -----------------------------------------------------------------------------------------------
 

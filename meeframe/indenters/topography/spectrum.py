@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.fields import Array, Indices
 from meeframe.indenters.topography.height_map import HeightMap
 from meeframe.indenters.topography.preparation import check_full, detrend, window
@@ -34,6 +35,7 @@ class RadialSpectrum:
     count: Indices
 
 
+@memoize_by_identity
 def power_spectrum(surface: HeightMap) -> tuple[Array, Array, Array]:
     """Return the power spectral density of all waves of a map.
 
@@ -60,7 +62,10 @@ def power_spectrum(surface: HeightMap) -> tuple[Array, Array, Array]:
     amplitudes = np.abs(np.fft.fft2(prepared.heights, norm="forward")) ** 2
     amplitudes[0, 0] = 0.0
     qx, qy = (np.asarray(2.0 * np.pi * np.fft.fftfreq(count, step), float) for count, step in ((nx, dx), (ny, dy)))
-    return qx, qy, np.asarray(nx * dx * ny * dy * amplitudes)
+    spectrum = qx, qy, np.asarray(nx * dx * ny * dy * amplitudes)
+    for values in spectrum:
+        values.setflags(write=False)
+    return spectrum
 
 
 def profile_spectrum(surface: HeightMap, axis: int = 0) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar, Final, final
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from meeframe.common.errors import CaseError
 from meeframe.contact.conduction import conducting
 from meeframe.contact.free_motion import start_load, start_motion
-from meeframe.contact.nested import has_nodal_data, nested_start
+from meeframe.contact.nested import nested_start, on_sample
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import Array, Indices
@@ -85,8 +86,6 @@ _TRIAL_TRACTIONS: Final = tuple(
 """Trial tractions of pressed and open nodes [Pa], up to pressures beyond any material's, since laws may cap them."""
 _LAW_TOLERANCE: Final = 1e-12
 """Largest relative deviation of a traction due to round-off."""
-_SAMPLE_NODES: Final = 1_000
-"""Number of nodes at which a law without nodal data is tested."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,12 +327,7 @@ def _scatter(values: Array, free: Indices, n: int) -> Array:
 
 def _projects_on_compression(law: ContactLaw, n: int) -> bool:
     """Return true if a law is p_nu = min(0, p_nu*) without friction, at all n nodes if it has nodal data."""
-    if n > _SAMPLE_NODES and not has_nodal_data(law, n):
-        try:
-            return _returns_expected(law, _SAMPLE_NODES)
-        except Exception:  # a law may store nodal data under any name
-            pass
-    return _returns_expected(law, n)
+    return on_sample(law, n, partial(_returns_expected, law))
 
 
 def _returns_expected(law: ContactLaw, n: int) -> bool:

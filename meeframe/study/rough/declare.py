@@ -14,7 +14,7 @@ from meeframe.fields.units import Quantity
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.heights import SampledHeights
 from meeframe.indenters.topography import HeightMap, SurfaceStatistics, resample, topography_of
-from meeframe.material.half_space import surface_compliance
+from meeframe.material.half_space import mean_compliance
 from meeframe.material.material import Material
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
@@ -30,8 +30,6 @@ DEFAULT_COUNT: Final = 8
 MAX_COUNT: Final = 10_000
 _FLAT: Final = 1e-9
 """Slope without the mean plane, relative to that with it, of a plane."""
-_DIRECTIONS: Final = 32
-"""Number of directions over which the response of the surface is averaged."""
 
 Pressure = Annotated[float, Quantity("Pa", gt=0, lt=float("inf"))]
 
@@ -285,9 +283,7 @@ def mean_response(material: Material) -> tuple[float, float]:
         pressure p displaces the surface by 2 p / (E* q), a wave of charge s changes its potential by s / (eps q).
         The modulus is E / (1 - nu^2) of an isotropic material (Vlassak and Nix, Philos. Mag. A 67 (1993) 1045).
     """
-    angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_DIRECTIONS)])
-    mean = surface_compliance(material.stiffness, (0.0, 0.0, 1.0), directions).real.mean(axis=0)
+    mean = mean_compliance(material.stiffness)
     return float(2.0 / mean[2, 2]), float(1.0 / abs(mean[3, 3]))
 
 

@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.common.errors import ResultError
 from meeframe.indenters.topography import bearing_curve, profile_spectrum, radial_spectrum, scale_dependent_slope
 from meeframe.results.figures import save_figure
 from meeframe.results.hdf5 import sink
@@ -150,13 +149,3 @@ def write_rough(folder: Path, result: RoughResult) -> None:
     for name, figure in ((SURFACE_PICTURE, surface_figure(result)), (CONTACT_PICTURE, contact_figure(result))):
         with replacing(folder / name) as path:
             save_figure(figure, path)
-
-
-def clear(folder: Path) -> None:
-    """Remove the files of an earlier study from a folder. Raises ResultError."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in FILES:
-            (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise ResultError(f"output folder {folder} cannot be written: {error.strerror or error}") from None

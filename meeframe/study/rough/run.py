@@ -13,6 +13,7 @@ from meeframe.laws import StepConductivity
 from meeframe.model.case import Case
 from meeframe.model.solve import reduce, solve_steps
 from meeframe.results.records import StepResult, zone_of
+from meeframe.results.result import Interrupted
 from meeframe.study.rough.declare import RoughStudy, conductor
 from meeframe.study.rough.quantities import QUANTITIES, Contact, per_drop, stiffness
 from meeframe.study.rough.theory import bush_gibson_thomas_area, persson_area
@@ -57,14 +58,6 @@ class RoughResult:
         return len(self.status) == len(self.study.pressures) and set(self.status) == {Status.CONVERGED.value}
 
 
-class RoughInterrupted(KeyboardInterrupt):
-    """Interruption of a study. Its attribute `result` holds the pressures that are finished."""
-
-    def __init__(self, result: RoughResult) -> None:
-        super().__init__()
-        self.result = result
-
-
 @dataclass(frozen=True, eq=False)
 class _Point:
     """Quantities at one pressure, with the first increment that did not converge, and nodal pressures."""
@@ -91,7 +84,7 @@ def solve_rough(study: RoughStudy, progress: Progress = silent) -> RoughResult:
 
     Raises
     ------
-    RoughInterrupted
+    Interrupted
         After Ctrl-C while pressures are solved, with those that are finished.
     MeeframeError
         If the formulation, the solver or a law does not accept the case.
@@ -102,7 +95,7 @@ def solve_rough(study: RoughStudy, progress: Progress = silent) -> RoughResult:
         for point in solution.points():
             points.append(point)
     except KeyboardInterrupt:
-        raise RoughInterrupted(_collect(study, points)) from None
+        raise Interrupted(_collect(study, points)) from None
     return _collect(study, points)
 
 

@@ -8,11 +8,12 @@ from meeframe.common.errors import CaseError
 from meeframe.common.toml import read_toml
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
-from meeframe.results.output import open_output
+from meeframe.results.output import open_output, remove_files
+from meeframe.results.result import Interrupted
 from meeframe.results.sweep_files import check_installed
 from meeframe.study.rough.declare import RoughStudy, declare
-from meeframe.study.rough.files import clear, write_rough
-from meeframe.study.rough.run import RoughInterrupted, RoughResult, solve_rough
+from meeframe.study.rough.files import FILES, write_rough
+from meeframe.study.rough.run import RoughResult, solve_rough
 from meeframe.system.reduced import Progress, silent
 
 HEIGHT_MAP: Final = "height-map"
@@ -81,7 +82,7 @@ def rough(
 
     Raises
     ------
-    RoughInterrupted
+    Interrupted
         After Ctrl-C; the finished pressures are written, and a note says so.
     ResultError
         Before anything is computed, if the folder cannot be written or holds anything and overwrite is false.
@@ -94,15 +95,15 @@ def rough(
     with open_output(out, overwrite):
         try:
             result = solve_rough(study, progress)
-        except RoughInterrupted as error:
+        except Interrupted as error:
             finished, count = len(error.result.status), len(study.pressures)
             if finished:
-                clear(out)
+                remove_files(out, FILES)
                 write_rough(out, error.result)
             where = f"and in {out}" if finished else f"; nothing was written to {out}"
             error.add_note(f"{finished} of {count} pressures are finished {where}".replace(" ;", ";"))
             raise
         progress("writing", 0.0)
-        clear(out)
+        remove_files(out, FILES)
         write_rough(out, result)
         return result

@@ -16,6 +16,7 @@ import scipy  # submodules are loaded on first use
 from meeframe.plugin import Array
 from meeframe_halfspace.layered_symbol import GROWTH, TOLERANCE
 from meeframe_halfspace.radial import RadialSeries, interpolate, no_series, panel_points
+from meeframe_halfspace.response import harmonic_factor
 
 _GAUSS: Final = 20
 _MAX_PHASE: Final = 8.0
@@ -48,7 +49,7 @@ def point_difference(series: RadialSeries, thickness: float, distance: float) ->
     edges = [0.0, min(thickness, distance)]
     while edges[-1] < distance:
         edges.append(min(edges[-1] * GROWTH, distance))
-    scale = _factor(series) / (2.0 * np.pi)
+    scale = harmonic_factor(series.terms.harmonics) / (2.0 * np.pi)
 
     def values(low: Array, high: Array) -> Array:
         integrals = [_integrals(series, *ends) for ends in zip(low, high, strict=True)]
@@ -59,13 +60,6 @@ def point_difference(series: RadialSeries, thickness: float, distance: float) ->
     panels, coefficients, errors = interpolate(values, np.array(edges), tolerance, _NARROWEST * thickness)
     in_k = float(series.errors @ np.diff(series.edges)) / (2.0 * np.pi)
     return RadialSeries(series.terms, panels, coefficients, errors + in_k / len(errors))
-
-
-def _factor(series: RadialSeries) -> Array:
-    """Return i^n of the even harmonics, -i^(n - 1) of the odd ones, as of `PointResponse`."""
-    n = series.terms.harmonics
-    factor: Array = np.where(n % 2 == 0, 1.0, -1.0) * (-1.0) ** (n // 2)
-    return factor
 
 
 def _integrals(series: RadialSeries, low: float, high: float) -> Array:

@@ -1,8 +1,8 @@
 """The formulation `half-space`: body in, reduced system out."""
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, ClassVar, Final, Literal, final
+from dataclasses import dataclass, replace
+from typing import Annotated, Final, Literal, final
 
 import numpy as np
 from pydantic import Field
@@ -32,7 +32,7 @@ from meeframe_halfspace.layered_symbol import LayeredResponse
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
 from meeframe_halfspace.thermal import ThermalResponse
-from meeframe_halfspace.thermal_grid import HeatedGrid, with_heat
+from meeframe_halfspace.thermal_grid import HeatedGrid
 
 MIN_CELLS_OF_EDGES: Final = 4.0
 """Smallest thickness of the top layer, in spacings, for contact edges between the nodes."""
@@ -63,8 +63,6 @@ class HalfSpace(Formulation):
         prescribed forces and total fluxes, which do not depend on it.
     """
 
-    couples_heat: ClassVar[bool] = True
-
     density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"
     periodic: bool = False
     matrix_up_to: Annotated[int, Field(ge=0)] = 256
@@ -81,17 +79,11 @@ class HalfSpace(Formulation):
             raise CaseError(f"half-space: edges = 'resolved' with density = {self.density!r}; allowed: 'bilinear'")
         if not isinstance(self.matrix_up_to, int) or self.matrix_up_to < 0:
             raise CaseError(f"half-space: matrix_up_to = {self.matrix_up_to!r}; allowed: whole numbers from 0")
-        if self.reference_radius is not None:
-            if self.periodic:
-                raise CaseError(
-                    "half-space: reference_radius with periodic = true has no effect: the response to heat has zero "
-                    "mean over the period; allowed: one of them"
-                )
-            radius = Quantity("m", gt=0, lt=math.inf)
-            try:
-                object.__setattr__(self, "reference_radius", radius.check(self.reference_radius))
-            except ValueError as error:
-                raise CaseError(f"half-space: reference_radius = {self.reference_radius!r}: {error}") from None
+        if self.reference_radius is not None and self.periodic:
+            raise CaseError(
+                "half-space: reference_radius with periodic = true has no effect: the response to heat has zero mean "
+                "over the period; allowed: one of them"
+            )
 
     def check(self, body: Body) -> None:
         """Raise MeshError or CaseError if the body is not a half space with a regular grid.
@@ -110,6 +102,10 @@ class HalfSpace(Formulation):
         return self.edges == "resolved"
 
     def supports_layers(self) -> bool:
+        """Return True."""
+        return True
+
+    def couples_heat(self) -> bool:
         """Return True."""
         return True
 
@@ -138,23 +134,17 @@ class HalfSpace(Formulation):
         # a system with a matrix does not know its grid any more
         return _with_matrix(system) if len(weights) <= self.matrix_up_to and not self.resolves_edges() else system
 
-    def _point_response(self, body: Body, grid: Grid) -> PointResponse:
-        response = PointResponse.of(body.stiffness, grid.frame)
-        if body.thermal_moduli is None:
-            return response
-        source = body.fields.index(THERMAL_FIELD.name)
-        return with_heat(response, ThermalResponse.of(body.stiffness, body.thermal_moduli, source, grid.frame))
-
     def _grid_response(self, body: Body, grid: Grid) -> GridResponse:
         if body.layers:
             return self._layered_response(LayeredResponse.of(body, grid.frame), grid)
-        response = self._point_response(body, grid)
+        thermal = None if body.thermal_moduli is None else _thermal_response(body, body.thermal_moduli, grid)
+        response = replace(PointResponse.of(body.stiffness, grid.frame), thermal=thermal)
         if self.periodic:
             periodic = PeriodicGrid(response, grid.spacing, grid.size, self.density)
-            return periodic if response.thermal is None else HeatedGrid.of(periodic, math.inf)
+            return periodic if thermal is None else HeatedGrid.of(periodic, math.inf)
         assert self.density != "trigonometric"
         free = FreeGrid(response, grid.spacing, grid.size, self.density)
-        if response.thermal is None:
+        if thermal is None:
             return free
         return HeatedGrid.of(free, self.reference_radius or _radius(grid))
 
@@ -171,9 +161,7 @@ class HalfSpace(Formulation):
         """Return the fields whose level heat leaves undetermined, by column: those it acts on, without a radius."""
         if body.thermal_moduli is None or body.contact_group is None or self.reference_radius is not None:
             return ()
-        _, grid = self._grid(body)
-        thermal = self._point_response(body, grid).thermal
-        assert thermal is not None
+        thermal = _thermal_response(body, body.thermal_moduli, self._grid(body)[1])
         return tuple(np.flatnonzero(thermal.level).tolist())
 
     def _layered_response(self, layers: LayeredResponse, grid: Grid) -> GridResponse:
@@ -205,6 +193,10 @@ class HalfSpace(Formulation):
         if body.layers and self.edges == "resolved":
             _check_resolved(body, grid)
         return zone, grid
+
+
+def _thermal_response(body: Body, moduli: Array, grid: Grid) -> ThermalResponse:
+    return ThermalResponse.of(body.stiffness, moduli, body.fields.index(THERMAL_FIELD.name), grid.frame)
 
 
 def _interior(

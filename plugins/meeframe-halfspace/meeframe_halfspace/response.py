@@ -124,7 +124,7 @@ class PointResponse:
     def wave_series(self) -> tuple[Array, Array]:
         """Return the series of Y(m) in the angle of m, laid out as `even` (real part) and `odd` (imaginary part)."""
         even, odd = (np.arange(len(coefficients)) for coefficients in (self.even, self.odd))
-        to_even, to_odd = 2.0 * np.pi / _factor(2 * even), 2.0 * np.pi / _factor(2 * odd + 1)
+        to_even, to_odd = 2.0 * np.pi / harmonic_factor(2 * even), 2.0 * np.pi / harmonic_factor(2 * odd + 1)
         return self.even * to_even[:, None, None], self.odd * to_odd[:, None, None]
 
 
@@ -196,11 +196,11 @@ def _harmonics(y: NDArray[np.complex128]) -> NDArray[np.complex128]:
     harmonics: NDArray[np.complex128] = np.where(
         (n % 2 == 0)[:, None, None], *(np.fft.rfft(samples, axis=0) for samples in (y.real, y.imag))
     )
-    harmonics *= (_factor(n) / (2.0 * np.pi * count))[:, None, None]
+    harmonics *= (harmonic_factor(n) / (2.0 * np.pi * count))[:, None, None]
     return harmonics
 
 
-def _factor(n: Indices) -> Array:
+def harmonic_factor(n: Indices) -> Array:
     """Return i^n for the even harmonics n >= 0 of the real part, -i^(n - 1) for the odd ones of the imaginary part."""
     factor: Array = np.where(n % 2 == 0, 1.0, -1.0) * (-1.0) ** (n // 2)
     return factor

@@ -6,6 +6,7 @@ r^(n + 1) and r^(n + 1) ln r along a ray are elementary. On an edge at distance 
 (distance along the edge) = |a| sinh s, as in meeframe_halfspace.kernels.
 """
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -53,55 +54,73 @@ def heat_table(
     reference_radius
         Radius [m] at which the mean of the response vanishes.
     """
-    coefficients, is_odd = response.point_entry(number)
+    heat = PointHeat(*response.point_entry(number), reference_radius)
     nx, ny = size
     first = 0 if mirror_parity(response.entry(number)[0]) else 1 - ny
-    table = _far(coefficients, is_odd, spacing, shape, (nx, first, ny), reference_radius)
+    table = _far(heat, spacing, shape, (nx, first, ny))
     near_x, near_y = near_size(spacing, size)
     i, j = np.meshgrid(np.arange(near_x), np.arange(max(first, 1 - near_y), near_y), indexing="ij")
     distance = np.hypot(i * spacing[0], j * spacing[1]) / max(spacing)
     for nodes, integral in ((distance < NEAR, _near), ((distance >= NEAR) & (distance <= FAR), _middle)):
         x, y = i[nodes] * spacing[0], j[nodes] * spacing[1]
-        table[i[nodes], j[nodes] - first] = integral(coefficients, is_odd, x, y, spacing, shape, reference_radius)
+        table[i[nodes], j[nodes] - first] = integral(heat, x, y, spacing, shape)
     return table
 
 
-def point_values(coefficients: Array, is_odd: bool, x: Array, y: Array, reference_radius: float) -> Array:
-    """Return the response at offsets x, y [m] of any shape, zero at the source, where it is not defined."""
-    r = np.hypot(x, y)
-    safe = np.where(r > 0.0, r, reference_radius)
-    values = _angular(coefficients, is_odd, x / safe, y / safe)
-    if not is_odd and len(coefficients):
-        values += coefficients[0, 0] * np.log(safe / reference_radius)
-    return np.where(r > 0.0, values, 0.0)
+@dataclass(frozen=True, eq=False)
+class PointHeat:
+    """An entry of the response to heat that flows out at a point.
 
+    Attributes
+    ----------
+    coefficients
+        (n, 2) cosine and sine coefficients of the angle of the offset; that of harmonic 0 multiplies ln(r / R).
+    is_odd
+        True if the harmonics are odd.
+    reference_radius
+        R [m].
+    """
 
-def _angular(coefficients: Array, is_odd: bool, c: Array, s: Array) -> Array:
-    """Return the sum of the harmonics from 1 on at directions of cosine c and sine s."""
-    total = np.zeros(np.shape(c))
-    rest = coefficients if is_odd else coefficients[1:]
-    if rest.any():
-        step = (c + 1j * s) ** 2
-        wave = c + 1j * s if is_odd else step
-        for cosine, sine in rest:
-            total += cosine * wave.real + sine * wave.imag
-            wave = wave * step
-    return total
+    coefficients: Array
+    is_odd: bool
+    reference_radius: float
+
+    def values(self, x: Array, y: Array) -> Array:
+        """Return the response at offsets x, y [m] of any shape, zero at the source, where it is not defined."""
+        r = np.hypot(x, y)
+        safe = np.where(r > 0.0, r, self.reference_radius)
+        values = self.angular(x / safe, y / safe) + self.logarithmic * np.log(safe / self.reference_radius)
+        return np.where(r > 0.0, values, 0.0)
+
+    @property
+    def logarithmic(self) -> float:
+        """Factor of ln(r / R)."""
+        return 0.0 if self.is_odd or not len(self.coefficients) else float(self.coefficients[0, 0])
+
+    def angular(self, c: Array, s: Array) -> Array:
+        """Return the sum of the harmonics from 1 on at directions of cosine c and sine s."""
+        total = np.zeros(np.shape(c))
+        rest = self.coefficients if self.is_odd else self.coefficients[1:]
+        if rest.any():
+            step = (c + 1j * s) ** 2
+            wave = c + 1j * s if self.is_odd else step
+            for cosine, sine in rest:
+                total += cosine * wave.real + sine * wave.imag
+                wave = wave * step
+        return total
 
 
 def _far(
-    coefficients: Array,
-    is_odd: bool,
+    heat: PointHeat,
     spacing: tuple[float, float],
     shape: Shape,
     offsets: tuple[int, int, int],
-    reference_radius: float,
 ) -> Array:
     """Return the response at offsets 0 .. nx - 1 and first .. ny - 1 from samples at surrounding nodes."""
     (nx, first, ny), wide = offsets, STENCIL_HALF_WIDTH
     x = np.arange(-wide, nx + wide) * spacing[0]
     y = np.arange(first - wide, ny + wide) * spacing[1]
-    samples = point_values(coefficients, is_odd, x[:, None], y[None, :], reference_radius)
+    samples = heat.values(x[:, None], y[None, :])
     weights = node_weights(shape, wide, 1)
     across = sum(w * samples[k : k + nx] for k, w in enumerate(weights))
     along = sum(w * across[:, k : k + ny - first] for k, w in enumerate(weights))
@@ -109,29 +128,25 @@ def _far(
 
 
 def _middle(
-    coefficients: Array,
-    is_odd: bool,
+    heat: PointHeat,
     x: Array,
     y: Array,
     spacing: tuple[float, float],
     shape: Shape,
-    reference_radius: float,
 ) -> Array:
     """Return the response at offsets (n,) by a product rule of Gauss on the cell."""
     nodes, weights = gauss_rule(shape, MAX_GAUSS_POINTS)
     dx, dy = x[:, None, None] - nodes[:, None] * spacing[0], y[:, None, None] - nodes[None, :] * spacing[1]
-    values = point_values(coefficients, is_odd, dx, dy, reference_radius)
+    values = heat.values(dx, dy)
     return np.asarray(np.einsum("nij,i,j->n", values, weights, weights) * (spacing[0] * spacing[1]))
 
 
 def _near(
-    coefficients: Array,
-    is_odd: bool,
+    heat: PointHeat,
     x: Array,
     y: Array,
     spacing: tuple[float, float],
     shape: Shape,
-    reference_radius: float,
 ) -> Array:
     """Return the response at offsets (n,) by integrals along the edges of the pieces of the density."""
     total = np.zeros(len(x))
@@ -147,16 +162,14 @@ def _near(
                 (y0, x0, x1, False, -1.0),
             ):
                 edge = a, low, high, upright
-                total += sign * _edge(coefficients, is_odd, edge, weight, reference_radius)
+                total += sign * _edge(heat, edge, weight)
     return total
 
 
 def _edge(
-    coefficients: Array,
-    is_odd: bool,
+    heat: PointHeat,
     edge: tuple[Array, Array, Array, bool],
     weight: tuple[Array, Array, Array, Array],
-    reference_radius: float,
 ) -> Array:
     """Return the integral (n,) of an edge at signed distances a (n,), from low to high along it; zero where a is."""
     a, low, high, upright = edge
@@ -171,11 +184,9 @@ def _edge(
     p0, p1, q0, q1 = (values[:, None] for values in weight)
     # the density along a ray is a polynomial of the length r: its coefficients times r integrate to these moments
     density = p0 * q0, (p1 * q0 * cos + p0 * q1 * sin) * length, p1 * q1 * cos * sin * length**2
-    values = _angular(coefficients, is_odd, cos, sin)
-    logarithm = np.log(length / reference_radius)
+    values = heat.angular(cos, sin)
+    logarithm = np.log(length / heat.reference_radius)
     moments = np.zeros_like(s)
     for power, term in enumerate(density, 2):
-        moments += values * term / power
-        if not is_odd and len(coefficients):
-            moments += coefficients[0, 0] * term * (logarithm / power - 1.0 / power**2)
+        moments += values * term / power + heat.logarithmic * term * (logarithm / power - 1.0 / power**2)
     return np.asarray((half * a[:, None] * moments * length) @ w)

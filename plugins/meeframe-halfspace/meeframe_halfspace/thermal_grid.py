@@ -1,7 +1,7 @@
 """Responses of grids on a body that heat expands or polarizes: those of the other fields, and that to heat."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, final
 
@@ -18,7 +18,6 @@ from meeframe_halfspace.grid_response import (
     PeriodicGrid,
     free_symbol,
 )
-from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.thermal import ENTRIES, ThermalResponse
 from meeframe_halfspace.thermal_cells import heat_table
 
@@ -119,11 +118,6 @@ class HeatedGrid(GridResponse):
         if not isinstance(self.base, FreeGrid):
             return None
         return HeatedGrid.of(self.base.restrict(size), self.reference_radius)
-
-
-def with_heat(response: PointResponse, thermal: ThermalResponse) -> PointResponse:
-    """Return a point response that includes heat."""
-    return replace(response, thermal=thermal)
 
 
 def periodic_symbol(grid: PeriodicGrid, thermal: ThermalResponse, number: int, whole: bool = False) -> Array:

@@ -5,7 +5,7 @@ import pytest
 import scipy
 from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.thermal import ThermalResponse, scaled_thermal_response
-from meeframe_halfspace.thermal_cells import heat_table, point_values
+from meeframe_halfspace.thermal_cells import PointHeat, heat_table
 
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -107,7 +107,7 @@ def test_point_response_is_the_integral_over_directions() -> None:
     offsets, count = np.array([[3e-3, 1e-3], [-2e-3, 5e-3]]), 150
     computed = np.zeros((2, 5))
     for number in range(10):
-        computed[:, number % 5] += point_values(*response.point_entry(number), *offsets.T, 1e-2)
+        computed[:, number % 5] += PointHeat(*response.point_entry(number), 1e-2).values(*offsets.T)
     expected = np.zeros((2, 5))
     for row, offset in enumerate(offsets):
         across = np.arctan2(offset[1], offset[0]) + np.pi / 2.0  # where m.d changes its sign
@@ -147,7 +147,7 @@ def test_cells_are_integrated_to_round_off(shape: str, number: int) -> None:
             (x, wx), (y, wy) = quarter(2.0 * sign_x - 1.0), quarter(2.0 * sign_y - 1.0)
             density = np.outer(1.0 - np.abs(x), 1.0 - np.abs(y)) if shape == "bilinear" else 1.0
             dx, dy = (i - x)[:, None] * spacing[0], (j - y)[None, :] * spacing[1]
-            values = density * point_values(coefficients, is_odd, dx, dy, radius)
+            values = density * PointHeat(coefficients, is_odd, radius).values(dx, dy)
             total += wx @ values @ wy * spacing[0] * spacing[1]
         assert table[i, j + 39] == pytest.approx(total, abs=1e-11 * np.abs(table).max())
 

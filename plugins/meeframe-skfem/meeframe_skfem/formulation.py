@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, ClassVar, final, get_args
+from typing import Annotated, final, get_args
 
 import numpy as np
 from pydantic import Field
@@ -50,8 +50,6 @@ class FiniteElements(Formulation):
     Raises CaseError if one is not allowed.
     """
 
-    couples_heat: ClassVar[bool] = True
-
     growth: Annotated[float, Quantity("", ge=1, lt=10)] = 1.5
     outside: Annotated[int, Field(ge=1)] | None = None
     layers: Annotated[int, Field(ge=1)] | None = None
@@ -86,6 +84,10 @@ class FiniteElements(Formulation):
         self._prepare(body)
 
     def supports_layers(self) -> bool:
+        """Return True."""
+        return True
+
+    def couples_heat(self) -> bool:
         """Return True."""
         return True
 

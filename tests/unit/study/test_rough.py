@@ -13,7 +13,7 @@ from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.plugin.registry import load
 from meeframe.study.rough.declare import declare, mean_response
 from meeframe.study.rough.files import csv_text, dataset
-from meeframe.study.rough.run import RoughInterrupted, solve_rough
+from meeframe.study.rough.run import solve_rough
 from meeframe.study.rough.theory import BUSH_GIBSON_THOMAS, PERSSON, bush_gibson_thomas_area, persson_area
 
 YOUNG, POISSON, SIGMA, EPSILON = 120e9, 0.34, 5.8e7, 8.8541878128e-12
@@ -197,7 +197,7 @@ def test_interruption_keeps_finished_pressures():
         if stage == "pressures" and fraction > 0.5:
             raise KeyboardInterrupt
 
-    with pytest.raises(RoughInterrupted) as caught:
+    with pytest.raises(meeframe.Interrupted) as caught:
         solve_rough(study(pressures=["0.5 GPa", "1 GPa", "1.5 GPa"]), progress)
     result = caught.value.result
     assert result.status == ("converged",)
