@@ -95,10 +95,10 @@ def rough(
             },
         }
         registry = console.registry(plugin)
-        given = {key: value for key, value in options.items() if value not in (None, {})}
+        chosen = {key: value for key, value in options.items() if value not in (None, {})}
         with limited(threads), console.progress() as progress:
             progress("reading", 0.0)
-            result = run_study(load_study(surface, given, registry), out, overwrite, progress)
+            result = run_study(load_study(surface, chosen, registry), out, overwrite, progress)
         console.stdout().print(rough_table(result))
         print(f"dataset: {out / 'rough.h5'}, pictures: {out / 'rough.png'}, {out / 'surface.png'}")
         raise typer.Exit(console.CONVERGED if result.is_converged else console.NOT_CONVERGED)
@@ -114,9 +114,9 @@ def _material(name: str | None, modulus: str | None) -> dict[str, Any] | None:
 def _pressures(values: list[str] | None, first: str | None, last: str | None, count: int | None) -> Any:
     """Return the key `pressures` of the options; None without any."""
     limits = {"from": first, "to": last, "count": count}
-    given = {key: value for key, value in limits.items() if value is not None}
-    if values and given:
+    chosen = {key: value for key, value in limits.items() if value is not None}
+    if values and chosen:
         from meeframe.common.errors import CaseError
 
-        raise CaseError(f"--pressure and --{next(iter(given))}: allowed: one of them")
-    return values or given or None
+        raise CaseError(f"--pressure and --{next(iter(chosen))}: allowed: one of them")
+    return values or chosen or None

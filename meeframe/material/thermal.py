@@ -67,9 +67,9 @@ def moduli_from_constants(
     if thermal_expansion is not None and thermal_moduli is not None:
         raise MaterialError(f"{material_phrase(material)}: {EXPANSION} and {MODULI} are both given; allowed: one")
     coefficients = {PYROELECTRIC: pyroelectric, PYROMAGNETIC: pyromagnetic}
-    given = [name for name, value in coefficients.items() if value is not None]
-    if pyro_constraint not in CONSTRAINTS and (given or pyro_constraint is not None):
-        problem = f"{' and '.join(given)} without {CONSTRAINT}" if pyro_constraint is None else repr(pyro_constraint)
+    stated = [name for name, value in coefficients.items() if value is not None]
+    if pyro_constraint not in CONSTRAINTS and (stated or pyro_constraint is not None):
+        problem = f"{' and '.join(stated)} without {CONSTRAINT}" if pyro_constraint is None else repr(pyro_constraint)
         raise MaterialError(f"{material_phrase(material)}: {problem}; allowed: {_HELD}")
     result = np.zeros((3, N_FIELDS))
     result[:, MECHANICAL] = np.einsum("ijkl,kl->ij", c, alpha) if thermal_moduli is None else beta

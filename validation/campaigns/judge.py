@@ -157,8 +157,8 @@ class _State:
 
     def _tangential_motion(self) -> Array:
         """Return the motion (n, 2) of the indenter along e1, e2 of the frames."""
-        moved = self._motion()
-        return np.einsum("nai,ni->na", self.file.frames[:, :2], moved)
+        motion = self._motion()
+        return np.einsum("nai,ni->na", self.file.frames[:, :2], motion)
 
     def _motion(self) -> Array:
         """Return the rigid motion (n, 3) in global axes: approach against the axis, translation and rotations."""
@@ -170,14 +170,14 @@ class _State:
 
     def violations(self, compliances: tuple[Compliance, ...]) -> dict[str, float]:
         """Return the largest violation of each statement."""
-        found = {name: values.max(initial=0.0) for name, values in self._laws().items()}
-        found |= self._compliance(compliances)
-        found |= self._balance()
-        found |= self._history()
-        found["position"] = self._position()
+        violations = {name: values.max(initial=0.0) for name, values in self._laws().items()}
+        violations |= self._compliance(compliances)
+        violations |= self._balance()
+        violations |= self._history()
+        violations["position"] = self._position()
         if not all(np.isfinite(value).all() for name, value in self.increment.fields.items() if name != "initial_gap"):
-            found["not finite"] = math.inf
-        return {name: float(np.nan_to_num(value, nan=np.inf)) for name, value in found.items()}
+            violations["not finite"] = math.inf
+        return {name: float(np.nan_to_num(value, nan=np.inf)) for name, value in violations.items()}
 
     def _laws(self) -> dict[str, Array]:
         friction = np.linalg.norm(self.nodes.friction, axis=1) / self.pressure_unit

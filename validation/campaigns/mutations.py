@@ -85,12 +85,12 @@ def _set_token(lines: list[str], random: Random) -> list[str]:
 
 def _scale(lines: list[str], random: Random) -> list[str]:
     """Multiply a number by a power of ten, change its sign, or replace it by another number or name of the file."""
-    found = [(number, match) for number, line in enumerate(lines) for match in NUMBER.finditer(line)]
-    if not found:
+    numbers = [(number, match) for number, line in enumerate(lines) for match in NUMBER.finditer(line)]
+    if not numbers:
         return lines
-    number, match = found[int(random.integers(len(found)))]
+    number, match = numbers[int(random.integers(len(numbers)))]
     value = float(match[0])
-    other = found[int(random.integers(len(found)))][1][0]
+    other = numbers[int(random.integers(len(numbers)))][1][0]
     texts = [f"{value * 10.0 ** random.integers(-12, 13):g}", f"{-value:g}", f"{value:.0f}", f"{value * 1.5:g}", other]
     text = texts[int(random.integers(len(texts)))]
     lines[number] = lines[number][: match.start()] + text + lines[number][match.end() :]
@@ -101,15 +101,15 @@ def _misspell(lines: list[str], random: Random) -> list[str]:
     number = _any(lines, random)
     line = lines[number]
     if line:
-        place = int(random.integers(len(line)))
-        lines[number] = line[:place] + chr(int(random.integers(32, 127))) + line[place + int(random.integers(2)) :]
+        start = int(random.integers(len(line)))
+        lines[number] = line[:start] + chr(int(random.integers(32, 127))) + line[start + int(random.integers(2)) :]
     return lines
 
 
 def _insert(lines: list[str], random: Random) -> list[str]:
     number = _any(lines, random)
-    place = int(random.integers(len(lines[number]) + 1))
-    lines[number] = lines[number][:place] + str(random.choice(GARBAGE)) + lines[number][place:]
+    start = int(random.integers(len(lines[number]) + 1))
+    lines[number] = lines[number][:start] + str(random.choice(GARBAGE)) + lines[number][start:]
     return lines
 
 
@@ -150,20 +150,20 @@ def binary(content: bytes, random: Random) -> bytes:
         if not data:
             break
         reach = len(data) if random.random() < 0.5 else min(len(data), 2048)
-        place, length = int(random.integers(reach)), int(2 ** random.integers(0, 8))
+        start, length = int(random.integers(reach)), int(2 ** random.integers(0, 8))
         kind = int(random.integers(6))
         if kind == 0:
-            data[place] ^= 1 << int(random.integers(8))
+            data[start] ^= 1 << int(random.integers(8))
         elif kind == 1:
-            data[place : place + length] = random.bytes(min(length, len(data) - place))
+            data[start : start + length] = random.bytes(min(length, len(data) - start))
         elif kind == 2:
-            data[place : place + length] = bytes([int(random.choice([0, 255, 127]))]) * min(length, len(data) - place)
+            data[start : start + length] = bytes([int(random.choice([0, 255, 127]))]) * min(length, len(data) - start)
         elif kind == 3:
-            del data[place:]
+            del data[start:]
         elif kind == 4:
-            del data[place : place + length]
+            del data[start : start + length]
         else:
-            data[place:place] = data[place : place + length]
+            data[start:start] = data[start : start + length]
     return bytes(data)
 
 

@@ -82,18 +82,18 @@ def _judge(case: Case, folder: Path, result: Answer) -> None:
     file = judge.read(folder)
     compliances = tuple(compliance(*each) for each in bodies_of(case)[::-1])
     for increment, violations in zip(file.increments, judge.judge(file, compliances), strict=True):
-        place = f"step {increment.number[0]}.{increment.number[1]}"
+        where = f"step {increment.number[0]}.{increment.number[1]}"
         if increment.status != "converged":
             has_reason = any(reason in increment.message for reason in REASONS)
             result.outcomes.append(f"{increment.status}{', with a reason' if has_reason else ''}")
-            result.notes.append(f"{place}: {increment.status}: {increment.message}")
+            result.notes.append(f"{where}: {increment.status}: {increment.message}")
             continue
         worst = max(violations.values())
         result.worst = max(result.worst, worst)
         result.outcomes.append("converged" if worst <= TOLERANCE else "wrong")
         if worst > TOLERANCE:
             named = ", ".join(f"{name} {value:.1e}" for name, value in violations.items() if value > TOLERANCE)
-            result.notes.append(f"{place}: wrong: {named}")
+            result.notes.append(f"{where}: wrong: {named}")
 
 
 def compliance(formulation: Formulation, body: Body) -> judge.Compliance:

@@ -99,7 +99,7 @@ class RoughTable(Table):
 
     @model_validator(mode="after")
     def _pressures_increase(self) -> "RoughTable":
-        values = self.given_pressures()
+        values = self.chosen_pressures()
         if values is not None and (not values or (np.diff(values) <= 0.0).any()):
             raise ValueError(
                 f"pressures: {', '.join(f'{value:g}' for value in values) or 'none'} Pa; allowed: at least "
@@ -111,7 +111,7 @@ class RoughTable(Table):
             raise ValueError("formulation.periodic: allowed: the key periodic of the study in its place")
         return self
 
-    def given_pressures(self) -> tuple[float, ...] | None:
+    def chosen_pressures(self) -> tuple[float, ...] | None:
         """Return the pressures that the user chose [Pa], None without a choice."""
         return self.pressures.values() if isinstance(self.pressures, RangeTable) else self.pressures
 
@@ -223,7 +223,7 @@ def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Pa
         raise TableError(Problem(("surface",), "is flat: its heights are those of a plane; allowed: a rough surface"))
     first = _case(table, surface, (1.0,), registry, folder)
     modulus, _ = mean_response(first.material)
-    pressures = table.given_pressures()
+    pressures = table.chosen_pressures()
     if pressures is None:
         unit = modulus * statistics.rms_slope_spectrum
         pressures = tuple(float(f"{value:.6g}") for value in unit * np.geomspace(*DEFAULT_RANGE, DEFAULT_COUNT))

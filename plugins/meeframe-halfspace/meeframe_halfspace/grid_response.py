@@ -235,17 +235,22 @@ class PeriodicGrid(GridResponse):
 
 def periodic_diagonal(grid: GridResponse) -> Array:
     """Return the response (entries,) of a node of a periodic grid to the density around it, the mean of the symbol."""
-    nx, ny = grid.size
+    layout = grid.response.layout
+    values = np.zeros(layout.n_values)  # odd functions vanish at zero
+    for number, symbol in grid.symbol(range(layout.n_symmetric)):
+        values[number] = symbol_mean(symbol, grid.series.parities, number, grid.size)
+    return values
+
+
+def symbol_mean(symbol: Array, parities: Indices | None, number: int, size: tuple[int, int]) -> float:
+    """Return the mean of an entry of the symbol of a periodic grid of this size over all waves."""
+    nx, ny = size
     multiplicity = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, except real ones
     multiplicity[0] = 1.0
     if nx % 2 == 0:
         multiplicity[-1] = 1.0
-    layout, parities = grid.response.layout, grid.series.parities
-    values = np.zeros(layout.n_values)  # odd functions vanish at zero
-    for number, symbol in grid.symbol(range(layout.n_symmetric)):
-        full = symbol if parities is None else full_entry(symbol, parities[number], ny)
-        values[number] = multiplicity @ full.sum(axis=1) / (nx * ny)
-    return values
+    full = symbol if parities is None else full_entry(symbol, parities[number], ny)
+    return float(multiplicity @ full.sum(axis=1) / (nx * ny))
 
 
 def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:

@@ -17,6 +17,7 @@ from meeframe_halfspace.grid_response import (
     GridResponse,
     PeriodicGrid,
     free_symbol,
+    symbol_mean,
 )
 from meeframe_halfspace.thermal import ENTRIES, ThermalResponse
 from meeframe_halfspace.thermal_cells import heat_table
@@ -95,13 +96,7 @@ class HeatedGrid(GridResponse):
                 table = self._table(number - self._first, (1, 1))
                 values[number] = table[0, table.shape[1] // 2]
                 continue
-            symbol = periodic_symbol(self.base, self._thermal, number - self._first, whole=True)
-            nx, ny = self.size
-            multiplicity = np.full(nx // 2 + 1, 2.0)
-            multiplicity[0] = 1.0
-            if nx % 2 == 0:
-                multiplicity[-1] = 1.0
-            values[number] = multiplicity @ symbol.sum(axis=1) / (nx * ny)
+            values[number] = symbol_mean(self._heat_symbol(number), self.response.parities, number, self.size)
         return values
 
     def wave_response(self) -> None:
@@ -120,7 +115,7 @@ class HeatedGrid(GridResponse):
         return HeatedGrid.of(self.base.restrict(size), self.reference_radius)
 
 
-def periodic_symbol(grid: PeriodicGrid, thermal: ThermalResponse, number: int, whole: bool = False) -> Array:
+def periodic_symbol(grid: PeriodicGrid, thermal: ThermalResponse, number: int) -> Array:
     """Return an entry of y_h / q^2 times the transform of the density, zero for the mean load.
 
     Parameters
@@ -131,11 +126,9 @@ def periodic_symbol(grid: PeriodicGrid, thermal: ThermalResponse, number: int, w
         Response to heat.
     number
         Number of the entry, see ThermalResponse.entry.
-    whole
-        Whether to return all columns, (nx // 2 + 1, ny), also if the entries are mirrored.
     """
     (nx, ny), (coefficients, is_odd) = grid.size, thermal.entry(number)
-    count = ny if whole or grid.response.parities is None else ny // 2 + 1
+    count = ny if grid.response.parities is None else ny // 2 + 1
     along = 2.0 * np.pi * scipy.fft.rfftfreq(nx, grid.spacing[0])
     across = 2.0 * np.pi * scipy.fft.fftfreq(ny, grid.spacing[1])[:count]
     symbol = np.zeros((len(along), count))
