@@ -7,7 +7,7 @@ import pytest
 
 from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4, Quad9, Tri6
-from meeframe.fields import FieldScaling, ScalarField
+from meeframe.fields import THERMAL_FIELD, FieldScaling
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import library_material, rotation_about
 from meeframe.mesh import box_mesh, half_space_mesh
@@ -122,24 +122,9 @@ def test_semi_infinite_mesh():
         interior(system, load, np.array([[0.0, 0.0, 0.5]]))
 
 
-THERMAL = ScalarField(
-    name="thermal",
-    value_name="temperature",
-    value_unit="K",
-    flux_name="heat_flux",
-    flux_unit="W/m^2",
-    resultant="heat",
-    resultant_unit="W",
-    coefficient="thermal_conductivity",
-    coefficient_unit="W/m/K",
-    conductance_unit="W/m^2/K",
-    strength_unit="K/m",
-)
-
-
 def test_additional_scalar_field():
     """A uniform heat flux passes through a block on a base at zero temperature, independently of a uniform pressure."""
-    material = library_material("batio3-cofe2o4").with_field(THERMAL, 2.5)
+    material = library_material("batio3-cofe2o4").with_field(THERMAL_FIELD, 2.5)
     mesh = box_mesh(SIDES, (1, 2, 1), Quad4())
     conditions = tuple(BoundaryCondition("z-", field, "value") for field in range(6))
     system = DenseBEM().reduce(Body(material.stiffness, mesh, conditions, "z+", material.fields))
