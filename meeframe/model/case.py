@@ -25,6 +25,7 @@ from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law,
 from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
+from meeframe.model.rolling_steps import check_rolling, divide_rolling_steps
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
 from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
 from meeframe.plugin.sources import faults_of_plugins
@@ -51,7 +52,7 @@ class Case(CaseData):
     indenter : Indenter
         Shape of the rigid indenter, or the distance between two deformable bodies.
     steps : tuple of Step
-        Load steps in their order.
+        Load steps in their order. Those that roll are divided into one increment for each cell.
     placement : Placement, optional
         Position and axis of the indenter.
     potentials : mapping of str to float, optional
@@ -123,6 +124,8 @@ class Case(CaseData):
         check_friction_heat(self.friction_heat, self.fields, self.second_body is not None)
         check_levels(self.steps, self.channels, self.friction_heat, self._undetermined_levels)
         check_alike(self.second_body, self.formulation)
+        check_rolling(self.steps, self.indenter, self.formulations, self.friction_heat)
+        object.__setattr__(self, "steps", divide_rolling_steps(self))  # as frozen dataclasses set derived fields
         check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])

@@ -187,14 +187,18 @@ def solve_steps(
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before, last = here, controls, None
+        rolling = step.rolling and step.rolling.increment(
+            system.points, system.frames, case.placement.base, case.formulation.is_periodic()
+        )
+        prescribed = {**step.prescribed, **(rolling.prescribed(begin, step.increments) if rolling else {})}
         onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
-            controls = ramp(before, begin, step.prescribed, increment / step.increments)
+            controls = ramp(before, begin, prescribed, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
-                planned = kinematics.increment(controls, here, step.increment_duration)
+                planned = kinematics.increment(controls, here, step.increment_duration, rolling)
                 start = _start(planned, last, here)
                 end, result = _solve(kinematics, planned, here, start, (number, increment), share)
                 last, here = here if end is not here else None, end
@@ -275,8 +279,8 @@ def _solve(
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))
     region = regions(increment, solution, touches)
-    end = kinematics.converged_state(increment, solution.state, touches, here)
-    result = _step_result(kinematics, increment, here, end, solution, region, numbers)
+    end = kinematics.converged_state(increment, solution.state, touches)
+    result = _step_result(kinematics, increment, end, solution, region, numbers)
     return (end if solution.status is Status.CONVERGED else here), result
 
 
@@ -296,7 +300,6 @@ def _software() -> dict[str, str]:
 def _step_result(
     kinematics: IndenterKinematics,
     increment: Increment,
-    start: ConvergedState,
     end: ConvergedState,
     solution: ContactSolution,
     region: Indices,
@@ -317,6 +320,7 @@ def _step_result(
             kinematics.case.placement.base,
             increment.duration,
             kinematics.case.fields,
+            increment.rolling and increment.rolling.motion(increment.start, end),
         ),
         step=numbers[0],
         increment=numbers[1],
@@ -329,7 +333,7 @@ def _step_result(
         slip=slip_of(increment, state),
         total_slip=end.total_slip,
         slip_path=end.slip_path,
-        dissipation=kinematics.dissipation(increment, start, state, region),
+        dissipation=kinematics.dissipation(increment, state, region),
         region=region,
         status=solution.status,
         iterations=solution.iterations,

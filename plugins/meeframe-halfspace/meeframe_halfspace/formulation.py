@@ -105,6 +105,10 @@ class HalfSpace(Formulation):
         """Return True."""
         return True
 
+    def supports_rolling(self) -> bool:
+        """Return whether contact edges are at the nodes: others do not move with the material."""
+        return not self.resolves_edges()
+
     def couples_heat(self) -> bool:
         """Return True."""
         return True
