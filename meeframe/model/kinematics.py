@@ -30,6 +30,7 @@ from meeframe.model.step import resisted
 from meeframe.results.records import Region
 from meeframe.system.capabilities import IndenterEdge
 from meeframe.system.reduced import ReducedSystem
+from meeframe.system.rolling import SteadyRollingSystem
 
 _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they count as perpendicular."""
@@ -170,9 +171,13 @@ class IndenterKinematics:
         changes by their part along the normals. Free motions count from the converged state, and those that nothing can
         resist stay there.
         """
-        base = self.base(controls, start)
+        base, system = self.base(controls, start), self.system
         if rolling is not None:
-            start = rolling.carried(start, base, self.modes, self.system.offset)
+            if rolling.rolling.steady:  # the state before is that of the solution, see `settled`
+                start = rolling.carried(replace(start, state=None), base, self.modes, np.zeros_like(system.offset))
+                system = SteadyRollingSystem.of(system, rolling.cell_shift)
+            else:
+                start = rolling.carried(start, base, self.modes, system.offset)
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
         shift = self._mode_displacement(base, 2)
@@ -186,7 +191,7 @@ class IndenterKinematics:
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         problem = ContactProblem(
-            self.system,
+            system,
             contact_law,
             channels,
             gap,
@@ -197,6 +202,17 @@ class IndenterKinematics:
         )
         free = np.array(list(prescribed_resultants), int)
         return Increment(problem, base, free, prescribed, duration, start, rolling)
+
+    def settled(self, increment: Increment, solution: ContactSolution) -> tuple[Increment, ContactSolution]:
+        """Return a steady increment as one that starts from its own state, which repeats from cell to cell."""
+        rolling, load = increment.rolling, solution.state.load
+        assert rolling is not None
+        state = replace(solution.state, displacement=self.system.offset + self.system.apply(load))
+        start = rolling.carried(replace(increment.start, state=state), increment.base, self.modes, self.system.offset)
+        moved = rolling.cell_shift.tangential(state.displacement[:, :2])
+        translation = increment.problem.translation + moved
+        problem = replace(increment.problem, system=self.system, translation=translation)
+        return replace(increment, problem=problem, start=start), replace(solution, state=state)
 
     def _prescribed_resultants(self, prescribed: Controls) -> dict[int, PrescribedResultant]:
         """Return the prescribed resultants of free motions that something may resist, by number."""

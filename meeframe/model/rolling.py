@@ -186,9 +186,10 @@ class RollingIncrement:
             moved = shift.values(state.displacement)
             moved[:, :2] = shift.tangential(state.displacement[:, :2])
             state = replace(state, load=shift.load(state.load), displacement=moved)
+        if self.rolling.steady:  # no length, after which there would be a slip path
+            return replace(start, total_slip=before, slip_path=np.zeros_like(start.slip_path), state=state)
         path = np.where(shift.entering, 0.0, shift.values(start.slip_path))
-        rolled = start.rolled + (0.0 if self.rolling.steady else shift.length)
-        return replace(start, total_slip=before, slip_path=path, state=state, rolled=rolled)
+        return replace(start, total_slip=before, slip_path=path, state=state, rolled=start.rolled + shift.length)
 
     def motion(self, start: ConvergedState, end: ConvergedState) -> RollingMotion:
         """Return the rolling of an increment between two states."""
