@@ -243,9 +243,7 @@ class IndenterKinematics:
         is_resisted = [mode[:, 2].any() or (mode * state.load)[:, POTENTIALS].any() for mode in modes]
         return replace(state, motion=np.where(is_resisted, state.motion, 0.0))
 
-    def converged_state(
-        self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]
-    ) -> ConvergedState:
+    def converged_state(self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]) -> ConvergedState:
         """Return the converged state to continue from, for a state of the contact zone with nodes (n,) in contact."""
         start, motion = increment.start, increment.base.copy()
         motion[increment.free] += state.motion

@@ -69,9 +69,7 @@ def divide_rolling_steps(case: CaseData) -> tuple[Step, ...]:
     return divide_steps(case.steps, zone, case.placement, case.formulation.is_periodic())
 
 
-def divide_steps(
-    steps: Sequence[Step], zone: ContactZone, placement: Placement, is_periodic: bool
-) -> tuple[Step, ...]:
+def divide_steps(steps: Sequence[Step], zone: ContactZone, placement: Placement, is_periodic: bool) -> tuple[Step, ...]:
     """Return load steps, those that roll with one increment for each cell, as `divide_rolling_steps`."""
     return tuple(
         step if step.rolling is None else _divide(number, step, step.rolling, zone, placement, is_periodic)

@@ -25,6 +25,8 @@ from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
 from meeframe.model.history import ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
+from meeframe.model.rolling import RollingIncrement
+from meeframe.model.step import Step
 from meeframe.model.systems import checked
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.sources import faults_of_plugins, local_files
@@ -187,9 +189,7 @@ def solve_steps(
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before, last = here, controls, None
-        rolling = step.rolling and step.rolling.increment(
-            system.points, system.frames, case.placement.base, case.formulation.is_periodic()
-        )
+        rolling = rolling_increment(kinematics, step)
         prescribed = {**step.prescribed, **(rolling.prescribed(begin, step.increments) if rolling else {})}
         onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
@@ -220,6 +220,14 @@ def solve_steps(
                     yield result  # the increment is solved all the same
                     raise
             yield result
+
+
+def rolling_increment(kinematics: IndenterKinematics, step: Step) -> RollingIncrement | None:
+    """Return the rolling by one cell in the increments of a load step, None if the contact stays in place."""
+    if step.rolling is None:
+        return None
+    case, system = kinematics.case, kinematics.system
+    return step.rolling.increment(system.points, system.frames, case.placement.base, case.formulation.is_periodic())
 
 
 def _boundary(system: ReducedSystem, step: StepResult) -> NodalFields | ZoneFields:
@@ -322,7 +330,7 @@ def _step_result(
             kinematics.case.placement.base,
             increment.duration,
             kinematics.case.fields,
-            increment.rolling and increment.rolling.motion(increment.start, end),
+            None if increment.rolling is None else increment.rolling.motion(increment.start, end),
         ),
         step=numbers[0],
         increment=numbers[1],
