@@ -213,7 +213,7 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     late = onsets.number == 1 + new.argmax()
     shear, pressure = (np.linalg.norm(traction) for traction in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes equidistant nodes come into contact together, whatever the increments
-    much = new.max() > max(_LARGEST_ONSET * count, rim / 2)
+    much = new.max() > max(_LARGEST_ONSET * count, rim / 2) and step.loading.rolling is None
     if law.tangential_scaling().any() and much and shear > _NEGLIGIBLE_RATIO * pressure:
         yield (
             f"{new.max() / count:.0%} of the contact formed in one increment, and its slip includes motion before it "
@@ -244,7 +244,7 @@ def _rim(zone: Zone, step: StepResult) -> int:
 def _large(zone: Zone, step: StepResult) -> Iterator[str]:
     """Yield a diagnostic for each rigid motion that is not small."""
     limits = {"m": float(np.ptp(zone.points, axis=0).max()), "rad": _LARGEST_ANGLE}
-    for name in RIGID_MOTIONS:
+    for name in RIGID_MOTIONS if step.loading.rolling is None else ("approach", "tilt"):
         size = float(np.linalg.norm(np.atleast_1d(getattr(step.loading, name))))
         unit = IndenterMotions().units[name]
         if size > limits.get(unit, np.inf):
