@@ -124,7 +124,7 @@ class Case(CaseData):
         check_friction_heat(self.friction_heat, self.fields, self.second_body is not None)
         check_levels(self.steps, self.channels, self.friction_heat, self._undetermined_levels)
         check_alike(self.second_body, self.formulation)
-        check_rolling(self.steps, self.indenter, self.formulations, self.friction_heat)
+        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, self.friction_heat)
         object.__setattr__(self, "steps", divide_rolling_steps(self))  # as frozen dataclasses set derived fields
         check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:

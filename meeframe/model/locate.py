@@ -137,14 +137,14 @@ def _case_checks(
     channels = flux_channels(*conductivities.values(), fields=body.fields)
     held = partial(resistance, placement, body.mesh, zone, table.contact.axes, law, channels)
     formulations = (table.formulation, *(() if second_body is None else (second_body.formulation,)))
-    friction_heat, periodic = table.contact.friction_heat, table.formulation.is_periodic()
-    yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, friction_heat)
+    heat, periodic = table.contact.friction_heat, table.formulation.is_periodic()
+    yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, law, heat)
     yield Problem((), ""), partial(divide_steps, steps, contact_zone, placement, periodic)
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
         yield Problem(("steps", number), ""), partial(check_pull, step, law)
         yield Problem(("steps", number), ""), partial(_check_held, step, IndenterMotions(body.fields), held)
-    heat, two_bodies = table.contact.friction_heat, second_body is not None
+    two_bodies = second_body is not None
     yield Problem(("contact", "friction_heat"), "", heat), partial(check_friction_heat, heat, body.fields, two_bodies)
     levels = {*table.formulation.undetermined_levels(body)}
     if second_body is not None:

@@ -7,6 +7,7 @@ from meeframe.common.errors import CaseError
 from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
+from meeframe.laws.base import ContactLaw, has_memory
 from meeframe.mesh import ContactZone, find_contact_zone
 from meeframe.model.data import CaseData
 from meeframe.model.rolling import Rolling
@@ -15,7 +16,11 @@ from meeframe.plugin.validation import Problem, TableError
 
 
 def check_rolling(
-    steps: Sequence[Step], indenter: Indenter, formulations: Sequence[Formulation], friction_heat: float
+    steps: Sequence[Step],
+    indenter: Indenter,
+    formulations: Sequence[Formulation],
+    law: ContactLaw,
+    friction_heat: float,
 ) -> None:
     """Raise TableError if a case with load steps that roll has a part that does not move with the material.
 
@@ -27,16 +32,23 @@ def check_rolling(
         Indenter of the case.
     formulations : sequence of Formulation
         Formulations of its body, and of the second one if there is one.
+    law : ContactLaw
+        Contact law.
     friction_heat : float
         Fraction of the work of friction that heats the body.
     """
     for number, step in enumerate(steps):
-        for problem in () if step.rolling is None else _problems(step.rolling, indenter, formulations, friction_heat):
+        rolling = step.rolling
+        for problem in () if rolling is None else _problems(rolling, indenter, formulations, law, friction_heat):
             raise TableError(Problem(("steps", number, "rolling"), problem))
 
 
 def _problems(
-    rolling: Rolling, indenter: Indenter, formulations: Sequence[Formulation], friction_heat: float
+    rolling: Rolling,
+    indenter: Indenter,
+    formulations: Sequence[Formulation],
+    law: ContactLaw,
+    friction_heat: float,
 ) -> Iterator[str]:
     """Yield the problems of rolling in a case, each in words."""
     for formulation in formulations:
@@ -51,6 +63,11 @@ def _problems(
         yield (
             f"the heights of the indenter {type(indenter).__name__} do not move with a body that rolls; allowed: a "
             "smooth indenter, or one that slides over a single body, with creepage = [1, 0]"
+        )
+    if rolling.steady and has_memory(law) and not law.needs_duration:
+        yield (
+            f"steady rolling with the contact law {type(law).__name__}, which depends on the path slipped before; "
+            "allowed: a distance, over which the state becomes steady"
         )
     if friction_heat:
         yield (
