@@ -112,6 +112,11 @@ class Diagnostics:
         sentences = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(warnings)))
         if case.material.thermal_moduli is not None:
             sentences += heat_diagnostics(self._body, increment, result, kinematics.system.weights)
+        if increment.rolling is not None and (result.touching & increment.rolling.cell_shift.entering).any():
+            sentences.append(
+                "the contact reaches the border at which material enters its zone, which it should do without load: use "
+                "a wider zone, or move the indenter against the rolling direction"
+            )
         if onsets is not None:
             sentences += diagnostics_on_end(zone, result, case.contact_law, onsets)
             sentences += snap_in(kinematics.system, case.contact_law, result)
