@@ -7,6 +7,7 @@ from meeframe.common.errors import CaseError
 from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
+from meeframe.indenters.topography.height_map import has_topography
 from meeframe.laws.base import ContactLaw, has_memory
 from meeframe.mesh import ContactZone, find_contact_zone
 from meeframe.model.data import CaseData
@@ -59,7 +60,7 @@ def _problems(
             )
         if rolling.spin and formulation.is_periodic():
             yield f"spin = {rolling.spin:g} 1/m on a periodic surface; allowed: 0, as the slip of spin is not periodic"
-    if indenter.pointwise and not (rolling.is_sliding and len(formulations) == 1):
+    if has_topography(indenter) and not (rolling.is_sliding and len(formulations) == 1):
         yield (
             f"the heights of the indenter {type(indenter).__name__} do not move with a body that rolls; allowed: a "
             "smooth indenter, or one that slides over a single body, with creepage = [1, 0]"
