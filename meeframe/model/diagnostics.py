@@ -114,7 +114,7 @@ class Diagnostics:
             sentences += heat_diagnostics(self._body, increment, result, kinematics.system.weights)
         if increment.rolling is not None and (result.touching & increment.rolling.cell_shift.entering).any():
             sentences.append(
-                "the contact reaches the border at which material enters its zone, where it should be without load: use "
+                "the contact reaches the border at which material enters its zone, which should be without load: use "
                 "a wider zone, or move the indenter against the rolling direction"
             )
         if onsets is not None:

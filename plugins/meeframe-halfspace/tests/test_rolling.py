@@ -254,7 +254,7 @@ def test_linear_creep_coefficients_of_a_circle() -> None:
 
 class TestBalances:
     def test_work_of_friction_is_force_times_creepage(self) -> None:
-        """Of equal bodies the pressure does no work: the identity is exact on any grid."""
+        """The pressure of equal bodies does no work: the identity is exact on any grid."""
         result = run(equal_spheres(steady(**CREEPAGES)))
         numbers = rolling_totals(result.zone, result.steps[-1])
         assert {Region.STICK, Region.SLIP} <= set(result.steps[-1].region)
@@ -282,7 +282,7 @@ class TestBalances:
     def test_reverse_rolling_transposes_the_creep_matrix(self) -> None:
         """By reciprocity, exactly on any grid, without any symmetry of the bodies and of the nodes in contact."""
         upright, small = library_material("orthotropic-mee"), 1e-4
-        # the second body, turned over, has the axes of the first, so that pressure and friction are not coupled
+        # the second body, rotated over, has the axes of the first, so that pressure and friction are not coupled
         material, other = (upright.rotated(rotation_about([0.0, 0.0, 1.0], angle)) for angle in (0.5, -0.5))
 
         def matrix(direction: int) -> np.ndarray:
@@ -318,8 +318,8 @@ class TestSymmetries:
         traction, *_ = self.tractions((1.0, 0.0))
         for direction in ((0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)):
             previous, (traction, *_) = traction, self.tractions(direction)
-            turned = np.rot90(previous, 1)[..., [1, 0, 2]] * [-1.0, 1.0, 1.0]
-            assert traction == pytest.approx(turned, abs=1e-7 * np.abs(traction).max())
+            rotated = np.rot90(previous, 1)[..., [1, 0, 2]] * [-1.0, 1.0, 1.0]
+            assert traction == pytest.approx(rotated, abs=1e-7 * np.abs(traction).max())
 
     def test_spin_causes_a_lateral_force_to_the_left(self) -> None:
         result = run(equal_spheres(steady((0.0, 0.0), spin=0.5)))
