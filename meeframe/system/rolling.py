@@ -203,22 +203,34 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
         return accumulated
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, fields, fields)."""
-        blocks = np.ascontiguousarray(self.body.diagonal_blocks())
-        inner = np.flatnonzero(~self.cell_shift.entering)
-        node = inner[np.argmin(np.linalg.norm(self.points[inner] - self.points.mean(axis=0), axis=1))]
-        neighbour = np.empty(blocks.shape[1:])
+        """Return the response of each node to its own load, (n, fields, fields).
+
+        The response of the node ahead is that in the middle of the grid, in proportion to the area of each node.
+        """
+        blocks = self.body.diagonal_blocks().copy()
+        node, ahead = self._ahead_of_middle
+        share = blocks[:, 2, 2] / blocks[node, 2, 2]
+        blocks[:, TANGENTIAL] -= share[:, None, None] * ahead[list(TANGENTIAL)]
+        return blocks
+
+    @cached_property
+    def _ahead_of_middle(self) -> tuple[int, Array]:
+        """A node in the middle, and the displacements (fields, fields) of the node ahead of it due to its loads."""
+        node = int(self.cell_shift.grid[len(self.cell_shift.grid) // 2 - 1, self.cell_shift.grid.shape[1] // 2])
+        ahead = np.empty((self.n_fields, self.n_fields))
         for field in range(self.n_fields):
             load = np.zeros_like(self.offset)
             load[node, field] = 1.0
-            neighbour[:, field] = self.body.apply(load)[self.cell_shift.ahead[node]]
-        # the border of a grid, which has less area, has less response
-        share = blocks[:, 2, 2] / blocks[node, 2, 2]
-        blocks[:, TANGENTIAL] -= share[:, None, None] * neighbour[list(TANGENTIAL)]
-        return blocks
+            response = self.body.apply(load)
+            ahead[:, field] = response[node] - _change(self.cell_shift, response)[node]
+        return node, ahead
 
     def dense(self) -> Array | None:
         """Return the compliance (n, fields, n, fields) if that of the body is a matrix."""
+        return self._matrix
+
+    @cached_property
+    def _matrix(self) -> Array | None:
         matrix = self.body.dense()
         if matrix is None:
             return None
