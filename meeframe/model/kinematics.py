@@ -172,12 +172,12 @@ class IndenterKinematics:
         resist stay there.
         """
         base, system = self.base(controls, start), self.system
-        if rolling is not None:
-            if rolling.rolling.steady:  # the state before is that of the solution, see `settled`
-                start = rolling.carried(replace(start, state=None), base, self.modes, np.zeros_like(system.offset))
-                system = SteadyRollingSystem.of(system, rolling.cell_shift)
-            else:
-                start = rolling.carried(start, base, self.modes, system.offset)
+        if rolling is not None and rolling.is_steady:  # the state before is that of the solution
+            start = self._transport(rolling, replace(start, state=None), base, np.zeros_like(system.offset))
+            system = SteadyRollingSystem.of(system, rolling.cell_shift)
+        elif rolling is not None:
+            displacement = system.offset if start.state is None else start.state.displacement
+            start = self._transport(rolling, start, base, displacement)
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
         shift = self._mode_displacement(base, 2)
@@ -203,14 +203,21 @@ class IndenterKinematics:
         free = np.array(list(prescribed_resultants), int)
         return Increment(problem, base, free, prescribed, duration, start, rolling)
 
-    def settled(self, increment: Increment, solution: ContactSolution) -> tuple[Increment, ContactSolution]:
-        """Return a steady increment as one that starts from its own state, which repeats from cell to cell."""
-        rolling, load = increment.rolling, solution.state.load
-        assert rolling is not None
-        state = replace(solution.state, displacement=self.system.offset + self.system.apply(load))
-        start = rolling.carried(replace(increment.start, state=state), increment.base, self.modes, self.system.offset)
-        moved = rolling.cell_shift.tangential(state.displacement[:, :2])
-        translation = increment.problem.translation + moved
+    def _transport(
+        self, rolling: RollingIncrement, start: ConvergedState, motion: Array, displacement: Array
+    ) -> ConvergedState:
+        """Return a state after transport by one cell; see `RollingIncrement.transport`."""
+        rigid = np.column_stack([self._mode_displacement(start.motion, column) for column in range(2)])
+        return rolling.transport(start, displacement, rigid, motion)
+
+    def repeat_steady(
+        self, increment: Increment, rolling: RollingIncrement, solution: ContactSolution
+    ) -> tuple[Increment, ContactSolution]:
+        """Return an increment of steady rolling and its solution as a transient one that starts from the same state."""
+        displacement = self.system.offset + self.system.apply(solution.state.load)
+        state = replace(solution.state, displacement=displacement)
+        start = self._transport(rolling, replace(increment.start, state=state), increment.base, displacement)
+        translation = increment.problem.translation + rolling.cell_shift.tangential(displacement[:, :2])
         problem = replace(increment.problem, system=self.system, translation=translation)
         return replace(increment, problem=problem, start=start), replace(solution, state=state)
 

@@ -1,4 +1,4 @@
-"""Rolling of a contact over the surface: its keys in a load step, its checks, and the history of one increment."""
+"""Rolling of a contact over the surface: its keys in a load step, and the history of one increment."""
 
 import math
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ import numpy as np
 from meeframe.common.errors import CaseError
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
-from meeframe.indenters.base import MotionModes
+from meeframe.indenters.base import RIGID_MOTIONS
 from meeframe.model.history import Controls, ConvergedState
 from meeframe.results.records import RollingMotion
 from meeframe.system.rolling import CellShift
@@ -18,10 +18,6 @@ MAX_CELLS: Final = 10_000
 """Largest number of cells over which one load step rolls."""
 SLIDING: Final = (1.0, 0.0)
 """Creepages of an indenter that moves over the body as far as the contact."""
-_TANGENTIAL: Final = slice(1, 3)
-"""Numbers of the translations of the indenter among its motions."""
-_TWIST: Final = 5
-"""Number of the twist."""
 _ACROSS: Final = 1e-9
 """Largest component across the zone of a direction in it."""
 _FINITE: Final = {"gt": -math.inf, "lt": math.inf}
@@ -148,6 +144,11 @@ class RollingIncrement:
     cell_shift: CellShift
     base: Array
 
+    @property
+    def is_steady(self) -> bool:
+        """True for the state that repeats from cell to cell."""
+        return self.rolling.steady
+
     def prescribed(self, start: ConvergedState, cells: int) -> Controls:
         """Return the motions of the indenter after a number of cells from a converged state, by key."""
         distance = cells * self.cell_shift.length
@@ -157,8 +158,8 @@ class RollingIncrement:
             controls["translation"] = start.value("translation") + way
         return controls
 
-    def carried(self, start: ConvergedState, motion: Array, modes: MotionModes, offset: Array) -> ConvergedState:
-        """Return the state in which the material at each node was one cell before.
+    def transport(self, start: ConvergedState, displacement: Array, rigid: Array, motion: Array) -> ConvergedState:
+        """Return the state in which the material that is at each node now was one cell before.
 
         Its total slip is such that the slip of the increment counts from there.
 
@@ -166,38 +167,34 @@ class RollingIncrement:
         ----------
         start : ConvergedState
             State before the increment.
+        displacement : (n, fields) array
+            Displacement in that state, at the nodes [m].
+        rigid : (n, 2) array
+            Displacement of the indenter in that state, along e1 and e2 [m].
         motion : (motions,) array
-            Motions of the indenter after it, as far as they are prescribed.
-        modes : MotionModes
-            Modes of these motions.
-        offset : (n, fields) array
-            Displacement without load.
+            Motions of the indenter after the increment, as far as they are prescribed.
         """
-        shift = self.cell_shift
-        displacement = offset if start.state is None else start.state.displacement
-        before = -shift.tangential(displacement[:, :2])
-        for number in np.flatnonzero(start.motion[: _TWIST + 1]):
-            before += start.motion[number] * modes[number][:, :2]
-        # the rigid slip of spin is that at the middle of the path, half a cell ahead
+        shift, state = self.cell_shift, start.state
+        turn = (motion - start.motion)[RIGID_MOTIONS["twist"]]
         lateral = shift.frames[:, :2] @ (self.rolling.axes[1] @ self.base[:2])
-        before -= 0.5 * shift.length * (motion[_TWIST] - start.motion[_TWIST]) * lateral
-        state = start.state
+        # the rigid slip of spin is that at the middle of the path, half a cell ahead
+        slip = rigid - shift.tangential(displacement[:, :2]) - 0.5 * shift.length * turn * lateral
         if state is not None:
-            moved = shift.values(state.displacement)
-            moved[:, :2] = shift.tangential(state.displacement[:, :2])
-            state = replace(state, load=shift.load(state.load), displacement=moved)
-        if self.rolling.steady:  # no length, after which there would be a slip path
-            return replace(start, total_slip=before, slip_path=np.zeros_like(start.slip_path), state=state)
+            shifted = shift.values(state.displacement)
+            shifted[:, :2] = shift.tangential(state.displacement[:, :2])
+            state = replace(state, load=shift.load(state.load), displacement=shifted)
+        if self.is_steady:  # no length, after which there would be a slip path
+            return replace(start, total_slip=slip, slip_path=np.zeros_like(start.slip_path), state=state)
         path = np.where(shift.entering, 0.0, shift.values(start.slip_path))
-        return replace(start, total_slip=before, slip_path=path, state=state, rolled=start.rolled + shift.length)
+        return replace(start, total_slip=slip, slip_path=path, state=state, rolled=start.rolled + shift.length)
 
     def motion(self, start: ConvergedState, end: ConvergedState) -> RollingMotion:
         """Return the rolling of an increment between two states."""
         length, change = self.cell_shift.length, end.motion - start.motion
         return RollingMotion(
             direction=self.rolling.axes[0] @ self.base[:2],
-            creepage=self.rolling.axes @ change[_TANGENTIAL] / length,
-            spin=float(change[_TWIST]) / length,
+            creepage=self.rolling.axes @ change[RIGID_MOTIONS["translation"]] / length,
+            spin=float(change[RIGID_MOTIONS["twist"]][0]) / length,
             cell=length,
             distance=end.rolled,
         )

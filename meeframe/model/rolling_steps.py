@@ -9,8 +9,7 @@ from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.topography.height_map import has_topography
 from meeframe.laws.base import ContactLaw, has_memory
-from meeframe.mesh import ContactZone, find_contact_zone
-from meeframe.model.data import CaseData
+from meeframe.mesh import ContactZone
 from meeframe.model.rolling import Rolling
 from meeframe.model.step import Step
 from meeframe.plugin.validation import Problem, TableError
@@ -77,18 +76,30 @@ def _problems(
         )
 
 
-def divide_rolling_steps(case: CaseData) -> tuple[Step, ...]:
-    """Return the load steps of a case, those that roll with one increment for each cell.
-
-    A speed of rolling becomes the duration of its step. Raises TableError if a step rolls on a zone, or in a direction,
-    in which material cannot move by cells.
-    """
-    zone = find_contact_zone(case.mesh, case.zone)
-    return divide_steps(case.steps, zone, case.placement, case.formulation.is_periodic())
-
-
 def divide_steps(steps: Sequence[Step], zone: ContactZone, placement: Placement, is_periodic: bool) -> tuple[Step, ...]:
-    """Return load steps, those that roll with one increment for each cell, as `divide_rolling_steps`."""
+    """Return load steps, those that roll with one increment for each cell.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+        Load steps.
+    zone : ContactZone
+        Contact zone.
+    placement : Placement
+        Placement of the indenter.
+    is_periodic : bool
+        True if the zone is one period of an infinite surface.
+
+    Returns
+    -------
+    tuple of Step
+        The steps; a speed of rolling is the duration of its step.
+
+    Raises
+    ------
+    TableError
+        If a step rolls on a zone, or in a direction, in which material cannot move by cells.
+    """
     return tuple(
         step if step.rolling is None else _divide(number, step, step.rolling, zone, placement, is_periodic)
         for number, step in enumerate(steps)

@@ -283,8 +283,8 @@ def _solve(
     rim = partial(kinematics.rim, increment)
     solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
     increment = replace(increment, problem=problem)
-    if increment.rolling is not None and increment.rolling.rolling.steady:
-        increment, solution = kinematics.settled(increment, solution)
+    if increment.rolling is not None and increment.rolling.is_steady:
+        increment, solution = kinematics.repeat_steady(increment, increment.rolling, solution)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))

@@ -115,8 +115,8 @@ class Step:
             keys += ["tangential_force", "force_ratio"]
         for key in keys:
             if getattr(self, key) is not None:
-                other = "spin" if key in ("twist", "torque") else "creepage"
-                raise CaseError(f"{key} and rolling are both given; allowed: the {other} of rolling, or {_INSTEAD}")
+                allowed = "its spin" if key in ("twist", "torque") else f"its creepage, or {_INSTEAD}"
+                raise CaseError(f"{key} and rolling are both given; allowed: rolling with {allowed}")
         if self.rolling.speed is not None and self.duration is not None:
             raise CaseError("duration and the speed of rolling are both given; allowed: one of them")
 

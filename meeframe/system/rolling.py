@@ -194,13 +194,13 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
             return None
         columns = [column for column, field in enumerate(fields) if field in TANGENTIAL]
 
-        def accumulated(changes: Array) -> Array:
+        def solve(changes: Array) -> Array:
             displacement = changes.copy(order="K")
             for column in columns:
                 displacement[:, column] = self.cell_shift.accumulate(changes[:, column])
             return inverse(displacement)
 
-        return accumulated
+        return solve
 
     def diagonal_blocks(self) -> Array:
         """Return the response of each node to its own load, (n, fields, fields).

@@ -67,9 +67,9 @@ REFUSED = {
     "rolling = {steady = true, creepage = 1}": "steps[2].rolling.creepage = 1: should be a list",
     "rolling = {steady = true, creep = [1, 1]}": "steps[2].rolling.creep = [1, 1]: unknown key; did you mean 'cr",
     "rolling = {steady = true}\nincrements = 1": "steps[2].increments = 1: is not allowed with rolling",
-    "rolling = {steady = true}\ntwist = 0": "steps[2]: twist and rolling are both given; allowed: the spin",
+    "rolling = {steady = true}\ntwist = 0": "steps[2]: twist and rolling are both given; allowed: rolling with its sp",
     "rolling = {steady = true}\ntorque = 0": "steps[2]: torque and rolling are both given",
-    "rolling = {steady = true}\ntranslation = [0, 0]": "steps[2]: translation and rolling are both given; allowed: the",
+    "rolling = {steady = true}\ntranslation = [0, 0]": "steps[2]: translation and rolling are both given; allowed:",
     "rolling = {steady = true, creepage = [0, 0]}\nforce_ratio = [0, 0]": "steps[2]: force_ratio and rolling are both",
     "rolling = {steady = true, speed = 1}\nduration = 1": "steps[2]: duration and the speed of rolling are both given",
 }
