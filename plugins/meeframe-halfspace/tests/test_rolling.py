@@ -20,11 +20,13 @@ from meeframe.model.case import Case
 from meeframe.model.restart import Restart
 from meeframe.model.rolling import Rolling
 from meeframe.model.second_body import SecondBody
-from meeframe.model.solve import solve_case
+from meeframe.model.solve import reduce, solve_case
 from meeframe.model.step import Step
 from meeframe.results.files import read_result, write_result
 from meeframe.results.records import Region, Result, StepResult, resultants
 from meeframe.results.schema import rolling_totals
+from meeframe.system.edge_correction import correct_edge
+from meeframe.testing.formulation import check_translation
 
 CONSTANT = HalfSpace(density="constant", matrix_up_to=0)
 """Densities as in the program CONTACT."""
@@ -410,6 +412,18 @@ def test_run_continues_from_its_files(tmp_path) -> None:
     for ours, theirs in zip(run(sphere((rest,), restart=restart)), whole.steps[3:], strict=True):
         assert ours.traction == pytest.approx(theirs.traction, abs=1e-9 * np.abs(theirs.traction).max())
         assert ours.loading.rolling.distance == pytest.approx(theirs.loading.rolling.distance)
+
+
+@pytest.mark.parametrize("is_periodic", [False, True])
+def test_compliance_is_the_same_along_the_grid(is_periodic: bool) -> None:
+    """The conformance check of formulations passes, and detects a node that is softer than the others."""
+    case = sphere((PRESS,), HalfSpace(matrix_up_to=0, periodic=is_periodic))
+    system = reduce(case)
+    check_translation(case.formulation, system)
+    extra = np.zeros((len(system.points), 5, 5))
+    extra[200, 0, 0] = 1e-6 * system.diagonal_blocks()[200, 0, 0]
+    with pytest.raises(AssertionError, match="not the same along the grid"):
+        check_translation(case.formulation, correct_edge(system, extra))
 
 
 def test_tables_show_numbers_of_rolling() -> None:
