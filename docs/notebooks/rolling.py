@@ -97,7 +97,11 @@ figure, axes = plt.subplots(figsize=(5.6, 3.6))
 axes.plot(100 * creepages, ratio, "o-", label="steady states")
 axes.plot(100 * fine, approximation, "--", label="Vermeulen and Johnson")
 axes.plot(100 * fine, np.minimum(slope * fine, 1.0), ":", label="linear")
-axes.set(xlabel="creepage [%]", ylabel="tangential force / limit", ylim=(0.0, 1.1))
+axes.set(
+    xlabel="creepage [%]",
+    ylabel="tangential force over its limit [1]",
+    ylim=(0.0, 1.1),
+)
 axes.legend()
 
 # %%
@@ -203,3 +207,11 @@ sensitivity = charge[1:] / traction[1:]
 print(f"{sensitivity[-1]:.3f} nC/N; initial charge {charge[0]:.1e} nC")
 assert np.ptp(sensitivity) < 0.05 * abs(sensitivity[-1])
 assert abs(charge[-2] / charge[-1] - 1.0) < 0.03
+
+# %% [markdown]
+# ## Where to go next
+#
+# - [Rolling](../explanation/rolling.md): axes, signs, the scheme and its limits.
+# - [Rolling contact](../validation/rolling.md): comparisons with Carter, Kalker and CONTACT, and creep coefficients.
+# - [Load steps](../reference/case-files.md#rolling): the keys of `rolling` in case files.
+# - [Sweep parameters](../howto/sweep.md): creep curves over loads, materials and friction in one call.
