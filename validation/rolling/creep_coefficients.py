@@ -9,6 +9,7 @@ in contact make up another area than the ellipse, ab is their area over pi.
 
 import argparse
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import scipy
@@ -42,7 +43,7 @@ def coefficients(ratio: float, poisson: float, across: int) -> np.ndarray:
     (a, b), radii = hertz(ratio, poisson)
     divisions = across + MARGIN - 1
     formulation = meeframe.formulation("half-space", density="constant", matrix_up_to=0)
-    body = {
+    body: dict[str, Any] = {
         "material": {
             "name": "isotropic",
             "young_modulus": 2.0 * SHEAR * (1.0 + poisson),
