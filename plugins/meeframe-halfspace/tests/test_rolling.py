@@ -23,8 +23,10 @@ from meeframe.model.second_body import SecondBody
 from meeframe.model.solve import reduce, solve_case
 from meeframe.model.step import Step
 from meeframe.results.files import read_result, write_result
+from meeframe.results.history import curves
 from meeframe.results.records import Region, Result, StepResult, resultants
 from meeframe.results.schema import rolling_totals
+from meeframe.results.summary import summary
 from meeframe.system.edge_correction import correct_edge
 from meeframe.testing.formulation import check_translation
 
@@ -426,10 +428,18 @@ def test_compliance_is_the_same_along_the_grid(is_periodic: bool) -> None:
         check_translation(case.formulation, correct_edge(system, extra))
 
 
-def test_tables_show_numbers_of_rolling() -> None:
-    result = run(sphere((PRESS, steady(**CREEPAGES))))
+def test_tables_and_figures_show_numbers_of_rolling() -> None:
+    result = run(sphere((PRESS, steady(**CREEPAGES), steady(creepage=(1e-3, 0.0)))))
+    numbers = rolling_totals(result.zone, result.steps[1])
+    at_rest, rolls, _ = summary(result)["steps"]
+    assert at_rest["rolling"] is None
+    assert rolls["rolling"]["creep_work"] == pytest.approx(numbers["creep_work"])
+    drawn = {curve.name: curve for curve in curves(result)}
+    assert drawn["creepage"].up[2] == pytest.approx(np.array([[5e-4, 3e-4], [1e-3, 0.0]]))
+    assert drawn["creep force"].up[2][0] == pytest.approx(numbers["creep_force"])
+    assert drawn["sticking area"].up[2].shape == (2, 1)
     table = result.to_dataframe()
-    assert table["creepage_longitudinal"].iloc[-1] == pytest.approx(5e-4)
+    assert table["creepage_longitudinal"].iloc[1] == pytest.approx(5e-4)
     assert np.isnan(table["creep_work"].iloc[0])
     assert "friction_power" not in table.columns, "there is no duration"
     assert table.attrs["units"]["spin"] == "1/m"
