@@ -9,13 +9,12 @@ in contact make up another area than the ellipse, ab is their area over pi.
 
 import argparse
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-import scipy
+from equal_bodies import hertz_radii, roll, steady
 
 import meeframe
-from meeframe.results.records import resultants
+from meeframe.fields import Array
 
 RATIOS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.0 / 0.7, 2.0, 1.0 / 0.3, 5.0, 10.0)
 NAMES = ("C11", "C22", "C23", "C32", "C33")
@@ -23,64 +22,32 @@ SHEAR, FORCE, SMALL, FRICTION, MARGIN = 1e9, 1.0, 1e-6, 1e4, 4
 """Shear modulus [Pa], normal force [N], creepage, friction coefficient, and nodes beside the contact."""
 
 
-def hertz(ratio: float, poisson: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the half axes [m] of a contact with a = b ratio, of unit mean, and the principal radii [m] of the bodies.
+def coefficients(ratio: float, poisson: float, across: int) -> Array:
+    """Return the coefficients in the order of NAMES on a grid with so many nodes across the contact, both ways.
 
-    Johnson, Contact Mechanics (1985), section 4.2, with the integrals over the confocal ellipsoids.
+    ratio: half axis along the rolling direction over the other one.
     """
-    a, b = 1e-3 * np.sqrt(ratio), 1e-3 / np.sqrt(ratio)
-    factor = 3.0 * FORCE * (1.0 - poisson) / (4.0 * np.pi * SHEAR)
-    # R_D(0, u, v) = 3/2 int dt / (sqrt(t (t + u)) (t + v)^(3/2))
-    curvatures = (
-        factor * scipy.special.elliprd(0.0, other**2, axis**2) * 4.0 / 3.0 for axis, other in ((a, b), (b, a))
-    )
-    radius_x, radius_y = (1.0 / curvature for curvature in curvatures)
-    return (a, b), (radius_x, radius_y)
-
-
-def coefficients(ratio: float, poisson: float, across: int) -> np.ndarray:
-    """Return the coefficients in the order of NAMES on a grid with so many nodes across the contact, both ways."""
-    (a, b), radii = hertz(ratio, poisson)
-    divisions = across + MARGIN - 1
-    formulation = meeframe.formulation("half-space", density="constant", matrix_up_to=0)
-    body: dict[str, Any] = {
-        "material": {
-            "name": "isotropic",
-            "young_modulus": 2.0 * SHEAR * (1.0 + poisson),
-            "poisson_ratio": poisson,
-        },
-        "mesh": meeframe.mesh.half_space((divisions * 2.0 * a / across, divisions * 2.0 * b / across), divisions),
-        "formulation": formulation,
-    }
-    length = np.sqrt(a * b)
+    axes, length = (1e-3 * np.sqrt(ratio), 1e-3 / np.sqrt(ratio)), 1e-3
+    spacing, nodes = (2.0 * axes[0] / across, 2.0 * axes[1] / across), (across + MARGIN, across + MARGIN)
     motions = ((SMALL, 0.0), 0.0), ((0.0, SMALL), 0.0), ((0.0, 0.0), SMALL / length)
-    case = meeframe.Case(
-        **body,
-        second_body=meeframe.SecondBody(**body),
-        indenter=meeframe.Paraboloid(*radii),
-        contact=meeframe.IsotropicCoulomb(FRICTION),
-        steps=[
-            meeframe.Step(normal_force=FORCE),
-            *(
-                meeframe.Step(rolling={"steady": True, "creepage": list(creepage), "spin": spin})
-                for creepage, spin in motions
-            ),
-        ],
-    )
-    result = case.solve(progress=False)
-    if result.status != "converged" or any(step.contact_at_zone_boundary for step in result):
-        raise RuntimeError(f"a/b = {ratio:g}, {across} nodes across: {result[-1].message}")
-    _, along, lateral, spin = (resultants(result.zone, step) for step in result)
+    steps = [meeframe.Step(normal_force=FORCE), *(steady(*motion) for motion in motions)]
+    result = roll(SHEAR, poisson, spacing, nodes, hertz_radii(axes, FORCE, SHEAR, poisson), FRICTION, steps)
+    _, along, lateral, spin = (meeframe.resultants(result.zone, step) for step in result)
     ab = along.contact_area / np.pi
-    return np.array(
-        [
-            along.tangential_force[0] / ab,
-            lateral.tangential_force[1] / ab,
-            spin.tangential_force[1] * length / ab**1.5,
-            -lateral.torque / ab**1.5,
-            spin.torque * length / ab**2,
-        ]
-    ) / (SHEAR * SMALL)
+    forces = [
+        along.tangential_force[0] / ab,
+        lateral.tangential_force[1] / ab,
+        spin.tangential_force[1] * length / ab**1.5,
+        -lateral.torque / ab**1.5,
+        spin.torque * length / ab**2,
+    ]
+    return np.array(forces) / (SHEAR * SMALL)
+
+
+def extrapolate(values: Sequence[Array], across: Sequence[int]) -> Array:
+    """Return the limit of values with errors of first order, from the last two of the grids."""
+    coarse, fine = across[-2:]
+    return np.asarray((fine * values[-1] - coarse * values[-2]) / (fine - coarse))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -96,8 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         values = [coefficients(ratio, chosen.poisson, across) for across in chosen.across]
         rows = [(str(across), value) for across, value in zip(chosen.across, values, strict=True)]
         if len(values) > 1:
-            coarse, fine = chosen.across[-2:]
-            rows.append(("extrapolated", (fine * values[-1] - coarse * values[-2]) / (fine - coarse)))
+            rows.append(("extrapolated", extrapolate(values, chosen.across)))
         for name, value in rows:
             print(f"| {ratio:.3g} | {name} | {' | '.join(f'{number:.3f}' for number in value)} |", flush=True)
 
