@@ -16,6 +16,8 @@ from meeframe.system.reduced import NodalFields, ReducedSystem
 
 C = TypeVar("C")
 TANGENTIAL: Final = (0, 1)
+MAX_ASPECT_RATIO: Final = 9.0
+"""Largest ratio of the sides of a zone with which approximate inverses save products; at 10 they take more."""
 _SAME: Final = 1e-3
 """Largest distance of a node from its position on the grid, in spacings."""
 
@@ -161,10 +163,23 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself unless the capability is absent.
 
-        An approximate inverse needs one of the body, and a frame that all nodes share.
+        An approximate inverse needs one of the body, a frame that all nodes share, and a zone that is not slender
+        unless it is periodic.
         """
-        has_inverse = shares_frame(self.frames) and self.body.capability(ApproximateInverse) is not None
-        return None if kind is ApproximateInverse and not has_inverse else super().capability(kind)
+        if kind is ApproximateInverse and not (
+            shares_frame(self.frames)
+            and self.body.capability(ApproximateInverse) is not None
+            and (self.cell_shift.is_periodic or self._aspect_ratio <= MAX_ASPECT_RATIO)
+        ):
+            return None
+        return super().capability(kind)
+
+    @property
+    def _aspect_ratio(self) -> float:
+        """Longer side of the zone over the shorter one."""
+        corner, along, across = self.points[self.cell_shift.grid[[0, -1, 0], [0, 0, -1]]]
+        shorter, longer = sorted((float(np.linalg.norm(along - corner)), float(np.linalg.norm(across - corner))))
+        return longer / shorter
 
     def apply(self, load: Array) -> Array:
         """Return the displacement (n, fields), tangential to the surface its change over one cell."""
