@@ -7,6 +7,7 @@ amplitude B c at its lower side. Both are bounded, so that the descent is as sta
 import numpy as np
 
 from meeframe.fields import ELECTRIC, Array
+from meeframe.material.layers import layer_numbers
 from meeframe.material.surface_symbol import Complex, SurfaceSymbol, exponential, reflection
 
 
@@ -29,25 +30,25 @@ def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: f
     tuple of ndarray of complex
         Fields and derivatives [1/m], (w, fields), scaled by `symbol.factors`.
     """
-    state = (traction / k[:, None])[..., None]
-    pairs = k[None, :]
-    for number, medium in enumerate(symbol.media):
-        thickness = symbol.thicknesses[number] if number < len(symbol.thicknesses) else np.inf
-        down = exponential(-(k * min(depth, thickness))[:, None, None] * medium.descent)
+    last = int(layer_numbers(symbol.bottoms, depth))
+    if last == len(symbol.media):  # in the rigid base
+        return np.zeros_like(traction), np.zeros_like(traction)
+    thicknesses, top = (*symbol.thicknesses, np.inf), 0.0
+    state, pairs = (traction / k[:, None])[..., None], k[None, :]
+    for number, medium in enumerate(symbol.media[: last + 1]):
+        thickness = thicknesses[number]
+        local = min(depth - top, thickness)
+        down = exponential(-(k * local)[:, None, None] * medium.descent)
         if np.isfinite(thickness):
             g, at_bottom = (one[0] for one in reflection(medium, pairs * thickness, *symbol.below(pairs, number)))
             amplitude = np.linalg.solve(np.eye(g.shape[-1]) + g, state)
-            rest = max(thickness - depth, 0.0)
-            up = exponential(-(k * rest)[:, None, None] * medium.descent).conj() @ at_bottom @ amplitude
+            up = exponential(-(k * (thickness - local))[:, None, None] * medium.descent).conj() @ at_bottom @ amplitude
         else:
             amplitude, up = state, np.zeros_like(state)
         down = down @ amplitude
-        if depth <= thickness:
-            break
-        state = _cross_downwards(symbol, number, pairs, down + up)
-        depth -= thickness
-    else:
-        return np.zeros_like(traction), np.zeros_like(traction)  # in the rigid base
+        if number < last:
+            state = _cross_downwards(symbol, number, pairs, down + up)
+            top = symbol.bottoms[number]
     values = medium.plus @ down + medium.minus @ up
     size = values.shape[-2]
     slopes = medium.state[:, :size, :size] @ values + medium.state[:, :size, size:] @ (down + up)
@@ -57,8 +58,6 @@ def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: f
 
 def _cross_downwards(symbol: SurfaceSymbol, number: int, k: Array, state: Complex) -> Complex:
     """Return t / k (w, fields, 1) below an interface from that above it, each in the scaled fields of its medium."""
-    if number + 1 >= len(symbol.media):
-        return state
     medium, lower = symbol.media[number], symbol.media[number + 1]
     result = state * (lower.factors / medium.factors)[:, None]
     if symbol.interfaces[number].electrode is None:

@@ -179,6 +179,11 @@ class SurfaceSymbol:
         """Smallest exponents (media,) of waves per k z in each medium."""
         return np.array([np.linalg.eigvals(medium.descent).real.min() for medium in self.media])
 
+    @property
+    def bottoms(self) -> Array:
+        """Depths of the lower sides of all media below the surface [m], without that of a half space."""
+        return np.cumsum(self.thicknesses)
+
     def evaluate(self, k: Array) -> Complex:
         """Return Y(k, m) for wave numbers k > 0 [1/m], (n,), as (n, directions, fields, fields), scaled."""
         return _hermitian(_divide(*self._above(np.asarray(k, float)[:, None], 0, MAX_SERIES_DEPTH)))

@@ -140,7 +140,7 @@ class HalfSpaceInterior(InteriorFields):
                 )
         resolution = 1e-9 * width
         rounded: Array = np.maximum(np.rint(depths / resolution), 0.0) * resolution
-        return rounded
+        return rounded if self.layers is None else self.layers.snap(rounded, resolution)
 
     @cached_property
     def series(self) -> tuple[Array, Array]:

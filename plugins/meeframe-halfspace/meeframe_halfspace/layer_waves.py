@@ -38,13 +38,6 @@ class LayerWaves:
         return [*(layer.material.stiffness for layer in self.body.layers.layers), self.body.stiffness]
 
     @cached_property
-    def _bottoms(self) -> Array:
-        """Depths of the lower sides of all layers [m], which do not include a half space."""
-        thicknesses = [layer.thickness for layer in self.body.layers.layers]
-        base = self.body.layers.base
-        return np.cumsum(thicknesses + ([] if base is None else [base.thickness]))
-
-    @cached_property
     def _half_spaces(self) -> list[tuple[Array, Array]]:
         """Series of the compliance of a half space of each material."""
         return [PointResponse.of(stiffness, self.frame).wave_series() for stiffness in self.stiffnesses]
@@ -66,9 +59,15 @@ class LayerWaves:
             fields[1:3, :, part] = 1j * q.T[:, None, :] * values.T
         return fields
 
+    def snap(self, depths: Array, resolution: float) -> Array:
+        """Return depths (n,) [m], those within a resolution of an interface being on it."""
+        for bottom in self.body.layers.bottoms:
+            depths = np.where(np.abs(depths - bottom) <= resolution, bottom, depths)
+        return depths
+
     def point_fields(self, points: Array, depths: Array, values: Array, gradients: Array) -> PointFields:
         """Return the fields at points, each in the material at its depth (n,); on an interface in that above it."""
-        numbers = np.searchsorted(self._bottoms * (1.0 + 1e-12), depths)
+        numbers = self.body.layers.numbers_at(depths)
         fluxes = np.empty((len(points), 3, values.shape[1]))
         for number in np.unique(numbers):
             here = numbers == number
