@@ -4,6 +4,8 @@ In a layer, the solutions that decay downwards have an amplitude c at its upper 
 amplitude B c at its lower side. Both are bounded, so that the descent is as stable as the recursion.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from meeframe.fields import ELECTRIC, Array
@@ -54,6 +56,46 @@ def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: f
     slopes = medium.state[:, :size, :size] @ values + medium.state[:, :size, size:] @ (down + up)
     factors = medium.factors / symbol.factors
     return values[..., 0] * factors, slopes[..., 0] * (k[:, None] * factors)
+
+
+def uniform_in_layers(
+    symbol: SurfaceSymbol, compliances: Sequence[Array], traction: Array, depth: float
+) -> tuple[Array, Array]:
+    """Return fields and their derivative along the outward normal at a depth below a surface with a uniform load.
+
+    Stress and fluxes are uniform in each layer, and so are the derivatives. The values count from those at the surface.
+
+    Parameters
+    ----------
+    symbol
+        Symbol of the layers.
+    compliances
+        See `SurfaceSymbol.uniform_compliances`.
+    traction
+        Traction and fluxes on the surface, (fields,), scaled.
+    depth
+        Depth [m]; on an interface the fields are those above it.
+
+    Returns
+    -------
+    tuple of ndarray
+        Fields and derivatives [1/m], (fields,), scaled by `symbol.factors`.
+    """
+    last = int(layer_numbers(symbol.bottoms, depth))
+    if last == len(symbol.media):  # in the rigid base
+        return np.zeros_like(traction), np.zeros_like(traction)
+    tops, load = np.concatenate([[0.0], symbol.bottoms]), traction.copy()
+    values = compliances[0] @ load
+    for number in range(last):
+        values = values - symbol.thicknesses[number] * (symbol.normal_compliance(number) @ load)
+        interface = symbol.interfaces[number]
+        values = values - interface.compliance(symbol.fields) / symbol.factors**2 * load
+        if interface.electrode == "grounded":
+            load[ELECTRIC] = 0.0
+            row = compliances[number + 1][ELECTRIC]
+            load[ELECTRIC] = -row @ load / row[ELECTRIC]
+    slopes = symbol.normal_compliance(last) @ load
+    return values - (depth - tops[last]) * slopes, slopes
 
 
 def _cross_downwards(symbol: SurfaceSymbol, number: int, k: Array, state: Complex) -> Complex:

@@ -12,7 +12,7 @@ Sources: Kausel and Roesset, Bull. Seismol. Soc. Am. 71 (1981) 1743, and Wang an
 (2004) 2473, on recursions for layered media; Ting, Anisotropic Elasticity (1996), chapters 6 and 7, on Y_+.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -240,30 +240,53 @@ class SurfaceSymbol:
         compliance: Complex = _divide(*self._above(k, number, 0.0))[0]
         return compliance
 
-    def without_floating_electrodes(self) -> "SurfaceSymbol":
-        """Return the symbol for uniform loads, to which floating electrodes are no obstacle."""
-        interfaces = (replace(one, electrode=None) if one.electrode == "floating" else one for one in self.interfaces)
-        return replace(self, interfaces=tuple(interfaces))
+    def uniform_compliances(self, k: float, mean: Callable[[Complex], Array]) -> list[Array]:
+        """Return the responses (fields, fields) [m] to uniform loads at the upper sides of all media, scaled.
 
-    def uniform_compliance(self) -> Array | None:
-        """Return the response (fields, fields) [m] to uniform loads, scaled; None unless it is finite.
+        They are finite above a rigid base that insulates no field. Elsewhere the response to a uniform load has no
+        limit, and that to a wave is taken, averaged over its directions; above a grounded electrode, the potential
+        is that of the layers between. Floating electrodes are no obstacle to a uniform load.
 
-        It is finite on a rigid base that insulates no field.
+        Parameters
+        ----------
+        k
+            Wave number [1/m].
+        mean
+            Function that returns the mean over all directions, (fields, fields), of compliances in the directions of
+            this symbol, (directions, fields, fields).
         """
-        if self.insulating is None or self.insulating.any():
-            return None
-        factors = self.factors
-        total = np.zeros((len(factors), len(factors)))
+        interfaces = (replace(one, electrode=None) if one.electrode == "floating" else one for one in self.interfaces)
+        to_waves = replace(self, interfaces=tuple(interfaces))
+
+        def wave_response(number: int) -> Array:
+            compliance = mean(_divide(*to_waves._above(np.full((1, 1), k), number, MAX_SERIES_DEPTH))[0]).real / k
+            return self._from_medium(0.5 * (compliance + compliance.T), number)
+
+        is_finite = self.insulating is not None and not self.insulating.any()
+        total = np.zeros((len(self.factors),) * 2) if is_finite else None
+        responses = []
         for number in range(len(self.media) - 1, -1, -1):
-            medium = self.media[number]
-            if number < len(self.interfaces):
-                interface = self.interfaces[number]
-                total += np.diag(interface.compliance(self.fields) / factors**2)
-                if interface.electrode == "grounded":
-                    total = _without(total, ELECTRIC)
-            ratio = factors / medium.factors
-            total = total + self.thicknesses[number] * medium.normal_compliance / (ratio[:, None] * ratio)
-        return total
+            interface = self.interfaces[number] if number < len(self.interfaces) else Interface()
+            if interface.electrode == "grounded" and total is None:
+                total = wave_response(number + 1)
+            if total is None:
+                responses.append(wave_response(number))
+                continue
+            total = total + np.diag(interface.compliance(self.fields) / self.factors**2)
+            if interface.electrode == "grounded":
+                total = _without(total, ELECTRIC)
+            total = total + self.thicknesses[number] * self.normal_compliance(number)
+            responses.append(total)
+        return responses[::-1]
+
+    def normal_compliance(self, number: int) -> Array:
+        """Return the derivative (fields, fields) along the normal per uniform load in a medium, scaled."""
+        return self._from_medium(self.media[number].normal_compliance, number)
+
+    def _from_medium(self, compliance: Array, number: int) -> Array:
+        """Return a compliance (fields, fields) of the scaled fields of a medium in those of the results."""
+        ratio = self.media[number].factors / self.factors
+        return compliance * np.outer(ratio, ratio)
 
 
 def _in_frame(stiffness: Array, frame: Array) -> Array:

@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
+    from meeframe.material.layer_fields import uniform_in_layers as uniform_in_layers
     from meeframe.material.layer_fields import waves_in_layers as waves_in_layers
     from meeframe.material.layers import LayerStack as LayerStack
     from meeframe.material.surface_symbol import SurfaceSymbol as SurfaceSymbol
@@ -180,6 +181,7 @@ _HOMES = {
     "surface_compliance": "meeframe.material.half_space",
     "thermal_response": "meeframe.material.thermal_half_space",
     "LayerStack": "meeframe.material.layers",
+    "uniform_in_layers": "meeframe.material.layer_fields",
     "waves_in_layers": "meeframe.material.layer_fields",
     "SurfaceSymbol": "meeframe.material.surface_symbol",
     "Body": "meeframe.mesh.body",

@@ -238,6 +238,9 @@ class _Spectrum:
         The stress is uniform, so that values are linear in the depth; on the surface they are those of the compliance.
         """
         load = self.density.mean(axis=(1, 2))
+        if self.interior.layers is not None:
+            values, slopes = self.interior.layers.uniform_at_depth(load, depth)
+            return np.stack([values, *np.zeros((2, len(load))), slopes])
         even, _ = self.interior.series
         # the mean of Re Y over all directions
         layout = entry_layout(len(load))

@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.plugin import Array, Body, PointFields, SurfaceSymbol, waves_in_layers
+from meeframe.plugin import Array, Body, PointFields, SurfaceSymbol, uniform_in_layers, waves_in_layers
 from meeframe_halfspace.entries import entries_to_matrix
+from meeframe_halfspace.layered_symbol import uniform_response
 from meeframe_halfspace.response import PointResponse, series_values
 
 ComplexArray = NDArray[np.complex128]
@@ -27,10 +28,13 @@ class LayerWaves:
         The body.
     frame
         Rows e1, e2, outward normal, (3, 3).
+    mean_length
+        1 / k of the wave that takes the place of uniform loads, see `uniform_response` [m].
     """
 
     body: Body
     frame: Array
+    mean_length: float
 
     @cached_property
     def stiffnesses(self) -> list[Array]:
@@ -58,6 +62,14 @@ class LayerWaves:
             fields[0, :, part], fields[3, :, part] = values.T, slopes.T
             fields[1:3, :, part] = 1j * q.T[:, None, :] * values.T
         return fields
+
+    @cached_property
+    def _uniform(self) -> tuple[SurfaceSymbol, list[Array]]:
+        return uniform_response(self.body, self.frame, self.mean_length)
+
+    def uniform_at_depth(self, load: Array, depth: float) -> tuple[Array, Array]:
+        """Return values and their derivative along the normal (f,) under a uniform load (f,) at a depth [m]."""
+        return uniform_in_layers(*self._uniform, load, depth)
 
     def snap(self, depths: Array, resolution: float) -> Array:
         """Return depths (n,) [m], those within a resolution of an interface being on it."""

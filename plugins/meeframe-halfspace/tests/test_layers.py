@@ -12,7 +12,7 @@ import meeframe
 from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4
 from meeframe.fields import ELECTRIC, MAGNETIC, FieldScaling
-from meeframe.material import library_material, rotation_about
+from meeframe.material import Material, library_material, rotation_about
 from meeframe.material.layers import Interface, Layer, LayerStack, RigidBase
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
@@ -169,7 +169,8 @@ def test_periodic_waves_have_their_compliance():
         expected = (phase[:, None] * (y @ amplitude / k)).real * POTENTIALS
         computed = system.apply(phase.real[:, None] * amplitude)
         assert_close(computed, expected, 1e-9)  # of the series in k
-    uniform = symbol.uniform_compliance() * np.outer(symbol.factors, symbol.factors) @ amplitude * POTENTIALS
+    surface, *_ = symbol.uniform_compliances(1.0 / UM, np.squeeze)
+    uniform = surface * np.outer(symbol.factors, symbol.factors) @ amplitude * POTENTIALS
     computed = system.apply(np.tile(amplitude, (len(points), 1)))
     np.testing.assert_allclose(computed, np.tile(uniform, (len(points), 1)), rtol=1e-10)
 
@@ -331,8 +332,68 @@ def test_interior_fields_balance_the_load():
     assert_close(stresses[1][:, :3], stresses[0][:, :3], 1e-5)
 
 
-def test_periodic_layers_have_no_interior_fields():
-    assert HalfSpace(periodic=True, matrix_up_to=0).reduce(body(FILM)).capability(InteriorFields) is None
+@pytest.mark.parametrize(
+    "layers",
+    [TRICLINIC, LayerStack(TRICLINIC.layers, RigidBase(UM)), FILM, LayerStack(FILM.layers, RigidBase(UM))],
+    ids=["half space", "base", "electrode", "electrode above base"],
+)
+def test_interior_of_periodic_layers(layers):
+    """Surface values are those of the compliance; the mean traction crosses all planes, and electrodes are at zero."""
+    system = HalfSpace("trigonometric", periodic=True, matrix_up_to=0).reduce(body(layers, divisions=(10, 9)))
+    interior, load = system.capability(InteriorFields), random_load(system, layers)
+    load += 0.3 * np.abs(load).max(axis=0)
+    surface = interior.evaluate(load, system.points)
+    assert_close(surface.values, system.recover(load).values, 1e-9)
+    assert_close(surface.fluxes[:, 2], load, 1e-9)
+    for depth in (0.7 * UM, UM, UM * (1.0 + 1e-6), 1.6 * UM):
+        below = interior.evaluate(load, system.points - [0.0, 0.0, depth])
+        np.testing.assert_allclose(below.fluxes[:, 2, :3].mean(axis=0), load[:, :3].mean(axis=0), rtol=1e-9)
+        if layers.layers == FILM.layers and depth == UM:
+            assert np.abs(below.values[:, ELECTRIC]).max() < 1e-9 * np.abs(surface.values[:, ELECTRIC]).max()
+            assert np.abs(below.fluxes[:, 2, ELECTRIC].mean() / load[:, ELECTRIC].mean() - 1.0) < 1e-9
+
+
+def test_interior_of_periodic_layers_of_the_substrate():
+    """Layers of the substrate's material leave the fields below them as they are, also under the mean load."""
+    layers, fields = LayerStack((Layer(SUBSTRATE, 0.4 * UM), Layer(SUBSTRATE, 0.3 * UM))), []
+    points = np.array([[x, 0.2 * UM, -depth * UM] for depth in (0.0, 0.4, 0.55, 1.3) for x in (-UM, 0.0, 0.4 * UM)])
+    for one in (layers, LayerStack()):
+        system = HalfSpace(periodic=True, matrix_up_to=0).reduce(body(one, divisions=(12, 11)))
+        load = random_load(system, layers)
+        fields.append(system.capability(InteriorFields).evaluate(load + load.max(axis=0), points))
+    for name in ("values", "gradients", "fluxes"):
+        computed, expected = (getattr(one, name).reshape(len(points), -1) for one in fields)
+        assert_close(computed, expected, 1e-9)
+
+
+def test_sinusoidal_pressure_on_an_isotropic_layer():
+    """Stresses at the base and above it, by Airy's function of a layer that is bonded to a rigid base.
+
+    The pressure is cos kx, the function f(z) cos kx with f = (A + B kz) cosh kz + (C + D kz) sinh kz, z from the base;
+    the condition at the base gives A = -2 (1 - nu) D, C = (1 - 2 nu) B.
+    """
+    nu, upper, lower = 0.3, 0.4 * UM, 0.5 * UM
+    glass = Material.isotropic(70e9, nu)
+    layers = LayerStack((Layer(glass, upper),), RigidBase(lower))
+    system = HalfSpace("trigonometric", periodic=True, matrix_up_to=0).reduce(body(layers, glass, (12, 9)))
+    x = system.points[:, 0] - system.points[:, 0].min()
+    k = 2.0 * 2.0 * np.pi / (13 / 12 * 4 * UM)
+    load = np.zeros((len(x), 5))
+    load[:, 2] = -np.cos(k * x)
+
+    def of_b_and_d(a):
+        """Coefficients of B and D in f and in f' / k at kz = a."""
+        cosh, sinh = np.cosh(a), np.sinh(a)
+        value = a * cosh + (1.0 - 2.0 * nu) * sinh, a * sinh - 2.0 * (1.0 - nu) * cosh
+        return np.array([value, (a * sinh + 2.0 * (1.0 - nu) * cosh, a * cosh - (1.0 - 2.0 * nu) * sinh)])
+
+    constants = np.linalg.solve(of_b_and_d(k * (upper + lower)), [1.0, 0.0])
+    for height in (0.0, lower, lower + 0.5 * upper):
+        depth = upper + lower - height
+        stress = system.capability(InteriorFields).evaluate(load, system.points - [0.0, 0.0, depth]).fluxes[:, 2]
+        normal, shear = of_b_and_d(k * height) @ constants
+        np.testing.assert_allclose(stress[:, 2], -normal * np.cos(k * x), atol=1e-9)
+        np.testing.assert_allclose(stress[:, 0], shear * np.sin(k * x), atol=1e-9)
 
 
 def test_refusals():
