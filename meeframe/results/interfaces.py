@@ -16,6 +16,8 @@ one."""
 _MAX_ZONE_WIDTHS: Final = 3.9
 """Half width of that area, in widths of the zone: fields inside a half space are limited to four."""
 _SAMPLES_PER_DEPTH: Final = 3.0
+_ROUND_OFF: Final = 1e-9
+"""Coordinates this small relative to the depth are printed as zero."""
 _MIN_SAMPLES, _MAX_SAMPLES = 17, 129
 _REFINEMENTS, _REFINED = 2, 4
 """Number of refinements around the largest values, and samples per spacing in each of them."""
@@ -129,7 +131,7 @@ def interfaces_table(found: list[InterfaceMaxima]) -> LiteralTable:
         table.add_column(header)
     for number, depth, *maxima in found:
         for name, value, unit, position in maxima:
-            numbers = (f"{x + 0.0:.4g}" for x in position.tolist())
+            numbers = (f"{0.0 if abs(x) < _ROUND_OFF * depth else x:.4g}" for x in position.tolist())
             table.add_row(str(number), f"{depth:.4g}", name, unit, f"{value:.6g}", *numbers)
     return table
 
