@@ -13,8 +13,8 @@ def test_sphere_on_a_power_law_half_space():
     """Young's modulus grows like depth^k.
 
     The pressure is proportional to (1 - r^2 / a^2)^((1 + k) / 2), the approach is a^2 / (1 + k) R, and the force grows
-    like a^(3 + k). Source: Giannakopoulos and Suresh, Int. J. Solids Struct. 34 (1997) 2393. The layer is forty times as
-    thick as the contact is wide.
+    like a^(3 + k). Source: Giannakopoulos and Suresh, Int. J. Solids Struct. 34 (1997) 2393. The layer is forty times
+    as thick as the contact is wide.
     """
     k, radius, approaches = 0.4, 10 * UM, np.array([10e-9, 20e-9])
     glass = {"name": "isotropic", "young_modulus": "70 GPa", "poisson_ratio": 0.3}
