@@ -4,7 +4,7 @@ In a layer, the solutions that decay downwards have an amplitude c at its upper 
 amplitude B c at its lower side. Both are bounded, so that the descent is as stable as the recursion.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -37,12 +37,13 @@ def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: f
         return np.zeros_like(traction), np.zeros_like(traction)
     thicknesses, top = (*symbol.thicknesses, np.inf), 0.0
     state, pairs = (traction / k[:, None])[..., None], k[None, :]
+    below = list(symbol.ascend(pairs))[::-1]
     for number, medium in enumerate(symbol.media[: last + 1]):
         thickness = thicknesses[number]
         local = min(depth - top, thickness)
         down = exponential(-(k * local)[:, None, None] * medium.descent)
         if np.isfinite(thickness):
-            g, at_bottom = (one[0] for one in reflection(medium, pairs * thickness, *symbol.below(pairs, number)))
+            g, at_bottom = (one[0] for one in reflection(medium, pairs * thickness, *below[number]))
             amplitude = np.linalg.solve(np.eye(g.shape[-1]) + g, state)
             up = exponential(-(k * (thickness - local))[:, None, None] * medium.descent).conj() @ at_bottom @ amplitude
         else:
@@ -59,7 +60,7 @@ def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: f
 
 
 def uniform_in_layers(
-    symbol: SurfaceSymbol, compliances: Sequence[Array], traction: Array, depth: float
+    symbol: SurfaceSymbol, compliances: Mapping[int, Array], traction: Array, depth: float
 ) -> tuple[Array, Array]:
     """Return fields and their derivative along the outward normal at a depth below a surface with a uniform load.
 

@@ -13,8 +13,8 @@ from meeframe_halfspace.layered_symbol import uniform_response
 from meeframe_halfspace.response import PointResponse, series_values
 
 ComplexArray = NDArray[np.complex128]
-BATCH: Final = 4096
-"""Number of waves that are followed downwards together."""
+BATCH: Final = 8192
+"""Number of waves that are followed downwards together, times the number of materials."""
 _ANGLES: Final = 32
 
 
@@ -54,8 +54,9 @@ class LayerWaves:
     def at_depth(self, waves: Array, loads: ComplexArray, depth: float) -> ComplexArray:
         """Return values and derivatives (4, f, w) of waves (w, 2) of the load (f, w) at a depth [m]."""
         fields = np.empty((4, *loads.shape), complex)
-        for first in range(0, len(waves), BATCH):
-            part = slice(first, first + BATCH)
+        count = max(1, BATCH // len(self.stiffnesses))
+        for first in range(0, len(waves), count):
+            part = slice(first, first + count)
             q = waves[part]
             symbol = self._symbol(np.arctan2(q[:, 1], q[:, 0]))
             values, slopes = waves_in_layers(symbol, np.hypot(*q.T), loads[:, part].T, depth)
@@ -64,7 +65,7 @@ class LayerWaves:
         return fields
 
     @cached_property
-    def _uniform(self) -> tuple[SurfaceSymbol, list[Array]]:
+    def _uniform(self) -> tuple[SurfaceSymbol, dict[int, Array]]:
         return uniform_response(self.body, self.frame, self.mean_length)
 
     def uniform_at_depth(self, load: Array, depth: float) -> tuple[Array, Array]:

@@ -108,12 +108,12 @@ class LayeredResponse:
 
     def uniform(self, length: float) -> Array:
         """Return the response (symmetric entries,) [m] to uniform periodic loads; see `uniform_response`."""
-        _, (surface, *_) = uniform_response(self.body, self.frame, length)
-        entries: Array = surface[self.layout.upper]
+        _, compliances = uniform_response(self.body, self.frame, length)
+        entries: Array = compliances[0][self.layout.upper]
         return entries
 
 
-def uniform_response(body: Body, frame: Array, length: float) -> tuple[SurfaceSymbol, list[Array]]:
+def uniform_response(body: Body, frame: Array, length: float) -> tuple[SurfaceSymbol, dict[int, Array]]:
     """Return a symbol of a body and its responses to uniform loads, see `SurfaceSymbol.uniform_compliances`.
 
     length: 1 / k of the wave that is taken where they have no limit [m].

@@ -167,7 +167,7 @@ def test_uniform_load_is_the_limit_of_long_waves(electrode):
     """A floating electrode differs: its potential is free under a uniform load and zero under each wave."""
     interface = Interface(1e17, 3e16, {"magnetic": 20.0}, electrode)
     one = symbol(LayerStack((Layer(rotated("pzt-4"), 1e-6, interface),), RigidBase(2e-6)))
-    uniform, *_ = one.uniform_compliances(1.0, np.squeeze)
+    uniform = one.uniform_compliances(1.0, np.squeeze)[0]
     k = np.array([1e-7 / 1e-6])
     without = replace(interface, electrode=None if electrode == "floating" else electrode)
     waves = replace(one, interfaces=(without,))
