@@ -178,11 +178,27 @@ def test_periodic_waves_have_their_compliance():
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("layers", [TRICLINIC, FILM])
 def test_capabilities(periodic, layers):
-    """Coarser grids, subgrids, fields of the product and the approximate inverse agree with the product itself."""
-    system = HalfSpace(periodic=periodic, matrix_up_to=0).reduce(body(layers, divisions=(55, 51)))
+    """Coarser grids, subgrids, fields of the product, the approximate inverse and fields inside agree with the product.
+
+    The depths at which fields are evaluated, up to 0.3 widths, are in the first layer.
+    """
+    one = body(layers, divisions=(55, 51), width=(2 * UM, 1.8 * UM))
+    system = HalfSpace(periodic=periodic, matrix_up_to=0).reduce(one)
     check_capabilities(system)
     assert (system.capability(Multigrid) is None) == (periodic and any(n % 2 for n in system.grid.size))
     assert (system.capability(Restriction) is None) == periodic
+
+
+def test_interpolation_far_from_the_source():
+    """On wide grids, the difference far from the source is interpolated; on a part of 170 nodes it is not."""
+    system = HalfSpace(matrix_up_to=0).reduce(body(TRICLINIC, divisions=(250, 5), width=(50 * UM, UM)))
+    part = system.capability(Restriction).restrict(
+        np.flatnonzero(system.points[:, 0] < system.points[:, 0].min() + 34 * UM)
+    )
+    load = np.zeros((len(system.points), 5))
+    load[part.nodes] = random_load(part.system, TRICLINIC)
+    assert len(part.nodes) < 0.75 * len(load)
+    assert_close(part.system.apply(load[part.nodes]), system.apply(load)[part.nodes], 1e-10)
 
 
 def test_matrix_matches_fft():
