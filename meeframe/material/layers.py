@@ -168,6 +168,10 @@ class LayerStack:
         """Return the numbers of the layers at depths [m], from 0; on an interface that of the layer above it."""
         return layer_numbers(self.bottoms, depths)
 
+    def locate(self, depth: float) -> tuple[int, float, float]:
+        """Return the number of the layer at a depth [m] and the distances from its upper and lower side [m]."""
+        return locate_depth(self.bottoms, depth)
+
     @property
     def top_thickness(self) -> float:
         """Thickness of the material at the surface [m]; inf for a homogeneous half space."""
@@ -182,6 +186,16 @@ def layer_numbers(bottoms: Array, depths: Array | float) -> Indices:
     bottoms: depths of the lower sides of all layers, below which the number is theirs.
     """
     return np.asarray(np.searchsorted(bottoms * (1.0 + _SAME_DEPTH), depths))
+
+
+def locate_depth(bottoms: Array, depth: float) -> tuple[int, float, float]:
+    """Return the number of the layer at a depth, as `layer_numbers`, and distances from its upper and lower side.
+
+    Below the last layer the distance from the lower side is inf.
+    """
+    number = int(layer_numbers(bottoms, depth))
+    top, bottom = np.concatenate([[0.0], bottoms, [np.inf]])[number : number + 2].tolist()
+    return number, min(depth, bottom) - top, max(bottom - depth, 0.0)
 
 
 def _check_thickness(what: str, thickness: float) -> None:

@@ -19,8 +19,8 @@ _SAMPLES_PER_DEPTH: Final = 3.0
 _ROUND_OFF: Final = 1e-9
 """Coordinates this small relative to the depth are printed as zero."""
 _MIN_SAMPLES, _MAX_SAMPLES = 17, 129
-_REFINEMENTS, _REFINED = 2, 4
-"""Number of refinements around the largest values, and samples per spacing in each of them."""
+_REFINED: Final = 12
+"""Samples per spacing around the largest values."""
 
 
 class InterfaceMaxima(NamedTuple):
@@ -57,7 +57,7 @@ def interface_maxima(
     """Return the largest tension and shear on interfaces after an increment.
 
     Tractions are sampled on a grid, on an area wider than the contact by twice the depth of the interface on each side,
-    but not farther from the zone than four of its widths, and then twice on finer grids around the largest values.
+    but not farther from the zone than four of its widths, and then on finer grids around the largest values.
 
     Parameters
     ----------
@@ -86,10 +86,7 @@ def interface_maxima(
     centre, frame, half_width, spacing = contact_extent(zone, step)
     along = (extent - centre) @ frame[:2].T
     nodes = (zone.points - centre) @ frame[:2].T
-    middle, widest = (
-        (nodes.max(axis=0) + nodes.min(axis=0)) / 2.0,
-        _MAX_ZONE_WIDTHS * float(np.ptp(nodes, axis=0).max()),
-    )
+    middle, widest = (nodes.max(axis=0) + nodes.min(axis=0)) / 2.0, _MAX_ZONE_WIDTHS * np.ptp(nodes, axis=0).max()
     low, high = np.maximum(along.min(axis=0), middle - widest), np.minimum(along.max(axis=0), middle + widest)
     inwards = frame[2] if body == "second" else -frame[2]
 
@@ -100,7 +97,7 @@ def interface_maxima(
         tension = traction @ frame[2]
         return np.stack([tension, np.linalg.norm(traction - tension[:, None] * frame[2], axis=1)])
 
-    found = []
+    found, offsets = [], np.arange(-_REFINED, _REFINED + 1) / _REFINED
     for number, depth in enumerate(depths.tolist(), 1):
         reach = half_width + _DEPTHS_AROUND * depth
         first, last = np.maximum(low, -reach), np.minimum(high, reach)
@@ -109,13 +106,10 @@ def interface_maxima(
         steps = (last - first) / (counts - 1)
         positions = _grid(*(np.linspace(*ends) for ends in zip(first, last, counts, strict=True)))
         values = tractions(positions, depth)
-        best, largest = positions[values.argmax(axis=1)], values.max(axis=1)
-        for _ in range(_REFINEMENTS):
-            offsets = np.arange(-_REFINED, _REFINED + 1) / _REFINED
-            around = np.clip(best[:, None] + steps * _grid(offsets, offsets), first, last)
-            values = tractions(around.reshape(-1, 2), depth).reshape(2, 2, -1)[[0, 1], [0, 1]]
-            best, largest = around[[0, 1], values.argmax(axis=1)], values.max(axis=1)
-            steps = steps / _REFINED
+        best = positions[values.argmax(axis=1)]
+        around = np.clip(best[:, None] + steps * _grid(offsets, offsets), first, last)
+        values = tractions(around.reshape(-1, 2), depth).reshape(2, 2, -1)[[0, 1], [0, 1]]
+        best, largest = around[[0, 1], values.argmax(axis=1)], values.max(axis=1)
         points = centre + best @ frame[:2] + depth * inwards
         named = zip(("tension", "shear"), largest.tolist(), points, strict=True)
         found.append(
