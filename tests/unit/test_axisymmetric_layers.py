@@ -147,11 +147,10 @@ def test_thin_piezoelectric_film_on_an_elastic_substrate():
     strokes, a = [], 1e-6
     for ratio in (5.0, 10.0, 20.0):
         layers = LayerStack((Layer(film, a / ratio, Interface(electrode="grounded")),))
-        forces = [
-            on(glass, layers, potentials={ELECTRIC: potential}).press_punch(a, approach).force
-            for potential, approach in ((0.0, 1e-9), (1.0, 1e-9), (0.0, 2e-9))
-        ]
-        strokes.append(-1e-9 * (forces[1] - forces[0]) / (forces[2] - forces[0]))
+        grounded, driven = (
+            on(glass, layers, potentials={ELECTRIC: potential}).press_punch(a, 1e-9).force for potential in (0.0, 1.0)
+        )
+        strokes.append(1e-9 * (grounded - driven) / grounded)
     extrapolated = (np.sqrt(2.0) * np.array(strokes[1:]) - strokes[:-1]) / (np.sqrt(2.0) - 1.0)
     errors = np.abs(extrapolated - limit) / (e33 / c33)
     assert errors[1] < 0.02

@@ -51,11 +51,15 @@ def sliding():
     return solve()
 
 
-def test_layers_of_one_material(sliding):
+@pytest.fixture(scope="module")
+def found(sliding):
+    return meeframe.interfaces(sliding, step="last")
+
+
+def test_layers_of_one_material(sliding, found):
     """Behind a slider the interface is in tension; point loads give the same values, and none that are larger."""
     x = np.linspace(-2.0 * UM, 2.0 * UM, 61)
     positions = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
-    found = meeframe.interfaces(sliding, step="last")
     np.testing.assert_allclose([one.depth for one in found], DEPTHS)
     for one in found:
         largest = point_load_tractions(sliding, one.depth, positions).max(axis=1)
@@ -67,15 +71,15 @@ def test_layers_of_one_material(sliding):
         assert one.tension.position[0] < -0.5 * UM
 
 
-def test_table_of_interfaces(sliding):
-    table = interfaces_table(meeframe.interfaces(sliding))
+def test_table_of_interfaces(found):
+    table = interfaces_table(found)
     layers, depths, names, *_ = [[str(cell) for cell in column.cells] for column in table.columns]
     assert layers == ["1", "1", "2", "2"]
     assert depths == ["4e-07", "4e-07", "1e-06", "1e-06"]
     assert names == ["tension", "shear", "tension", "shear"]
 
 
-def test_two_bodies_have_the_same_tractions(sliding):
+def test_two_bodies_have_the_same_tractions():
     """Each of two equal bodies deforms by half; the interfaces of the second one lie above the contact."""
     second = meeframe.SecondBody(
         STEEL,
