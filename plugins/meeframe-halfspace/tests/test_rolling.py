@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
+from meeframe_halfspace.self_affine import SelfAffine
 from meeframe_laws.evolving import RateAndPressure
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -364,6 +365,26 @@ VARIANTS = {
     "polar axes": {"axes": FrictionAxes(around=(0.0, 0.0, 1.0))},
     "oblique axes": {"axes": FrictionAxes(direction=(1.0, 2.0, 0.0))},
 }
+
+
+def test_rough_slider_has_the_limit_of_friction() -> None:
+    period, nodes = 1e-3, 16
+    spacing = period / nodes
+    case = Case(
+        isotropic(40e9, 0.3),
+        half_space_mesh(4.0 * period, (nodes - 1) * spacing, nodes - 1, 1, Quad4()),
+        (),
+        SelfAffine(period, period / 4.0, 0.8, rms_slope=0.05),
+        contact_law=IsotropicCoulomb(0.3),
+        formulation=HalfSpace(density="trigonometric", periodic=True),
+        steps=(Step(normal_force=20.0), Step(rolling=Rolling((0.0, 1.0), 3 * spacing, creepage=(1.0, 0.0)))),
+    )
+    result = run(case)
+    assert not (result.steps[-1].region == Region.STICK).any()
+    numbers = rolling_totals(result.zone, result.steps[-1])
+    assert numbers["creep_force"][0] == pytest.approx(6.0, rel=1e-4)
+    assert abs(numbers["creep_force"][1]) < 1e-3 * 6.0, "asperities yield sideways"
+    assert numbers["friction_work"] == pytest.approx(6.0, rel=0.02)
 
 
 @pytest.mark.full(except_for=4)
