@@ -17,8 +17,8 @@ BASE_BYTES: Final = 300_000_000
 BYTES_PER_FURTHER_FIELD: Final = 60
 """Memory per node of each loaded field besides the pressure.
 
-From 512 x 512 to 2048 x 2048 nodes, measured peaks of runs with one, three and five loaded fields are within 11 % of the
-estimate.
+From 512 x 512 to 2048 x 2048 nodes, measured peaks of runs with one, three and five loaded fields are within 11 % of
+the estimate.
 """
 NOTICED_FRACTION: Final = 0.5
 """Fraction of the memory of the machine above which the estimate is a warning."""
