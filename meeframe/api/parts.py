@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from pydantic import ValidationError
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import MEE
+from meeframe.fields import MEE, OPTIONAL_FIELDS, FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import Signorini
@@ -23,6 +23,8 @@ from meeframe.plugin.validation import Problem, problems_of
 
 Amount = float | str
 """Number in SI units, or text with a unit such as '5 mm'."""
+BUILT_IN: Final = FieldSet((*MEE.scalars, *OPTIONAL_FIELDS))
+"""Scalar fields whose keys are arguments; those of fields that plugins add go into `scalars`."""
 
 
 def entries(part: Any) -> dict[str, Any]:
@@ -80,6 +82,8 @@ class Step:
         Potential of the indenter [V], or charge [C].
     magnetic_potential, magnetic_flux : float or str, optional
         Potential of the indenter [A], or magnetic flux [Wb].
+    temperature, heat : float or str, optional
+        Temperature of the indenter above the reference [K], or heat out of the body [W], of a body with heat.
     duration : float or str, optional
         Time of the whole step [s], for laws that need it.
     rolling : mapping, optional
@@ -110,13 +114,15 @@ class Step:
     charge: Amount | None = None
     magnetic_potential: Amount | None = None
     magnetic_flux: Amount | None = None
+    temperature: Amount | None = None
+    heat: Amount | None = None
     duration: Amount | None = None
     rolling: Mapping[str, Any] | None = None
     increments: int = 1
     scalars: Mapping[str, Amount] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check(self, StepTable.of(MEE))
+        _check(self, StepTable.of(BUILT_IN))
 
     def __repr__(self) -> str:
         """Return the prescribed quantities alone."""
@@ -137,6 +143,8 @@ class Boundary:
         Potential [V], or outward flux D.nu [C/m^2].
     magnetic_potential, magnetic_flux : float or str, optional
         Potential [A], or outward flux B.nu [Wb/m^2].
+    temperature, heat_flux : float or str, optional
+        Temperature above the reference [K], or outward heat flux [W/m^2], of a body with heat.
     scalars : mapping of str to float or str, optional
         Potentials or fluxes of scalar fields that plugins add, by name.
 
@@ -153,10 +161,12 @@ class Boundary:
     electric_flux: Amount | None = None
     magnetic_potential: Amount | None = None
     magnetic_flux: Amount | None = None
+    temperature: Amount | None = None
+    heat_flux: Amount | None = None
     scalars: Mapping[str, Amount] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check(self, BoundaryTable.of(MEE))
+        _check(self, BoundaryTable.of(BUILT_IN))
 
     def __repr__(self) -> str:
         """Return the prescribed quantities alone."""
@@ -195,6 +205,8 @@ class Interface:
         Traction per jump of the displacement [N/m^3].
     electric_conductance, magnetic_conductance : float or str, optional
         Flux per jump of the potential: capacitance [F/m^2] and permeance [H/m^2] per area.
+    thermal_conductance : float or str, optional
+        Heat flux per jump of the temperature [W/(m^2 K)], of a body with heat.
     electrode : {'grounded', 'floating'}, optional
         Thin electrode at the interface, at the potential zero, or at one at which its total charge is zero.
     scalars : mapping of str to float or str, optional
@@ -210,11 +222,12 @@ class Interface:
     tangential_stiffness: Amount | None = None
     electric_conductance: Amount | None = None
     magnetic_conductance: Amount | None = None
+    thermal_conductance: Amount | None = None
     electrode: Literal["grounded", "floating"] | None = None
     scalars: Mapping[str, Amount] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check(self, InterfaceTable.of(MEE))
+        _check(self, InterfaceTable.of(BUILT_IN))
 
 
 @dataclass(frozen=True)
@@ -252,6 +265,8 @@ class Base:
         Thickness of the body's material on the base [m].
     electric, magnetic : {'grounded', 'insulating'}, optional
         Whether the potential of the base, or the flux into it, is zero.
+    thermal : {'grounded', 'insulating'}, optional
+        Whether the temperature of the base, or the heat flux into it, is zero, of a body with heat.
     scalars : mapping of str to str, optional
         The same for scalar fields that plugins add, by their names.
 
@@ -264,10 +279,11 @@ class Base:
     thickness: Amount
     electric: Literal["grounded", "insulating"] = "grounded"
     magnetic: Literal["grounded", "insulating"] = "grounded"
+    thermal: Literal["grounded", "insulating"] = "grounded"
     scalars: Mapping[str, Literal["grounded", "insulating"]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check(self, BaseTable.of(MEE))
+        _check(self, BaseTable.of(BUILT_IN))
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.fields import MEE
+from meeframe.api.parts import BUILT_IN
 from meeframe.model.body_tables import BlockTable, BoundaryTable, FileTable, HalfSpaceTable, SecondBodyTable
+from meeframe.model.layer_tables import BaseTable, InterfaceTable
 from meeframe.model.schema import StepTable
 from meeframe.plugin.registry import load
 
@@ -126,8 +127,10 @@ def test_result_contains_the_case():
 @pytest.mark.parametrize(
     ("part", "table"),
     [
-        (meeframe.Step, StepTable.of(MEE)),
-        (meeframe.Boundary, BoundaryTable.of(MEE)),
+        (meeframe.Step, StepTable.of(BUILT_IN)),
+        (meeframe.Boundary, BoundaryTable.of(BUILT_IN)),
+        (meeframe.Interface, InterfaceTable.of(BUILT_IN)),
+        (meeframe.Base, BaseTable.of(BUILT_IN)),
         (meeframe.SecondBody, SecondBodyTable),
     ],
 )
@@ -168,6 +171,9 @@ def test_meshes_have_the_keys_and_defaults_of_case_files(recipe, table):
         (lambda: build(boundary=[meeframe.Boundary("lid", traction=[0, 0, 0])]), r"Case: boundary\[0\].group = 'lid'"),
         (lambda: build(potentials={"electric": 1}), "Case: potentials.electric = 1: unknown key"),
         (lambda: build(steps=[meeframe.Step(tilt=[0, 0])]), r"Case: steps\[0\]: the first load step gives neither"),
+        (lambda: meeframe.Step(temperature="5 W"), "Step: temperature = '5 W': has the wrong unit"),
+        (lambda: meeframe.Boundary("base", heat_flux="5 W"), "Boundary: heat_flux = '5 W': has the wrong unit"),
+        (lambda: build(steps=[meeframe.Step(approach=1e-5, heat=0)]), r"Case: steps\[0\].heat = 0: unknown key"),
         (lambda: build(material="pzt-44"), "Case: material: unknown material 'pzt-44'; did you mean 'pzt-4'"),
         (lambda: build(restart="nowhere"), "Case: restart = 'nowhere': no result in nowhere"),
         (lambda: meeframe.Case.from_toml("a = 1\nb ="), "the text is no case file"),
@@ -198,6 +204,23 @@ def test_objects_of_every_registered_name():
             )
             if not required:
                 assert type(maker(entry.record.name)) is entry.record.factory
+
+
+def test_heat_has_the_keys_of_case_files():
+    tables = {
+        "material": {"name": "batio3", "thermal": True},
+        "formulation": meeframe.formulation("skfem"),
+        "conductivity": CONDUCTING | {"thermal": meeframe.StepConductivity("1e6 W/m^2/K")},
+        "potentials": {"temperature": "10 K"},
+        "steps": [meeframe.Step(approach="10 um", temperature="20 K"), meeframe.Step(heat="-1 mW")],
+    }
+    grounded = {"displacement": [0, 0, 0], "electric_potential": 0, "magnetic_potential": 0}
+    case = build(**tables, boundary=[meeframe.Boundary("base", **grounded, temperature=0)])
+    assert [dict(step.scalars) for step in case.checked.steps] == [{"temperature": 20.0}, {"heat": -1e-3}]
+    again = meeframe.Case.from_toml(case.to_toml())
+    assert [step.temperature for step in again.steps] == ["20 K", None]
+    assert again.boundary[0].temperature == 0
+    assert_same_model(again.checked, case.checked)
 
 
 def test_arguments_as_objects(tmp_path):
