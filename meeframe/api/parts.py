@@ -12,6 +12,7 @@ from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import Signorini
 from meeframe.laws.base import ContactLaw
+from meeframe.laws.wear import WearLaw
 from meeframe.material import Material
 from meeframe.mesh import FrictionAxes, MeshRecipe
 from meeframe.mesh.surface import SurfaceMesh
@@ -80,6 +81,8 @@ class Step:
         Potential of the indenter [V], or charge [C].
     magnetic_potential, magnetic_flux : float or str, optional
         Potential of the indenter [A], or magnetic flux [Wb].
+    sliding : float or str, optional
+        Distance that the indenter slides in the whole step while the contact zone stays, which wears surfaces [m].
     duration : float or str, optional
         Time of the whole step [s], for laws that need it.
     increments : int, optional
@@ -107,6 +110,7 @@ class Step:
     charge: Amount | None = None
     magnetic_potential: Amount | None = None
     magnetic_flux: Amount | None = None
+    sliding: Amount | None = None
     duration: Amount | None = None
     increments: int = 1
     scalars: Mapping[str, Amount] = field(default_factory=dict)
@@ -173,12 +177,15 @@ class Contact:
         Direction of the local axis e1, from which laws measure their angles.
     friction_heat : float, optional
         Fraction of the work of friction that flows into the body as heat, in load steps with a duration.
+    wear : WearLaw, optional
+        Law of the depth that slip wears off, such as `meeframe.Archard`; none by default.
     """
 
     law: ContactLaw = field(default_factory=Signorini)
     zone: str = "contact"
     axes: FrictionAxes | None = None
     friction_heat: float = 0.0
+    wear: WearLaw | None = None
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from meeframe.model.preflight import check_solver, preflight, undeformed, unused
 from meeframe.model.restart import check_same_zone
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
 from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
+from meeframe.model.wear import check_sliding, check_wear
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import choices
 
@@ -67,6 +68,8 @@ class Case(CaseData):
     friction_heat : float, optional
         Fraction of the work of friction that flows into the body as heat, from 0 (by default) to 1; the rest heats the
         indenter. Load steps without a duration are infinitely slow and generate none.
+    wear : WearLaw, optional
+        Law of the depth that slip wears off the surfaces together, which opens the gap; none by default.
     conductivity : mapping of str to ConductivityLaw, optional
         Conductivity laws of the contact by the name of their scalar field; a field without one is insulated.
     formulation : Formulation, optional
@@ -122,6 +125,7 @@ class Case(CaseData):
         check_fields(self.second_body, self.fields)
         check_friction_heat(self.friction_heat, self.fields, self.second_body is not None)
         check_levels(self.steps, self.channels, self.friction_heat, self._undetermined_levels)
+        check_wear(self.wear, self.contact_law)
         check_alike(self.second_body, self.formulation)
         check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:
@@ -132,6 +136,7 @@ class Case(CaseData):
         for number, step in enumerate(self.steps, 1):
             check_names(step, self.motions)
             check_duration(step, number, self.contact_law)
+            check_sliding(step, number, self.contact_law, self.wear)
             check_pull(step, self.contact_law)
             check_resisted(step, self.motions, resists)
         law_of_increment(self.contact_law, np.zeros(len(contact_zone.points)), self.steps[0].increment_duration)

@@ -20,6 +20,7 @@ from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
 from meeframe.indenters.base import FORCE_RATIO, N_RIGID, MotionModes, motion_measure, total_resultants
 from meeframe.laws.base import augmented_traction, is_adhesive, resolve
+from meeframe.laws.wear import WearingContact
 from meeframe.mesh import ContactZone
 from meeframe.model.conduction import watched
 from meeframe.model.data import CaseData
@@ -47,7 +48,8 @@ class Increment:
     """Increment of a load step.
 
     problem: contact problem; base: (motions,) motions of the indenter from which its free motions count; free: (m,)
-    numbers of those that are free; prescribed, duration: as in Loading.
+    numbers of those that are free; prescribed, duration: as in Loading; sliding: distance that the indenter slides in
+    it [m], None where surfaces wear by the slip of the solution; depth: (n,) worn off in it, None before it is solved.
     """
 
     problem: ContactProblem
@@ -55,6 +57,8 @@ class Increment:
     free: Indices
     prescribed: Controls
     duration: float | None
+    sliding: float | None = None
+    depth: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +157,14 @@ class IndenterKinematics:
         resultants = [motions.columns[key] for key in controls if key not in motions.motions]
         return any(bool(self.resists[columns].any()) for columns in resultants if columns.start < N_RIGID)
 
-    def increment(self, controls: Controls, start: ConvergedState, duration: float | None = None) -> Increment:
-        """Return the increment from a converged state to the given controls, in a duration [s].
+    def increment(
+        self,
+        controls: Controls,
+        start: ConvergedState,
+        duration: float | None = None,
+        sliding: float | None = None,
+    ) -> Increment:
+        """Return the increment from a converged state to the given controls, in a duration [s], sliding a distance [m].
 
         Slip is measured from that state. Motions are small: the gap changes by their part along the normals. Free
         motions count from the converged state, and those that nothing can resist stay there.
@@ -164,6 +174,8 @@ class IndenterKinematics:
         prescribed_resultants = self._prescribed_resultants(prescribed)
         shift = self._mode_displacement(base, 2)
         gap = self.touching_gap + shift if shift.any() else self.touching_gap
+        if start.wear.any():
+            gap = gap + start.wear
         translation = np.zeros((2, len(gap))).T  # columns of zeros are never written, and take no memory
         for column in range(2):
             shift = self._mode_displacement(base, column) - start.total_slip[:, column]
@@ -171,6 +183,8 @@ class IndenterKinematics:
                 translation[:, column] = shift
         potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
+        if self.case.wear is not None:
+            contact_law = WearingContact(contact_law, self.case.wear, start.wear, sliding, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         problem = ContactProblem(
             self.system,
@@ -182,7 +196,7 @@ class IndenterKinematics:
             tuple(prescribed_resultants.values()),
             friction_heat=0.0 if duration is None else self.case.friction_heat / duration,
         )
-        return Increment(problem, base, np.array(list(prescribed_resultants), int), prescribed, duration)
+        return Increment(problem, base, np.array(list(prescribed_resultants), int), prescribed, duration, sliding)
 
     def _prescribed_resultants(self, prescribed: Controls) -> dict[int, PrescribedResultant]:
         """Return the prescribed resultants of free motions that something may resist, by number."""
@@ -221,8 +235,9 @@ class IndenterKinematics:
         motion[increment.free] += state.motion
         slip = slip_of(increment, state)
         path, total_slip = start.slip_path.copy(), start.total_slip + slip if start.total_slip.any() else slip
-        path[touches] += np.linalg.norm(slip[touches], axis=1)
-        return ConvergedState(self.case.motions, motion, self.resultants(state), total_slip, path, state)
+        path[touches] += path_length(increment, slip)[touches]
+        wear = start.wear if increment.depth is None else start.wear + increment.depth
+        return ConvergedState(self.case.motions, motion, self.resultants(state), total_slip, path, wear, state)
 
     def dissipation(self, increment: Increment, start: ConvergedState, state: ContactState, region: Indices) -> Array:
         """Return the work of friction in an increment from a converged state, (n,) [J/m^2].
@@ -236,7 +251,8 @@ class IndenterKinematics:
         if start.state is not None:
             # of the problem as solved: with a contact edge between nodes, those near the indenter have gaps, too
             back = self._mode_displacement(start.motion - increment.base, 2)
-            gap = np.column_stack([slip, problem.gap + back - start.state.displacement[:, 2]])
+            worn = 0.0 if increment.depth is None else increment.depth
+            gap = np.column_stack([slip, problem.gap - worn + back - start.state.displacement[:, 2]])
             stiffness = 1.0 / problem_scales(problem).normal_compliance
             r = stiffness, _TANGENTIAL_STEP * stiffness
             pressed = np.column_stack([np.zeros_like(slip), start.state.load[:, 2]])
@@ -261,7 +277,7 @@ def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]
         return here, hold_motions(here, {})
     step = case.restart.step
     totals = kinematics.resultants(step.state)
-    here = ConvergedState(case.motions, step.loading.motion, totals, step.total_slip, step.slip_path, step.state)
+    here = ConvergedState(case.motions, step.loading.motion, totals, step.total_slip, step.slip_path, step.wear, step.state)
     return here, hold_motions(here, step.loading.prescribed)
 
 
@@ -272,6 +288,11 @@ def slip_of(increment: Increment, state: ContactState) -> Array:
         shift = indenter_field(increment.problem, column, state.motion)
         np.subtract(shift, state.displacement[:, column], out=slip[:, column])
     return slip
+
+
+def path_length(increment: Increment, slip: Array) -> Array:
+    """Return the length of the path that nodes slip in an increment with slips (n, 2) [m], (n,) [m]."""
+    return np.linalg.norm(slip, axis=1) if increment.sliding is None else np.full(len(slip), increment.sliding)
 
 
 def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:

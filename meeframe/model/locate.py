@@ -26,6 +26,7 @@ from meeframe.model.restart import Restart, check_same_zone
 from meeframe.model.schema import CaseTable
 from meeframe.model.second_body import SecondBody, check_alike, check_fields, check_match
 from meeframe.model.step import Step, check_duration, check_first, check_pull, check_resisted
+from meeframe.model.wear import check_sliding, check_wear
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import Problem, TableError
 from meeframe.solvers import Auto
@@ -137,10 +138,12 @@ def _case_checks(
     held = partial(resistance, placement, body.mesh, zone, table.contact.axes, law, channels)
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
+        yield Problem(("steps", number), ""), partial(check_sliding, step, number + 1, law, table.contact.wear)
         yield Problem(("steps", number), ""), partial(check_pull, step, law)
         yield Problem(("steps", number), ""), partial(_check_held, step, IndenterMotions(body.fields), held)
     heat, two_bodies = table.contact.friction_heat, second_body is not None
     yield Problem(("contact", "friction_heat"), "", heat), partial(check_friction_heat, heat, body.fields, two_bodies)
+    yield Problem(("contact", "wear"), ""), partial(check_wear, table.contact.wear, law)
     levels = {*table.formulation.undetermined_levels(body)}
     if second_body is not None:
         levels |= {*second_body.formulation.undetermined_levels(second_body.body)}

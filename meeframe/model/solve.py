@@ -26,6 +26,7 @@ from meeframe.model.history import ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
 from meeframe.model.systems import checked
+from meeframe.model.wear import without_wear
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.sources import faults_of_plugins, local_files
 from meeframe.results.balance import unbalance_warning
@@ -40,7 +41,7 @@ from meeframe.results.records import (
     zone_of,
 )
 from meeframe.results.result import Interrupted, Result
-from meeframe.solvers import solve_to_edges
+from meeframe.solvers import solve, solve_to_edges
 from meeframe.system.capabilities import ZoneRecovery
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
@@ -194,7 +195,7 @@ def solve_steps(
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
-                planned = kinematics.increment(controls, here, step.increment_duration)
+                planned = kinematics.increment(controls, here, step.increment_duration, step.increment_sliding)
                 start = _start(planned, last, here)
                 end, result = _solve(kinematics, planned, here, start, (number, increment), share)
                 last, here = here if end is not here else None, end
@@ -268,9 +269,13 @@ def _solve(
     start: initial guess of the solver; numbers: of the step and the increment.
     """
     case = kinematics.case
-    rim = partial(kinematics.rim, increment)
-    solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
-    increment = replace(increment, problem=problem)
+    if case.wear is None:
+        rim = partial(kinematics.rim, increment)
+        solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
+    else:  # the contact edge lies at nodes
+        solution, problem = solve(increment.problem, case.solver, case.limits, start, progress), increment.problem
+    problem, depth = without_wear(problem, solution.state)
+    increment = replace(increment, problem=problem, depth=depth)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))
@@ -329,6 +334,7 @@ def _step_result(
         slip=slip_of(increment, state),
         total_slip=end.total_slip,
         slip_path=end.slip_path,
+        wear=end.wear,
         dissipation=kinematics.dissipation(increment, start, state, region),
         region=region,
         status=solution.status,

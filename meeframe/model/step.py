@@ -21,6 +21,9 @@ from meeframe.plugin.validation import Problem, TableError, choices
 _LEAST_FRACTION: Final = 1e-9
 """Least part of a motion along the normal; smaller parts are round-off of the frames."""
 
+_FURTHER_UNITS: Final = {"sliding": "m", "duration": "s"}
+"""Units of the quantities of a step that are no motions or resultants."""
+
 Pair = tuple[float, float]
 
 
@@ -46,6 +49,9 @@ class Step:
     scalars : mapping of str to float, optional
         For each scalar field, by name, the potential of the indenter or the total flux, such as {"electric_potential":
         5.0} [V] or {"charge": 0.0} [C].
+    sliding : float, optional
+        Distance >= 0 that the indenter slides over the body in the whole step [m], far more than the contact is wide,
+        while the contact zone stays; it wears surfaces in place of the slip that the motions cause.
     duration : float, optional
         Time of the whole step [s] > 0, for laws that need it.
     increments : int, optional
@@ -69,13 +75,14 @@ class Step:
     twist: float | None = None
     torque: float | None = None
     scalars: Mapping[str, float] = field(default_factory=dict)
+    sliding: float | None = None
     duration: float | None = None
     increments: int = 1
     fields: FieldSet = MEE
 
     def __post_init__(self) -> None:
         motions = IndenterMotions(self.fields)
-        for key in (*_rigid_keys(), "duration"):
+        for key in (*_rigid_keys(), *_FURTHER_UNITS):
             object.__setattr__(self, key, _in_si(key, getattr(self, key), motions))
         for key in self.scalars:
             if key not in motions.columns or key in _rigid_keys():
@@ -96,6 +103,8 @@ class Step:
                 )
         if self.duration is not None and not (np.ndim(self.duration) == 0 and 0.0 < self.duration < math.inf):
             raise CaseError(f"duration = {self.duration!r}; allowed: finite numbers > 0 [s]")
+        if self.sliding is not None and not (np.ndim(self.sliding) == 0 and 0.0 <= self.sliding < math.inf):
+            raise CaseError(f"sliding = {self.sliding!r}; allowed: finite numbers >= 0 [m]")
         if not isinstance(self.increments, int) or self.increments < 1:
             raise CaseError(f"increments = {self.increments!r}; allowed: whole numbers from 1")
 
@@ -110,6 +119,11 @@ class Step:
         """Time of each increment [s]; None if the step has no duration."""
         return None if self.duration is None else self.duration / self.increments
 
+    @property
+    def increment_sliding(self) -> float | None:
+        """Distance that the indenter slides in each increment [m]; None if the step has none."""
+        return None if self.sliding is None else self.sliding / self.increments
+
 
 def _rigid_keys() -> tuple[str, ...]:
     """Return the keys of rigid motions and their resultants."""
@@ -118,7 +132,7 @@ def _rigid_keys() -> tuple[str, ...]:
 
 def _in_si(key: str, value: Any, motions: IndenterMotions) -> Any:
     """Return the value of a key as a number or a tuple of numbers, in SI units; raise CaseError if it holds none."""
-    quantity = Quantity(motions.units.get(key, "s").removeprefix("1"))
+    quantity = Quantity((motions.units | _FURTHER_UNITS)[key].removeprefix("1"))
     try:
         if isinstance(value, str):
             return quantity.convert(value)
