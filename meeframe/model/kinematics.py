@@ -277,7 +277,9 @@ def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]
         return here, hold_motions(here, {})
     step = case.restart.step
     totals = kinematics.resultants(step.state)
-    here = ConvergedState(case.motions, step.loading.motion, totals, step.total_slip, step.slip_path, step.wear, step.state)
+    here = ConvergedState(
+        case.motions, step.loading.motion, totals, step.total_slip, step.slip_path, step.wear, step.state
+    )
     return here, hold_motions(here, step.loading.prescribed)
 
 

@@ -13,9 +13,7 @@ _SAMPLES: Final = 400
 _PRESSURE, _SPEED, _WORN = range(3)
 
 
-def check_wear_law(
-    law: WearLaw, pressure: float = 1e6, speed: float = 1.0, worn: float = 1e-6, seed: int = 0
-) -> None:
+def check_wear_law(law: WearLaw, pressure: float = 1e6, speed: float = 1.0, worn: float = 1e-6, seed: int = 0) -> None:
     """Check a wear law at random states.
 
     The law is frozen. Its rate is pure, local, finite and >= 0, zero without pressure, continuous in the pressure, does
