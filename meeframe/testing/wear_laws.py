@@ -73,4 +73,4 @@ def _check_pressure(law: WearLaw, states: Array, unit: float) -> None:
 
 def _rate(law: WearLaw, states: Array) -> Array:
     """Return the rates of states (n, 3)."""
-    return law.rate(*(np.ascontiguousarray(column) for column in states.T))
+    return law.rate(*states.T)
