@@ -83,6 +83,8 @@ class Step:
         Potential of the indenter [A], or magnetic flux [Wb].
     sliding : float or str, optional
         Distance that the indenter slides in the whole step while the contact zone stays, which wears surfaces [m].
+    max_pressure_change : float or str, optional
+        Largest change of the pressure over the largest pressure, for which increments with wear are divided.
     duration : float or str, optional
         Time of the whole step [s], for laws that need it.
     increments : int, optional
@@ -111,6 +113,7 @@ class Step:
     magnetic_potential: Amount | None = None
     magnetic_flux: Amount | None = None
     sliding: Amount | None = None
+    max_pressure_change: Amount | None = None
     duration: Amount | None = None
     increments: int = 1
     scalars: Mapping[str, Amount] = field(default_factory=dict)

@@ -175,6 +175,7 @@ class StepTable(Table):
     twist: Angle | None = None
     torque: Moment | None = None
     sliding: Distance | None = None
+    max_pressure_change: Annotated[float, Quantity("", gt=0, le=1)] | None = None
     duration: Time | None = None
     increments: Count = 1
 

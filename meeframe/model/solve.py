@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib import metadata
 from typing import Final
@@ -22,9 +22,11 @@ from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
-from meeframe.model.history import ConvergedState, extrapolate, ramp
+from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
+from meeframe.model.step import Step
+from meeframe.model.subdivision import solve_in_parts
 from meeframe.model.systems import checked
 from meeframe.model.wear import without_wear
 from meeframe.plugin import registry as plugins
@@ -195,9 +197,11 @@ def solve_steps(
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
-                planned = kinematics.increment(controls, here, step.increment_duration, step.increment_sliding)
-                start = _start(planned, last, here)
-                end, result = _solve(kinematics, planned, here, start, (number, increment), share)
+                part = _Part(kinematics, step, before, begin, (number, increment), last, share)
+                if step.max_pressure_change is None:
+                    planned, end, result = part(0.0, 1.0, here)
+                else:
+                    planned, end, result = solve_in_parts(part, here, step.max_pressure_change)
                 last, here = here if end is not here else None, end
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)
@@ -254,6 +258,34 @@ def _start(increment: Increment, last: ConvergedState | None, here: ConvergedSta
             return predicted
     # free motions count from the converged state
     return here.state and replace(here.state, motion=np.zeros(len(increment.free)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Solution of parts of an increment.
+
+    step: load step; controls, begin: those before it, and the state in which it begins; numbers: of the step and the
+    increment; last: converged state one increment of the same load step before, None if there is none.
+    """
+
+    kinematics: IndenterKinematics
+    step: Step
+    controls: Controls
+    begin: ConvergedState
+    numbers: tuple[int, int]
+    last: ConvergedState | None
+    progress: Progress
+
+    def __call__(self, first: float, end: float, here: ConvergedState) -> tuple[Increment, ConvergedState, StepResult]:
+        """Return the part between two fractions of the increment, the state after it, and its result."""
+        step, share = self.step, end - first
+        controls = ramp(self.controls, self.begin, step.prescribed, (self.numbers[1] - 1 + end) / step.increments)
+        duration, sliding = (
+            None if whole is None else share * whole for whole in (step.increment_duration, step.increment_sliding)
+        )
+        planned = self.kinematics.increment(controls, here, duration, sliding)
+        start = _start(planned, self.last, here)
+        return planned, *_solve(self.kinematics, planned, here, start, self.numbers, self.progress)
 
 
 def _solve(

@@ -21,7 +21,7 @@ from meeframe.plugin.validation import Problem, TableError, choices
 _LEAST_FRACTION: Final = 1e-9
 """Least part of a motion along the normal; smaller parts are round-off of the frames."""
 
-_FURTHER_UNITS: Final = {"sliding": "m", "duration": "s"}
+_FURTHER_UNITS: Final = {"sliding": "m", "max_pressure_change": "1", "duration": "s"}
 """Units of the quantities of a step that are no motions or resultants."""
 
 Pair = tuple[float, float]
@@ -52,6 +52,9 @@ class Step:
     sliding : float, optional
         Distance >= 0 that the indenter slides over the body in the whole step [m], far more than the contact is wide,
         while the contact zone stays; it wears surfaces in place of the slip that the motions cause.
+    max_pressure_change : float, optional
+        Largest change of the pressure, as a fraction of the largest pressure, > 0 and <= 1: increments in which
+        surfaces wear are divided until it holds in each part.
     duration : float, optional
         Time of the whole step [s] > 0, for laws that need it.
     increments : int, optional
@@ -76,6 +79,7 @@ class Step:
     torque: float | None = None
     scalars: Mapping[str, float] = field(default_factory=dict)
     sliding: float | None = None
+    max_pressure_change: float | None = None
     duration: float | None = None
     increments: int = 1
     fields: FieldSet = MEE
@@ -105,6 +109,9 @@ class Step:
             raise CaseError(f"duration = {self.duration!r}; allowed: finite numbers > 0 [s]")
         if self.sliding is not None and not (np.ndim(self.sliding) == 0 and 0.0 <= self.sliding < math.inf):
             raise CaseError(f"sliding = {self.sliding!r}; allowed: finite numbers >= 0 [m]")
+        change = self.max_pressure_change
+        if change is not None and not (np.ndim(change) == 0 and 0.0 < change <= 1.0):
+            raise CaseError(f"max_pressure_change = {change!r}; allowed: numbers > 0 and <= 1")
         if not isinstance(self.increments, int) or self.increments < 1:
             raise CaseError(f"increments = {self.increments!r}; allowed: whole numbers from 1")
 

@@ -55,8 +55,9 @@ def check_sliding(step: Step, number: int, contact_law: ContactLaw, law: WearLaw
             f"load step {number} has no duration, which the wear law {type(law).__name__} needs; "
             "allowed: a duration > 0 [s]"
         )
-    if step.sliding and law is None:
-        raise CaseError(f"load step {number} has a sliding distance, which only wears; allowed: with [contact.wear]")
+    if law is None and (step.sliding or step.max_pressure_change):
+        what = "sliding distance" if step.sliding else "max_pressure_change"
+        raise CaseError(f"load step {number} has a {what}, which concerns wear alone; allowed: with [contact.wear]")
     if step.sliding and contact_law.tangential_scaling().any():
         raise CaseError(
             f"load step {number} has a sliding distance, which has no direction, under friction, which needs one; "

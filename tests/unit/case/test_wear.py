@@ -60,6 +60,35 @@ def test_wear_is_of_first_order(write_case, registry):
     np.testing.assert_allclose(orders, 1.0, atol=0.1)
 
 
+def test_increments_are_divided_for_the_pressure_to_change_little(write_case, registry):
+    """Under a held indenter the pressure falls by exp(-k K s): the error goes with the change that is allowed."""
+    exact = DEPTH * (1.0 - np.exp(-COEFFICIENT * STIFFNESS * 0.2))
+    errors = []
+    for change in (0.1, 0.05, 0.025):
+        result = solve(write_case, registry, slide(increments=2) + f"max_pressure_change = {change}\n")
+        assert result.status == "converged"
+        _, first, last = result.steps
+        assert "parts, for the pressure to change little" in first.message
+        np.testing.assert_allclose(last.slip_path[last.touching], 0.2, rtol=1e-12)
+        errors.append(abs(last.wear.max() - exact))
+    assert errors[0] < 0.05 * exact
+    np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 1.0, atol=0.25)
+
+
+def test_parts_of_an_increment_add_up(write_case, registry):
+    """In full slip the pressure falls by exp(-k K s), and the work of friction is its integral times mu."""
+    law = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.2}\n' + WEAR
+    drag = '\n[[steps]]\ntranslation = ["0.2 m", 0]\nduration = "2 s"\nmax_pressure_change = 0.1\n'
+    result = solve_case(load_case(write_case(PRESS, more=law + drag), registry))
+    first, last = result.steps
+    assert last.loading.duration == pytest.approx(2.0)
+    np.testing.assert_allclose(last.slip, last.total_slip - first.total_slip, rtol=0.0, atol=1e-14)
+    decay = 1.0 - np.exp(-COEFFICIENT * STIFFNESS * 0.2)
+    work = 0.2 * overlap(result.zone) / COEFFICIENT * decay
+    np.testing.assert_allclose(last.dissipation, work, rtol=0.0, atol=0.05 * work.max())
+    np.testing.assert_allclose(last.wear, overlap(result.zone) * decay, rtol=0.0, atol=0.05 * DEPTH)
+
+
 def test_worn_volume_under_a_held_force(write_case, registry):
     """V = k P s, whatever the pressure, and the force stays."""
     press = ('approach = "10 um"', 'normal_force = "2 kN"')
@@ -145,8 +174,14 @@ def test_wear_in_files_and_restart(write_case, registry, tmp_path):
         (
             [],
             slide(),
-            r"steps\[2\]: load step 2 has a sliding distance, which only wears; allowed: with \[contact.wear\]",
+            r"steps\[2\]: load step 2 has a sliding distance, which concerns wear alone; allowed: with \[contact",
         ),
+        (
+            [],
+            "\n[[steps]]\nmax_pressure_change = 0.1\n",
+            r"steps\[2\]: load step 2 has a max_pressure_change, which concerns wear alone",
+        ),
+        ([], WEAR + "\n[[steps]]\nmax_pressure_change = 0\n", r"max_pressure_change = 0: must be > 0"),
         ([], WEAR + slide("-1 m"), r"steps\[2\]\.sliding = '-1 m': must be >= 0"),
         ([], WEAR.replace("1e-13", "-1"), r"contact\.wear\.coefficient = '-1 1/Pa': must be >= 0"),
         (
