@@ -43,7 +43,7 @@ from meeframe.results.records import (
     zone_of,
 )
 from meeframe.results.result import Interrupted, Result
-from meeframe.solvers import solve, solve_to_edges
+from meeframe.solvers import StoppingCriteria, solve, solve_to_edges
 from meeframe.system.capabilities import ZoneRecovery
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
@@ -201,7 +201,9 @@ def solve_steps(
                 if step.max_pressure_change is None:
                     planned, end, result = part(0.0, 1.0, here)
                 else:
-                    planned, end, result = solve_in_parts(part, here, step.max_pressure_change)
+                    planned, end, result = solve_in_parts(
+                        part, here, step.max_pressure_change, case.solver.stall_window
+                    )
                 last, here = here if end is not here else None, end
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)
@@ -276,8 +278,13 @@ class _Part:
     last: ConvergedState | None
     progress: Progress
 
-    def __call__(self, first: float, end: float, here: ConvergedState) -> tuple[Increment, ConvergedState, StepResult]:
-        """Return the part between two fractions of the increment, the state after it, and its result."""
+    def __call__(
+        self, first: float, end: float, here: ConvergedState, stall_window: int | None = None
+    ) -> tuple[Increment, ConvergedState, StepResult]:
+        """Return the part between two fractions of the increment, the state after it, and its result.
+
+        stall_window: that of the solver in this part; by default that of the case.
+        """
         step, share = self.step, end - first
         controls = ramp(self.controls, self.begin, step.prescribed, (self.numbers[1] - 1 + end) / step.increments)
         duration, sliding = (
@@ -285,7 +292,9 @@ class _Part:
         )
         planned = self.kinematics.increment(controls, here, duration, sliding)
         start = _start(planned, self.last, here)
-        return planned, *_solve(self.kinematics, planned, here, start, self.numbers, self.progress)
+        limits = self.kinematics.case.limits
+        limits = limits if stall_window is None else replace(limits, stall_window=stall_window)
+        return planned, *_solve(self.kinematics, planned, here, start, limits, self.numbers, self.progress)
 
 
 def _solve(
@@ -293,6 +302,7 @@ def _solve(
     increment: Increment,
     here: ConvergedState,
     start: ContactState | None,
+    limits: StoppingCriteria,
     numbers: tuple[int, int],
     progress: Progress,
 ) -> tuple[ConvergedState, StepResult]:
@@ -303,9 +313,9 @@ def _solve(
     case = kinematics.case
     if case.wear is None:
         rim = partial(kinematics.rim, increment)
-        solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
+        solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, rim)
     else:  # the contact edge lies at nodes
-        solution, problem = solve(increment.problem, case.solver, case.limits, start, progress), increment.problem
+        solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
     problem, depth = without_wear(problem, solution.state)
     increment = replace(increment, problem=problem, depth=depth)
     solution = check_conduction(increment.problem, solution)

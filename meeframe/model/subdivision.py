@@ -12,11 +12,11 @@ from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
 from meeframe.results.records import StepResult
 
-Solve = Callable[[float, float, ConvergedState], tuple[Increment, ConvergedState, StepResult]]
-"""Solves the part of an increment between two fractions of it, from a converged state."""
+Solve = Callable[[float, float, ConvergedState, int | None], tuple[Increment, ConvergedState, StepResult]]
+"""Solves the part of an increment between two fractions of it, from a converged state, with a window of stagnation."""
 
-_MIN_PART: Final = 2.0**-12
-"""Smallest part of an increment; a larger change of the pressure is accepted there."""
+_MIN_PART: Final = 2.0**-8
+"""Smallest part of an increment, at which any change is accepted: the pressure jumps where a node begins to slip."""
 _SAFETY: Final = 0.8
 """Change of the pressure at which a part aims, in units of the largest one allowed."""
 _FACTORS: Final = (0.1, 2.0)
@@ -24,7 +24,7 @@ _FACTORS: Final = (0.1, 2.0)
 
 
 def solve_in_parts(
-    solve: Solve, here: ConvergedState, max_change: float
+    solve: Solve, here: ConvergedState, max_change: float, stall_window: int
 ) -> tuple[Increment, ConvergedState, StepResult]:
     """Solve an increment in parts, in each of which the pressure changes by a fraction of its largest value at most.
 
@@ -38,6 +38,8 @@ def solve_in_parts(
         State at the beginning of the increment.
     max_change : float
         Largest change of the pressure over the largest pressure, > 0.
+    stall_window : int
+        That of the solver. Parts that can be divided end after an eighth of it.
 
     Returns
     -------
@@ -51,11 +53,12 @@ def solve_in_parts(
     done, size, begin, results = 0.0, 1.0, here, list[StepResult]()
     while True:
         last = 1.0 if done + size > 1.0 - _MIN_PART else done + size
-        part, end, result = solve(done, last, begin)
+        divisible = last - done > _MIN_PART
+        part, end, result = solve(done, last, begin, max(1, stall_window // 8) if divisible else None)
         converged = result.status is Status.CONVERGED
         change = _change(begin, result) if converged else np.inf
         factor = float(np.clip(_SAFETY * max_change / max(change, 1e-300), *_FACTORS))
-        if change > max_change and last - done > _MIN_PART:
+        if change > max_change and divisible:
             size = max(factor * (last - done), _MIN_PART)
             continue
         results.append(result)
