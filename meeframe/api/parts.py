@@ -84,7 +84,7 @@ class Step:
     sliding : float or str, optional
         Distance that the indenter slides in the whole step while the contact zone stays, which wears surfaces [m].
     max_pressure_change : float or str, optional
-        Largest change of the pressure over the largest pressure, for which increments with wear are divided.
+        Largest change of the pressure over the contact, as a fraction, for which increments with wear are divided.
     duration : float or str, optional
         Time of the whole step [s], for laws that need it.
     increments : int, optional

@@ -201,9 +201,8 @@ def solve_steps(
                 if step.max_pressure_change is None:
                     planned, end, result = part(0.0, 1.0, here)
                 else:
-                    planned, end, result = solve_in_parts(
-                        part, here, step.max_pressure_change, case.solver.stall_window
-                    )
+                    bounds = step.max_pressure_change, case.solver.stall_window
+                    planned, end, result = solve_in_parts(part, here, system.weights, *bounds)
                 last, here = here if end is not here else None, end
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)

@@ -53,8 +53,8 @@ class Step:
         Distance >= 0 that the indenter slides over the body in the whole step [m], far more than the contact is wide,
         while the contact zone stays; it wears surfaces in place of the slip that the motions cause.
     max_pressure_change : float, optional
-        Largest change of the pressure, as a fraction of the largest pressure, > 0 and <= 1: increments in which
-        surfaces wear are divided until it holds in each part.
+        Largest change of the pressure, its modulus integrated over the contact, as a fraction of the normal force, > 0
+        and <= 1: increments in which surfaces wear are divided until it holds in each part.
     duration : float, optional
         Time of the whole step [s] > 0, for laws that need it.
     increments : int, optional

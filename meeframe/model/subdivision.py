@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.contact.problem import Status
-from meeframe.contact.scales import largest
+from meeframe.fields import Array
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
 from meeframe.results.records import StepResult
@@ -16,7 +16,7 @@ Solve = Callable[[float, float, ConvergedState, int | None], tuple[Increment, Co
 """Solves the part of an increment between two fractions of it, from a converged state, with a window of stagnation."""
 
 _MIN_PART: Final = 2.0**-8
-"""Smallest part of an increment, at which any change is accepted: the pressure jumps where a node begins to slip."""
+"""Smallest part of an increment, at which any change is accepted: the pressure may jump where a node begins to slip."""
 _SAFETY: Final = 0.8
 """Change of the pressure at which a part aims, in units of the largest one allowed."""
 _FACTORS: Final = (0.1, 2.0)
@@ -24,9 +24,9 @@ _FACTORS: Final = (0.1, 2.0)
 
 
 def solve_in_parts(
-    solve: Solve, here: ConvergedState, max_change: float, stall_window: int
+    solve: Solve, here: ConvergedState, weights: Array, max_change: float, stall_window: int
 ) -> tuple[Increment, ConvergedState, StepResult]:
-    """Solve an increment in parts, in each of which the pressure changes by a fraction of its largest value at most.
+    """Solve an increment in parts, in each of which the pressure changes by a fraction at most.
 
     Parts that do not converge are divided, too.
 
@@ -36,8 +36,10 @@ def solve_in_parts(
         Solves a part.
     here : ConvergedState
         State at the beginning of the increment.
+    weights : Array
+        (n,), integration weights of the nodes.
     max_change : float
-        Largest change of the pressure over the largest pressure, > 0.
+        Largest integral of the change of the pressure over that of the pressure, > 0.
     stall_window : int
         That of the solver. Parts that can be divided end after an eighth of it.
 
@@ -56,7 +58,7 @@ def solve_in_parts(
         divisible = last - done > _MIN_PART
         part, end, result = solve(done, last, begin, max(1, stall_window // 8) if divisible else None)
         converged = result.status is Status.CONVERGED
-        change = _change(begin, result) if converged else np.inf
+        change = _change(weights, begin, result) if converged else np.inf
         factor = float(np.clip(_SAFETY * max_change / max(change, 1e-300), *_FACTORS))
         if change > max_change and divisible:
             size = max(factor * (last - done), _MIN_PART)
@@ -67,12 +69,13 @@ def solve_in_parts(
         done, begin, size = last, end, max(factor * (last - done), _MIN_PART)
 
 
-def _change(begin: ConvergedState, result: StepResult) -> float:
-    """Return the largest change of the pressure in a part over its largest pressure."""
+def _change(weights: Array, begin: ConvergedState, result: StepResult) -> float:
+    """Return the change of the pressure in a part, its modulus integrated, over the larger integral of the pressure."""
     if begin.state is None:
         return 0.0
     before, after = begin.state.load[:, 2], result.traction[:, 2]
-    return largest(after - before) / max(largest(before), largest(after), 1e-300)
+    change, *forces = (float(np.abs(weights) @ np.abs(values)) for values in (after - before, before, after))
+    return change / max(*forces, 1e-300)
 
 
 def _combined(results: Sequence[StepResult]) -> StepResult:
