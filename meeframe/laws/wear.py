@@ -12,7 +12,7 @@ from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws.base import ContactLaw, StepLengths, resolve
 
-_ROUND_OFF: Final = 4e-16
+_ROUND_OFF: Final = 1e-14
 """Relative error of a pressure that counts as zero."""
 _MAX_BISECTIONS: Final = 100
 """Largest number of steps towards a pressure."""

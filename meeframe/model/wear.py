@@ -78,6 +78,7 @@ def without_wear(problem: ContactProblem, state: ContactState) -> tuple[ContactP
     law = problem.contact_law
     if not isinstance(law, WearingContact):
         return problem, None
-    gap = contact_gap(problem, state.displacement, state.motion)
-    depth = law.depth(np.maximum(-state.load[:, 2], 0.0), law.slip(gap))
+    with np.errstate(all="ignore"):  # the state may come from a diverged iteration
+        gap = contact_gap(problem, state.displacement, state.motion)
+        depth = np.nan_to_num(law.depth(np.maximum(-state.load[:, 2], 0.0), law.slip(gap)), posinf=0.0)
     return replace(problem, contact_law=law.law, gap=problem.gap + depth), depth

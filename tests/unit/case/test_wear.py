@@ -7,10 +7,14 @@ import pytest
 
 import meeframe
 from meeframe.common.errors import CaseError
+from meeframe.contact.problem import ContactState
 from meeframe.fields import Array
+from meeframe.laws import Signorini
 from meeframe.laws.wear import WearLaw
 from meeframe.model.load import load_case
+from meeframe.model.preflight import planned, undeformed
 from meeframe.model.solve import solve_case
+from meeframe.model.wear import without_wear
 
 STIFFNESS, DEPTH, RADIUS = 1e14, 10e-6, 0.1
 """Of the springs [Pa/m], the approach and the sphere [m]."""
@@ -248,3 +252,24 @@ def test_case_in_python():
     read = meeframe.Case.from_toml(case.to_toml()).checked
     assert read.wear == case.checked.wear == meeframe.Archard(1e-13)
     assert read.steps[0].sliding == 1.0
+
+
+@pytest.mark.parametrize("more", ["", "max_pressure_change = 0.5\n"])
+def test_increments_that_do_not_converge_end_with_their_status(write_case, registry, more):
+    """Nothing is raised, and the depths are those of the last state."""
+    limited = '\n[solver]\nname = "uzawa"\nmax_iterations = 1\n'
+    failed = solve(write_case, registry, slide() + more + limited)
+    assert failed.status == "not-converged"
+    assert "iteration-limit" in [step.status for step in failed]
+    assert np.isfinite(failed.steps[-1].wear).all()
+
+
+def test_states_that_are_not_finite(write_case, registry):
+    """The depth of a diverged state is zero where it is not a number."""
+    kinematics = undeformed(load_case(write_case(PRESS, more=WEAR + slide()), registry))
+    (_, increment) = planned(kinematics)
+    n = len(increment.problem.gap)
+    values = np.where(np.arange(5 * n).reshape(n, 5) % 7 == 0, np.nan, -1e300)
+    problem, depth = without_wear(increment.problem, ContactState(values, values, np.zeros(n)))
+    assert np.isfinite(depth).all()
+    assert problem.contact_law == Signorini()
