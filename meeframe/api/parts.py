@@ -87,6 +87,9 @@ class Step:
         Largest change of the pressure over the contact, as a fraction, for which increments with wear are divided.
     duration : float or str, optional
         Time of the whole step [s], for laws that need it.
+    rolling : mapping, optional
+        Rolling of the contact over the surface, with the keys of a case file: {"direction": [1, 0], "distance": "2 mm",
+        "creepage": [1e-3, 0]}.
     increments : int, optional
         Number of equal increments.
     scalars : mapping of str to float or str, optional
@@ -115,6 +118,7 @@ class Step:
     sliding: Amount | None = None
     max_pressure_change: Amount | None = None
     duration: Amount | None = None
+    rolling: Mapping[str, Any] | None = None
     increments: int = 1
     scalars: Mapping[str, Amount] = field(default_factory=dict)
 

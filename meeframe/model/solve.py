@@ -25,6 +25,7 @@ from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
+from meeframe.model.rolling import RollingIncrement
 from meeframe.model.step import Step
 from meeframe.model.subdivision import solve_in_parts
 from meeframe.model.systems import checked
@@ -190,14 +191,16 @@ def solve_steps(
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before, last = here, controls, None
+        rolling = rolling_increment(kinematics, step)
+        prescribed = {**step.prescribed, **(rolling.prescribed(begin, step.increments) if rolling else {})}
         onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
-            controls = ramp(before, begin, step.prescribed, increment / step.increments)
+            controls = ramp(before, begin, prescribed, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
-                part = _Part(kinematics, step, before, begin, (number, increment), last, share)
+                part = _Part(kinematics, step, prescribed, before, begin, (number, increment), last, rolling, share)
                 if step.max_pressure_change is None:
                     planned, end, result = part(0.0, 1.0, here)
                 else:
@@ -222,6 +225,14 @@ def solve_steps(
                     yield result  # the increment is solved all the same
                     raise
             yield result
+
+
+def rolling_increment(kinematics: IndenterKinematics, step: Step) -> RollingIncrement | None:
+    """Return the rolling by one cell in the increments of a load step, None if the contact stays in place."""
+    if step.rolling is None:
+        return None
+    case, system = kinematics.case, kinematics.system
+    return step.rolling.increment(system.points, system.frames, case.placement.base, case.formulation.is_periodic())
 
 
 def _boundary(system: ReducedSystem, step: StepResult) -> NodalFields | ZoneFields:
@@ -265,16 +276,19 @@ def _start(increment: Increment, last: ConvergedState | None, here: ConvergedSta
 class _Part:
     """Solution of parts of an increment.
 
-    step: load step; controls, begin: those before it, and the state in which it begins; numbers: of the step and the
-    increment; last: converged state one increment of the same load step before, None if there is none.
+    step: load step; prescribed: its quantities; controls, begin: those before it, and the state in which it begins;
+    numbers: of the step and the increment; last: converged state one increment of the same load step before, None if
+    there is none; rolling: as in Increment.
     """
 
     kinematics: IndenterKinematics
     step: Step
+    prescribed: Controls
     controls: Controls
     begin: ConvergedState
     numbers: tuple[int, int]
     last: ConvergedState | None
+    rolling: RollingIncrement | None
     progress: Progress
 
     def __call__(
@@ -285,11 +299,11 @@ class _Part:
         stall_window: that of the solver in this part; by default that of the case.
         """
         step, share = self.step, end - first
-        controls = ramp(self.controls, self.begin, step.prescribed, (self.numbers[1] - 1 + end) / step.increments)
+        controls = ramp(self.controls, self.begin, self.prescribed, (self.numbers[1] - 1 + end) / step.increments)
         duration, sliding = (
             None if whole is None else share * whole for whole in (step.increment_duration, step.increment_sliding)
         )
-        planned = self.kinematics.increment(controls, here, duration, sliding)
+        planned = self.kinematics.increment(controls, here, duration, self.rolling, sliding)
         start = _start(planned, self.last, here)
         limits = self.kinematics.case.limits
         limits = limits if stall_window is None else replace(limits, stall_window=stall_window)
@@ -317,12 +331,14 @@ def _solve(
         solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
     problem, depth = without_wear(problem, solution.state)
     increment = replace(increment, problem=problem, depth=depth)
+    if increment.rolling is not None and increment.rolling.is_steady:
+        increment, solution = kinematics.repeat_steady(increment, increment.rolling, solution)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))
     region = regions(increment, solution, touches)
-    end = kinematics.converged_state(increment, solution.state, touches, here)
-    result = _step_result(kinematics, increment, here, end, solution, region, numbers)
+    end = kinematics.converged_state(increment, solution.state, touches)
+    result = _step_result(kinematics, increment, end, solution, region, numbers)
     return (end if solution.status is Status.CONVERGED else here), result
 
 
@@ -342,7 +358,6 @@ def _software() -> dict[str, str]:
 def _step_result(
     kinematics: IndenterKinematics,
     increment: Increment,
-    start: ConvergedState,
     end: ConvergedState,
     solution: ContactSolution,
     region: Indices,
@@ -363,6 +378,7 @@ def _step_result(
             kinematics.case.placement.base,
             increment.duration,
             kinematics.case.fields,
+            None if increment.rolling is None else increment.rolling.motion(increment.start, end),
         ),
         step=numbers[0],
         increment=numbers[1],
@@ -376,7 +392,7 @@ def _step_result(
         total_slip=end.total_slip,
         slip_path=end.slip_path,
         wear=end.wear,
-        dissipation=kinematics.dissipation(increment, start, state, region),
+        dissipation=kinematics.dissipation(increment, state, region),
         region=region,
         status=solution.status,
         iterations=solution.iterations,
