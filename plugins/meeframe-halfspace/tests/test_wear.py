@@ -188,5 +188,5 @@ def test_solvers_agree_and_conduction_goes_along():
 
 def test_rolling_with_wear_is_rejected():
     steps = [meeframe.Step(normal_force=FORCE), meeframe.Step(rolling={"distance": 1e-4})]
-    with pytest.raises(meeframe.CaseError, match="load step 2 rolls with a wear law, .*allowed: rolling without"):
+    with pytest.raises(meeframe.CaseError, match=r"load step 2 rolls with a wear law, .*allowed: rolling without"):
         case(meeframe.Sphere(10e-3), steps, 1.2e-3, 11)
