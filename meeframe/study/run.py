@@ -64,7 +64,7 @@ def stored_fields(case: Case) -> frozenset[str]:
     By default these are the fields that the case loads. The slips of a run that continues another one, or slides a
     distance, are always stored, because they cannot be computed from its displacements alone.
     """
-    needed = case.restart is not None or any(step.sliding for step in case.steps)
+    needed = case.restart is not None or any(step.sliding is not None for step in case.steps)
     loaded = loaded_fields(needed or bool(case.contact_law.tangential_scaling().any()))
     if case.output.fields is None:
         return loaded

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import h5py
 import numpy as np
 import pytest
 
@@ -273,3 +274,13 @@ def test_states_that_are_not_finite(write_case, registry):
     problem, depth = without_wear(increment.problem, ContactState(values, values, np.zeros(n)))
     assert np.isfinite(depth).all()
     assert problem.contact_law == Signorini()
+
+
+def test_files_of_earlier_versions_have_no_wear(write_case, registry, tmp_path):
+    meeframe.run(load_case(write_case(), registry), tmp_path / "out")
+    with h5py.File(tmp_path / "out" / "result.h5", "r+") as file:
+        attributes = file["steps/0001"].attrs
+        attributes["zero"] = " ".join(name for name in attributes["zero"].split() if name != "wear")
+    (step,) = meeframe.read_result(tmp_path / "out")
+    assert step.wear.shape == step.slip_path.shape
+    assert not step.wear.any()
