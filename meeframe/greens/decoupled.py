@@ -8,6 +8,7 @@ import numpy as np
 from meeframe.common.errors import MaterialError
 from meeframe.fields import N_FIELDS, Array, Indices
 from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.greens.thermal import HeatSource, ThermalKernel
 
 
 @final
@@ -102,7 +103,12 @@ class DecoupledKernel(Kernel):
         return combined
 
 
-def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> Kernel:
+def bind_fields(
+    fundamental_solution: FundamentalSolution,
+    stiffness: Array,
+    moduli: Array | None = None,
+    temperature: int = N_FIELDS,
+) -> Kernel:
     """Return the kernel of a material with any number of fields.
 
     Parameters
@@ -111,11 +117,15 @@ def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> 
         Method for the coupled fields.
     stiffness : Array
         Scaled extended stiffness, (3, fields, fields, 3).
+    moduli : Array, optional
+        Scaled thermal moduli, (3, 5), by which a temperature acts on the coupled fields.
+    temperature : int
+        Column of the temperature, if there are moduli.
 
     Raises
     ------
     MaterialError
-        If a field after the first N_FIELDS is coupled, or as `FundamentalSolution.bind`.
+        If a field after the first N_FIELDS is coupled, or as `FundamentalSolution.bind` and `HeatSource.of`.
 
     Notes
     -----
@@ -136,4 +146,8 @@ def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> 
     for column in range(count, N_FIELDS):
         complemented[:, column, column] = -np.eye(3)
     scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(count, size))
-    return DecoupledKernel(fundamental_solution.bind(complemented), count, scalars)
+    kernel = DecoupledKernel(fundamental_solution.bind(complemented), count, scalars)
+    if moduli is None:
+        return kernel
+    heat = HeatSource.of(complemented, moduli, -stiffness[:, temperature, temperature])
+    return ThermalKernel(kernel, temperature, heat)

@@ -10,7 +10,7 @@ import numpy as np
 from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.common.memory import physical_memory
 from meeframe.elements.anisotropy import anisotropy
-from meeframe.fields import Array, FieldScaling
+from meeframe.fields import N_FIELDS, THERMAL_FIELD, Array, FieldScaling
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
@@ -67,16 +67,26 @@ class DenseBEM(Formulation):
         TooLargeError
             If the matrices do not fit into the memory of this machine.
         CaseError
-            If boundary conditions contradict each other, touch the contact zone or leave a field undetermined.
+            If boundary conditions contradict each other, touch the contact zone or leave a field undetermined, or if
+            heat acts on the other fields of a semi-infinite body.
         MaterialError
             If the fundamental solution does not apply, or the material is too close to inadmissible.
         """
+        if body.thermal_moduli is not None and body.mesh.semi_infinite:
+            raise CaseError(
+                "dense-bem: the expansion by heat does not fade with the distance, so that the surface of a "
+                "semi-infinite body cannot end at the border of a mesh; allowed: the formulation half-space, or a "
+                "finite body"
+            )
         _check_memory(body)
         check_mesh(body.mesh)
         self._layout(body)
-        stiffness = _scaled_stiffness(body)
-        _bind(self.fundamental_solution, stiffness.tobytes())
-        anisotropy(stiffness)
+        self._kernel(body)
+        anisotropy(_scaled_stiffness(body))
+
+    def couples_heat(self) -> bool:
+        """Return True: the temperature may act on the other fields of the body."""
+        return True
 
     def warnings(self, body: Body) -> tuple[str, ...]:
         """Return warnings about slender limbs, whose bending may be inaccurate, of a body that `check` accepts."""
@@ -99,9 +109,10 @@ class DenseBEM(Formulation):
         offset, compliance = zone_relation(solution)
         geometry = zone.points, zone.frames, zone.weights, zone.cells
         system = in_local_frames(*geometry, offset, compliance, solution.fields)
-        stiffness = _scaled_stiffness(body)
-        bind = partial(_bind, self.fundamental_solution, stiffness.tobytes())
-        representation = InteriorRepresentation(body.mesh, body.stiffness, solution.units, bind, anisotropy(stiffness))
+        if body.thermal_moduli is not None:
+            return system
+        bind, spread = partial(self._kernel, body), anisotropy(_scaled_stiffness(body))
+        representation = InteriorRepresentation(body.mesh, body.stiffness, solution.units, bind, spread)
         return replace(system, interior=BoundaryInterior(system.recovery, representation))
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
@@ -121,21 +132,30 @@ class DenseBEM(Formulation):
     def _solve(self, body: Body, progress: Progress) -> BoundarySolution:
         progress("fundamental solution", 0.0)
         self.check(body)
-        stiffness = _scaled_stiffness(body)
-        kernel = _bind(self.fundamental_solution, stiffness.tobytes())
-        accuracy = Accuracy(self.quadrature_tolerance, anisotropy(stiffness))
+        accuracy = Accuracy(self.quadrature_tolerance, anisotropy(_scaled_stiffness(body)))
         progress("assembly", 0.0)
         layout, units = self._layout(body)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
-        system = assemble(mesh, layout, collocate(mesh, layout), kernel, accuracy, progress)
+        system = assemble(mesh, layout, collocate(mesh, layout), self._kernel(body), accuracy, progress)
         progress("factorisation", 0.0)
         factors = factorise(system)
         progress("factorisation", 1.0)
         return BoundarySolution(factors, layout, units, body.mesh)
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
-        units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
+        units = _units(body)
         return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
+
+    def _kernel(self, body: Body) -> Kernel:
+        moduli = _units(body).thermal_moduli(body)
+        if moduli is None:
+            return _bind(self.fundamental_solution, _scaled_stiffness(body).tobytes())
+        heat = moduli.tobytes(), body.fields.index(THERMAL_FIELD.name)
+        return _bind(self.fundamental_solution, _scaled_stiffness(body).tobytes(), *heat)
+
+
+def _units(body: Body) -> Units:
+    return Units(characteristic_length(body), FieldScaling.of(body.stiffness))
 
 
 def _scaled_stiffness(body: Body) -> Array:
@@ -143,11 +163,14 @@ def _scaled_stiffness(body: Body) -> Array:
 
 
 @lru_cache(maxsize=4)
-def _bind(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kernel:
-    """Return the kernel of a scaled stiffness; its bytes are the key of the cache for checks and further meshes."""
+def _bind(
+    fundamental_solution: FundamentalSolution, stiffness: bytes, moduli: bytes | None = None, temperature: int = 0
+) -> Kernel:
+    """Return the kernel of a scaled stiffness and moduli; bytes are keys of the cache for checks and further meshes."""
     values = np.frombuffer(stiffness)
     size = math.isqrt(len(values) // 9)
-    return bind_fields(fundamental_solution, values.reshape(3, size, size, 3))
+    heat = None if moduli is None else np.frombuffer(moduli).reshape(3, N_FIELDS)
+    return bind_fields(fundamental_solution, values.reshape(3, size, size, 3), heat, temperature)
 
 
 def _check_memory(body: Body) -> None:

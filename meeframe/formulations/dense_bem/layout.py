@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import Array, FieldScaling, Indices
+from meeframe.fields import N_FIELDS, THERMAL_FIELD, Array, FieldScaling, Indices
 from meeframe.formulations.dense_bem.patches import Patches
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.mesh.supports import check_supports
@@ -65,6 +65,18 @@ class Units:
             The same in units of the system.
         """
         return self.scaling.scale_fluxes(fluxes) * self.length
+
+    def thermal_moduli(self, body: Body) -> Array | None:
+        """Return the thermal moduli of a body in units of the system, (3, 5); None if it has none.
+
+        They have one power of length more than the stiffness, as the temperature is no gradient.
+        """
+        if body.thermal_moduli is None:
+            return None
+        factors = self.scaling.factors
+        moduli = body.thermal_moduli * factors[:N_FIELDS] * factors[body.fields.index(THERMAL_FIELD.name)]
+        scaled: Array = moduli * self.length
+        return scaled
 
     def values_si(self, values: Array) -> Array:
         """Convert values from units of the system to SI units.

@@ -1,7 +1,6 @@
 """Finite elements with heat: exact fields, recovery, and the heated indentation of a half space."""
 
-from dataclasses import dataclass, replace
-from typing import final
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,14 +10,13 @@ from meeframe_skfem import FiniteElements
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.elements import Quad4, Quad9
-from meeframe.fields import Array
 from meeframe.laws import Insulating, Signorini, StepConductivity
 from meeframe.material import Material, library_material, rotation_about
 from meeframe.mesh import block_mesh, half_space_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.solvers import Auto, StoppingCriteria, solve
 from meeframe.testing.capabilities import check_capabilities
-from meeframe.testing.manufactured import ExactField, prescribe
+from meeframe.testing.manufactured import ThermalField, prescribe, with_heat
 
 CONDUCTIVITY = np.array([[3.0, 0.4, -0.2], [0.4, 2.5, 0.5], [-0.2, 0.5, 4.0]])
 MATERIAL = (
@@ -29,62 +27,13 @@ MATERIAL = (
 SIDES = ("top", "side_x-", "side_x+", "side_y-", "side_y+")
 
 
-@final
-@dataclass(frozen=True, eq=False)
-class ThermalField(ExactField):
-    """Temperature level + slope . x, and a displacement and potentials that are in equilibrium with it.
-
-    With slope zero nothing is under stress or carries a flux; else u_K = a_Kmn x_m x_n / 2 with C_iJKm a_Kmi =
-    beta_iJ slope_i.
-    """
-
-    material: Material
-    level: float
-    slope: Array
-
-    def _coefficients(self) -> tuple[Array, Array]:
-        """Return uniform gradients (5, 3) of the free expansion at the level, and a (5, 3, 3), symmetric."""
-        c, beta = self.material.stiffness[:, :5, :5], self.material.thermal_moduli
-        scaling = self.material.scaling.factors[:5]
-        # gradients with a symmetric displacement part; scaled unknowns, as the SI units differ by many decades
-        scaled = c * scaling[:, None, None] * scaling[None, :, None]
-        beta = beta * scaling
-        gradient = np.linalg.lstsq(scaled.reshape(15, 15), self.level * beta.ravel(), rcond=1e-9)[0].reshape(5, 3)
-        # the first component of least norm of a that satisfies equilibrium
-        equations = np.zeros((5, 5, 3, 3))
-        for i, m in np.ndindex(3, 3):
-            equations[:, :, m, i] += scaled[i, :, :, m] / 2.0
-            equations[:, :, i, m] += scaled[i, :, :, m] / 2.0
-        a = np.linalg.lstsq(equations.reshape(5, 45), self.slope @ beta, rcond=1e-12)[0].reshape(5, 3, 3)
-        a = (a + a.transpose(0, 2, 1)) / 2.0
-        return scaling[:, None] * gradient, scaling[:, None, None] * a
-
-    def values(self, points: Array) -> Array:
-        gradient, a = self._coefficients()
-        values = np.empty((len(points), 6))
-        values[:, :5] = points @ gradient.T + np.einsum("kmn,pm,pn->pk", a, points, points) / 2.0
-        values[:, 5] = self.level + points @ self.slope
-        return values
-
-    def fluxes(self, points: Array, normals: Array) -> Array:
-        gradient, a = self._coefficients()
-        gradients = gradient + np.einsum("kmn,pn->pkm", a, points)
-        c, beta = self.material.stiffness[:, :5, :5], self.material.thermal_moduli
-        fluxes = np.empty((len(points), 6))
-        stress = np.einsum("ijkm,pkm->pij", c, gradients)
-        temperature = self.level + points @ self.slope
-        fluxes[:, :5] = np.einsum("pi,pij->pj", normals, stress - temperature[:, None, None] * beta)
-        fluxes[:, 5] = -normals @ (self.material.decoupled[0][1] @ self.slope)
-        return fluxes
-
-
 def test_heated_block_expands_freely() -> None:
     """Uniform heating with every face but the base free: linear fields, exact, without stress and fluxes."""
     field = ThermalField(MATERIAL, 50.0, np.zeros(3))
     assert np.abs(field.fluxes(np.zeros((1, 3)), np.eye(3)[:1])).max(axis=0)[:3].max() < 1e-4
     mesh = block_mesh(0.5, 0.8, 0.5, 2, 1, 2, Quad4())
     body = prescribe(mesh, field, MATERIAL.stiffness, {"base": "vvvvvv", **dict.fromkeys(SIDES, "ffffff")})
-    body = replace(body, contact_group="contact", fields=MATERIAL.fields, thermal_moduli=MATERIAL.thermal_moduli)
+    body = replace(with_heat(body, MATERIAL), contact_group="contact")
     system = FiniteElements().reduce(body)
     exact = field.values(system.points)
     signs = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
@@ -113,7 +62,7 @@ def test_linear_temperature_is_exact_with_quadratic_elements() -> None:
     kinds |= {"side_y-": "vvvvvf", "side_y+": "ffffff"}
     mesh = block_mesh(0.5, 0.8, 0.5, 2, 1, 2, Quad9())
     body = prescribe(mesh, field, MATERIAL.stiffness, kinds)
-    body = replace(body, contact_group="contact", fields=MATERIAL.fields, thermal_moduli=MATERIAL.thermal_moduli)
+    body = replace(with_heat(body, MATERIAL), contact_group="contact")
     solution = FiniteElements().solve(body)
     zone, points = solution.matched.zone, solution.matched.volume.points
     load = field.fluxes(zone.points, np.tile([0.0, 0.0, 1.0], (len(zone.points), 1)))
