@@ -99,27 +99,30 @@ class HeatSource:
             cells = min(MAX_CELLS, max(cells + 2, round(cells * min(2.0, 1.05 * excess ** (1.0 / DEGREE)))))
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        """Return W and nu . k grad W, (n, 5) each, for offsets and unit normals (n, 3)."""
-        w, slope = np.empty((2, len(offset), N_FIELDS))
-        direction = np.ascontiguousarray(normal @ self.conductivity)
-        heat_source(self.table, self.cells, np.ascontiguousarray(offset, dtype=float), direction, w, slope)
-        return w, slope
+        """Return W and -nu . k grad W, (n, 5) each, for offsets and unit normals (n, 3)."""
+        u, t = np.empty((2, len(offset), N_FIELDS))
+        self.enter(offset, normal, 0, u, t)
+        return u, t
 
-    def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array]:
-        """Return weighted sums of W and nu . k grad W, (m, k, 5) each, over plane pieces; see `Kernel.integrate`."""
+    def enter(self, offset: Array, normal: Array, first: int, u: Array, t: Array) -> None:
+        """Write the values of `evaluate` into the columns from `first` on of u and t, (n, .)."""
+        direction = np.ascontiguousarray(normal @ self.conductivity)
+        heat_source(self.table, self.cells, np.ascontiguousarray(offset, dtype=float), direction, first, u, t)
+
+    def enter_sums(
+        self, offset: Array, weights: Array, starts: Indices, normals: Array, first: int, u: Array, t: Array
+    ) -> None:
+        """Write weighted sums over plane pieces into columns of u and t, (m, k, .); see `Kernel.integrate`."""
         offset, weights = (np.ascontiguousarray(array, dtype=float) for array in (offset, weights))
-        w, slope = np.empty((2, len(normals), weights.shape[1], N_FIELDS))
         direction = np.ascontiguousarray(normals @ self.conductivity)
-        heat_source_sums(self.table, self.cells, offset, direction, weights, starts, w, slope)
-        return w, slope
+        heat_source_sums(self.table, self.cells, offset, direction, weights, starts, first, u, t)
 
     def gradient(self, offset: Array) -> Array:
         """Return W_P,q, (n, 5, 3), for offsets (n, 3)."""
         offset = np.ascontiguousarray(offset, dtype=float)
-        slopes = np.empty((3, len(offset), N_FIELDS))
-        w = np.empty((len(offset), N_FIELDS))
-        for axis, direction in enumerate(np.eye(3)):
-            heat_source(self.table, self.cells, offset, np.tile(direction, (len(offset), 1)), w, slopes[axis])
+        slopes, w = np.empty((3, len(offset), N_FIELDS)), np.empty((len(offset), N_FIELDS))
+        for axis, direction in enumerate(-np.eye(3)):
+            heat_source(self.table, self.cells, offset, np.tile(direction, (len(offset), 1)), 0, w, slopes[axis])
         gradient: Array = np.moveaxis(slopes, 0, -1)
         return gradient
 
@@ -133,6 +136,8 @@ class ThermalKernel(Kernel):
     ----------
     uncoupled : Kernel
         Kernel without that dependence.
+    size : int
+        Number of fields.
     column : int
         Column of the temperature.
     source : HeatSource
@@ -140,14 +145,14 @@ class ThermalKernel(Kernel):
     """
 
     uncoupled: Kernel
+    size: int
     column: int
     source: HeatSource
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
         """Return U and T, (n, fields, fields) each; see `Kernel.evaluate`. U is not symmetric."""
         u, t = self.uncoupled.evaluate(offset, normal)
-        w, slope = self.source.evaluate(offset, normal)
-        u[:, self.column, :N_FIELDS], t[:, self.column, :N_FIELDS] = w, -slope
+        self.source.enter(offset, normal, self._first, u.reshape(len(u), -1), t.reshape(len(t), -1))
         return u, t
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array] | None:
@@ -156,9 +161,7 @@ class ThermalKernel(Kernel):
         if sums is None:
             return None
         u, t = sums
-        entries = self.weakly_singular()
-        w, slope = self.source.integrate(offset, weights, starts, normals)
-        u[:, :, entries], t[:, :, entries] = w, -slope
+        self.source.enter_sums(offset, weights, starts, normals, self._first, u, t)
         return u, t
 
     def gradient(self, offset: Array) -> Array:
@@ -169,7 +172,12 @@ class ThermalKernel(Kernel):
 
     def weakly_singular(self) -> Indices:
         """Return the entries that heat adds; see `Kernel.weakly_singular`."""
-        return self.column * (self.column + 1) + np.arange(N_FIELDS)
+        return self._first + np.arange(N_FIELDS)
+
+    @property
+    def _first(self) -> int:
+        """Number of the first entry that heat adds, in rows of fields^2 entries."""
+        return self.column * self.size
 
 
 def source_gradient(stiffness: Array, moduli: Array, conductivity: Array, offset: Array) -> Array:

@@ -9,56 +9,59 @@ import math
 import numpy as np
 from numba import njit
 
-from meeframe.greens._kernels.tabulated import horner, locate
-
-COLUMNS = 5
-# Columns of the table that are interpolated together, one cache line of its rows.
-PADDED = 8
+from meeframe.fields import N_FIELDS
+from meeframe.greens._kernels.tabulated import WIDTH, horner, locate
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _at_point(table, cells, x, y, z, value):
-    """Fill value (3 PADDED,) with W, |x_a| W,b and |x_a| W,c of each column; return face, x_a, u and v."""
-    face, xa, u, v, cell, s, t = locate(x, y, z, cells)
-    sign = math.copysign(1.0, xa)
-    for column in range(PADDED):
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _interpolate(table, cell, s, t, factors, value):
+    """Fill value (2 WIDTH,) with W and direction . grad W; factors: those of G in W and of G_s, G_t in the slope.
+
+    All columns of the table are interpolated, though few are in use: of 8 columns the compiler would make no vector.
+    """
+    sign, along_s, along_t = factors
+    for column in range(WIDTH):
         g, g_s, g_t = horner(table, cell, column, s, t)
-        value[column], value[PADDED + column], value[2 * PADDED + column] = sign * g, cells * g_s, cells * g_t
-    return face, xa, u, v
+        value[column] = sign * g
+        value[WIDTH + column] = along_s * g_s + along_t * g_t
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def heat_source(table, cells, offset, direction, w_out, slope_out):
-    """Write W and direction . grad W, (n, 5) each, for offset and direction (n, 3)."""
-    value = np.empty(3 * PADDED)
+def _at_point(table, cells, offset, direction, value):
+    """Fill value (2 WIDTH,) with W and direction . grad W at an offset, for offset and direction (3,)."""
+    face, xa, u, v, cell, s, t = locate(offset[0], offset[1], offset[2], cells)
+    scale = cells / abs(xa)
+    a, b, c = direction[face], direction[(face + 1) % 3], direction[(face + 2) % 3]
+    factors = math.copysign(1.0, xa), scale * (b - a * u), scale * (c - a * v)
+    _interpolate(table, cell, s, t, factors, value)
+
+
+@njit(cache=True, nogil=True)
+def heat_source(table, cells, offset, direction, first, u_out, t_out):
+    """Write W and -direction . grad W into 5 columns of u_out, t_out (n, .), for offset and direction (n, 3)."""
+    value = np.empty(2 * WIDTH)
     for point in range(len(offset)):
-        face, xa, u, v = _at_point(table, cells, offset[point, 0], offset[point, 1], offset[point, 2], value)
-        scale = 1.0 / abs(xa)
-        a, b, c = direction[point, face], direction[point, (face + 1) % 3], direction[point, (face + 2) % 3]
-        along_u, along_v = scale * (b - a * u), scale * (c - a * v)
-        for column in range(COLUMNS):
-            w_out[point, column] = value[column]
-            slope_out[point, column] = along_u * value[PADDED + column] + along_v * value[2 * PADDED + column]
+        _at_point(table, cells, offset[point], direction[point], value)
+        for column in range(N_FIELDS):
+            u_out[point, first + column], t_out[point, first + column] = value[column], -value[WIDTH + column]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def heat_source_sums(table, cells, offset, direction, weights, starts, w_out, slope_out):
-    """Write sums, (m, k, 5), of weights (n, k) times W and direction . grad W over the points of each piece.
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def heat_source_sums(table, cells, offset, direction, weights, starts, first, u_out, t_out):
+    """Write sums of weights (n, k) times W and -direction . grad W into 5 columns of u_out, t_out (m, k, .).
 
     Piece e has the points starts[e] to starts[e + 1] and one direction, (m, 3).
     """
-    value = np.empty(3 * PADDED)
-    w_out[:] = 0.0
-    slope_out[:] = 0.0
+    value, sums = np.empty(2 * WIDTH), np.empty((weights.shape[1], 2 * WIDTH))
     for piece in range(len(direction)):
+        sums[:] = 0.0
         for point in range(starts[piece], starts[piece + 1]):
-            face, xa, u, v = _at_point(table, cells, offset[point, 0], offset[point, 1], offset[point, 2], value)
-            scale = 1.0 / abs(xa)
-            a, b, c = direction[piece, face], direction[piece, (face + 1) % 3], direction[piece, (face + 2) % 3]
-            along_u, along_v = scale * (b - a * u), scale * (c - a * v)
+            _at_point(table, cells, offset[point], direction[piece], value)
             for node in range(weights.shape[1]):
                 weight = weights[point, node]
-                for column in range(COLUMNS):
-                    w_out[piece, node, column] += weight * value[column]
-                    slope = along_u * value[PADDED + column] + along_v * value[2 * PADDED + column]
-                    slope_out[piece, node, column] += weight * slope
+                for entry in range(2 * WIDTH):
+                    sums[node, entry] += weight * value[entry]
+        for node in range(weights.shape[1]):
+            for column in range(N_FIELDS):
+                u_out[piece, node, first + column] = sums[node, column]
+                t_out[piece, node, first + column] = -sums[node, WIDTH + column]
