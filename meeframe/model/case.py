@@ -20,7 +20,7 @@ from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.data import CaseData
 from meeframe.model.data import Output as Output
 from meeframe.model.frames import frames_along
-from meeframe.model.heat import check_friction_heat, check_levels
+from meeframe.model.heat import check_friction_heat, check_joule_heat, check_levels
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
@@ -67,6 +67,9 @@ class Case(CaseData):
     friction_heat : float, optional
         Fraction of the work of friction that flows into the body as heat, from 0 (by default) to 1; the rest heats the
         indenter. Load steps without a duration are infinitely slow and generate none.
+    joule_heat : float, optional
+        Fraction of the electric power in the contact that flows into the body as heat, from 0 (by default) to 1; the
+        rest heats the indenter. The electric flux is then a current, and the permittivity the electric conductivity.
     conductivity : mapping of str to ConductivityLaw, optional
         Conductivity laws of the contact by the name of their scalar field; a field without one is insulated.
     formulation : Formulation, optional
@@ -121,7 +124,9 @@ class Case(CaseData):
             check_conductivity(channel.law, len(contact_zone.points))
         check_fields(self.second_body, self.fields)
         check_friction_heat(self.friction_heat, self.fields, self.second_body is not None)
-        check_levels(self.steps, self.channels, self.friction_heat, self._undetermined_levels)
+        check_joule_heat(self.joule_heat, self.body, self.channels, self.second_body is not None)
+        generated = max(self.friction_heat, self.joule_heat)
+        check_levels(self.steps, self.channels, generated, self._undetermined_levels)
         check_alike(self.second_body, self.formulation)
         check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:

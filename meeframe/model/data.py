@@ -74,6 +74,7 @@ class CaseData:
     contact_law: ContactLaw = field(default_factory=Signorini)
     axes: FrictionAxes | None = None
     friction_heat: float = 0.0
+    joule_heat: float = 0.0
     conductivity: Mapping[str, ConductivityLaw] = field(default_factory=dict)
     formulation: Formulation = field(default_factory=DenseBEM)
     solver: Solver = field(default_factory=Auto)
