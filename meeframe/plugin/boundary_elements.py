@@ -12,9 +12,16 @@ from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.collocation import Sources, collocate
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.interior import InteriorRepresentation
-from meeframe.formulations.dense_bem.layout import NONE, Layout, Units, boundary_fields, lay_out
+from meeframe.formulations.dense_bem.layout import (
+    NONE,
+    Layout,
+    Units,
+    boundary_fields,
+    characteristic_length,
+    check_expansion,
+    lay_out,
+)
 from meeframe.formulations.dense_bem.patches import find_patches
-from meeframe.formulations.dense_bem.system import characteristic_length
 from meeframe.greens import Tabulated
 from meeframe.greens.decoupled import bind_fields
 
@@ -31,6 +38,7 @@ __all__ = [
     "bind_fields",
     "boundary_fields",
     "characteristic_length",
+    "check_expansion",
     "collocate",
     "element_rule",
     "exterior_terms",

@@ -17,9 +17,9 @@ from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.interior import BoundaryInterior, InteriorRepresentation
-from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
+from meeframe.formulations.dense_bem.layout import Layout, Units, check_expansion, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
-from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
+from meeframe.formulations.dense_bem.system import BoundarySolution, factorise, zone_relation
 from meeframe.greens import Tabulated
 from meeframe.greens.base import FundamentalSolution, Kernel
 from meeframe.greens.decoupled import bind_fields
@@ -72,12 +72,7 @@ class DenseBEM(Formulation):
         MaterialError
             If the fundamental solution does not apply, or the material is too close to inadmissible.
         """
-        if body.thermal_moduli is not None and body.mesh.semi_infinite:
-            raise CaseError(
-                "dense-bem: the expansion by heat does not fade with the distance, so that the surface of a "
-                "semi-infinite body cannot end at the border of a mesh; allowed: the formulation half-space, or a "
-                "finite body"
-            )
+        check_expansion(body)
         _check_memory(body)
         check_mesh(body.mesh)
         self._layout(body)
@@ -143,19 +138,15 @@ class DenseBEM(Formulation):
         return BoundarySolution(factors, layout, units, body.mesh)
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
-        units = _units(body)
+        units = Units.of(body)
         return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
 
     def _kernel(self, body: Body) -> Kernel:
-        moduli = _units(body).thermal_moduli(body)
+        moduli = Units.of(body).thermal_moduli(body)
         if moduli is None:
             return _bind(self.fundamental_solution, _scaled_stiffness(body).tobytes())
         heat = moduli.tobytes(), body.fields.index(THERMAL_FIELD.name)
         return _bind(self.fundamental_solution, _scaled_stiffness(body).tobytes(), *heat)
-
-
-def _units(body: Body) -> Units:
-    return Units(characteristic_length(body), FieldScaling.of(body.stiffness))
 
 
 def _scaled_stiffness(body: Body) -> Array:

@@ -11,7 +11,6 @@ from meeframe.fields import Array
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
 from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
-from meeframe.mesh.body import Body
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.system.reduced import NodalFields
 
@@ -98,21 +97,3 @@ def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
     matrix = values[:, :-1].reshape(n, n_fields, n, n_fields)
     compliance: Array = matrix * to_values[None, :, None, None] * to_loads
     return offset, compliance
-
-
-def characteristic_length(body: Body) -> float:
-    """Return the unit of length of the system.
-
-    Parameters
-    ----------
-    body : Body
-        The body.
-
-    Returns
-    -------
-    float
-        Diagonal of the box around the contact zone, or around a body without one [m].
-    """
-    group = body.contact_group
-    points = body.mesh.points if group is None else body.mesh.points[body.mesh.group_points(group)]
-    return float(np.linalg.norm(np.ptp(points, axis=0)))
