@@ -428,7 +428,7 @@ def test_messages_state_frictional_heat_and_reference_radius(tmp_path: Path) -> 
             ],
             r"contact.friction_heat = 0.5: .*needs a body with a temperature",
         ),
-        ([('formulation = "half-space"', 'formulation = "hmatrix-bem"')], "does not support thermal expansion"),
+        ([('formulation = "half-space"', 'formulation = "hmatrix-bem"')], "semi-infinite body cannot end"),
         ([('formulation = "half-space"', 'formulation = "dense-bem"')], "semi-infinite body cannot end"),
         (
             [('formulation = "half-space"', 'formulation = {name = "half-space", reference_radius = "-1 m"}')],

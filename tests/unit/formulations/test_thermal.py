@@ -8,12 +8,13 @@ import pytest
 from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4, Quad9
 from meeframe.elements.base import SurfaceElement
-from meeframe.formulations.base import check_body
+from meeframe.formulations.base import Formulation, check_body
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import library_material, rotation_about
 from meeframe.mesh import block_mesh, box_mesh, half_space_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.system.capabilities import InteriorFields
+from meeframe.system.reduced import silent
 from meeframe.testing.capabilities import check_capabilities
 from meeframe.testing.manufactured import ThermalField, prescribe, relative_errors, with_heat
 
@@ -92,9 +93,19 @@ def test_default_accuracy_of_a_heated_body():
     assert fluxes < 2e-4
 
 
-def test_semi_infinite_body_that_expands_is_refused():
+def test_formulations_and_bodies_without_action_of_heat_are_refused():
     body = Body.of(MATERIAL, half_space_mesh(0.1, 0.02, (4, 4), 1, Quad4()), (), "contact")
     check_body(DenseBEM(), body)
+
+    class IgnoresHeat(Formulation):
+        def check(self, body):
+            """Accept all bodies."""
+
+        def reduce(self, body, progress=silent):
+            raise NotImplementedError
+
+    with pytest.raises(CaseError, match="IgnoresHeat does not support thermal expansion"):
+        check_body(IgnoresHeat(), body)
     with pytest.raises(CaseError, match="semi-infinite"):
         DenseBEM().check(body)
 
