@@ -158,7 +158,7 @@ def bind_fields(
         complemented[:, column, column] = -np.eye(3)
     scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(count, size))
     kernel = DecoupledKernel(fundamental_solution.bind(complemented), count, scalars)
-    if moduli is None:
+    if moduli is None or not moduli.any():
         return kernel
     heat = HeatSource.of(complemented, moduli, -stiffness[:, temperature, temperature])
     return ThermalKernel(kernel, size, temperature, heat)

@@ -8,11 +8,10 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.fields import Array
+from meeframe.greens._kernels.harmonics import odd_sums
 
 MIN_DEGREE: Final = 23
 MAX_DEGREE: Final = 8 * (MIN_DEGREE + 1) - 1
-CHUNK: Final = 4096
-"""Directions that are evaluated together: their functions of one order stay in a second-level cache."""
 
 
 @final
@@ -67,17 +66,8 @@ class OddHarmonics:
 
     def evaluate(self, directions: Array) -> Array:
         """Return the sums at unit vectors (n, 3), (n, k)."""
-        result = np.zeros((len(directions), self.cosines.shape[2]))
-        for start in range(0, len(directions), CHUNK):
-            part = directions[start : start + CHUNK]
-            azimuth = np.arctan2(part[:, 1], part[:, 0])
-            for order, functions in enumerate(_legendre(part[:, 2], len(self.cosines) - 1)):
-                odd = slice((order + 1) % 2, None, 2)
-                first = order + (order + 1) % 2
-                along = functions[odd].T
-                sums = result[start : start + CHUNK]
-                sums += np.cos(order * azimuth)[:, None] * (along @ self.cosines[order, first::2])
-                sums += np.sin(order * azimuth)[:, None] * (along @ self.sines[order, first::2])
+        result = np.empty((len(directions), self.cosines.shape[2]))
+        odd_sums(self.cosines, self.sines, np.ascontiguousarray(directions, dtype=float), result)
         return result
 
 
@@ -110,7 +100,7 @@ def _analyse(function: Callable[[Array], Array], degree: int) -> tuple[Array, Ar
 def _legendre(heights: Array, degree: int) -> Iterator[Array]:
     """Yield for m = 0, ..., degree the functions P_lm(height) of l = m, ..., degree, (degree - m + 1, n).
 
-    They are normalised so that P_lm cos(m phi) has mean square 1 / (4 pi) over the sphere; recurrence over l.
+    See meeframe.greens._kernels.harmonics.
     """
     radius = np.sqrt(1.0 - heights**2)
     sectoral = np.full_like(heights, 1.0 / np.sqrt(4.0 * np.pi))

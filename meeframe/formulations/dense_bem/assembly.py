@@ -163,14 +163,14 @@ def _collocate(problem: Problem, task: range, system: System) -> None:
             buffers[number] = _add_regular_elements(problem, source, number, buffers[number], panels)
         if problem.exterior is not None:
             panels.total[:] -= problem.exterior[source]
-        panels.total[weak] = 0.0
+        panels.total[weak] = 0.0  # constant fields say nothing about these entries
         kernels.subtract_constant(panels.total, sources.mesh_points[source], sources.shape[source], panels.value)
         panels.total[:] = 0.0
         for entry in range(sources.singular_start[source], sources.singular_start[source + 1]):
             number = sources.singular_block[entry]
             buffers[number] = _add_singular_element(problem, source, entry, buffers[number], panels)
         if len(weak):
-            # The differences of singular elements subtract the value at the source from all entries.
+            # Singular elements multiply all entries by differences from the value at the source, which is added again.
             kernels.subtract_constant(panels.total, sources.mesh_points[source], sources.shape[source], panels.value)
         kernels.enter_rows(
             tuple(range(layout.value_column.shape[1])),

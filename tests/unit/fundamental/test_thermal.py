@@ -96,17 +96,24 @@ def test_gradient_and_flux_are_exact_to_the_tolerance(constants, kernel, random)
     np.testing.assert_allclose(last - first, change, atol=1e-8 * np.abs(first).max())
 
 
-def test_isotropic_source_is_that_of_nowacki(random):
-    """W = alpha (1 + nu) / (1 - nu) x / (8 pi k r), in SI units; temperature and other fields are those of Laplace."""
-    young, poisson, expansion, conductivity = 2e11, 0.3, 1.2e-5, 40.0
-    constants = Scaled.of(Material.isotropic(young, poisson).with_heat(conductivity, expansion))
+@pytest.mark.parametrize("expansion", [1.2e-5, 0.0])
+def test_isotropic_source_is_that_of_nowacki(random, expansion):
+    """W = alpha (1 + nu) / (1 - nu) x / (8 pi k r), potential p_3 x_3 / (8 pi k epsilon r), in SI units.
+
+    The gradient of the potential vanishes along x_3; temperature and other entries are those of Laplace.
+    """
+    poisson, conductivity, permittivity, pyroelectric = 0.3, 40.0, 3e-9, -7e-5
+    material = Material.isotropic(2e11, poisson, permittivity=permittivity)
+    constants = Scaled.of(material.with_heat(conductivity, expansion, None, [0, 0, pyroelectric], None, "strain"))
     offset, normal = random.normal(size=(100, 3)), unit_vectors(random, 100)
     u, t = constants.kernel().evaluate(offset, normal)
     factors, r = constants.factors, np.linalg.norm(offset, axis=1)[:, None]
     strength = expansion * (1.0 + poisson) / (1.0 - poisson) / (8.0 * np.pi * conductivity)
-    w = u[:, 5, :3] * factors[:3] * factors[5]
-    np.testing.assert_allclose(w, strength * offset / r, atol=1e-10 * strength)
-    np.testing.assert_allclose(u[:, 5, 3:5], 0.0, atol=1e-14)
+    w = u[:, 5, :5] * factors[:5] * factors[5]
+    np.testing.assert_allclose(w[:, :3], strength * offset / r, atol=1e-10 * strength)
+    charge = pyroelectric / (8.0 * np.pi * conductivity * permittivity)
+    np.testing.assert_allclose(w[:, 3], charge * offset[:, 2] / r[:, 0], atol=1e-10 * abs(charge))
+    np.testing.assert_allclose(w[:, 4], 0.0, atol=1e-14)
     slope = t[:, 5, :3] * factors[:3] / factors[5]
     radial = (normal * offset).sum(axis=1, keepdims=True) / r**2
     exact = -conductivity * strength * (normal / r - radial * offset / r)
@@ -186,7 +193,7 @@ def test_sums_over_plane_pieces_are_those_of_points(kernel, random):
 def test_table_is_refined_or_refused(constants, random):
     strong = np.diag([1.0, 1.0, 3.0]) / 3.0
     source = HeatSource.of(constants.coupled, constants.moduli, strong)
-    assert source.cells > 12
+    assert source.cells > 16
     offset = unit_vectors(random, 200)
     exact = source_gradient(constants.coupled, constants.moduli, strong, offset)
     assert relative_error(source.gradient(offset), exact) < 1e-8
