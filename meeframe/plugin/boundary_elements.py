@@ -10,6 +10,7 @@ from meeframe.elements._kernels.shape import map_rule
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.collocation import Sources, collocate
+from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.interior import InteriorRepresentation
 from meeframe.formulations.dense_bem.layout import (
@@ -35,6 +36,7 @@ __all__ = [
     "Tabulated",
     "Units",
     "anisotropy",
+    "bind_body",
     "bind_fields",
     "boundary_fields",
     "characteristic_length",

@@ -1,8 +1,7 @@
 """The dense boundary element formulation, which condenses a body to a reduced system."""
 
-import math
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Annotated, final
 
 import numpy as np
@@ -10,19 +9,19 @@ import numpy as np
 from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.common.memory import physical_memory
 from meeframe.elements.anisotropy import anisotropy
-from meeframe.fields import N_FIELDS, THERMAL_FIELD, Array, FieldScaling
+from meeframe.fields import Array, FieldScaling
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
+from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.interior import BoundaryInterior, InteriorRepresentation
 from meeframe.formulations.dense_bem.layout import Layout, Units, check_expansion, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, factorise, zone_relation
 from meeframe.greens import Tabulated
-from meeframe.greens.base import FundamentalSolution, Kernel
-from meeframe.greens.decoupled import bind_fields
+from meeframe.greens.base import FundamentalSolution
 from meeframe.mesh import check_mesh, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.slenderness import bending_warnings
@@ -76,7 +75,7 @@ class DenseBEM(Formulation):
         _check_memory(body)
         check_mesh(body.mesh)
         self._layout(body)
-        self._kernel(body)
+        bind_body(self.fundamental_solution, body)
         anisotropy(_scaled_stiffness(body))
 
     def couples_heat(self) -> bool:
@@ -106,7 +105,7 @@ class DenseBEM(Formulation):
         system = in_local_frames(*geometry, offset, compliance, solution.fields)
         if body.thermal_moduli is not None:
             return system
-        bind, spread = partial(self._kernel, body), anisotropy(_scaled_stiffness(body))
+        bind, spread = partial(bind_body, self.fundamental_solution, body), anisotropy(_scaled_stiffness(body))
         representation = InteriorRepresentation(body.mesh, body.stiffness, solution.units, bind, spread)
         return replace(system, interior=BoundaryInterior(system.recovery, representation))
 
@@ -131,7 +130,9 @@ class DenseBEM(Formulation):
         progress("assembly", 0.0)
         layout, units = self._layout(body)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
-        system = assemble(mesh, layout, collocate(mesh, layout), self._kernel(body), accuracy, progress)
+        system = assemble(
+            mesh, layout, collocate(mesh, layout), bind_body(self.fundamental_solution, body), accuracy, progress
+        )
         progress("factorisation", 0.0)
         factors = factorise(system)
         progress("factorisation", 1.0)
@@ -141,27 +142,9 @@ class DenseBEM(Formulation):
         units = Units.of(body)
         return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
 
-    def _kernel(self, body: Body) -> Kernel:
-        moduli = Units.of(body).thermal_moduli(body)
-        if moduli is None:
-            return _bind(self.fundamental_solution, _scaled_stiffness(body).tobytes())
-        heat = moduli.tobytes(), body.fields.index(THERMAL_FIELD.name)
-        return _bind(self.fundamental_solution, _scaled_stiffness(body).tobytes(), *heat)
-
 
 def _scaled_stiffness(body: Body) -> Array:
     return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
-
-
-@lru_cache(maxsize=4)
-def _bind(
-    fundamental_solution: FundamentalSolution, stiffness: bytes, moduli: bytes | None = None, temperature: int = 0
-) -> Kernel:
-    """Return the kernel of a scaled stiffness and moduli; bytes are keys of the cache for checks and further meshes."""
-    values = np.frombuffer(stiffness)
-    size = math.isqrt(len(values) // 9)
-    heat = None if moduli is None else np.frombuffer(moduli).reshape(3, N_FIELDS)
-    return bind_fields(fundamental_solution, values.reshape(3, size, size, 3), heat, temperature)
 
 
 def _check_memory(body: Body) -> None:

@@ -11,14 +11,12 @@ from pydantic import Field
 
 from meeframe.plugin import (
     ONE_BLAS_THREAD,
-    THERMAL_FIELD,
     AnyArray,
     Array,
     Body,
     CaseError,
     FieldScaling,
     FundamentalSolution,
-    Kernel,
     PersistentFormulation,
     Progress,
     Quantity,
@@ -35,7 +33,7 @@ from meeframe.plugin.boundary_elements import (
     Tabulated,
     Units,
     anisotropy,
-    bind_fields,
+    bind_body,
     check_expansion,
     collocate,
     find_patches,
@@ -115,7 +113,7 @@ class HierarchicalBEM(PersistentFormulation):
         check_contact_zone(body.mesh, body.contact_group)
         layout, _ = self._layout(body)
         _check_memory(layout.n_unknowns, self.tolerance)
-        self._kernel(body)
+        bind_body(self.fundamental_solution, body)
         anisotropy(_scaled(body))
 
     def couples_heat(self) -> bool:
@@ -191,7 +189,7 @@ class HierarchicalBEM(PersistentFormulation):
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         sources = collocate(mesh, layout)
         tree = cluster_tree(mesh, layout, sources, self.leaf_size)
-        kernel = self._kernel(body)
+        kernel = bind_body(self.fundamental_solution, body)
         block_tolerance = BLOCK_TOLERANCE_RATIO * self.tolerance
         with ONE_BLAS_THREAD:
             integrals = tabulate_integrals(mesh, layout, sources, tree, kernel, accuracy)
@@ -203,15 +201,8 @@ class HierarchicalBEM(PersistentFormulation):
         """Return the interior representation of a body, None if it expands by heat."""
         if body.thermal_moduli is not None:
             return None
-        bind = partial(self._kernel, body)
+        bind = partial(bind_body, self.fundamental_solution, body)
         return InteriorRepresentation(body.mesh, body.stiffness, Units.of(body), bind, anisotropy(_scaled(body)))
-
-    def _kernel(self, body: Body) -> Kernel:
-        moduli = Units.of(body).thermal_moduli(body)
-        if moduli is None:
-            return bind_fields(self.fundamental_solution, _scaled(body))
-        temperature = body.fields.index(THERMAL_FIELD.name)
-        return bind_fields(self.fundamental_solution, _scaled(body), moduli, temperature)
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units.of(body)
