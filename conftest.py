@@ -13,6 +13,7 @@ from collections import defaultdict
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # before numpy is loaded: the workers share the processors already
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 import numpy as np
 import pytest

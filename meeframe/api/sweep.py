@@ -23,7 +23,9 @@ def sweep(
     *,
     fields: Sequence[str] = (),
     every_increment: bool = False,
-    workers: int = 1,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    systems: str | Path | None = None,
     overwrite: bool = False,
     progress: Show = None,
 ) -> Any:
@@ -45,7 +47,11 @@ def sweep(
     every_increment : bool, optional
         True for all increments in the dataset instead of the last one of each point.
     workers : int, optional
-        Number of processes; one is this process with all its threads.
+        Number of processes; by default one, which is this process with all its threads.
+    scheduler : str, optional
+        Address of the scheduler of a Dask cluster that solves the points instead, such as "tcp://host:8786".
+    systems : str or Path, optional
+        Folder of reduced systems that other sweeps use too; by default they are kept with the results.
     overwrite : bool, optional
         True to replace another sweep in the folder.
     progress : bool or callable, optional
@@ -64,14 +70,17 @@ def sweep(
         For keys or values that are not allowed, without xarray, or if the folder cannot be written.
     """
     study = {"case": "case.toml", "fields": list(fields), "every_increment": every_increment, "axes": axes}
-    with TemporaryDirectory() as folder, shown(progress) as report, pool_of(workers) as pool:
+    files = [*map(Path, case.plugins)]
+    opened = pool_of(1 if workers is None and scheduler is None else workers, scheduler, files)
+    with TemporaryDirectory() as folder, shown(progress) as report, opened as pool:
         case.to_toml(Path(folder) / "case.toml")
         file = Path(folder) / "study.toml"
         file.write_text(toml_text({"title": case.title, **study} if case.title else study), encoding="utf-8")
         target = Path(folder) / "out" if out is None else Path(out)
-        registry = plugins.load(*map(Path, case.plugins))
+        shared = None if systems is None else Path(systems)
+        registry = plugins.load(*files)
         try:
-            return dataset(run.sweep(file, target, pool, overwrite, registry, report))
+            return dataset(run.sweep(file, target, pool, overwrite, registry, report, systems=shared))
         except CaseError as error:  # without the names of files that the caller did not write
             raise CaseError(str(error).replace(f"{file}: ", "Sweep: ")) from error.__cause__
         except KeyboardInterrupt as error:

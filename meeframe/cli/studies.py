@@ -113,6 +113,12 @@ def sweep(
         bool,
         typer.Option("--overwrite", metavar="", help="Replace another sweep; points that both share are preserved."),
     ] = False,
+    systems: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of reduced systems that other sweeps use too; by default one in --out."
+        ),
+    ] = None,
     plugin: PluginFiles = None,
 ) -> None:
     """Run a parameter study of a case over a grid or lists of values; write sweep.h5, sweep.png and all results.
@@ -127,7 +133,7 @@ def sweep(
 
         registry = console.registry(plugin)
         with console.progress() as progress, pool_of(workers, scheduler, plugin or (), threads) as pool:
-            result = run_sweep(study, out, pool, overwrite, registry, progress, console.warn)
+            result = run_sweep(study, out, pool, overwrite, registry, progress, console.warn, systems)
         console.stdout().print(sweep_table(result))
         passed = bool((result.status == "converged").all())
         raise typer.Exit(console.CONVERGED if passed else console.NOT_CONVERGED)

@@ -13,14 +13,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.common.errors import ResultError
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.mesh.body import Body
 from meeframe.model.case import Case
 from meeframe.model.solve import bodies_of, joined, recovery_of, reduce_for_contact
 from meeframe.model.systems import checked
 from meeframe.plugin.sources import LOCAL, faults_of_plugins
-from meeframe.results.systems import read_arrays, read_system, write_arrays, write_system
+from meeframe.results.systems import create_folder, read_arrays, read_system, write_arrays, write_system
 from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 _ROOMS: Final = ("common", "elements", "fields", "formulations", "greens", "material", "mesh", "model", "system")
@@ -58,10 +57,7 @@ def cached_body(
     with faults_of_plugins():
         matrix, arrays = system.dense(), stored_arrays(formulation, system)
     if matrix is not None or arrays is not None:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ResultError(f"cache folder {folder} cannot be made: {error.strerror or error}") from None
+        create_folder(folder)
         if matrix is not None:
             write_system(path, key, system, matrix)
         elif arrays is not None:

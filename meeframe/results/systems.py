@@ -7,6 +7,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
+from meeframe.common.errors import ResultError
 from meeframe.common.hdf5 import open_hdf5
 from meeframe.fields import Array
 from meeframe.results.hdf5 import changed_file
@@ -28,6 +29,14 @@ _UNITS: Final = {
     "offset": "m, m, m, V, A",
     "matrix": "displacement (m, m, m, -V, -A) per load (Pa, Pa, Pa, C/m^2, Wb/m^2)",
 }
+
+
+def create_folder(folder: Path) -> None:
+    """Create the folder of reduced systems unless it exists. Raises ResultError if it cannot be created."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultError(f"folder {folder} of reduced systems cannot be made: {error.strerror or error}") from None
 
 
 def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> None:

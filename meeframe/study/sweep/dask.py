@@ -224,7 +224,7 @@ class Cluster(Pool):
         progress("workers", 0.0)
         client = self.connect()
         try:
-            yield from self._solve(client, self._submit(client, points, str(systems)))
+            yield from self._solve(client, self._submit(client, points, str(systems.absolute())))
         except OSError as error:
             raise self._lost_error() from error
 

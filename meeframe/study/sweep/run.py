@@ -21,6 +21,7 @@ from meeframe.results.output import replacing
 from meeframe.results.records import Result
 from meeframe.results.sweep_files import POINTS, SYSTEMS, check_installed, drop_systems, open_folder, write_sweep
 from meeframe.results.sweep_records import SweepResult
+from meeframe.results.systems import create_folder
 from meeframe.study.declare import changed, checked
 from meeframe.study.reports.sweep import sweep_figure
 from meeframe.study.sweep.declare import SweepTable
@@ -45,6 +46,7 @@ def sweep(
     registry: Registry | None = None,
     progress: Progress = silent,
     warn: Warn = ignore,
+    systems: Path | None = None,
 ) -> SweepResult:
     """Solve the points of a study file that `out` does not contain yet; write sweep.h5 and sweep.png.
 
@@ -68,6 +70,8 @@ def sweep(
         Called with the stage and the fraction of it that is done.
     warn
         Called first, with each warning of formulations and points once.
+    systems
+        Folder of reduced systems that other sweeps use too, where nothing is deleted; by default one in `out`.
 
     Returns
     -------
@@ -89,8 +93,12 @@ def sweep(
     with open_folder(out, {point.key for point in points}, overwrite):
         for text in (*warnings_of(bodies.values()), *_preflight(points, out / POINTS)):
             warn(text)
-        drop_systems(out, set(bodies))
-        return _solve(file, out, study, points, pool or InProcess(), progress)
+        if systems is None:
+            systems = out / SYSTEMS
+            drop_systems(out, set(bodies))
+        else:
+            create_folder(systems)
+        return _solve(file, out, study, points, pool or InProcess(), systems, progress)
 
 
 def _preflight(points: Sequence[Point], store: Path) -> Iterator[str]:
@@ -115,12 +123,18 @@ def _preflight(points: Sequence[Point], store: Path) -> Iterator[str]:
 
 
 def _solve(
-    file: Path, out: Path, study: SweepTable, points: Sequence[Point], pool: Pool, progress: Progress
+    file: Path,
+    out: Path,
+    study: SweepTable,
+    points: Sequence[Point],
+    pool: Pool,
+    systems: Path,
+    progress: Progress,
 ) -> SweepResult:
     """Solve and write the sweep in a folder that is open."""
     point_data: dict[str, PointData] = {}
     try:
-        for key, outcome in solve_points(points, pool, out / SYSTEMS, out / POINTS, progress):
+        for key, outcome in solve_points(points, pool, systems, out / POINTS, progress):
             point_data[key] = PointData.of(outcome, study.fields)
     except KeyboardInterrupt as error:
         error.add_note(

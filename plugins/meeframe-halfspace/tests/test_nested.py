@@ -440,4 +440,8 @@ def test_wrong_capabilities_are_detected(wrong: str, message: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)
     with pytest.raises(AssertionError, match=message):
         check_capabilities(WrongCapability.of(system, wrong))
-    check_capabilities(WrongCapability.of(system, "nothing"))
+
+
+@pytest.mark.full
+def test_correct_capabilities_pass_in_the_same_wrapper() -> None:
+    check_capabilities(WrongCapability.of(system_of(*GRIDS[0], stiffness=ANISOTROPIC), "nothing"))

@@ -70,18 +70,19 @@ def totals(folder, element="quad9", **given):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("material", ["batio3-cofe2o4", "orthotropic-mee"])
-def test_boundary_and_finite_elements_converge(tmp_path, material):
+def test_boundary_and_finite_elements_converge(tmp_path):
     """All elements of both methods are halved; the differences decrease accordingly."""
-    coarse, fine = (differences(tmp_path, material, divisions, growth) for divisions, growth in ((2, 4.0), (4, 2.0)))
+    coarse, fine = (differences(tmp_path, divisions, growth) for divisions, growth in ((2, 4.0), (4, 2.0)))
     assert (fine < 0.5 * coarse).all()
     assert (fine < [0.04, 0.01, 0.01, 0.02]).all()
 
 
-def differences(folder, material, divisions, growth):
+def differences(folder, divisions, growth):
     """Return the differences of the totals by finite elements, relative to those by boundary elements."""
     formulations = ('name = "dense-bem"', f'name = "skfem"\ngrowth = {growth}')
-    bem, fem = (totals(folder, material=material, divisions=divisions, formulation=text) for text in formulations)
+    bem, fem = (
+        totals(folder, material="orthotropic-mee", divisions=divisions, formulation=text) for text in formulations
+    )
     return np.abs(fem / bem - 1)
 
 
