@@ -9,7 +9,7 @@ import numpy as np
 from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.common.memory import physical_memory
 from meeframe.elements.anisotropy import anisotropy
-from meeframe.fields import Array, FieldScaling
+from meeframe.fields import THERMAL_FIELD, Array, FieldScaling
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
@@ -17,7 +17,7 @@ from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.interior import BoundaryInterior, InteriorRepresentation
-from meeframe.formulations.dense_bem.layout import Layout, Units, check_expansion, lay_out
+from meeframe.formulations.dense_bem.layout import Layout, Units, check_expansion, lay_out, number_first
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, factorise, zone_relation
 from meeframe.greens import Tabulated
@@ -134,13 +134,16 @@ class DenseBEM(Formulation):
             mesh, layout, collocate(mesh, layout), bind_body(self.fundamental_solution, body), accuracy, progress
         )
         progress("factorisation", 0.0)
-        factors = factorise(system)
+        factors, independent = factorise(system, layout)
         progress("factorisation", 1.0)
-        return BoundarySolution(factors, layout, units, body.mesh)
+        return BoundarySolution(factors, independent, layout, units, body.mesh)
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units.of(body)
-        return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
+        layout = lay_out(body, find_patches(body.mesh, self.edge_angle), units)
+        if THERMAL_FIELD in body.fields.scalars:
+            layout = number_first(layout, body.fields.index(THERMAL_FIELD.name))
+        return layout, units
 
 
 def _scaled_stiffness(body: Body) -> Array:

@@ -4,7 +4,7 @@ Every unknown has a collocation equation of the same number, see collocation.py.
 lengths relative to a unit of length and fields scaled by FieldScaling.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -172,6 +172,8 @@ class Layout:
         Points of the contact zone, (n,).
     n_unknowns : int
         Size of the system.
+    independent : int or None
+        Field whose equations contain no other one, and whose unknowns come first.
     """
 
     patches: Patches
@@ -182,6 +184,26 @@ class Layout:
     load_column: Indices
     zone: Indices
     n_unknowns: int
+    independent: int | None = None
+
+    @property
+    def n_independent(self) -> int:
+        """Number of unknowns of the independent field."""
+        columns = (self.value_column, self.flux_column)
+        return 0 if self.independent is None else sum(int((c[:, self.independent] != NONE).sum()) for c in columns)
+
+
+def number_first(layout: Layout, field: int) -> Layout:
+    """Return the layout with the unknowns of one field before all others, each in the same order as before."""
+    is_first = np.zeros(layout.n_unknowns, bool)
+    for columns in (layout.value_column, layout.flux_column):
+        is_first[columns[columns[:, field] != NONE, field]] = True
+    number = np.empty(layout.n_unknowns, np.int64)
+    number[is_first], number[~is_first] = np.split(np.arange(layout.n_unknowns), [is_first.sum()])
+    value_column, flux_column = (
+        np.where(columns == NONE, NONE, number[columns]) for columns in (layout.value_column, layout.flux_column)
+    )
+    return replace(layout, value_column=value_column, flux_column=flux_column, independent=field)
 
 
 def lay_out(body: Body, patches: Patches, units: Units) -> Layout:

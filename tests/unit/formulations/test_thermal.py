@@ -7,9 +7,17 @@ import pytest
 
 from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4, Quad9
+from meeframe.elements.anisotropy import anisotropy
 from meeframe.elements.base import SurfaceElement
 from meeframe.formulations.base import Formulation, check_body
 from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
+from meeframe.formulations.dense_bem.assembly import assemble
+from meeframe.formulations.dense_bem.collocation import collocate
+from meeframe.formulations.dense_bem.fundamental import bind_body
+from meeframe.formulations.dense_bem.layout import Units, boundary_fields, lay_out
+from meeframe.formulations.dense_bem.patches import find_patches
+from meeframe.greens import Tabulated
 from meeframe.material import library_material, rotation_about
 from meeframe.mesh import block_mesh, box_mesh, half_space_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
@@ -115,3 +123,24 @@ def test_temperature_must_be_determined():
     mesh = block_mesh(0.5, 0.8, 0.5, 2, 1, 2, Quad4())
     with pytest.raises(CaseError, match="temperature"):
         DenseBEM().check(Body.of(MATERIAL, mesh, base, "contact"))
+
+
+def test_heat_first_gives_the_solution_of_the_whole_system():
+    """The matrix of all fields, in the order of its points and solved at once, has the same solution."""
+    mesh = block_mesh(0.5, 0.8, 0.5, 2, 1, 1, Quad4())
+    base = tuple(BoundaryCondition("base", field, "value", 30.0 if field == 5 else 0.0) for field in range(6))
+    body = Body.of(MATERIAL, mesh, (*base, BoundaryCondition("side_x+", 5, "flux", -80.0)), "contact")
+    system, units = DenseBEM().reduce(body), Units.of(body)
+    layout = lay_out(body, find_patches(mesh, np.pi / 6), units)
+    assert layout.independent is None
+    scaled = replace(mesh, points=mesh.points / units.length)
+    accuracy = Accuracy(1e-5, anisotropy(units.scaling.scale_stiffness(body.stiffness)))
+    kernel = bind_body(Tabulated(), body)
+    whole = assemble(scaled, layout, collocate(scaled, layout), kernel, accuracy, silent)
+    assert np.abs(system.frames - np.eye(3)).max() < 1e-12
+    load = np.random.default_rng(4).normal(size=system.offset.shape) * np.array([1e7, 1e7, 1e7, 1e-3, 1e-3, 1e3])
+    loads = units.fluxes(load).ravel()
+    unknowns = np.linalg.solve(whole.matrix, whole.load_matrix @ loads + whole.rhs)
+    exact, computed = boundary_fields(layout, units, mesh, unknowns, unknowns, loads), system.recover(load)
+    for one, other in ((computed.values, exact.values), (computed.fluxes, exact.fluxes)):
+        assert (np.abs(one - other).max(axis=0) <= 1e-9 * np.abs(other).max(axis=0)).all()
