@@ -48,7 +48,7 @@ def test_linear_temperature_is_exact_to_the_tolerance():
         system.capability(InteriorFields).evaluate(load, np.array([[0.0, 0.0, -0.4]]))
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-5])
+@pytest.mark.parametrize("size", [1e-5, pytest.param(1.0, marks=pytest.mark.full)])
 def test_agrees_with_dense_boundary_elements_in_any_unit_of_length(size):
     mesh = block_mesh(0.5 * size, 0.8 * size, 0.2 * size, 4, 2, 2, Quad4())
     base = tuple(BoundaryCondition("base", field, "value", 30.0 if field == 5 else 0.0) for field in range(6))

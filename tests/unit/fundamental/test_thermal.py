@@ -191,7 +191,7 @@ def test_sums_over_plane_pieces_are_those_of_points(kernel, random):
 
 
 def test_table_is_refined_or_refused(constants, random):
-    strong = np.diag([1.0, 1.0, 3.0]) / 3.0
+    strong = np.diag([1.0, 1.0, 2.0]) / 2.0
     source = HeatSource.of(constants.coupled, constants.moduli, strong)
     assert source.cells > 16
     offset = unit_vectors(random, 200)
