@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from meeframe.solvers import SemismoothNewton as SemismoothNewton
     from meeframe.solvers import StoppingCriteria as StoppingCriteria
     from meeframe.solvers import Uzawa as Uzawa
+    from meeframe.study.interior import interfaces as interfaces
     from meeframe.study.interior import interior as interior
 
 __version__ = "0.1.0"
@@ -131,6 +132,7 @@ _HOMES = {
     "SemismoothNewton": "meeframe.solvers",
     "StoppingCriteria": "meeframe.solvers",
     "Uzawa": "meeframe.solvers",
+    "interfaces": "meeframe.study.interior",
     "interior": "meeframe.study.interior",
 }
 

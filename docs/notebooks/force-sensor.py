@@ -20,8 +20,7 @@
 # - that voltage per force depends on the shape, and is linear under a punch only,
 # - how thickness changes the sensitivity of a plate that is bonded to a rigid, earthed base.
 #
-# **Not covered:** meeframe has no layers yet, so a film on an elastic substrate cannot be computed. A plate on a rigid base is
-# the nearest case.
+# **Not covered:** a film on an elastic substrate; see [the next notebook](film-on-substrate.py).
 
 # %%
 import matplotlib.pyplot as plt
@@ -228,4 +227,4 @@ assert abs(difference) < 0.05
 # - [Conductivity laws](../reference/laws-conductivity.md) for electrodes with films or gaps
 # - [A voltage sweep](../howto/tasks.md#a-voltage-sweep) under a tip
 # - [Contact edges between the nodes](../explanation/halfspace.md#contact-edges-between-the-nodes), which made charges accurate here
-# - [What meeframe cannot do](../explanation/limits.md#bodies): layers, and what is possible instead
+# - [A piezoelectric film on silicon](film-on-substrate.py): the same sensor as a film

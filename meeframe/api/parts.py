@@ -82,6 +82,9 @@ class Step:
         Potential of the indenter [A], or magnetic flux [Wb].
     duration : float or str, optional
         Time of the whole step [s], for laws that need it.
+    rolling : mapping, optional
+        Rolling of the contact over the surface, with the keys of a case file: {"direction": [1, 0], "distance": "2 mm",
+        "creepage": [1e-3, 0]}.
     increments : int, optional
         Number of equal increments.
     scalars : mapping of str to float or str, optional
@@ -108,6 +111,7 @@ class Step:
     magnetic_potential: Amount | None = None
     magnetic_flux: Amount | None = None
     duration: Amount | None = None
+    rolling: Mapping[str, Any] | None = None
     increments: int = 1
     scalars: Mapping[str, Amount] = field(default_factory=dict)
 

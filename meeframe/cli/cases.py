@@ -94,7 +94,8 @@ def show(
 
     With --interior, the body of the case is reduced again, and the fields after an increment, by default that of the
     peak load, are evaluated in a box under the contact. Their largest values are printed, all fields are written to
-    interior.vtu in DIR, and a section through the middle of the contact is drawn in interior.png.
+    interior.vtu in DIR, and a section through the middle of the contact is drawn in interior.png. The largest tension
+    and shear on each interface of a layered body are printed, too.
     """
     with console.exit_status():
         from meeframe.results.files import read_result
@@ -106,19 +107,23 @@ def show(
             return
         from meeframe.model.threads import limited
         from meeframe.results.figures import save_figure, title_of
+        from meeframe.results.interfaces import interfaces_table
         from meeframe.results.interior import maxima_table, write_interior
         from meeframe.results.output import INTERIOR_FILE, INTERIOR_PICTURE, replacing
         from meeframe.results.selection import select
-        from meeframe.study.interior import interior as interior_of_run
+        from meeframe.study.interior import ReducedRun
 
         registry = console.registry(plugin)
         chosen = select(result, step[0] if step else None)
         with limited(threads), console.progress() as progress:
-            fields = interior_of_run(result, case=case, step=chosen, body=body, registry=registry, progress=progress)
+            reduced = ReducedRun.of(result, case, registry, progress)
+            fields, interfaces = reduced.interior(step=chosen, body=body), reduced.interfaces(chosen, body)
         write_interior(folder / INTERIOR_FILE, fields)
         with replacing(folder / INTERIOR_PICTURE) as path:
             save_figure(fields.figure(title_of(result, chosen)), path)
         console.stdout().print(maxima_table(fields))
+        if interfaces:
+            console.stdout().print(interfaces_table(interfaces))
         print(f"fields: {folder / INTERIOR_FILE}, section: {folder / INTERIOR_PICTURE}")
 
 

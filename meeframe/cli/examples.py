@@ -13,6 +13,7 @@ from meeframe.cli.app import app
 _PLUGINS: Final[Mapping[str, str]] = {
     "adhesion": "meeframe-laws",
     "contact-resistance": "meeframe-halfspace",
+    "film": "meeframe-halfspace",
     "rough": "meeframe-halfspace",
 }
 """Plugins that examples need."""

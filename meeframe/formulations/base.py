@@ -71,6 +71,10 @@ class Formulation(ABC):
         """Return True if it takes the layers of a body into account; other bodies with layers are refused."""
         return False
 
+    def supports_rolling(self) -> bool:
+        """Return True if the material may move through the contact zone: its compliance is the same along a grid."""
+        return False
+
     def couples_heat(self) -> bool:
         """Return True if the temperature of a body may act on its other fields; other such bodies are refused."""
         return False

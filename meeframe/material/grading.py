@@ -120,8 +120,9 @@ class Grading:
             bounds **= 2
         factors = self.values(0.5 * (bounds[1:] + bounds[:-1]))
         materials = [self._material(material, float(factor)) for factor in factors]
-        layers = [Layer(one, thickness * float(part)) for one, part in zip(materials, np.diff(bounds), strict=True)]
-        return (*layers[:-1], replace(layers[-1], interface=interface))
+        thicknesses = thickness * np.diff(bounds)
+        *upper, last = [Layer(*of, continues_below=True) for of in zip(materials, thicknesses.tolist(), strict=True)]
+        return (*upper, replace(last, interface=interface, continues_below=False))
 
     def _material(self, material: Material, factor: float) -> Material:
         if self.material is not None:

@@ -4,14 +4,33 @@ In a layer, the solutions that decay downwards have an amplitude c at its upper 
 amplitude B c at its lower side. Both are bounded, so that the descent is as stable as the recursion.
 """
 
+from collections.abc import Mapping
+from typing import NamedTuple
+
 import numpy as np
 
 from meeframe.fields import ELECTRIC, Array
-from meeframe.material.surface_symbol import Complex, SurfaceSymbol, exponential, reflection
+from meeframe.material.layers import locate_depth
+from meeframe.material.surface_symbol import Complex, Medium, SurfaceSymbol, exponential, reflection
 
 
-def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: float) -> tuple[Complex, Complex]:
-    """Return fields and their derivatives along the outward normal at a depth below the surface.
+class Amplitudes(NamedTuple):
+    """Amplitudes of waves in a medium, (w, fields), in its scaled fields.
+
+    Attributes
+    ----------
+    downwards
+        Values of t / k of the solutions that decay downwards, at its upper side.
+    upwards
+        Those of the solutions that decay upwards, at its lower side; zero in a half space.
+    """
+
+    downwards: Complex
+    upwards: Complex
+
+
+def wave_amplitudes(symbol: SurfaceSymbol, k: Array, traction: Complex) -> list[Amplitudes]:
+    """Return the amplitudes of waves in all media of a symbol, from the top.
 
     Parameters
     ----------
@@ -20,45 +39,122 @@ def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: f
     k
         Wave numbers > 0, (w,) [1/m].
     traction
-        Surface tractions and fluxes of the waves, (w, fields), scaled.
+        Surface tractions and fluxes of the waves, (w, fields), scaled by `symbol.factors`.
+    """
+    state, pairs = (traction / k[:, None])[..., None], k[None, :]
+    below, found = list(symbol.ascend(pairs))[::-1], []
+    for number, medium in enumerate(symbol.media):
+        if number == len(symbol.thicknesses):
+            found.append(Amplitudes(state[..., 0], np.zeros_like(traction)))
+            break
+        thickness = symbol.thicknesses[number]
+        g, at_bottom = (one[0] for one in reflection(medium, pairs * thickness, *below[number]))
+        amplitude = np.asarray(np.linalg.solve(np.eye(g.shape[-1]) + g, state), complex)
+        upwards: Complex = at_bottom @ amplitude
+        found.append(Amplitudes(amplitude[..., 0], upwards[..., 0]))
+        if number + 1 < len(symbol.media):
+            down = exponential(-(k * thickness)[:, None, None] * medium.descent) @ amplitude
+            state = _cross_downwards(symbol, number, pairs, down + upwards)
+    return found
+
+
+def wave_fields(
+    medium: Medium, k: Array, amplitudes: Amplitudes, depth: float, height: float
+) -> tuple[Complex, Complex]:
+    """Return fields and their derivatives along the outward normal at a plane in a medium.
+
+    Parameters
+    ----------
+    medium
+        The medium, for the directions of the waves, (w,).
+    k
+        Wave numbers > 0, (w,) [1/m].
+    amplitudes
+        Amplitudes in the medium.
+    depth, height
+        Distances of the plane from its upper and its lower side [m], the latter inf in a half space.
+
+    Returns
+    -------
+    tuple of ndarray of complex
+        Fields and derivatives [1/m], (w, fields), scaled by `medium.factors`.
+    """
+    down = exponential(-(k * depth)[:, None, None] * medium.descent) @ amplitudes.downwards[..., None]
+    up = np.zeros_like(down)
+    if np.isfinite(height):
+        up = exponential(-(k * height)[:, None, None] * medium.descent).conj() @ amplitudes.upwards[..., None]
+    values = medium.plus @ down + medium.minus @ up
+    size = values.shape[-2]
+    slopes = medium.state[:, :size, :size] @ values + medium.state[:, :size, size:] @ (down + up)
+    return values[..., 0], slopes[..., 0] * k[:, None]
+
+
+def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: float) -> tuple[Complex, Complex]:
+    """Return fields and their derivatives along the outward normal at a depth below the surface.
+
+    Parameters
+    ----------
+    symbol, k, traction
+        As for `wave_amplitudes`.
     depth
         Depth [m]; on an interface the fields are those above it.
 
     Returns
     -------
     tuple of ndarray of complex
-        Fields and derivatives [1/m], (w, fields), scaled by `symbol.factors`.
+        Fields and derivatives [1/m], (w, fields), scaled by `symbol.factors`; zero in a rigid base.
     """
-    state = (traction / k[:, None])[..., None]
-    pairs = k[None, :]
-    for number, medium in enumerate(symbol.media):
-        thickness = symbol.thicknesses[number] if number < len(symbol.thicknesses) else np.inf
-        down = exponential(-(k * min(depth, thickness))[:, None, None] * medium.descent)
-        if np.isfinite(thickness):
-            g, at_bottom = (one[0] for one in reflection(medium, pairs * thickness, *symbol.below(pairs, number)))
-            amplitude = np.linalg.solve(np.eye(g.shape[-1]) + g, state)
-            rest = max(thickness - depth, 0.0)
-            up = exponential(-(k * rest)[:, None, None] * medium.descent).conj() @ at_bottom @ amplitude
-        else:
-            amplitude, up = state, np.zeros_like(state)
-        down = down @ amplitude
-        if depth <= thickness:
-            break
-        state = _cross_downwards(symbol, number, pairs, down + up)
-        depth -= thickness
-    else:
-        return np.zeros_like(traction), np.zeros_like(traction)  # in the rigid base
-    values = medium.plus @ down + medium.minus @ up
-    size = values.shape[-2]
-    slopes = medium.state[:, :size, :size] @ values + medium.state[:, :size, size:] @ (down + up)
+    number, *distances = locate_depth(symbol.bottoms, depth)
+    if number == len(symbol.media):
+        return np.zeros_like(traction), np.zeros_like(traction)
+    medium = symbol.media[number]
+    values, slopes = wave_fields(medium, k, wave_amplitudes(symbol, k, traction)[number], *distances)
     factors = medium.factors / symbol.factors
-    return values[..., 0] * factors, slopes[..., 0] * (k[:, None] * factors)
+    return values * factors, slopes * factors
+
+
+def uniform_in_layers(
+    symbol: SurfaceSymbol, compliances: Mapping[int, Array], traction: Array, depth: float
+) -> tuple[Array, Array]:
+    """Return fields and their derivative along the outward normal at a depth below a surface with a uniform load.
+
+    Stress and fluxes are uniform in each layer, and so are the derivatives. The values count from those at the surface.
+
+    Parameters
+    ----------
+    symbol
+        Symbol of the layers.
+    compliances
+        See `SurfaceSymbol.uniform_compliances`.
+    traction
+        Traction and fluxes on the surface, (fields,), scaled.
+    depth
+        Depth [m]; on an interface the fields are those above it.
+
+    Returns
+    -------
+    tuple of ndarray
+        Fields and derivatives [1/m], (fields,), scaled by `symbol.factors`.
+    """
+    last, below_top, _ = locate_depth(symbol.bottoms, depth)
+    if last == len(symbol.media):  # in the rigid base
+        return np.zeros_like(traction), np.zeros_like(traction)
+    load = traction.copy()
+    values = compliances[0] @ load
+    for number in range(last):
+        values = values - symbol.thicknesses[number] * (symbol.normal_compliance(number) @ load)
+        interface = symbol.interfaces[number]
+        values = values - interface.compliance(symbol.fields) / symbol.factors**2 * load
+        if interface.electrode == "grounded":
+            load[ELECTRIC] = 0.0
+            row = compliances[number + 1][ELECTRIC]
+            load[ELECTRIC] = -row @ load / row[ELECTRIC]
+    slopes = symbol.normal_compliance(last) @ load
+    return values - below_top * slopes, slopes
 
 
 def _cross_downwards(symbol: SurfaceSymbol, number: int, k: Array, state: Complex) -> Complex:
     """Return t / k (w, fields, 1) below an interface from that above it, each in the scaled fields of its medium."""
-    if number + 1 >= len(symbol.media):
-        return state
     medium, lower = symbol.media[number], symbol.media[number + 1]
     result = state * (lower.factors / medium.factors)[:, None]
     if symbol.interfaces[number].electrode is None:

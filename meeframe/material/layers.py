@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import ELECTRIC_FIELD, N_MECHANICAL, Array, FieldSet
+from meeframe.fields import ELECTRIC_FIELD, N_MECHANICAL, Array, FieldSet, Indices
 from meeframe.material.material import Material
 
 Electrode = Literal["grounded", "floating"]
+_SAME_DEPTH: Final = 1e-12
+"""Relative difference of depths that counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,8 @@ class Layer:
         Thickness [m].
     interface : Interface
         The interface below it.
+    continues_below : bool
+        True if the layer below it continues the same graded layer.
 
     Raises
     ------
@@ -94,6 +98,7 @@ class Layer:
     material: Material
     thickness: float
     interface: Interface = field(default_factory=Interface)
+    continues_below: bool = False
 
     def __post_init__(self) -> None:
         _check_thickness("layer", self.thickness)
@@ -148,11 +153,49 @@ class LayerStack:
         return float(sum(layer.thickness for layer in self.layers))
 
     @property
+    def bottoms(self) -> Array:
+        """Depths of the lower sides of all layers below the surface [m], that of a layer on a rigid base included."""
+        thicknesses = [layer.thickness for layer in self.layers]
+        return np.cumsum(thicknesses + ([] if self.base is None else [self.base.thickness]))
+
+    @property
+    def interface_depths(self) -> Array:
+        """Depths of the interfaces below the surface [m], with that on a rigid base, without those of sublayers."""
+        ends = [not layer.continues_below for layer in self.layers]
+        return self.bottoms[ends + [True] * (self.base is not None)]
+
+    def numbers_at(self, depths: Array) -> Indices:
+        """Return the numbers of the layers at depths [m], from 0; on an interface that of the layer above it."""
+        return layer_numbers(self.bottoms, depths)
+
+    def locate(self, depth: float) -> tuple[int, float, float]:
+        """Return the number of the layer at a depth [m] and the distances from its upper and lower side [m]."""
+        return locate_depth(self.bottoms, depth)
+
+    @property
     def top_thickness(self) -> float:
         """Thickness of the material at the surface [m]; inf for a homogeneous half space."""
         if self.layers:
             return self.layers[0].thickness
         return np.inf if self.base is None else self.base.thickness
+
+
+def layer_numbers(bottoms: Array, depths: Array | float) -> Indices:
+    """Return the numbers of the layers at depths, from 0; on an interface that of the layer above it.
+
+    bottoms: depths of the lower sides of all layers, below which the number is theirs.
+    """
+    return np.asarray(np.searchsorted(bottoms * (1.0 + _SAME_DEPTH), depths))
+
+
+def locate_depth(bottoms: Array, depth: float) -> tuple[int, float, float]:
+    """Return the number of the layer at a depth, as `layer_numbers`, and distances from its upper and lower side.
+
+    Below the last layer the distance from the lower side is inf.
+    """
+    number = int(layer_numbers(bottoms, depth))
+    top, bottom = np.concatenate([[0.0], bottoms, [np.inf]])[number : number + 2].tolist()
+    return number, min(depth, bottom) - top, max(bottom - depth, 0.0)
 
 
 def _check_thickness(what: str, thickness: float) -> None:

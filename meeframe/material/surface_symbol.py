@@ -12,7 +12,7 @@ Sources: Kausel and Roesset, Bull. Seismol. Soc. Am. 71 (1981) 1743, and Wang an
 (2004) 2473, on recursions for layered media; Ting, Anisotropic Elasticity (1996), chapters 6 and 7, on Y_+.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -179,6 +179,11 @@ class SurfaceSymbol:
         """Smallest exponents (media,) of waves per k z in each medium."""
         return np.array([np.linalg.eigvals(medium.descent).real.min() for medium in self.media])
 
+    @property
+    def bottoms(self) -> Array:
+        """Depths of the lower sides of all media below the surface [m], without that of a half space."""
+        return np.cumsum(self.thicknesses)
+
     def evaluate(self, k: Array) -> Complex:
         """Return Y(k, m) for wave numbers k > 0 [1/m], (n,), as (n, directions, fields, fields), scaled."""
         return _hermitian(_divide(*self._above(np.asarray(k, float)[:, None], 0, MAX_SERIES_DEPTH)))
@@ -191,31 +196,52 @@ class SurfaceSymbol:
         g, _ = reflection(self.media[0], k * self.thicknesses[0], *self.below(k, 0))
         return _hermitian((self.media[0].minus - self.media[0].plus) @ _divide(g, np.eye(g.shape[-1]) + g))
 
-    def below(self, k: Array, number: int, series_depth: float = 0.0) -> tuple[Complex, Complex]:
-        """Return the subspace u = U c, t / k = V c at the lower side of a medium, in its scaled fields.
+    def ascend(self, k: Array, series_depth: float = 0.0) -> Iterator[tuple[Complex, Complex]]:
+        """Yield the subspaces u = U c, t / k = V c at the lower sides of all layers, in their scaled fields, upwards.
 
         k: wave numbers (n, 1) for all directions, or (1, directions) for one each; series_depth: k times thickness up
         to which layers are crossed by series.
         """
-        medium = self.media[number]
-        if number == len(self.thicknesses) - 1 and self.insulating is not None:
+        if not self.thicknesses:
+            return
+        number, lowest = len(self.thicknesses) - 1, self.media[-1]
+        one = np.eye(len(self.factors), dtype=complex)
+        shape = k.shape[0], *lowest.plus.shape
+        if self.insulating is None:
+            u, v = self._cross(k, number, np.broadcast_to(lowest.plus, shape), np.broadcast_to(one, shape))
+        else:
             free = np.diag(self.insulating).astype(complex)
-            shape = k.shape[0], *medium.plus.shape
-            return np.broadcast_to(free, shape), np.broadcast_to(np.eye(len(free)) - free, shape)
-        lower = self.media[number + 1]
-        u, v = self._above(k, number + 1, series_depth)
-        u, v = _cross_interface(self.interfaces[number], self.fields, lower.factors, k, u, v)
-        ratio = medium.factors / lower.factors
-        return u / (ratio[:, None] * ratio), v * (ratio[:, None] / ratio)
+            u, v = np.broadcast_to(free, shape), np.broadcast_to(one - free, shape)
+        yield u, v
+        for layer in range(number, 0, -1):
+            u, v = self._cross(k, layer - 1, *self._rise(k, layer, u, v, series_depth))
+            yield u, v
+
+    def below(self, k: Array, number: int, series_depth: float = 0.0) -> tuple[Complex, Complex]:
+        """Return the subspace at the lower side of a layer, as `ascend`."""
+        subspaces = self.ascend(k, series_depth)
+        for _ in range(len(self.thicknesses) - 1 - number):
+            next(subspaces)
+        return next(subspaces)
 
     def _above(self, k: Array, number: int, series_depth: float) -> tuple[Complex, Complex]:
-        """Return the subspace at the upper side of a medium, as `below`."""
+        """Return the subspace at the upper side of a medium, as `ascend`."""
         medium = self.media[number]
         if number == len(self.thicknesses):  # the half space
             shape = k.shape[0], *medium.plus.shape
             return np.broadcast_to(medium.plus, shape), np.broadcast_to(np.eye(shape[-1], dtype=complex), shape)
-        u, v = self.below(k, number, series_depth)
-        depth = k * self.thicknesses[number]
+        return self._rise(k, number, *self.below(k, number, series_depth), series_depth)
+
+    def _cross(self, k: Array, number: int, u: Complex, v: Complex) -> tuple[Complex, Complex]:
+        """Return the subspace at the lower side of a layer from that at the upper side of the medium below it."""
+        medium, lower = self.media[number], self.media[number + 1]
+        u, v = _cross_interface(self.interfaces[number], self.fields, lower.factors, k, u, v)
+        ratio = medium.factors / lower.factors
+        return u / (ratio[:, None] * ratio), v * (ratio[:, None] / ratio)
+
+    def _rise(self, k: Array, number: int, u: Complex, v: Complex, series_depth: float) -> tuple[Complex, Complex]:
+        """Return the subspace at the upper side of a layer from that at its lower side."""
+        medium, depth = self.media[number], k * self.thicknesses[number]
         short = (depth <= series_depth).all(axis=1)
         if not short.any():
             g, _ = reflection(medium, depth, u, v)
@@ -230,35 +256,61 @@ class SurfaceSymbol:
     def compliance_at(self, k: Array, number: int) -> Complex:
         """Return Y at the upper side of a medium, (directions, fields, fields), in its scaled fields.
 
-        k: wave numbers (1, directions), one for each direction.
+        k: wave numbers (1, directions), one for each direction, or (1, 1) for all.
         """
-        compliance: Complex = _divide(*self._above(k, number, 0.0))[0]
+        compliance: Complex = _divide(*self._above(k, number, MAX_SERIES_DEPTH))[0]
         return compliance
 
-    def without_floating_electrodes(self) -> "SurfaceSymbol":
-        """Return the symbol for uniform loads, to which floating electrodes are no obstacle."""
-        interfaces = (replace(one, electrode=None) if one.electrode == "floating" else one for one in self.interfaces)
-        return replace(self, interfaces=tuple(interfaces))
+    def uniform_compliances(self, k: float, mean: Callable[[Complex], Array]) -> dict[int, Array]:
+        """Return the responses (fields, fields) [m] to uniform loads, scaled, by the number of the medium on whose top.
 
-    def uniform_compliance(self) -> Array | None:
-        """Return the response (fields, fields) [m] to uniform loads, scaled; None unless it is finite.
+        They are those at the surface, and those below grounded electrodes, which determine the charge there. They are
+        finite above a rigid base that insulates no field. Elsewhere the response to a uniform load has no limit, and
+        that to a wave is taken, averaged over its directions; above a grounded electrode, layers respond uniformly.
+        Floating electrodes are no obstacle to a uniform load.
 
-        It is finite on a rigid base that insulates no field.
+        Parameters
+        ----------
+        k
+            Wave number [1/m].
+        mean
+            Function that returns the mean over all directions, (fields, fields), of compliances in the directions of
+            this symbol, (directions, fields, fields).
         """
-        if self.insulating is None or self.insulating.any():
-            return None
-        factors = self.factors
-        total = np.zeros((len(factors), len(factors)))
+        interfaces = (replace(one, electrode=None) if one.electrode == "floating" else one for one in self.interfaces)
+        to_waves = replace(self, interfaces=tuple(interfaces))
+
+        def wave_response(number: int) -> Array:
+            compliance = mean(to_waves.compliance_at(np.full((1, 1), k), number)).real / k
+            return self._from_medium(0.5 * (compliance + compliance.T), number)
+
+        is_finite = self.insulating is not None and not self.insulating.any()
+        total = np.zeros((len(self.factors),) * 2) if is_finite else None
+        responses = {}
         for number in range(len(self.media) - 1, -1, -1):
-            medium = self.media[number]
-            if number < len(self.interfaces):
-                interface = self.interfaces[number]
-                total += np.diag(interface.compliance(self.fields) / factors**2)
-                if interface.electrode == "grounded":
-                    total = _without(total, ELECTRIC)
-            ratio = factors / medium.factors
-            total = total + self.thicknesses[number] * medium.normal_compliance / (ratio[:, None] * ratio)
-        return total
+            interface = self.interfaces[number] if number < len(self.interfaces) else Interface()
+            if interface.electrode == "grounded":
+                responses[number + 1] = wave_response(number + 1) if total is None else total
+                total = _without(responses[number + 1] + self._jumps(interface), ELECTRIC)
+            elif total is not None:
+                total = total + self._jumps(interface)
+            if total is not None:
+                total = total + self.thicknesses[number] * self.normal_compliance(number)
+        responses[0] = wave_response(0) if total is None else total
+        return responses
+
+    def _jumps(self, interface: Interface) -> Array:
+        """Return the compliance (fields, fields) of an interface, scaled."""
+        return np.diag(interface.compliance(self.fields) / self.factors**2)
+
+    def normal_compliance(self, number: int) -> Array:
+        """Return the derivative (fields, fields) along the normal per uniform load in a medium, scaled."""
+        return self._from_medium(self.media[number].normal_compliance, number)
+
+    def _from_medium(self, compliance: Array, number: int) -> Array:
+        """Return a compliance (fields, fields) of the scaled fields of a medium in those of the results."""
+        ratio = self.media[number].factors / self.factors
+        return compliance * np.outer(ratio, ratio)
 
 
 def _in_frame(stiffness: Array, frame: Array) -> Array:

@@ -25,6 +25,7 @@ from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law,
 from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
+from meeframe.model.rolling_steps import check_rolling, divide_steps
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
 from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
 from meeframe.plugin.sources import faults_of_plugins
@@ -51,7 +52,7 @@ class Case(CaseData):
     indenter : Indenter
         Shape of the rigid indenter, or the distance between two deformable bodies.
     steps : tuple of Step
-        Load steps in their order.
+        Load steps in their order. Those that roll are divided into one increment for each cell.
     placement : Placement, optional
         Position and axis of the indenter.
     potentials : mapping of str to float, optional
@@ -98,8 +99,9 @@ class Case(CaseData):
         indenter that is nowhere above the zone; a grid that needs more memory than the machine has; a contact law whose
         initial gap is not finite or that has not one traction for each node; a conductivity law likewise; a second body
         whose zone does not match; a first step that neither moves nor presses the indenter; a step without the duration
-        that the contact law needs; a resultant that the laws cannot resist; a solver that does not accept the contact
-        law or the prescribed quantities; an earlier run with another contact zone or other axes.
+        that the contact law needs; a step that rolls where material cannot move; a resultant that the laws cannot
+        resist; a solver that does not accept the contact law or the prescribed quantities; an earlier run with another
+        contact zone or other axes.
     """
 
     def __post_init__(self) -> None:
@@ -128,6 +130,9 @@ class Case(CaseData):
         generated = max(self.friction_heat, self.joule_heat)
         check_levels(self.steps, self.channels, generated, self._undetermined_levels)
         check_alike(self.second_body, self.formulation)
+        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, generated)
+        steps = divide_steps(self.steps, contact_zone, self.placement, self.formulation.is_periodic())
+        object.__setattr__(self, "steps", steps)  # as frozen dataclasses set fields that follow from others
         check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])

@@ -90,6 +90,11 @@ class CaseData:
         """Field set of the material."""
         return self.material.fields
 
+    @property
+    def formulations(self) -> tuple[Formulation, ...]:
+        """Formulations of the body, and of the second one if there is one."""
+        return (self.formulation,) if self.second_body is None else (self.formulation, self.second_body.formulation)
+
     @cached_property
     def motions(self) -> IndenterMotions:
         """Names and indices of the motions of the indenter."""

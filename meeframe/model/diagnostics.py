@@ -112,6 +112,11 @@ class Diagnostics:
         sentences = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(warnings)))
         if case.material.thermal_moduli is not None:
             sentences += heat_diagnostics(self._body, increment, result, kinematics.system.weights)
+        if increment.rolling is not None and (result.touching & increment.rolling.cell_shift.entering).any():
+            sentences.append(
+                "the contact reaches the border at which material enters its zone, which should be without load: use "
+                "a wider zone, or move the indenter against the rolling direction"
+            )
         if onsets is not None:
             sentences += diagnostics_on_end(zone, result, case.contact_law, onsets)
             sentences += snap_in(kinematics.system, case.contact_law, result)
@@ -213,7 +218,7 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     late = onsets.number == 1 + new.argmax()
     shear, pressure = (np.linalg.norm(traction) for traction in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes equidistant nodes come into contact together, whatever the increments
-    much = new.max() > max(_LARGEST_ONSET * count, rim / 2)
+    much = new.max() > max(_LARGEST_ONSET * count, rim / 2) and step.loading.rolling is None
     if law.tangential_scaling().any() and much and shear > _NEGLIGIBLE_RATIO * pressure:
         yield (
             f"{new.max() / count:.0%} of the contact formed in one increment, and its slip includes motion before it "
@@ -244,7 +249,7 @@ def _rim(zone: Zone, step: StepResult) -> int:
 def _large(zone: Zone, step: StepResult) -> Iterator[str]:
     """Yield a diagnostic for each rigid motion that is not small."""
     limits = {"m": float(np.ptp(zone.points, axis=0).max()), "rad": _LARGEST_ANGLE}
-    for name in RIGID_MOTIONS:
+    for name in RIGID_MOTIONS if step.loading.rolling is None else ("approach", "tilt"):
         size = float(np.linalg.norm(np.atleast_1d(getattr(step.loading, name))))
         unit = IndenterMotions().units[name]
         if size > limits.get(unit, np.inf):

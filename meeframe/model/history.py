@@ -20,7 +20,7 @@ class ConvergedState:
 
     motions: names and indices of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
     indices; total_slip: (n, 2) and slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the
-    undeformed body.
+    undeformed body; rolled: distance over which the contact has rolled [m].
     """
 
     motions: IndenterMotions
@@ -30,6 +30,7 @@ class ConvergedState:
     total_slip: Array
     slip_path: Array
     state: ContactState | None
+    rolled: float = 0.0
 
     def value(self, key: str) -> Array:
         """Return the value of a control that would reproduce this state, (1,) or (2,)."""

@@ -25,10 +25,12 @@ from meeframe.model.conduction import watched
 from meeframe.model.data import CaseData
 from meeframe.model.history import Controls, ConvergedState, at_rest, hold_motions
 from meeframe.model.laws import gap_of_law, law_of_increment
+from meeframe.model.rolling import RollingIncrement, friction_work
 from meeframe.model.step import resisted
 from meeframe.results.records import Region
 from meeframe.system.capabilities import IndenterEdge
 from meeframe.system.reduced import ReducedSystem
+from meeframe.system.rolling import SteadyRollingSystem
 
 _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they count as perpendicular."""
@@ -47,7 +49,8 @@ class Increment:
     """Increment of a load step.
 
     problem: contact problem; base: (motions,) motions of the indenter from which its free motions count; free: (m,)
-    numbers of those that are free; prescribed, duration: as in Loading.
+    numbers of those that are free; prescribed, duration: as in Loading; start: state from which slip is measured;
+    rolling: by one cell, None if the contact stays in place.
     """
 
     problem: ContactProblem
@@ -55,6 +58,8 @@ class Increment:
     free: Indices
     prescribed: Controls
     duration: float | None
+    start: ConvergedState
+    rolling: RollingIncrement | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,13 +158,26 @@ class IndenterKinematics:
         resultants = [motions.columns[key] for key in controls if key not in motions.motions]
         return any(bool(self.resists[columns].any()) for columns in resultants if columns.start < N_RIGID)
 
-    def increment(self, controls: Controls, start: ConvergedState, duration: float | None = None) -> Increment:
+    def increment(
+        self,
+        controls: Controls,
+        start: ConvergedState,
+        duration: float | None = None,
+        rolling: RollingIncrement | None = None,
+    ) -> Increment:
         """Return the increment from a converged state to the given controls, in a duration [s].
 
-        Slip is measured from that state. Motions are small: the gap changes by their part along the normals. Free
-        motions count from the converged state, and those that nothing can resist stay there.
+        Slip is measured from that state, in rolling with the material moved by one cell. Motions are small: the gap
+        changes by their part along the normals. Free motions count from the converged state, and those that nothing can
+        resist stay there.
         """
-        base = self.base(controls, start)
+        base, system = self.base(controls, start), self.system
+        if rolling is not None and rolling.is_steady:  # the state before is that of the solution
+            start = self._transport(rolling, replace(start, state=None), base, np.zeros_like(system.offset))
+            system = SteadyRollingSystem.of(system, rolling.cell_shift)
+        elif rolling is not None:
+            displacement = system.offset if start.state is None else start.state.displacement
+            start = self._transport(rolling, start, base, displacement)
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
         shift = self._mode_displacement(base, 2)
@@ -173,7 +191,7 @@ class IndenterKinematics:
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         problem = ContactProblem(
-            self.system,
+            system,
             contact_law,
             channels,
             gap,
@@ -183,7 +201,26 @@ class IndenterKinematics:
             friction_heat=0.0 if duration is None else self.case.friction_heat / duration,
             joule_heat=self.case.joule_heat,
         )
-        return Increment(problem, base, np.array(list(prescribed_resultants), int), prescribed, duration)
+        free = np.array(list(prescribed_resultants), int)
+        return Increment(problem, base, free, prescribed, duration, start, rolling)
+
+    def _transport(
+        self, rolling: RollingIncrement, start: ConvergedState, motion: Array, displacement: Array
+    ) -> ConvergedState:
+        """Return a state after transport by one cell; see `RollingIncrement.transport`."""
+        rigid = np.column_stack([self._mode_displacement(start.motion, column) for column in range(2)])
+        return rolling.transport(start, displacement, rigid, motion)
+
+    def repeat_steady(
+        self, increment: Increment, rolling: RollingIncrement, solution: ContactSolution
+    ) -> tuple[Increment, ContactSolution]:
+        """Return an increment of steady rolling and its solution as a transient one that starts from the same state."""
+        displacement = self.system.offset + self.system.apply(solution.state.load)
+        state = replace(solution.state, displacement=displacement)
+        start = self._transport(rolling, replace(increment.start, state=state), increment.base, displacement)
+        translation = increment.problem.translation + rolling.cell_shift.tangential(displacement[:, :2])
+        problem = replace(increment.problem, system=self.system, translation=translation)
+        return replace(increment, problem=problem, start=start), replace(solution, state=state)
 
     def _prescribed_resultants(self, prescribed: Controls) -> dict[int, PrescribedResultant]:
         """Return the prescribed resultants of free motions that something may resist, by number."""
@@ -214,25 +251,28 @@ class IndenterKinematics:
         is_resisted = [mode[:, 2].any() or (mode * state.load)[:, POTENTIALS].any() for mode in modes]
         return replace(state, motion=np.where(is_resisted, state.motion, 0.0))
 
-    def converged_state(
-        self, increment: Increment, state: ContactState, touches: NDArray[np.bool_], start: ConvergedState
-    ) -> ConvergedState:
+    def converged_state(self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]) -> ConvergedState:
         """Return the converged state to continue from, for a state of the contact zone with nodes (n,) in contact."""
-        motion = increment.base.copy()
+        start, motion = increment.start, increment.base.copy()
         motion[increment.free] += state.motion
         slip = slip_of(increment, state)
         path, total_slip = start.slip_path.copy(), start.total_slip + slip if start.total_slip.any() else slip
         path[touches] += np.linalg.norm(slip[touches], axis=1)
-        return ConvergedState(self.case.motions, motion, self.resultants(state), total_slip, path, state)
+        return replace(
+            start, motion=motion, resultants=self.resultants(state), total_slip=total_slip, slip_path=path, state=state
+        )
 
-    def dissipation(self, increment: Increment, start: ConvergedState, state: ContactState, region: Indices) -> Array:
-        """Return the work of friction in an increment from a converged state, (n,) [J/m^2].
+    def dissipation(self, increment: Increment, state: ContactState, region: Indices) -> Array:
+        """Return the work of friction in an increment, (n,) [J/m^2].
 
         It is zero except where nodes (n,) of `region` slip. While a node slips its traction is the one of the law for
         its slip and the present pressure: the mean of that at the end and of the law's for the same slip under the
-        initial pressure.
+        initial pressure. In rolling it is the mean of the tractions of the material at both ends of its path.
         """
-        problem, slip = increment.problem, slip_of(increment, state)
+        problem, slip, start = increment.problem, slip_of(increment, state), increment.start
+        if increment.rolling is not None:
+            before = np.zeros_like(slip) if start.state is None else start.state.load[:, :2]
+            return friction_work(before, state.load[:, :2], slip)
         traction = state.load[:, :2]
         if start.state is not None:
             # of the problem as solved: with a contact edge between nodes, those near the indenter have gaps, too
@@ -262,7 +302,9 @@ def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]
         return here, hold_motions(here, {})
     step = case.restart.step
     totals = kinematics.resultants(step.state)
-    here = ConvergedState(case.motions, step.loading.motion, totals, step.total_slip, step.slip_path, step.state)
+    rolled = 0.0 if step.loading.rolling is None else step.loading.rolling.distance
+    slips = step.total_slip, step.slip_path
+    here = ConvergedState(case.motions, step.loading.motion, totals, *slips, step.state, rolled)
     return here, hold_motions(here, step.loading.prescribed)
 
 

@@ -23,6 +23,7 @@ from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law,
 from meeframe.model.memory import check_memory
 from meeframe.model.preflight import check_solver
 from meeframe.model.restart import Restart, check_same_zone
+from meeframe.model.rolling_steps import check_rolling, divide_steps
 from meeframe.model.schema import CaseTable
 from meeframe.model.second_body import SecondBody, check_alike, check_fields, check_match
 from meeframe.model.step import Step, check_duration, check_first, check_pull, check_resisted
@@ -135,11 +136,15 @@ def _case_checks(
         yield Problem(("conductivity", field), ""), partial(is_conducting, conductivity)
     channels = flux_channels(*conductivities.values(), fields=body.fields)
     held = partial(resistance, placement, body.mesh, zone, table.contact.axes, law, channels)
+    formulations = (table.formulation, *(() if second_body is None else (second_body.formulation,)))
+    heat, current, periodic = table.contact.friction_heat, table.contact.joule_heat, table.formulation.is_periodic()
+    yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, law, max(heat, current))
+    yield Problem((), ""), partial(divide_steps, steps, contact_zone, placement, periodic)
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
         yield Problem(("steps", number), ""), partial(check_pull, step, law)
         yield Problem(("steps", number), ""), partial(_check_held, step, IndenterMotions(body.fields), held)
-    heat, current, two_bodies = table.contact.friction_heat, table.contact.joule_heat, second_body is not None
+    two_bodies = second_body is not None
     yield Problem(("contact", "friction_heat"), "", heat), partial(check_friction_heat, heat, body.fields, two_bodies)
     yield (
         Problem(("contact", "joule_heat"), "", current),

@@ -33,6 +33,7 @@ from meeframe.model.body_tables import (
     body_keys,
 )
 from meeframe.model.layer_tables import BaseTable, LayerTable
+from meeframe.model.rolling import MAX_CELLS, Rolling
 from meeframe.model.step import Step
 from meeframe.model.values import (
     DEFAULT_FORMULATION,
@@ -156,6 +157,10 @@ class SolverTable(Table):
         return _divided(named(value, DEFAULT_SOLVER), info, Solver, StoppingCriteria)
 
 
+def _rolling(value: Any) -> Any:
+    return build(Rolling, value) if isinstance(value, Mapping) else value
+
+
 class StepTable(Table):
     """Table [[steps]]: prescribed quantities of one load step, key by key as in meeframe.model.step.Step.
 
@@ -173,6 +178,7 @@ class StepTable(Table):
     twist: Angle | None = None
     torque: Moment | None = None
     duration: Time | None = None
+    rolling: Annotated[Rolling | None, BeforeValidator(_rolling)] = None
     increments: Count = 1
 
     @classmethod
@@ -188,6 +194,9 @@ class StepTable(Table):
         """Convert magnitudes along `direction` to components."""
         if not isinstance(value, Mapping):
             return value
+        if value.get("rolling") is not None and "increments" in value:
+            text = "is not allowed with rolling, which has one increment for each cell of its distance"
+            raise TableError(Problem(("increments",), text, value["increments"]))
         sizes = {
             key: Quantity(unit, **FINITE)
             for key, unit in (("translation", "m"), ("tangential_force", "N"), ("force_ratio", ""))
@@ -282,7 +291,10 @@ class CaseTable(Table):
     def _has_increment(self) -> "CaseTable":
         """Check that the increment of the figures is one of the load steps."""
         numbers = step_numbers(self.output.step)
-        counts = {number: step.increments for number, step in enumerate(self.steps, 1)}
+        # the number of cells over which a step rolls is known with the mesh
+        counts = {
+            number: step.increments if step.rolling is None else MAX_CELLS for number, step in enumerate(self.steps, 1)
+        }
         if numbers and not (numbers[0] in counts and all(1 <= one <= counts[numbers[0]] for one in numbers[1:])):
             steps = ", ".join(f"{number} (increments 1 to {count})" for number, count in counts.items())
             text = f"is no increment of the case; allowed: peak, last, and load steps {steps}"

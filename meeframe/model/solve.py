@@ -25,6 +25,8 @@ from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
 from meeframe.model.history import ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
+from meeframe.model.rolling import RollingIncrement
+from meeframe.model.step import Step
 from meeframe.model.systems import checked
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.sources import faults_of_plugins, local_files
@@ -187,14 +189,16 @@ def solve_steps(
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before, last = here, controls, None
+        rolling = rolling_increment(kinematics, step)
+        prescribed = {**step.prescribed, **(rolling.prescribed(begin, step.increments) if rolling else {})}
         onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
-            controls = ramp(before, begin, step.prescribed, increment / step.increments)
+            controls = ramp(before, begin, prescribed, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
-                planned = kinematics.increment(controls, here, step.increment_duration)
+                planned = kinematics.increment(controls, here, step.increment_duration, rolling)
                 start = _start(planned, last, here)
                 end, result = _solve(kinematics, planned, here, start, (number, increment), share)
                 last, here = here if end is not here else None, end
@@ -216,6 +220,14 @@ def solve_steps(
                     yield result  # the increment is solved all the same
                     raise
             yield result
+
+
+def rolling_increment(kinematics: IndenterKinematics, step: Step) -> RollingIncrement | None:
+    """Return the rolling by one cell in the increments of a load step, None if the contact stays in place."""
+    if step.rolling is None:
+        return None
+    case, system = kinematics.case, kinematics.system
+    return step.rolling.increment(system.points, system.frames, case.placement.base, case.formulation.is_periodic())
 
 
 def _boundary(system: ReducedSystem, step: StepResult) -> NodalFields | ZoneFields:
@@ -271,12 +283,14 @@ def _solve(
     rim = partial(kinematics.rim, increment)
     solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
     increment = replace(increment, problem=problem)
+    if increment.rolling is not None and increment.rolling.is_steady:
+        increment, solution = kinematics.repeat_steady(increment, increment.rolling, solution)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))
     region = regions(increment, solution, touches)
-    end = kinematics.converged_state(increment, solution.state, touches, here)
-    result = _step_result(kinematics, increment, here, end, solution, region, numbers)
+    end = kinematics.converged_state(increment, solution.state, touches)
+    result = _step_result(kinematics, increment, end, solution, region, numbers)
     return (end if solution.status is Status.CONVERGED else here), result
 
 
@@ -296,7 +310,6 @@ def _software() -> dict[str, str]:
 def _step_result(
     kinematics: IndenterKinematics,
     increment: Increment,
-    start: ConvergedState,
     end: ConvergedState,
     solution: ContactSolution,
     region: Indices,
@@ -317,6 +330,7 @@ def _step_result(
             kinematics.case.placement.base,
             increment.duration,
             kinematics.case.fields,
+            None if increment.rolling is None else increment.rolling.motion(increment.start, end),
         ),
         step=numbers[0],
         increment=numbers[1],
@@ -329,7 +343,7 @@ def _step_result(
         slip=slip_of(increment, state),
         total_slip=end.total_slip,
         slip_path=end.slip_path,
-        dissipation=kinematics.dissipation(increment, start, state, region),
+        dissipation=kinematics.dissipation(increment, state, region),
         region=region,
         status=solution.status,
         iterations=solution.iterations,

@@ -16,12 +16,14 @@ from meeframe.fields import MEE, N_MECHANICAL, Array, FieldSet
 from meeframe.fields.units import Quantity
 from meeframe.indenters.base import N_RIGID, IndenterMotions
 from meeframe.laws.base import ContactLaw, is_adhesive
+from meeframe.model.rolling import Rolling
 from meeframe.plugin.validation import Problem, TableError, choices
 
 _LEAST_FRACTION: Final = 1e-9
 """Least part of a motion along the normal; smaller parts are round-off of the frames."""
 
 Pair = tuple[float, float]
+_INSTEAD: Final = "tangential_force or force_ratio without a creepage"
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,11 @@ class Step:
         5.0} [V] or {"charge": 0.0} [C].
     duration : float, optional
         Time of the whole step [s] > 0, for laws that need it.
+    rolling : Rolling, optional
+        Rolling of the contact over the surface. It determines the twist, by its spin, and with a creepage also the
+        translation.
     increments : int, optional
-        Number of equal increments in which the step is applied.
+        Number of equal increments in which the step is applied; with rolling, one for each cell.
     fields : FieldSet, optional
         Field set to which the names in `scalars` belong.
 
@@ -70,6 +75,7 @@ class Step:
     torque: float | None = None
     scalars: Mapping[str, float] = field(default_factory=dict)
     duration: float | None = None
+    rolling: Rolling | None = None
     increments: int = 1
     fields: FieldSet = MEE
 
@@ -94,10 +100,25 @@ class Step:
                 raise CaseError(
                     f"{one} and {other} are both given; allowed: one of them, the other one follows from it"
                 )
+        self._check_rolling()
         if self.duration is not None and not (np.ndim(self.duration) == 0 and 0.0 < self.duration < math.inf):
             raise CaseError(f"duration = {self.duration!r}; allowed: finite numbers > 0 [s]")
         if not isinstance(self.increments, int) or self.increments < 1:
             raise CaseError(f"increments = {self.increments!r}; allowed: whole numbers from 1")
+
+    def _check_rolling(self) -> None:
+        """Raise CaseError if a quantity is prescribed that the rolling determines."""
+        if self.rolling is None:
+            return
+        keys = ["translation", "twist", "torque"]
+        if self.rolling.creepage is not None:
+            keys += ["tangential_force", "force_ratio"]
+        for key in keys:
+            if getattr(self, key) is not None:
+                allowed = "its spin" if key in ("twist", "torque") else f"its creepage, or {_INSTEAD}"
+                raise CaseError(f"{key} and rolling are both given; allowed: rolling with {allowed}")
+        if self.rolling.speed is not None and self.duration is not None:
+            raise CaseError("duration and the speed of rolling are both given; allowed: one of them")
 
     @property
     def prescribed(self) -> Mapping[str, Array]:

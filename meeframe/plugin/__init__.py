@@ -72,8 +72,11 @@ if TYPE_CHECKING:
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
-    from meeframe.material.layer_fields import waves_in_layers as waves_in_layers
+    from meeframe.material.layer_fields import uniform_in_layers as uniform_in_layers
+    from meeframe.material.layer_fields import wave_amplitudes as wave_amplitudes
+    from meeframe.material.layer_fields import wave_fields as wave_fields
     from meeframe.material.layers import LayerStack as LayerStack
+    from meeframe.material.surface_symbol import Medium as Medium
     from meeframe.material.surface_symbol import SurfaceSymbol as SurfaceSymbol
     from meeframe.material.thermal_half_space import thermal_response as thermal_response
     from meeframe.mesh.body import Body as Body
@@ -180,7 +183,10 @@ _HOMES = {
     "surface_compliance": "meeframe.material.half_space",
     "thermal_response": "meeframe.material.thermal_half_space",
     "LayerStack": "meeframe.material.layers",
-    "waves_in_layers": "meeframe.material.layer_fields",
+    "uniform_in_layers": "meeframe.material.layer_fields",
+    "wave_amplitudes": "meeframe.material.layer_fields",
+    "wave_fields": "meeframe.material.layer_fields",
+    "Medium": "meeframe.material.surface_symbol",
     "SurfaceSymbol": "meeframe.material.surface_symbol",
     "Body": "meeframe.mesh.body",
     "BoundaryCondition": "meeframe.mesh.body",

@@ -34,6 +34,7 @@ from meeframe.results.records import (
     Provenance,
     Region,
     Result,
+    RollingMotion,
     RunStatus,
     SecondSurface,
     StepResult,
@@ -52,6 +53,7 @@ _RENAMED: Final = {"meeframe-result 5": "reaches_edge is now called contact_at_z
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
 _LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
+_ROLLING_UNITS: Final = {"direction": "1", "creepage": "1", "spin": "1/m", "cell": "m", "distance": "m"}
 _SMALL: Final = 4096
 """Size in bytes below which arrays are not compressed."""
 _LARGE: Final = 1 << 20
@@ -257,7 +259,8 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
     )
     motions = IndenterMotions(step.fields)
     group.attrs["scalar_fields"] = json.dumps([asdict(scalar) for scalar in step.fields.scalars])
-    chosen = [field for field in schema.nodal_fields(step.fields) if _is_stored(field, fields)]
+    rolls = step.loading.rolling is not None  # slips then do not follow from the motion of the indenter
+    chosen = [field for field in schema.nodal_fields(step.fields) if _is_stored(field, fields, rolls)]
     _put_fields(group, chosen, {field.name: field.values(zone, step) for field in chosen})
     _put_all(group, _STEP_UNITS, {name: getattr(step, name) for name in _STEP_UNITS})
     loading = group.create_group("loading")
@@ -265,7 +268,10 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
     _put_all(loading, units, {name: getattr(step.loading, name) for name in units})
     if step.loading.duration is not None:
         _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
-    prescribed = step.loading.prescribed
+    rolling, prescribed = step.loading.rolling, step.loading.prescribed
+    if rolling is not None:
+        values = {name: getattr(rolling, name) for name in _ROLLING_UNITS}
+        _put_all(loading.create_group("rolling"), _ROLLING_UNITS, values)
     _put_all(loading.create_group("prescribed"), {key: motions.units[key] for key in prescribed}, prescribed)
     units = {total.name: total.unit for total in schema.total_rows(step.fields)}
     _put_all(group.create_group("resultants"), units, schema.totals(zone, step))
@@ -283,8 +289,8 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
         _put_all(group.create_group("boundary"), units, values)
 
 
-def _is_stored(field: NodalField, fields: Collection[str] | None) -> bool:
-    if field.stored is StorageCondition.ALWAYS:
+def _is_stored(field: NodalField, fields: Collection[str] | None, rolls: bool) -> bool:
+    if field.stored is StorageCondition.ALWAYS or (rolls and field.stored is StorageCondition.WITH_FRICTION):
         return True
     # without a selection everything that a step holds, except derived quantities
     return bool(field.attribute) if fields is None else field.name in fields
@@ -475,7 +481,12 @@ def _get_loading(group: Any, fields: FieldSet) -> Loading:
     prescribed = {key: numbers_of(group["prescribed"], key, shapes[key]) for key in group["prescribed"]}
     duration = float(group["duration"][()]) if "duration" in group else None
     reference, axes = numbers_of(group, "reference", (3,)), numbers_of(group, "axes", (3, 3))
-    return Loading.of(motion, prescribed, reference, axes, duration, fields)
+    rolling = None
+    if "rolling" in group:
+        entries = group["rolling"]
+        numbers = (float(entries[name][()]) for name in ("spin", "cell", "distance"))
+        rolling = RollingMotion(numbers_of(entries, "direction", (3,)), numbers_of(entries, "creepage", (2,)), *numbers)
+    return Loading.of(motion, prescribed, reference, axes, duration, fields, rolling)
 
 
 def _get_cells(group: Any, n: int) -> Cells:

@@ -1,6 +1,6 @@
 """Curves of a run with several increments: forces, area, total fluxes and energy dissipated by friction."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -11,6 +11,7 @@ from meeframe.contact.problem import Status
 from meeframe.fields import Array
 from meeframe.results.canvas import LINE_COLOURS, head, label_panels, prefixed, sheet, styled
 from meeframe.results.records import Result, StepResult, resultants
+from meeframe.results.schema import rolling_totals
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,13 +39,14 @@ def name_of(result: Result, step: StepResult) -> str:
 class Curve:
     """Curve of a history: a quantity over another, each with name, unit and values (increments, components).
 
-    Components are along e1 and e2 where there are two.
+    Components are along e1 and e2 where there are two. covers_all: whether it is of all converged increments.
     """
 
     name: str
     across: tuple[str, str, Array]
     up: tuple[str, str, Array]
     components: tuple[str, ...] = field(default=("",))
+    covers_all: bool = True
 
 
 def curves(result: Result) -> list[Curve]:
@@ -73,6 +75,7 @@ def curves(result: Result) -> list[Curve]:
         if np.abs(flux).max() > _ROUND_OFF * max(moduli, default=0.0) and flux.any():
             name = scalar.resultant.replace("_", " ")
             drawn.append(Curve(name, ("normal force", "N", forces), (name, scalar.resultant_unit, flux)))
+    drawn += _rolling_curves(result, [step for step in steps if step.loading.rolling is not None])
     dissipated = np.cumsum([total.dissipated_energy for total in totals])[:, None]
     if dissipated.any():
         numbers = _column(list(range(1, len(steps) + 1)))
@@ -81,12 +84,37 @@ def curves(result: Result) -> list[Curve]:
     return drawn
 
 
+def _rolling_curves(result: Result, steps: Sequence[StepResult]) -> Iterator[Curve]:
+    """Yield the curves of increments in which the contact rolls, over the rolled distance if it grows.
+
+    Those of steady rolling, without a distance, are over their number.
+    """
+    if len(steps) < 2:
+        return
+    numbers = [rolling_totals(result.zone, step) for step in steps]
+    distance = _column([each["rolled_distance"] for each in numbers])
+    across = ("rolled distance", "m", distance)
+    if not np.ptp(distance):
+        across = ("steady increments", "", _column(list(range(1, len(steps) + 1))))
+    for name, unit in (("creep_force", "N"), ("creepage", "")):
+        values = np.array([each[name] for each in numbers])
+        words = name.replace("_", " ")
+        yield Curve(words, across, (words, unit, values), ("longitudinal", "lateral"), covers_all=False)
+    sticking = _column([resultants(result.zone, step).stick_area for step in steps])
+    yield Curve("sticking area", across, ("sticking area", "m²", sticking), covers_all=False)
+
+
 def _column(values: Sequence[float]) -> Array:
     return np.array(values, float)[:, None]
 
 
-def unloading(result: Result) -> NDArray[np.bool_]:
-    """Return a mask of the converged increments in which both normal force and approach decrease, (increments,)."""
+def unloading(result: Result, curve: Curve) -> NDArray[np.bool_]:
+    """Return a mask of the increments of a curve in which both normal force and approach decrease, (increments,).
+
+    None is marked on curves of some of the increments.
+    """
+    if not curve.covers_all:
+        return np.zeros(len(curve.up[2]), bool)
     steps = [step for step in result.steps if step.status is Status.CONVERGED]
     forces = [resultants(result.zone, step).normal_force for step in steps]
     return np.asarray(_falls(forces) & _falls([step.loading.approach for step in steps]))
@@ -105,7 +133,7 @@ def history(result: Result) -> "Figure | None":
     figure = sheet((_WIDTH, 0.6 + 2.5 * len(drawn)))
     rows = figure.subplots(len(drawn), squeeze=False)[:, 0]
     for axes, curve in zip(rows, drawn, strict=True):
-        draw_curve(axes, curve, unloading(result))
+        draw_curve(axes, curve, unloading(result, curve))
     head(rows[0], "history", result.provenance.title)
     label_panels(rows)
     return figure
@@ -121,7 +149,8 @@ def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
         if falls.any():  # rings, in which the dots of a path that coincides remain visible
             ring = {"markerfacecolor": "none", "markersize": _RING, "label": "_" * bool(label) + "unloading"}
             axes.plot(*points[falls].T, "o", color=colour, **ring)
-    axes.set(xlabel=f"{x_name} [{x_unit}]" if x_unit else x_name, ylabel=f"{y_name} [{y_unit}]")
+    x_label, y_label = (f"{name} [{unit}]" if unit else name for name, unit in ((x_name, x_unit), (y_name, y_unit)))
+    axes.set(xlabel=x_label, ylabel=y_label)
     axes.ticklabel_format(useOffset=False)
     if not x_unit:
         axes.xaxis.get_major_locator().set_params(integer=True)
@@ -136,6 +165,8 @@ def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
 
 def prefixed_area(values: Array, unit: str) -> tuple[float, str]:
     """Return factor and unit with a prefix, which in squares multiplies twice."""
+    if not unit:
+        return 1.0, ""
     if not unit.endswith("²"):
         return prefixed(values, unit)
     factor, length = prefixed(np.sqrt(np.abs(values)), unit.removesuffix("²"))

@@ -46,6 +46,42 @@ class Maximum(NamedTuple):
     position: Array
 
 
+class ContactExtent(NamedTuple):
+    """Place and size of a contact.
+
+    Attributes
+    ----------
+    centre
+        Position (3,) on the surface in the middle of the contact [m].
+    frame
+        Rows e1, e2 and the outward normal there, (3, 3).
+    half_width
+        Half of its largest width, at least two spacings [m].
+    spacing
+        Spacing of the nodes of the zone [m].
+    """
+
+    centre: Array
+    frame: Array
+    half_width: float
+    spacing: float
+
+
+def contact_extent(zone: Zone, step: StepResult) -> ContactExtent:
+    """Return the place and size of the contact of an increment. Raises ResultError if no node is in contact."""
+    touching = zone.points[step.touching]
+    if not len(touching):
+        raise ResultError(f"no node is in contact in step {step.step}, increment {step.increment}")
+    centre = (touching.min(axis=0) + touching.max(axis=0)) / 2.0
+    nearest = np.linalg.norm(zone.points - centre, axis=1).argmin()
+    frame = zone.frames[nearest]
+    spacing = float(np.sqrt(np.median(np.abs(zone.weights))))
+    extent = np.ptp(touching @ frame[:2].T, axis=0).max()
+    # the surface above the centre, which may be curved
+    surface = centre + frame[2] * ((zone.points[nearest] - centre) @ frame[2])
+    return ContactExtent(surface, frame, max(float(extent) / 2.0, 2.0 * spacing), spacing)
+
+
 @dataclass(frozen=True, eq=False)
 class PointGrid:
     """Points of a rectangular grid, such as a line, a plane section or a box.
@@ -84,20 +120,10 @@ class PointGrid:
         ResultError
             If no node is in contact.
         """
-        touching = zone.points[step.touching]
-        if not len(touching):
-            raise ResultError(f"no node is in contact in step {step.step}, increment {step.increment}")
-        centre = (touching.min(axis=0) + touching.max(axis=0)) / 2.0
-        nearest = np.linalg.norm(zone.points - centre, axis=1).argmin()
-        frame = zone.frames[nearest]
-        spacing = float(np.sqrt(np.median(np.abs(zone.weights))))
-        extent = np.ptp(touching @ frame[:2].T, axis=0).max()
-        half_width = max(float(extent) / 2.0, 2.0 * spacing)
+        surface, frame, half_width, spacing = contact_extent(zone, step)
         across = [_BOX_WIDTH * half_width * np.linspace(-1.0, 1.0, count) for count in _BOX_POINTS[:2]]
         fractions = np.linspace(0.0, 1.0, _BOX_POINTS[2]) ** 1.5
         depths = spacing + fractions * (_BOX_DEPTH * half_width - spacing)
-        # the surface above the centre, which may be curved
-        surface = centre + frame[2] * ((zone.points[nearest] - centre) @ frame[2])
         return cls(surface, frame, (across[0], across[1], depths if body == "second" else -depths[::-1]))
 
     @property

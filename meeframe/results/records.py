@@ -101,6 +101,22 @@ class Region(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
+class RollingMotion:
+    """Rolling of the contact over the surface in one increment.
+
+    direction: unit vector in global axes, (3,), along which the contact moves relative to the material; creepage: (2,)
+    longitudinal and lateral; spin: [1/m]; cell: rolled distance of the increment [m]; distance: that of all increments
+    since the beginning [m].
+    """
+
+    direction: Array
+    creepage: Array
+    spin: float
+    cell: float
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
 class Loading:
     """Position of the indenter in one increment, with the resultants that were prescribed.
 
@@ -110,7 +126,8 @@ class Loading:
     measured from where the indenter just touched, and are results of the computation where they were free.
     prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
     reference: its lowest point where it just touched, about which it rotates, (3,) in global axes [m]; axes: rows e1,
-    e2, axis of the indenter, (3, 3); duration: of the increment, None if its load step names none [s].
+    e2, axis of the indenter, (3, 3); duration: of the increment, None if its load step names none [s]; rolling: that of
+    the increment, None if the contact stays in place.
     """
 
     approach: float
@@ -122,6 +139,7 @@ class Loading:
     reference: Array = field(default_factory=lambda: np.zeros(3))
     axes: Array = field(default_factory=lambda: np.eye(3))
     duration: float | None = None
+    rolling: RollingMotion | None = None
 
     @classmethod
     def of(
@@ -132,13 +150,14 @@ class Loading:
         axes: Array,
         duration: float | None = None,
         fields: FieldSet = MEE,
+        rolling: RollingMotion | None = None,
     ) -> "Loading":
         """Return the loading of all motions of an indenter, (motions,), in the order of IndenterMotions."""
         approach, translation, tilt, twist = (motion[columns] for columns in RIGID_MOTIONS.values())
         potentials = zip(fields.scalars, motion[N_RIGID:].tolist(), strict=True)
         scalars = {scalar.value_name: value for scalar, value in potentials}
         rigid = float(approach[0]), translation, tilt, float(twist[0])
-        return cls(*rigid, scalars, prescribed, reference, axes, duration)
+        return cls(*rigid, scalars, prescribed, reference, axes, duration, rolling)
 
     def __getattr__(self, name: str) -> float:
         return _named_scalar(self, name)

@@ -14,7 +14,7 @@ import numpy as np
 
 from meeframe.fields import ELECTRIC_FIELD, MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet, ScalarField
 from meeframe.indenters.base import IndenterMotions
-from meeframe.results.records import Region, StepResult, Zone, resultants
+from meeframe.results.records import Region, Resultants, RollingMotion, StepResult, Zone, resultants
 
 
 class StorageCondition(StrEnum):
@@ -345,12 +345,64 @@ def _conductance(scalar: ScalarField) -> Total:
     return Total(name, unit, name.replace("_", " "), value=value, phenomenon=scalar.name)
 
 
+def _of_rolling(value: Callable[[RollingMotion, Resultants, StepResult], Any]) -> Callable[[Zone, StepResult], Any]:
+    """Return the evaluation of a total of increments that roll; it is nan for others."""
+
+    def evaluate(zone: Zone, step: StepResult) -> Any:
+        rolling = step.loading.rolling
+        return math.nan if rolling is None else value(rolling, resultants(zone, step), step)
+
+    return evaluate
+
+
+def _creep_force(rolling: RollingMotion, summed: Resultants, step: StepResult) -> Array:
+    """Return the tangential force on the body along the rolling direction and across it, (2,) [N]."""
+    return np.stack([rolling.direction, np.cross(step.loading.axes[2], rolling.direction)]) @ summed.force
+
+
+def _creep_work(rolling: RollingMotion, summed: Resultants, step: StepResult) -> float:
+    """Return force times creepage plus torque times spin [J/m]."""
+    return float(_creep_force(rolling, summed, step) @ rolling.creepage) + summed.torque * rolling.spin
+
+
+def _friction_power(rolling: RollingMotion, summed: Resultants, step: StepResult) -> float:
+    """Return the work of friction over the duration of the increment [W], nan without a duration."""
+    duration = step.loading.duration
+    return math.nan if duration is None else summed.dissipated_energy / duration
+
+
+_IN_ROLLING: Final = ("longitudinal", "lateral")
+
+ROLLING_TOTALS: Final[tuple[Total, ...]] = (
+    Total("creepage", "1", "creepage", _IN_ROLLING, _of_rolling(lambda rolling, *_: rolling.creepage)),
+    Total("spin", "1/m", "spin", value=_of_rolling(lambda rolling, *_: rolling.spin)),
+    Total("rolled_distance", "m", "rolled distance", value=_of_rolling(lambda rolling, *_: rolling.distance)),
+    Total("creep_force", "N", "creep force", _IN_ROLLING, _of_rolling(_creep_force)),
+    Total("creep_work", "J/m", "work of creepage per distance", value=_of_rolling(_creep_work)),
+    Total(
+        "friction_work",
+        "J/m",
+        "work of friction per distance",
+        value=_of_rolling(lambda rolling, summed, _: summed.dissipated_energy / rolling.cell),
+    ),
+    Total("friction_power", "W", "power of friction", value=_of_rolling(_friction_power)),
+)
+"""Numbers of increments in which the contact rolls, nan in others; see docs/explanation/rolling.md for signs."""
+
+
+def rolling_totals(zone: Zone, step: StepResult) -> dict[str, Any]:
+    """Return the numbers of ROLLING_TOTALS of an increment by name; empty unless the contact rolls."""
+    if step.loading.rolling is None:
+        return {}
+    return {total.name: total.value(zone, step) for total in ROLLING_TOTALS if total.value is not None}
+
+
 def measures(fields: FieldSet = MEE) -> tuple[Total, ...]:
     """Return further numbers of an increment, which sweeps and tables of Python collect.
 
     These are the largest slip since the beginning of nodes in contact and the longest path slipped; the conductance for
-    each scalar field (docs/howto/contact-resistance.md); 1 if the contact reaches the boundary of its zone, iterations
-    and residual.
+    each scalar field (docs/howto/contact-resistance.md); those of rolling; 1 if the contact reaches the boundary of its
+    zone, iterations and residual.
     """
     return (
         Total(
@@ -361,6 +413,7 @@ def measures(fields: FieldSet = MEE) -> tuple[Total, ...]:
         ),
         Total("max_slip_path", "m", "longest slip path", value=lambda _, step: _largest(step.slip_path)),
         *map(_conductance, fields.scalars),
+        *ROLLING_TOTALS,
         Total(
             "contact_at_zone_boundary",
             "1",
@@ -394,7 +447,8 @@ def numbers(rows: Iterable[Total], values: Mapping[str, Any]) -> dict[str, float
     """Return the components of rows as single numbers by their names."""
     result: dict[str, float] = {}
     for row in rows:
-        result.update(zip(row.names, np.atleast_1d(values[row.name]).tolist(), strict=True))
+        components = np.broadcast_to(values[row.name], len(row.names))  # nan where there are none
+        result.update(zip(row.names, components.tolist(), strict=True))
     return result
 
 

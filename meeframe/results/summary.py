@@ -68,6 +68,7 @@ def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
         "prescribed": dict(loading.prescribed),
         "duration": loading.duration,
         **totals,
+        "rolling": schema.rolling_totals(zone, step) or None,
         "contact_at_zone_boundary": step.contact_at_zone_boundary,
         "unbalance": None if balance is None else _unbalance(balance, step.fields),
         "iterations": step.iterations,
@@ -124,6 +125,7 @@ def summary_table(result: Result, which: Sequence[Which] = ()) -> RenderableType
         ("approach", "m", [step.loading.approach for step in shown]),
         *_motions(shown, totals),
         *_totals(totals, shown[0].fields if shown else MEE),
+        *_rolling(result, shown),
         *_unbalances(shown),
         *_durations(result, shown),
         ("iterations", "", [step.iterations for step in shown]),
@@ -176,6 +178,17 @@ def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
         for i, label in enumerate(row.labels):
             words = f"{label}, whole step" if row.name == _ENERGY else label
             yield words, row.unit, columns[:, i].tolist()
+
+
+def _rolling(result: Result, shown: list[StepResult]) -> Iterator[_Row]:
+    """Yield rows of the numbers of rolling, if the contact rolls in any of the increments."""
+    rolling = [schema.rolling_totals(result.zone, step) for step in shown]
+    for row in schema.ROLLING_TOTALS if any(rolling) else ():
+        values = [np.broadcast_to(numbers.get(row.name, math.nan), len(row.names)).tolist() for numbers in rolling]
+        for i, label in enumerate(row.labels):
+            column = [value[i] if math.isfinite(value[i]) else "-" for value in values]
+            if column != ["-"] * len(column):
+                yield label, row.unit, column
 
 
 def _without_round_off(components: Array) -> Array:

@@ -77,7 +77,7 @@ def absent_scalars(values: Mapping[str, Array], fields: FieldSet) -> list[Scalar
 
 
 def absent_names(values: Mapping[str, Array], fields: FieldSet, absent: Sequence[ScalarField]) -> set[str]:
-    """Return the names that tables leave out: those of absent scalar fields, and of conductances without a number.
+    """Return the names that tables leave out: those of absent scalar fields, and conductances and rolling if all nan.
 
     Parameters
     ----------
@@ -87,8 +87,9 @@ def absent_names(values: Mapping[str, Array], fields: FieldSet, absent: Sequence
         Scalar fields that are absent.
     """
     conductances = map(schema.conductance_name, fields.scalars)
+    rolling = (name for total in schema.ROLLING_TOTALS for name in total.names)
     return {name for scalar in absent for name in _names(scalar, fields)} | {
-        name for name in conductances if np.isnan(values[name]).all()
+        name for name in (*conductances, *rolling) if np.isnan(values[name]).all()
     }
 
 

@@ -1,20 +1,83 @@
-"""Fields inside the body of a finished run, whose body is reduced again from the stored case."""
+"""Fields inside the bodies of a finished run and on their interfaces; bodies are reduced again from the stored case."""
 
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 
-from meeframe.common.errors import ResultError
+from meeframe.common.errors import CaseError, ResultError
 from meeframe.fields import Array
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables, load_case
 from meeframe.model.solve import reduce
 from meeframe.plugin.registry import Registry
 from meeframe.results.files import read_result
-from meeframe.results.interior import Body, InteriorResult, PointGrid
+from meeframe.results.interfaces import InterfaceMaxima, interface_maxima
+from meeframe.results.interior import BODIES, Body, InteriorResult, PointGrid
 from meeframe.results.interior import interior as interior_of
 from meeframe.results.records import Result
 from meeframe.results.selection import Which, select
-from meeframe.system.reduced import Progress, silent
+from meeframe.system.reduced import Progress, ReducedSystem, silent
+from meeframe.system.two_body import TURN_OVER
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedRun:
+    """A finished run with the reduced system of its bodies.
+
+    Attributes
+    ----------
+    result
+        The result.
+    case
+        Its case.
+    system
+        The reduced system.
+    progress
+        Function that receives a stage and the fraction done.
+    """
+
+    result: Result
+    case: Case
+    system: ReducedSystem
+    progress: Progress = silent
+
+    @classmethod
+    def of(
+        cls,
+        run: Result | Path | str,
+        case: Case | Path | str | None = None,
+        registry: Registry | None = None,
+        progress: Progress = silent,
+    ) -> "ReducedRun":
+        """Reduce the bodies of a run; the arguments are those of `interior`."""
+        result = run if isinstance(run, Result) else read_result(Path(run))
+        of_run = _case(result, case, registry)
+        return cls(result, of_run, reduce(of_run, progress), progress)
+
+    def interior(
+        self, points: Array | PointGrid | None = None, step: Which = None, body: Body = "first"
+    ) -> InteriorResult:
+        """Return fields inside a body; see the function `interior`."""
+        chosen = select(self.result, step)
+        grid = PointGrid.below_contact(self.result.zone, chosen, body) if points is None else points
+        return interior_of(self.system, chosen, grid, body=body, progress=self.progress)
+
+    def interfaces(self, step: Which = None, body: Body = "first") -> list[InterfaceMaxima]:
+        """Return the largest tractions on the interfaces of a body, none of a homogeneous one; see `interfaces`."""
+        chosen, zone = select(self.result, step), self.result.zone
+        if body not in BODIES:
+            raise CaseError(f"body {body!r}: allowed: {', '.join(BODIES)}")
+        one = self.case if body == "first" else self.case.second_body
+        if one is None:
+            raise CaseError("there is no second body; allowed: the interfaces of the first")
+        depths = one.layers.interface_depths
+        if not len(depths):
+            return []
+        # a periodic surface has no points beyond its zone, another one those of its mesh
+        extent = zone.points
+        if not one.formulation.is_periodic():
+            extent = one.mesh.points * (TURN_OVER if body == "second" else 1.0)
+        return interface_maxima(self.system, zone, chosen, depths, extent, body=body, progress=self.progress)
 
 
 def interior(
@@ -58,11 +121,41 @@ def interior(
     CaseError
         If the formulation cannot evaluate fields inside the body, or a point is outside.
     """
-    result = run if isinstance(run, Result) else read_result(Path(run))
-    chosen = select(result, step)
-    grid = PointGrid.below_contact(result.zone, chosen, body) if points is None else points
-    system = reduce(_case(result, case, registry), progress)
-    return interior_of(system, chosen, grid, body=body, progress=progress)
+    return ReducedRun.of(run, case, registry, progress).interior(points, step, body)
+
+
+def interfaces(
+    run: Result | Path | str,
+    *,
+    case: Case | Path | str | None = None,
+    step: Which = None,
+    body: Body = "first",
+    registry: Registry | None = None,
+    progress: Progress = silent,
+) -> list[InterfaceMaxima]:
+    """Return the largest tension and shear on each interface of a layered body, from the surface down.
+
+    The interfaces are those below layers, and that with a rigid base. See
+    `meeframe.results.interfaces.interface_maxima` for the points that are evaluated.
+
+    Parameters
+    ----------
+    run, case, step, body, registry, progress
+        As for `interior`.
+
+    Returns
+    -------
+    list of InterfaceMaxima
+        One for each interface, with the values and their positions; none for a homogeneous body.
+
+    Raises
+    ------
+    ResultError
+        If there is no such increment, if the result holds no case, or if no node is in contact.
+    CaseError
+        If there is no such body, or the formulation cannot evaluate fields inside it.
+    """
+    return ReducedRun.of(run, case, registry, progress).interfaces(step, body)
 
 
 def _case(result: Result, case: Case | Path | str | None, registry: Registry | None) -> Case:

@@ -16,6 +16,7 @@ from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.system.capabilities import EdgeResolution
 from meeframe.system.reduced import ReducedSystem
+from meeframe.system.rolling import CellShift
 from meeframe.testing.capabilities import check_capabilities, check_edge_resultants
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.half_space import indentation_problem
@@ -69,6 +70,7 @@ def check_formulation(
         check_capabilities(system)
         check_persistence(formulation, body, system)
         check_edges(formulation, system)
+        check_translation(formulation, system)
         if body.mesh.semi_infinite:
             check_edge_resultants(system, body.stiffness)
         check_exact(system, field, tolerance)
@@ -161,6 +163,20 @@ def check_edges(formulation: Formulation, system: ReducedSystem) -> None:
         "resolves_edges does not tell whether systems have EdgeResolution: two bodies would be resolved differently"
     )
     require(resolves == formulation.resolves_edges(), message, resolves)
+
+
+def check_translation(formulation: Formulation, system: ReducedSystem) -> None:
+    """Check that a load moved by a cell moves the displacement by a cell if `supports_rolling` says so."""
+    if not formulation.supports_rolling():
+        return
+    for axis in system.frames[0, :2]:
+        shift = CellShift.of(system.points, system.frames, axis, formulation.is_periodic())
+        inner = shift.grid[2:-2, 2:-2]
+        load = np.zeros_like(system.offset)
+        load[inner] = np.random.default_rng(0).normal(size=(*inner.shape, system.n_fields)) * typical_load(system)
+        moved, displacement = system.apply(shift.load(load)), shift.values(system.apply(load))
+        error = worst(moved[~shift.entering], displacement[~shift.entering])
+        require(error < 1e-9, "supports_rolling, but the compliance is not the same along the grid", error)
 
 
 def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> None:

@@ -105,6 +105,58 @@ def test_thin_film_on_a_grounded_base(conducting):
         assert contact.centre[1] == pytest.approx(-0.988 * e / eps * approach, rel=1e-3)
 
 
+@pytest.mark.parametrize("incompressible", [False, True])
+def test_thin_elastic_layer_under_a_sphere(incompressible):
+    """A thin bonded layer is a bed of columns, or squeezed like a film of fluid if it is incompressible.
+
+    The first has the force pi M R g^2 / h at the approach g, with the modulus M of uniaxial strain, a^2 = 2 R g; the
+    second pi G a^6 / (32 R h^3), a^2 = 4 R g. Source: Johnson, Contact Mechanics (1985), section 5.8; Jaffar, Int. J.
+    Mech. Sci. 31 (1989) 229.
+    """
+    shear, nu, radius, h = 8e10, 0.5 - 1e-8 if incompressible else 0.3, 0.1, 1e-6
+    errors = []
+    for ratio in (10.0, 20.0):
+        contact = on(isotropic(shear, nu), LayerStack((), RigidBase(h))).press_sphere(radius, ratio * h)
+        g = contact.approach
+        if incompressible:
+            force, widest = np.pi * shear * (4.0 * radius * g) ** 3 / (32.0 * radius * h**3), np.sqrt(4.0 * radius * g)
+        else:
+            modulus = 2.0 * shear * (1.0 - nu) / (1.0 - 2.0 * nu)
+            force, widest = np.pi * modulus * radius * g**2 / h, np.sqrt(2.0 * radius * g)
+        errors.append([abs(contact.force / force - 1.0), abs(contact.radius / widest - 1.0)])
+    (coarse_force, coarse_radius), (force, radius) = errors
+    assert force < 0.05
+    assert force < 0.4 * coarse_force  # second order
+    assert radius < 0.07
+    assert radius < 0.6 * coarse_radius  # first order
+
+
+def test_thin_piezoelectric_film_on_an_elastic_substrate():
+    """The stroke of a punch per voltage at a given force has a limit that does not depend on the thickness.
+
+    Below a contact much wider than the film the field is uniform, and the film expands by e33 / c33 per voltage. At the
+    edge it pulls on the substrate with the force e31 - e33 c13 / c33 per length and voltage. Such a ring of radial
+    forces moves the surface within it by (1 - 2 nu) / 2 G times this force. The deviation is of order (h / a)^(1/2).
+    """
+    glass, film = library_material("glass"), library_material("pzt-5h")
+    c33, c13 = film.elastic[2, 2, 2, 2], film.elastic[0, 0, 2, 2]
+    e33, e31 = film.piezoelectric[2, 2, 2], film.piezoelectric[2, 0, 0]
+    young, nu = 70e9, 0.2
+    coupling = (1.0 - 2.0 * nu) * (1.0 + nu) / young
+    limit = e33 / c33 - coupling * abs(e31 - e33 * c13 / c33)
+    strokes, a = [], 1e-6
+    for ratio in (5.0, 10.0, 20.0):
+        layers = LayerStack((Layer(film, a / ratio, Interface(electrode="grounded")),))
+        grounded, driven = (
+            on(glass, layers, potentials={ELECTRIC: potential}).press_punch(a, 1e-9).force for potential in (0.0, 1.0)
+        )
+        strokes.append(1e-9 * (grounded - driven) / grounded)
+    extrapolated = (np.sqrt(2.0) * np.array(strokes[1:]) - strokes[:-1]) / (np.sqrt(2.0) - 1.0)
+    errors = np.abs(extrapolated - limit) / (e33 / c33)
+    assert errors[1] < 0.02
+    assert errors[1] < 0.5 * errors[0]
+
+
 def test_thick_film_with_a_bottom_electrode():
     """A film much thicker than the contact does not feel its bottom electrode, to the order a / h."""
     glass = library_material("glass")

@@ -25,7 +25,7 @@ from meeframe.material.tables import material_table
 
 TITLE = "Whole commands"
 SIZES, QUICK = (512, 1024, 2048), (128,)
-COUPLED_SIZES = (256, 512)
+COUPLED_SIZES = (256, 512, 1024, 2048)
 """Nodes along a side of the jobs of the fields that friction and conduction load, besides those of QUICK."""
 ELASTIC = material_table(Material.isotropic(YOUNG, POISSON))
 MU = 0.3

@@ -205,7 +205,7 @@ class _State:
         second = 0.0 if self.increment.second is None else np.abs(self.increment.second[f"{name}_potential"]).max()
         potential = max(float(potential), loading, float(second))
         noise = max(NOISE * work / max(flux, 1e-300) if flux > 0.0 else 0.0, 1e-300)
-        return max(potential, min(noise, potential or noise)), float(flux) or NOISE * work / max(potential, 1e-300)
+        return max(potential, min(noise, potential or noise)), max(flux, NOISE * work / max(potential, 1e-300))
 
     def _compliance(self, compliances: tuple[Compliance, ...]) -> dict[str, float]:
         fields, units = self.increment.fields, [self.length_unit] * 3 + [self._flux_units(name)[0] for name in SCALARS]

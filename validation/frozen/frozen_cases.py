@@ -643,6 +643,22 @@ TWO_BODIES = {
             "steps": PRESS_AND_DRAG,
         },
     ),
+    "rolling": FrozenCase(
+        "two half spaces that roll, a few cells and steadily, with spin, friction along axes and finite conduction",
+        {
+            **half_space(),
+            "material": TILTED,
+            "second_body": SECOND,
+            "contact": {"law": COULOMB, "axes": {"around": [0, 0, 1]}},
+            "conductivity": {"electric": BY_PRESSURE},
+            "indenter": {**SPHERE, "electric_potential": "1 kV"},
+            "steps": [
+                {"approach": "30 um", "increments": 2},
+                {"rolling": {"direction": [0, -1], "distance": "1 mm", "creepage": [2e-3, 1e-3], "spin": "0.3 1/m"}},
+                {"rolling": {"steady": True, "creepage": [2e-3, 1e-3]}},
+            ],
+        },
+    ),
     "two-half-spaces-matrix-free": FrozenCase(
         "two half spaces without a matrix, friction",
         {

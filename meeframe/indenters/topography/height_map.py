@@ -121,4 +121,9 @@ def topography_of(indenter: Indenter) -> HeightMap | None:
     HeightMap or None
         The surface, peaks up.
     """
-    return cast(SampledSurface, indenter).topography() if hasattr(indenter, "topography") else None
+    return cast(SampledSurface, indenter).topography() if has_topography(indenter) else None
+
+
+def has_topography(indenter: Indenter) -> bool:
+    """Return whether an indenter is a rough surface with a height map."""
+    return hasattr(indenter, "topography")

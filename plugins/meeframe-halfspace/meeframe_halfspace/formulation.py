@@ -24,7 +24,7 @@ from meeframe.plugin import (
 )
 from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
-from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
+from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid, mean_length
 from meeframe_halfspace.interior import HalfSpaceInterior
 from meeframe_halfspace.layer_waves import LayerWaves
 from meeframe_halfspace.layered_grid import LayeredFreeGrid, LayeredPeriodicGrid
@@ -104,6 +104,10 @@ class HalfSpace(Formulation):
     def supports_layers(self) -> bool:
         """Return True."""
         return True
+
+    def supports_rolling(self) -> bool:
+        """Return whether contact edges are at the nodes: others do not move with the material."""
+        return not self.resolves_edges()
 
     def couples_heat(self) -> bool:
         """Return True."""
@@ -202,11 +206,11 @@ def _thermal_response(body: Body, moduli: Array, grid: Grid) -> ThermalResponse:
 def _interior(
     body: Body, grid: Grid, grid_response: GridResponse, origin: Array, shares: Array
 ) -> HalfSpaceInterior | None:
-    """Return the fields inside a body; None with heat and on periodic layers."""
-    if isinstance(grid_response, (HeatedGrid, LayeredPeriodicGrid)):
+    """Return the fields inside a body; None with heat."""
+    if isinstance(grid_response, HeatedGrid):
         return None
-    if isinstance(grid_response, LayeredFreeGrid):
-        waves = LayerWaves(body, grid.frame)
+    if isinstance(grid_response, LayeredFreeGrid | LayeredPeriodicGrid):
+        waves = LayerWaves(body, grid.frame, mean_length(grid.size, grid.spacing))
         return HalfSpaceInterior(grid, grid_response.homogeneous, waves.stiffnesses[0], origin, shares, waves)
     return HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares)
 

@@ -16,7 +16,7 @@ Source: Ting, Anisotropic Elasticity (1996), chapters 5 to 7; the splitting is t
 (1921) 253, with a function that is constant near k = 0.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, final
@@ -140,7 +140,7 @@ class HalfSpaceInterior(InteriorFields):
                 )
         resolution = 1e-9 * width
         rounded: Array = np.maximum(np.rint(depths / resolution), 0.0) * resolution
-        return rounded
+        return rounded if self.layers is None else self.layers.snap(rounded, resolution)
 
     @cached_property
     def series(self) -> tuple[Array, Array]:
@@ -170,24 +170,28 @@ class HalfSpaceInterior(InteriorFields):
         for field in range(n_fields):
             loads = np.zeros((n_fields, _ANGLES), complex)
             loads[field] = 1.0
-            y[:, :, field] = self.waves_at_depth(waves, loads, 0.0)[0].T
+            y[:, :, field] = self.follow(waves, loads)(0.0)[0].T
         z = np.linalg.inv(y) + 1j * np.einsum("wa,aij->wij", waves, coupling)
         return float(np.linalg.eigvals(inverse_t @ z).real.min())
 
-    def waves_at_depth(self, waves: Array, loads: ComplexArray, depth: float) -> ComplexArray:
-        """Return values and derivatives (4, f, w) of waves (w, 2) of the load (f, w) at a depth [m]."""
+    def follow(self, waves: Array, loads: ComplexArray) -> Callable[[float], ComplexArray]:
+        """Return values and derivatives (4, f, w) of waves (w, 2) of loads (f, w) as a function of the depth [m]."""
         if self.layers is not None:
-            return self.layers.at_depth(waves, loads, depth)
+            return self.layers.follow(waves, loads)
         even, odd = self.series
         inverse_t, coupling = self.forms
-        fields = np.empty((4, *loads.shape), complex)
         loads = np.ascontiguousarray(loads)
 
-        def work(first: int, last: int) -> None:
-            propagate(first, last, waves, loads, depth, even, odd, inverse_t, coupling, fields)
+        def at_depth(depth: float) -> ComplexArray:
+            fields = np.empty((4, *loads.shape), complex)
 
-        share_out(work, len(waves))
-        return fields
+            def work(first: int, last: int) -> None:
+                propagate(first, last, waves, loads, depth, even, odd, inverse_t, coupling, fields)
+
+            share_out(work, len(waves))
+            return fields
+
+        return at_depth
 
 
 class _Spectrum:
@@ -221,7 +225,7 @@ class _Spectrum:
             self.lengths = self.spacing * [scipy.fft.next_fast_len(int(np.ceil(n))) for n in wanted]
         shortest = float((self.lengths - self.distances).min()) if not self.periodic else np.inf
         self.centre, self.width = 2.0 * SPLIT**2 / shortest, 2.0 * SPLIT / shortest
-        self.polar: dict[int, tuple[Array, ComplexArray]] = {}
+        self.polar: dict[int, tuple[Array, Callable[[float], ComplexArray]]] = {}
 
     def fields(self, depth: float, points: Array) -> Array:
         """Return values and derivatives (4, f, m) at points (m, 2) [m] from the first node of the grid."""
@@ -238,6 +242,9 @@ class _Spectrum:
         The stress is uniform, so that values are linear in the depth; on the surface they are those of the compliance.
         """
         load = self.density.mean(axis=(1, 2))
+        if self.interior.layers is not None:
+            values, slopes = self.interior.layers.uniform_at_depth(load, depth)
+            return np.stack([values, *np.zeros((2, len(load))), slopes])
         even, _ = self.interior.series
         # the mean of Re Y over all directions
         layout = entry_layout(len(load))
@@ -280,7 +287,7 @@ class _Spectrum:
             loads[self.loaded] = transform[:, *wave_indices].reshape(len(transform), -1)[:, used] * factor[used]
             waves = np.stack([kx[used], ky[used]], axis=1)
             spread = np.zeros((4, n_fields, len(k)), complex)
-            spread[..., used] = self.interior.waves_at_depth(waves, loads, depth)
+            spread[..., used] = self.interior.follow(waves, loads)(depth)
             along_y = spread.reshape(4 * n_fields, -1, len(qy)) @ phase_y
             if on_grid:
                 total += (phase_x[:, rows] @ along_y).real
@@ -320,9 +327,10 @@ class _Spectrum:
         while depth > 0.0 and end / 2.0 > DECAY / (depth * self.interior.slowest_decay):
             end, halvings = end / 2.0, halvings + 1
         if halvings not in self.polar:
-            self.polar[halvings] = self._polar_waves(end)
-        waves, loads = self.polar[halvings]
-        spread = self.interior.waves_at_depth(waves, loads, depth).reshape(-1, len(waves))
+            waves, loads = self._polar_waves(end)
+            self.polar[halvings] = waves, self.interior.follow(waves, loads)
+        waves, at_depth = self.polar[halvings]
+        spread = at_depth(depth).reshape(-1, len(waves))
         (x, y), indices = _lines(points)
         total = np.zeros((len(spread), len(points)) if indices is None else (len(spread), len(x), len(y)))
         present = np.flatnonzero(spread.any(axis=1))

@@ -1,5 +1,6 @@
 """Waves inside layers, for the fields inside a layered half space."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -7,13 +8,23 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.plugin import Array, Body, PointFields, SurfaceSymbol, waves_in_layers
+from meeframe.plugin import (
+    Array,
+    Body,
+    Medium,
+    PointFields,
+    SurfaceSymbol,
+    uniform_in_layers,
+    wave_amplitudes,
+    wave_fields,
+)
 from meeframe_halfspace.entries import entries_to_matrix
+from meeframe_halfspace.layered_symbol import uniform_response
 from meeframe_halfspace.response import PointResponse, series_values
 
 ComplexArray = NDArray[np.complex128]
-BATCH: Final = 4096
-"""Number of waves that are followed downwards together."""
+BATCH: Final = 8192
+"""Number of waves that are followed downwards together, times the number of materials."""
 _ANGLES: Final = 32
 
 
@@ -27,10 +38,13 @@ class LayerWaves:
         The body.
     frame
         Rows e1, e2, outward normal, (3, 3).
+    mean_length
+        1 / k of the wave that takes the place of uniform loads, see `uniform_response` [m].
     """
 
     body: Body
     frame: Array
+    mean_length: float
 
     @cached_property
     def stiffnesses(self) -> list[Array]:
@@ -38,11 +52,9 @@ class LayerWaves:
         return [*(layer.material.stiffness for layer in self.body.layers.layers), self.body.stiffness]
 
     @cached_property
-    def _bottoms(self) -> Array:
-        """Depths of the lower sides of all layers [m], which do not include a half space."""
-        thicknesses = [layer.thickness for layer in self.body.layers.layers]
-        base = self.body.layers.base
-        return np.cumsum(thicknesses + ([] if base is None else [base.thickness]))
+    def factors(self) -> Array:
+        """Factors (f,) of the scaled fields, those of the top material."""
+        return self._medium(0, np.zeros(1)).factors
 
     @cached_property
     def _half_spaces(self) -> list[tuple[Array, Array]]:
@@ -54,21 +66,45 @@ class LayerWaves:
         """The smallest exponent of waves per k z in any layer and direction."""
         return float(self._symbol(np.linspace(0.0, np.pi, _ANGLES, endpoint=False)).slowest_decays.min())
 
-    def at_depth(self, waves: Array, loads: ComplexArray, depth: float) -> ComplexArray:
-        """Return values and derivatives (4, f, w) of waves (w, 2) of the load (f, w) at a depth [m]."""
-        fields = np.empty((4, *loads.shape), complex)
-        for first in range(0, len(waves), BATCH):
-            part = slice(first, first + BATCH)
-            q = waves[part]
-            symbol = self._symbol(np.arctan2(q[:, 1], q[:, 0]))
-            values, slopes = waves_in_layers(symbol, np.hypot(*q.T), loads[:, part].T, depth)
-            fields[0, :, part], fields[3, :, part] = values.T, slopes.T
-            fields[1:3, :, part] = 1j * q.T[:, None, :] * values.T
-        return fields
+    def follow(self, waves: Array, loads: ComplexArray) -> Callable[[float], ComplexArray]:
+        """Return values and derivatives (4, f, w) of waves (w, 2) of loads (f, w) as a function of the depth [m]."""
+        k, angles = np.hypot(*waves.T), np.arctan2(waves[:, 1], waves[:, 0])
+        count = max(1, BATCH // len(self.stiffnesses))
+        parts = [slice(first, first + count) for first in range(0, len(waves), count)]
+        amplitudes = [wave_amplitudes(self._symbol(angles[part]), k[part], loads[:, part].T) for part in parts]
+
+        def at_depth(depth: float) -> ComplexArray:
+            fields = np.zeros((4, *loads.shape), complex)
+            number, *distances = self.body.layers.locate(depth)
+            if number == len(self.stiffnesses):  # in the rigid base
+                return fields
+            for part, of_part in zip(parts, amplitudes, strict=True):
+                medium = self._medium(number, angles[part])
+                values, slopes = wave_fields(medium, k[part], of_part[number], *distances)
+                ratio = medium.factors / self.factors
+                fields[0, :, part], fields[3, :, part] = (values * ratio).T, (slopes * ratio).T
+            fields[1:3] = 1j * waves.T[:, None, :] * fields[0]
+            return fields
+
+        return at_depth
+
+    @cached_property
+    def _uniform(self) -> tuple[SurfaceSymbol, dict[int, Array]]:
+        return uniform_response(self.body, self.frame, self.mean_length)
+
+    def uniform_at_depth(self, load: Array, depth: float) -> tuple[Array, Array]:
+        """Return values and their derivative along the normal (f,) under a uniform load (f,) at a depth [m]."""
+        return uniform_in_layers(*self._uniform, load, depth)
+
+    def snap(self, depths: Array, resolution: float) -> Array:
+        """Return depths (n,) [m], those within a resolution of an interface being on it."""
+        for bottom in self.body.layers.bottoms:
+            depths = np.where(np.abs(depths - bottom) <= resolution, bottom, depths)
+        return depths
 
     def point_fields(self, points: Array, depths: Array, values: Array, gradients: Array) -> PointFields:
         """Return the fields at points, each in the material at its depth (n,); on an interface in that above it."""
-        numbers = np.searchsorted(self._bottoms * (1.0 + 1e-12), depths)
+        numbers = self.body.layers.numbers_at(depths)
         fluxes = np.empty((len(points), 3, values.shape[1]))
         for number in np.unique(numbers):
             here = numbers == number
@@ -77,12 +113,18 @@ class LayerWaves:
         return PointFields(points, values, gradients, fluxes)
 
     def _symbol(self, angles: Array) -> SurfaceSymbol:
-        half_spaces = []
-        for even, odd in self._half_spaces:
-            symmetric, antisymmetric = series_values(even, odd, angles)
-            zeros = np.zeros_like(antisymmetric), np.zeros_like(symmetric)
-            real = entries_to_matrix(np.concatenate([symmetric, zeros[0]], axis=1))
-            imaginary = entries_to_matrix(np.concatenate([zeros[1], antisymmetric], axis=1))
-            half_spaces.append(real + 1j * imaginary)
-        body = self.body
-        return SurfaceSymbol.of(body.stiffness, body.layers, self.frame, angles, body.fields, half_spaces)
+        half_spaces = [self._half_space(number, angles) for number in range(len(self.stiffnesses))]
+        return SurfaceSymbol.of(
+            self.body.stiffness, self.body.layers, self.frame, angles, self.body.fields, half_spaces
+        )
+
+    def _medium(self, number: int, angles: Array) -> Medium:
+        return Medium.of(self.stiffnesses[number], self.frame, angles, self._half_space(number, angles))
+
+    def _half_space(self, number: int, angles: Array) -> ComplexArray:
+        """Return the scaled compliance of a half space of a material in directions, (n, f, f)."""
+        symmetric, antisymmetric = series_values(*self._half_spaces[number], angles)
+        zeros = np.zeros_like(antisymmetric), np.zeros_like(symmetric)
+        real = entries_to_matrix(np.concatenate([symmetric, zeros[0]], axis=1))
+        imaginary = entries_to_matrix(np.concatenate([zeros[1], antisymmetric], axis=1))
+        return np.asarray(real + 1j * imaginary)

@@ -106,14 +106,21 @@ class LayeredFreeGrid(GridResponse):
         return tables
 
     def _difference_tables(self, numbers: list[int], is_half: bool) -> Array:
-        """Return the integrals of the difference over the density, as `_tables`, from samples at the nodes."""
-        ny, (hx, hy) = self.size[1], self.spacing
-        samples = self._samples(numbers, -(0 if is_half else ny - 1))
-        weights = node_weights(self.homogeneous.shape, _HALF_WIDTH, 1)
-        for axis in (1, 2):
-            samples = scipy.ndimage.correlate1d(samples, weights, axis, mode="nearest")
-        inside = slice(_HALF_WIDTH, -_HALF_WIDTH)
-        tables = hx * hy * samples[:, inside, inside]
+        """Return the integrals of the difference over the density, as `_tables`, from samples at the nodes.
+
+        Far from the source, samples at every fourth node are interpolated.
+        """
+        series, ny = compiled(self.difference, numbers), self.size[1]
+        i, j = np.arange(self.size[0]), np.arange(0 if is_half else 1 - ny, ny)
+        smooth = int(_SMOOTH_DISTANCE)
+        if len(i) <= 2 * smooth and len(j) <= 2 * smooth:
+            tables = self._integrals(i, j, series, len(numbers))
+        else:
+            tables = self._interpolated_integrals(i, j, series, len(numbers))
+            distance = smooth * max(self.spacing)
+            inside = (np.flatnonzero(np.abs(n) * h <= distance) for n, h in zip((i, j), self.spacing, strict=True))
+            inner = tuple(slice(one[0], one[-1] + 1) for one in inside)
+            tables[:, *inner] = self._integrals(i[inner[0]], j[inner[1]], series, len(numbers))
         near = self._near[numbers]
         middle, width = near.shape[2] // 2, near.shape[1]
         if is_half:
@@ -122,27 +129,30 @@ class LayeredFreeGrid(GridResponse):
             tables[:, :width, ny - 1 - middle : ny + middle] = near
         return tables
 
-    def _samples(self, numbers: list[int], first: int) -> Array:
-        """Return the difference (n, nx + 8, ...) at nodes from _HALF_WIDTH before the grid to _HALF_WIDTH beyond it.
+    @property
+    def _weights(self) -> Array:
+        """Weights of samples at consecutive nodes for the integral over the density around the middle one."""
+        return node_weights(self.homogeneous.shape, _HALF_WIDTH, 1)
 
-        first: number of the first node of the grid along e2. Far from the source samples at every fourth node are
-        interpolated.
-        """
-        series, (hx, hy) = compiled(self.difference, numbers), self.spacing
-        i = np.arange(-_HALF_WIDTH, self.size[0] + _HALF_WIDTH)
-        j = np.arange(first - _HALF_WIDTH, self.size[1] + _HALF_WIDTH)
-        near = int(_SMOOTH_DISTANCE)
-        if len(i) <= 2 * near and len(j) <= 2 * near:
-            return _sampled(hx * i, hy * j, series, len(numbers))
-        coarse_i, along = _interpolation(i)
-        coarse_j, across = _interpolation(j)
-        coarse = _sampled(hx * coarse_i, hy * coarse_j, series, len(numbers))
-        samples = np.stack([along @ (across @ one.T).T for one in coarse])
-        widest = max(self.spacing)
-        box_i, box_j = (np.flatnonzero(np.abs(n) * h <= near * widest) for n, h in ((i, hx), (j, hy)))
-        inner = slice(box_i[0], box_i[-1] + 1), slice(box_j[0], box_j[-1] + 1)
-        samples[:, *inner] = _sampled(hx * i[inner[0]], hy * j[inner[1]], series, len(numbers))
-        return samples
+    def _integrals(self, i: Indices, j: Indices, series: Series, count: int) -> Array:
+        """Return the integrals over the density around nodes i and j (count, nx, ny) from samples at all nodes."""
+        x, y = (h * _with_margin(n) for n, h in zip((i, j), self.spacing, strict=True))
+        samples = _sampled(x, y, series, count)
+        for axis in (1, 2):
+            samples = scipy.ndimage.correlate1d(samples, self._weights, axis, mode="nearest")
+        inside = slice(_HALF_WIDTH, -_HALF_WIDTH)
+        return np.prod(self.spacing) * samples[:, inside, inside]
+
+    def _interpolated_integrals(self, i: Indices, j: Indices, series: Series, count: int) -> Array:
+        """Return integrals as `_integrals` from samples at some nodes."""
+        (coarse_i, along), (coarse_j, across) = (_interpolation(_with_margin(n)) for n in (i, j))
+        along, across = _averages(self._weights, len(i)) @ along, _averages(self._weights, len(j)) @ across
+        hx, hy = self.spacing
+        coarse = hx * hy * _sampled(hx * coarse_i, hy * coarse_j, series, count)
+        tables = np.empty((count, len(i), len(j)))
+        for table, one in zip(tables, coarse, strict=True):
+            table[:] = along @ (across @ one.T).T
+        return tables
 
     @cached_property
     def _near(self) -> Array:
@@ -272,6 +282,17 @@ def _sampled(x: Array, y: Array, series: Series, count: int) -> Array:
     samples = np.empty((count, len(x), len(y)))
     share_out(partial(_fill_samples, x, y, series, samples), len(x))
     return samples
+
+
+def _with_margin(positions: Indices) -> Indices:
+    """Return consecutive positions with _HALF_WIDTH more on both sides."""
+    return np.arange(positions[0] - _HALF_WIDTH, positions[-1] + _HALF_WIDTH + 1)
+
+
+def _averages(weights: Array, count: int) -> scipy.sparse.csr_array:
+    """Return the matrix (count, count + 8) of sums of consecutive values with some weights."""
+    diagonals, shape = [np.full(count, weight) for weight in weights], (count, count + len(weights) - 1)
+    return scipy.sparse.diags_array(diagonals, offsets=range(len(weights)), shape=shape).tocsr()
 
 
 def _interpolation(positions: Indices) -> tuple[Indices, scipy.sparse.csr_array]:

@@ -107,19 +107,20 @@ class LayeredResponse:
         return PointResponse(even, odd, self.factors)
 
     def uniform(self, length: float) -> Array:
-        """Return the response (symmetric entries,) [m] to a uniform load on a periodic surface.
-
-        On a rigid base it is finite. Else it is that to a wave of number 1 / length, averaged over its directions, to
-        which floating electrodes are no obstacle.
-        """
-        directions = PlaneSymmetry.of(self.body, self.frame).directions(_MEAN_ANGLES)
-        symbol = surface_symbol(self.body, self.frame, directions.angles)
-        uniform = symbol.uniform_compliance()
-        if uniform is None:
-            waves = symbol.without_floating_electrodes().evaluate(np.array([1.0 / length]))
-            uniform = length * directions.expand(waves)[0].real.mean(axis=0)
-        entries: Array = uniform[self.layout.upper]
+        """Return the response (symmetric entries,) [m] to uniform periodic loads; see `uniform_response`."""
+        _, compliances = uniform_response(self.body, self.frame, length)
+        entries: Array = compliances[0][self.layout.upper]
         return entries
+
+
+def uniform_response(body: Body, frame: Array, length: float) -> tuple[SurfaceSymbol, dict[int, Array]]:
+    """Return a symbol of a body and its responses to uniform loads, see `SurfaceSymbol.uniform_compliances`.
+
+    length: 1 / k of the wave that is taken where they have no limit [m].
+    """
+    directions = PlaneSymmetry.of(body, frame).directions(_MEAN_ANGLES)
+    symbol = surface_symbol(body, frame, directions.angles)
+    return symbol, symbol.uniform_compliances(1.0 / length, lambda y: directions.expand(y[None])[0].real.mean(axis=0))
 
 
 def surface_symbol(body: Body, frame: Array, angles: Array) -> SurfaceSymbol:

@@ -12,7 +12,7 @@ import meeframe
 from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4
 from meeframe.fields import ELECTRIC, MAGNETIC, FieldScaling
-from meeframe.material import library_material, rotation_about
+from meeframe.material import Material, library_material, rotation_about
 from meeframe.material.layers import Interface, Layer, LayerStack, RigidBase
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
@@ -169,7 +169,8 @@ def test_periodic_waves_have_their_compliance():
         expected = (phase[:, None] * (y @ amplitude / k)).real * POTENTIALS
         computed = system.apply(phase.real[:, None] * amplitude)
         assert_close(computed, expected, 1e-9)  # of the series in k
-    uniform = symbol.uniform_compliance() * np.outer(symbol.factors, symbol.factors) @ amplitude * POTENTIALS
+    surface = symbol.uniform_compliances(1.0 / UM, np.squeeze)[0]
+    uniform = surface * np.outer(symbol.factors, symbol.factors) @ amplitude * POTENTIALS
     computed = system.apply(np.tile(amplitude, (len(points), 1)))
     np.testing.assert_allclose(computed, np.tile(uniform, (len(points), 1)), rtol=1e-10)
 
@@ -177,11 +178,27 @@ def test_periodic_waves_have_their_compliance():
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("layers", [TRICLINIC, FILM])
 def test_capabilities(periodic, layers):
-    """Coarser grids, subgrids, fields of the product and the approximate inverse agree with the product itself."""
-    system = HalfSpace(periodic=periodic, matrix_up_to=0).reduce(body(layers, divisions=(55, 51)))
+    """Coarser grids, subgrids, fields of the product, the approximate inverse and fields inside agree with the product.
+
+    The depths at which fields are evaluated, up to 0.3 widths, are in the first layer.
+    """
+    one = body(layers, divisions=(55, 51), width=(2 * UM, 1.8 * UM))
+    system = HalfSpace(periodic=periodic, matrix_up_to=0).reduce(one)
     check_capabilities(system)
     assert (system.capability(Multigrid) is None) == (periodic and any(n % 2 for n in system.grid.size))
     assert (system.capability(Restriction) is None) == periodic
+
+
+def test_interpolation_far_from_the_source():
+    """On wide grids, the difference far from the source is interpolated; on a part of 170 nodes it is not."""
+    system = HalfSpace(matrix_up_to=0).reduce(body(TRICLINIC, divisions=(250, 5), width=(50 * UM, UM)))
+    part = system.capability(Restriction).restrict(
+        np.flatnonzero(system.points[:, 0] < system.points[:, 0].min() + 34 * UM)
+    )
+    load = np.zeros((len(system.points), 5))
+    load[part.nodes] = random_load(part.system, TRICLINIC)
+    assert len(part.nodes) < 0.75 * len(load)
+    assert_close(part.system.apply(load[part.nodes]), system.apply(load)[part.nodes], 1e-10)
 
 
 def test_matrix_matches_fft():
@@ -331,8 +348,90 @@ def test_interior_fields_balance_the_load():
     assert_close(stresses[1][:, :3], stresses[0][:, :3], 1e-5)
 
 
-def test_periodic_layers_have_no_interior_fields():
-    assert HalfSpace(periodic=True, matrix_up_to=0).reduce(body(FILM)).capability(InteriorFields) is None
+@pytest.mark.parametrize(
+    "layers",
+    [TRICLINIC, LayerStack(TRICLINIC.layers, RigidBase(UM)), FILM, LayerStack(FILM.layers, RigidBase(UM))],
+    ids=["half space", "base", "electrode", "electrode above base"],
+)
+def test_interior_of_periodic_layers(layers):
+    """Surface values are those of the compliance; the mean traction crosses all planes, and electrodes are at zero."""
+    system = HalfSpace("trigonometric", periodic=True, matrix_up_to=0).reduce(body(layers, divisions=(10, 9)))
+    interior, load = system.capability(InteriorFields), random_load(system, layers)
+    load += 0.3 * np.abs(load).max(axis=0)
+    surface = interior.evaluate(load, system.points)
+    assert_close(surface.values, system.recover(load).values, 1e-9)
+    assert_close(surface.fluxes[:, 2], load, 1e-9)
+    for depth in (0.7 * UM, UM, UM * (1.0 + 1e-6), 1.6 * UM):
+        below = interior.evaluate(load, system.points - [0.0, 0.0, depth])
+        np.testing.assert_allclose(below.fluxes[:, 2, :3].mean(axis=0), load[:, :3].mean(axis=0), rtol=1e-9)
+        if layers.layers == FILM.layers and depth == UM:
+            assert np.abs(below.values[:, ELECTRIC]).max() < 1e-9 * np.abs(surface.values[:, ELECTRIC]).max()
+            assert np.abs(below.fluxes[:, 2, ELECTRIC].mean() / load[:, ELECTRIC].mean() - 1.0) < 1e-9
+
+
+def test_interior_of_periodic_layers_of_the_substrate():
+    """Layers of the substrate's material leave the fields below them as they are, also under the mean load."""
+    layers, fields = LayerStack((Layer(SUBSTRATE, 0.4 * UM), Layer(SUBSTRATE, 0.3 * UM))), []
+    points = np.array([[x, 0.2 * UM, -depth * UM] for depth in (0.0, 0.4, 0.55, 1.3) for x in (-UM, 0.0, 0.4 * UM)])
+    for one in (layers, LayerStack()):
+        system = HalfSpace(periodic=True, matrix_up_to=0).reduce(body(one, divisions=(12, 11)))
+        load = random_load(system, layers)
+        fields.append(system.capability(InteriorFields).evaluate(load + load.max(axis=0), points))
+    for name in ("values", "gradients", "fluxes"):
+        computed, expected = (getattr(one, name).reshape(len(points), -1) for one in fields)
+        assert_close(computed, expected, 1e-9)
+
+
+def airy(nu, shear, functions):
+    """Return f, f' / k and the displacements along and across the surface, for derivatives (4, n) of n functions.
+
+    Airy's function f(z) cos kx has the stresses -k^2 f cos kx and k f' sin kx on planes z; displacements are for k = 1.
+    """
+    f0, f1, f2, f3 = functions
+    along = ((1.0 - nu) * f2 + nu * f0) / (2.0 * shear)
+    return np.array([f0, f1, along, ((1.0 - nu) * f3 + nu * f1) / (2.0 * shear) - f1 / shear])
+
+
+def in_film(a):
+    cosh, sinh = np.cosh(a), np.sinh(a)
+    even, odd = np.array([cosh, sinh, cosh, sinh]), np.array([sinh, cosh, sinh, cosh])
+    n = np.arange(4.0)
+    # derivatives of cosh, a cosh, sinh, a sinh
+    return np.stack([even, a * even + n * odd, odd, a * odd + n * even], axis=1)
+
+
+def in_substrate(a):
+    return np.exp(a) * np.stack([np.ones(4), a + np.arange(4.0)], axis=1)
+
+
+@pytest.mark.parametrize("substrate", [None, (5e9, 0.1), (150e9, 0.4)], ids=["base", "soft", "stiff"])
+def test_sinusoidal_pressure_on_an_isotropic_film(substrate):
+    """Stresses in a film on a rigid base or on another half space, by Airy's functions (Burmister 1945)."""
+    nu, shear, h = 0.3, 30e9, 0.9 * UM
+    film = Material.isotropic(2.0 * shear * (1.0 + nu), nu)
+    lower = film if substrate is None else Material.isotropic(2.0 * substrate[0] * (1.0 + substrate[1]), substrate[1])
+    base = None if substrate else RigidBase(0.5 * UM)
+    layers = LayerStack((Layer(film, h if substrate else 0.4 * UM),), base)
+    system = HalfSpace("trigonometric", periodic=True, matrix_up_to=0).reduce(body(layers, lower, (12, 9)))
+    x = system.points[:, 0] - system.points[:, 0].min()
+    k = 2.0 * 2.0 * np.pi / (13 / 12 * 4 * UM)
+    load = np.zeros((len(x), 5))
+    load[:, 2] = -np.cos(k * x)
+
+    surface, interface = (airy(nu, shear, in_film(k * z)) for z in (h, 0.0))
+    if substrate is None:
+        matrix = np.concatenate([surface[:2], interface[2:]])
+    else:
+        matrix = np.zeros((6, 6))
+        matrix[:2, :4], matrix[2:, :4] = surface[:2], interface
+        matrix[2:, 4:] = -airy(substrate[1], substrate[0], in_substrate(0.0))
+    constants = np.linalg.solve(matrix, np.eye(len(matrix))[0])
+    heights = [0.0, 0.5 * UM, 0.7 * UM] + ([-0.3 * UM] if substrate else [])
+    for z in heights:
+        normal, along = (in_film(k * z) @ constants[:4] if z >= 0.0 else in_substrate(k * z) @ constants[4:])[:2]
+        stress = system.capability(InteriorFields).evaluate(load, system.points - [0.0, 0.0, h - z]).fluxes[:, 2]
+        np.testing.assert_allclose(stress[:, 2], -normal * np.cos(k * x), atol=1e-9)
+        np.testing.assert_allclose(stress[:, 0], along * np.sin(k * x), atol=1e-9)
 
 
 def test_refusals():

@@ -107,11 +107,20 @@ def totals(folder, **values):
     return result.zone.weights @ np.column_stack([last.traction[:, 2], last.fluxes[:, 0]])
 
 
+ROTATION = '\nrotation = {axis = [1, 2, 3], angle = "40 deg"}'
+SPRINGS = "{normal_stiffness = 3e17, tangential_stiffness = 1e17, electric_conductance = 0.5}"
+
+
 @pytest.mark.full
 @pytest.mark.parametrize(
     ("film", "lower", "interface"),
-    [("batio3", "cofe2o4", '{electrode = "grounded"}'), ("pzt-4", "batio3-cofe2o4", '"bonded"')],
-    ids=["electrode", "bonded"],
+    [
+        ("batio3", "cofe2o4", '{electrode = "grounded"}'),
+        ("pzt-4", "batio3-cofe2o4", '"bonded"'),
+        ("pzt-4", "batio3-cofe2o4", SPRINGS + ROTATION),
+        ("orthotropic-mee", "cofe2o4", '{electrode = "grounded"}' + ROTATION),
+    ],
+    ids=["electrode", "bonded", "triclinic with springs", "triclinic with electrode"],
 )
 def test_sphere_on_a_film_by_finite_elements_and_half_space(tmp_path, film, lower, interface):
     """On the same nodes, the differences decrease with the elements, and end below 1 %."""

@@ -14,6 +14,7 @@ SOURCES = {
     "adhesion": "plugins/meeframe-laws/cases/dugdale.toml",
     "emci": "validation/transversely_isotropic_indentation/emci.toml",
     "emii": "validation/transversely_isotropic_indentation/emii.toml",
+    "film": "plugins/meeframe-halfspace/examples/film.toml",
     "friction-loop": "validation/load_histories/loop.toml",
     "rough": "plugins/meeframe-halfspace/examples/rough.toml",
     "two-bodies": "validation/two_bodies/equal.toml",

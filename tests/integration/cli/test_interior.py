@@ -81,6 +81,20 @@ def test_show_interior(run, named):
     assert volumes.sum() == pytest.approx(np.prod(np.ptp(mesh.points, axis=0)))
 
 
+@pytest.mark.full
+def test_show_interfaces(tmp_path):
+    """A table lists the largest tractions on each interface of a layered body."""
+    layers = '[[layers]]\nmaterial = "pzt-4"\nthickness = "0.3 mm"\n\n[base]\nthickness = "1 mm"\n'
+    case = CASE.replace("divisions = 20", "divisions = 6").replace("[mesh]", layers + "[mesh]")
+    (tmp_path / "case.toml").write_text(case)
+    meeframe.run(tmp_path / "case.toml", out=tmp_path / "out")
+    status, text, err = invoke("show", tmp_path / "out", "--interior")
+    assert status == 0, err
+    table = text[text.index("largest tractions on interfaces") :]
+    for number, depth in (("1", "0.0003"), ("2", "0.0013")):
+        assert re.search(rf"{number}[ │]+{depth}[ │]+shear[ │]+Pa", table)
+
+
 def test_interior_of_a_run_on_a_section(run, tmp_path):
     grid = PointGrid.along_global_axes(np.linspace(-5e-4, 5e-4, 5), 0.0, np.linspace(-1e-3, -1e-4, 4))
     from_folder = meeframe.interior(run / "out", grid)

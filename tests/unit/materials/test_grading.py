@@ -64,6 +64,8 @@ def test_table_and_mixture():
     layers = table.sublayers(barium, H, Interface(electrode="grounded"))
     assert layers[-1].interface.electrode == "grounded"
     assert all(layer.interface.is_bonded for layer in layers[:-1])
+    np.testing.assert_allclose(LayerStack(layers).interface_depths, [H])
+    np.testing.assert_allclose(LayerStack(layers, RigidBase(H)).interface_depths, [H, 2 * H])
     for material, layer in ((barium, layers[0]), (cobalt, layers[-1])):
         elastic = layer.material.elastic[2, 2, 2, 2]
         assert elastic == pytest.approx(material.elastic[2, 2, 2, 2], rel=0.1)

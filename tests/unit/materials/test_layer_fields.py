@@ -79,7 +79,7 @@ def test_interface(name):
     layers = STACKS[name].layers
     interface, lower = layers[0].interface, (*(layer.material for layer in layers[1:]), SUBSTRATE)[0]
     u_above, gradient_above = gradients(symbol, loads, 1e-6)
-    u_below, gradient_below = gradients(symbol, loads, 1e-6 * (1.0 + 1e-12))
+    u_below, gradient_below = gradients(symbol, loads, 1e-6 * (1.0 + 2e-12))
     t_above = fluxes(layers[0].material.stiffness, gradient_above)[:, 2]
     t_below = fluxes(lower.stiffness, gradient_below)[:, 2]
     scale_u, scale_t = np.abs(u_above).max(axis=0), np.abs(t_above).max(axis=0)

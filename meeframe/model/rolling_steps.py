@@ -1,0 +1,118 @@
+"""Load steps in which the contact rolls: what a case must not have, and their division into cells."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from meeframe.common.errors import CaseError
+from meeframe.formulations.base import Formulation
+from meeframe.indenters import Placement
+from meeframe.indenters.base import Indenter
+from meeframe.indenters.topography.height_map import has_topography
+from meeframe.laws.base import ContactLaw, has_memory
+from meeframe.mesh import ContactZone
+from meeframe.model.rolling import Rolling
+from meeframe.model.step import Step
+from meeframe.plugin.validation import Problem, TableError
+
+
+def check_rolling(
+    steps: Sequence[Step],
+    indenter: Indenter,
+    formulations: Sequence[Formulation],
+    law: ContactLaw,
+    generated: float,
+) -> None:
+    """Raise TableError if a case with load steps that roll has a part that does not move with the material.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+        Load steps.
+    indenter : Indenter
+        Indenter of the case.
+    formulations : sequence of Formulation
+        Formulations of its body, and of the second one if there is one.
+    law : ContactLaw
+        Contact law.
+    generated : float
+        Largest fraction of the work of friction or of a current that heats the body.
+    """
+    for number, step in enumerate(steps):
+        rolling = step.rolling
+        for problem in () if rolling is None else _problems(rolling, indenter, formulations, law, generated):
+            raise TableError(Problem(("steps", number, "rolling"), problem))
+
+
+def _problems(
+    rolling: Rolling,
+    indenter: Indenter,
+    formulations: Sequence[Formulation],
+    law: ContactLaw,
+    generated: float,
+) -> Iterator[str]:
+    """Yield the problems of rolling in a case, each in words."""
+    for formulation in formulations:
+        if not formulation.supports_rolling():
+            yield (
+                f"material cannot move through the contact zone of the formulation {type(formulation).__name__}; "
+                "allowed: half spaces on a regular grid with contact edges at the nodes, such as half-space"
+            )
+        if rolling.spin and formulation.is_periodic():
+            yield f"spin = {rolling.spin:g} 1/m on a periodic surface; allowed: 0, as the slip of spin is not periodic"
+    if has_topography(indenter) and not (rolling.is_sliding and len(formulations) == 1):
+        yield (
+            f"the heights of the indenter {type(indenter).__name__} do not move with a body that rolls; allowed: a "
+            "smooth indenter, or one that slides over a single body, with creepage = [1, 0]"
+        )
+    if rolling.steady and has_memory(law) and not law.needs_duration:
+        yield (
+            f"steady rolling with the contact law {type(law).__name__}, which depends on the path slipped before; "
+            "allowed: a distance, over which the state becomes steady"
+        )
+    if generated:
+        yield (
+            f"friction_heat or joule_heat = {generated:g} with rolling: heat that material carries through the contact "
+            "is not supported; allowed: 0"
+        )
+
+
+def divide_steps(steps: Sequence[Step], zone: ContactZone, placement: Placement, is_periodic: bool) -> tuple[Step, ...]:
+    """Return load steps, those that roll with one increment for each cell.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+        Load steps.
+    zone : ContactZone
+        Contact zone.
+    placement : Placement
+        Placement of the indenter.
+    is_periodic : bool
+        True if the zone is one period of an infinite surface.
+
+    Returns
+    -------
+    tuple of Step
+        The steps; a speed of rolling is the duration of its step.
+
+    Raises
+    ------
+    TableError
+        If a step rolls on a zone, or in a direction, in which material cannot move by cells.
+    """
+    return tuple(
+        step if step.rolling is None else _divide(number, step, step.rolling, zone, placement, is_periodic)
+        for number, step in enumerate(steps)
+    )
+
+
+def _divide(
+    number: int, step: Step, rolling: Rolling, zone: ContactZone, placement: Placement, is_periodic: bool
+) -> Step:
+    try:
+        length = rolling.increment(zone.points, zone.frames, placement.base, is_periodic).cell_shift.length
+        count = rolling.cells(length)
+    except CaseError as error:
+        raise TableError(Problem(("steps", number, "rolling"), str(error))) from None
+    duration = step.duration if rolling.speed is None else count * length / rolling.speed
+    return replace(step, increments=count, duration=duration, rolling=replace(rolling, speed=None))

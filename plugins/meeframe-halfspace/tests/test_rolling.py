@@ -1,0 +1,467 @@
+"""Rolling over half spaces: Carter's solution, Kalker's coefficients, the program CONTACT, and exact balances."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+from meeframe_halfspace.self_affine import SelfAffine
+from meeframe_laws.evolving import RateAndPressure
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from meeframe.elements import Quad4
+from meeframe.indenters import Paraboloid, Placement, Sphere
+from meeframe.laws import IsotropicCoulomb, StepConductivity
+from meeframe.material import Material, library_material, rotation_about
+from meeframe.material.layers import Layer, LayerStack
+from meeframe.mesh import FrictionAxes, half_space_mesh
+from meeframe.model.case import Case
+from meeframe.model.restart import Restart
+from meeframe.model.rolling import Rolling
+from meeframe.model.second_body import SecondBody
+from meeframe.model.solve import reduce, solve_case
+from meeframe.model.step import Step
+from meeframe.results.files import read_result, write_result
+from meeframe.results.history import curves
+from meeframe.results.records import Region, Result, StepResult, resultants
+from meeframe.results.schema import rolling_totals
+from meeframe.results.summary import summary
+from meeframe.system.edge_correction import correct_edge
+from meeframe.testing.formulation import check_translation
+
+CONSTANT = HalfSpace(density="constant", matrix_up_to=0)
+"""Densities as in the program CONTACT."""
+
+
+def isotropic(shear_modulus: float, poisson_ratio: float) -> Material:
+    modulus = 2.0 * shear_modulus * (1.0 + poisson_ratio)
+    return library_material("isotropic", young_modulus=modulus, poisson_ratio=poisson_ratio)
+
+
+def equal_bodies(material: Material, nodes: tuple[int, int], spacing: tuple[float, float], **arguments) -> Case:
+    """Return the case of two half spaces on a grid of nodes, of equal materials unless there is a second one."""
+    width = tuple((count - 1) * h for count, h in zip(nodes, spacing, strict=True))
+    cells = tuple(count - 1 for count in nodes)
+    mesh = half_space_mesh(4.0 * max(width), width, cells, 1, Quad4())
+    arguments = {"formulation": CONSTANT, **arguments}
+    second = SecondBody(arguments.pop("second_material", material), mesh, formulation=arguments["formulation"])
+    return Case(material, mesh, (), second_body=second, **arguments)
+
+
+def run(case: Case) -> Result:
+    result = solve_case(case)
+    assert result.status == "converged", [step.message for step in result.steps]
+    return result
+
+
+def steady(creepage: tuple[float, float] | None = None, spin: float = 0.0, direction=(1.0, 0.0)) -> Step:
+    return Step(rolling=Rolling(direction, steady=True, creepage=creepage, spin=spin))
+
+
+def sphere(steps: Sequence[Step], formulation: HalfSpace | None = None, **arguments) -> Case:
+    """Return the case of a sphere on a half space with a contact seven nodes across."""
+    mesh = half_space_mesh(4e-2, 6e-3, 20, 1, Quad4())
+    arguments = {"material": isotropic(80e9, 0.28), "contact_law": IsotropicCoulomb(0.3), **arguments}
+    law = {"formulation": formulation or HalfSpace(matrix_up_to=0)}
+    return Case(mesh=mesh, conditions=(), indenter=Sphere(0.1), steps=tuple(steps), **arguments, **law)
+
+
+def equal_spheres(step: Step) -> Case:
+    """Return the case of equal spheres in contact on ten nodes across."""
+    return equal_bodies(
+        isotropic(80e9, 0.28),
+        (24, 24),
+        (3e-4, 3e-4),
+        indenter=Sphere(0.1),
+        contact_law=IsotropicCoulomb(0.3),
+        steps=(PRESS, step),
+    )
+
+
+PRESS = Step(normal_force=2000.0)
+CREEPAGES = {"creepage": (5e-4, 3e-4), "spin": 0.5}
+
+
+class TestCarter:
+    """Equal cylinders, on a periodic surface whose period is twenty half widths of the contact."""
+
+    SHEAR, POISSON, FRICTION, HALF_WIDTH, RADIUS = 1e9, 0.3, 0.3, 1e-3, 1.0
+    FRACTIONS = (0.4, 0.8, 1.5)
+    """Creepages in units of that at which the whole contact slips."""
+
+    @classmethod
+    def forces(cls, across: int) -> tuple[np.ndarray, list[StepResult]]:
+        """Return the forces over the largest friction, and the increments; across: nodes in contact."""
+        spacing, rows = 2.0 * cls.HALF_WIDTH / across, 2
+        force = np.pi * cls.SHEAR / (1.0 - cls.POISSON) * cls.HALF_WIDTH**2 / (4.0 * cls.RADIUS) * rows * spacing
+        creepages = [fraction * cls.FRICTION * cls.HALF_WIDTH / cls.RADIUS for fraction in cls.FRACTIONS]
+        case = equal_bodies(
+            isotropic(cls.SHEAR, cls.POISSON),
+            (10 * across, rows),
+            (spacing, spacing),
+            indenter=Paraboloid(cls.RADIUS, 1e9),
+            contact_law=IsotropicCoulomb(cls.FRICTION),
+            formulation=HalfSpace(density="constant", matrix_up_to=0, periodic=True),
+            steps=(Step(normal_force=force), *(steady((creepage, 0.0)) for creepage in creepages)),
+        )
+        result = run(case)
+        ratios = [resultants(result.zone, step).tangential_force[0] for step in result.steps[1:]]
+        return np.array(ratios) / (cls.FRICTION * force), list(result.steps[1:])
+
+    def test_force_and_stick_zone(self) -> None:
+        coarse, middle, fine = (self.forces(across) for across in (10, 20, 40))
+        carter = 1.0 - (1.0 - np.minimum(self.FRACTIONS, 1.0)) ** 2
+        orders = np.log2((coarse[0] - middle[0])[:2] / (middle[0] - fine[0])[:2])
+        assert orders == pytest.approx(1.0, abs=0.15)
+        assert 2.0 * fine[0] - middle[0] == pytest.approx(carter, rel=5e-3)  # the period changes them by 4e-3
+        for fraction, step in zip(self.FRACTIONS, fine[1], strict=True):
+            sticking = (step.region == Region.STICK).reshape(-1, 2)[:, 0]
+            touching = step.touching.reshape(-1, 2)[:, 0]
+            assert sticking.sum() == max(round((1.0 - fraction) * touching.sum()), 0)
+            assert not sticking.any() or np.flatnonzero(sticking)[-1] == np.flatnonzero(touching)[-1], "leading edge"
+
+
+def test_free_rolling_of_unlike_cylinders_creeps() -> None:
+    """Without friction in the limit: Bentall and Johnson, Int. J. Mech. Sci. 9 (1967) 389."""
+    across, rows, half_width, radius = 40, 2, 1e-3, 1.0
+    soft, hard = (1e9, 0.3), (3e9, 0.25)
+    modulus = 1.0 / sum((1.0 - poisson) / (2.0 * shear) for shear, poisson in (soft, hard))
+    beta = (1.0 - 2.0 * soft[1]) / (2.0 * soft[0]) - (1.0 - 2.0 * hard[1]) / (2.0 * hard[0])
+    spacing = 2.0 * half_width / across
+    case = equal_bodies(
+        isotropic(*soft),
+        (10 * across, rows),
+        (spacing, spacing),
+        second_material=isotropic(*hard),
+        indenter=Paraboloid(radius, 1e9),
+        contact_law=IsotropicCoulomb(1e-4),
+        formulation=HalfSpace(density="constant", matrix_up_to=0, periodic=True),
+        steps=(
+            Step(normal_force=np.pi * modulus * half_width**2 / (4.0 * radius) * rows * spacing),
+            Step(tangential_force=(0.0, 0.0)),
+            steady(),
+        ),
+    )
+    creepage = run(case).steps[-1].loading.rolling.creepage
+    peak = modulus * half_width / (2.0 * radius)
+    # on a periodic surface pressure strains by its difference from the mean; positive: the softer body is below
+    mean = np.pi * half_width / (2.0 * 10 * across * spacing)
+    assert creepage[0] == pytest.approx((0.9148 - mean) * beta * peak, rel=5e-3)
+
+
+class TestContact:
+    """Values that the program CONTACT (Vollebregt, Kalker) prints for its examples, on the same cells."""
+
+    @staticmethod
+    def from_cattaneo(rolling: Sequence[Step]) -> Case:
+        """Return example catt_to_cart, in units of 1 mm, 1 N and 1 N/mm^2 for the shear modulus."""
+        spacing, friction, force = 0.25e-3, 0.4013, 0.4705
+        radius = 1.0 / (2.0 * 2.963)
+        return equal_bodies(
+            isotropic(1e6, 0.28),
+            (34, 33),
+            (spacing, spacing),
+            indenter=Paraboloid(radius, radius),
+            placement=Placement(x=-spacing / 2.0),
+            contact_law=IsotropicCoulomb(friction),
+            steps=(
+                Step(normal_force=force),
+                Step(tangential_force=(0.657 * friction * force, 0.0)),
+                *rolling,
+            ),
+        )
+
+    def test_from_cattaneo_to_carter(self) -> None:
+        rolls = Step(rolling=Rolling((1.0, 0.0), distance=0.25e-3)), steady()
+        _, shift, first, end = run(self.from_cattaneo(rolls))
+        assert shift.loading.translation[0] == pytest.approx(1.774e-5, rel=3e-4)
+        assert first.loading.rolling.creepage[0] == pytest.approx(1.824e-3, rel=3e-4)
+        assert end.loading.rolling.creepage[0] == pytest.approx(3.101e-3, rel=3e-4)
+        assert [(step.region == Region.STICK).sum() for step in (shift, first, end)] == [305, 422, 346]
+
+    @pytest.mark.full
+    def test_transient_after_two_diameters(self) -> None:
+        *_, last = run(self.from_cattaneo([Step(rolling=Rolling((1.0, 0.0), distance=56 * 0.25e-3))]))
+        assert last.loading.rolling.creepage[0] == pytest.approx(3.10059e-3, rel=2e-6)
+
+    @pytest.mark.full
+    def test_creep_curve_and_saturation(self) -> None:
+        """Example tractcurv: an ellipse with half axes 1 : 2."""
+        shear, poisson, friction, force, curvature = 82e9, 0.28, 0.33, 106.7e3, 0.8
+        half_axis = brentq(lambda a: hertz_curvatures(a, 2.0 * a, force, shear, poisson)[0] - curvature, 1e-3, 1e-2)
+        other = hertz_curvatures(half_axis, 2.0 * half_axis, force, shear, poisson)[1]
+        case = equal_bodies(
+            isotropic(shear, poisson),
+            (48, 44),
+            (2.2 * half_axis / 48, 4.4 * half_axis / 44),
+            indenter=Paraboloid(0.5 / curvature, 0.5 / other),
+            contact_law=IsotropicCoulomb(friction),
+            steps=(Step(normal_force=force), *(steady((creepage, 0.0)) for creepage in (8e-4, 1.6e-3, 2.4e-3, 1e-2))),
+        )
+        result = run(case)
+        forces = [resultants(result.zone, step).tangential_force[0] / (friction * force) for step in result.steps[1:]]
+        assert forces == pytest.approx([0.4742, 0.7831, 0.9467, 1.0], abs=2e-4)
+        assert max(forces) < 1.0
+
+
+def hertz_curvatures(a: float, b: float, force: float, shear: float, poisson: float) -> tuple[float, float]:
+    """Return A and B of the distance A x^2 + B y^2 of equal bodies with an elliptic contact of half axes a, b."""
+    factor = 3.0 * force * (1.0 - poisson) / (4.0 * np.pi * shear)
+
+    def integral(square: float) -> float:
+        def integrand(t: float) -> float:
+            return 2.0 / ((square + t * t) * np.sqrt((a * a + t * t) * (b * b + t * t)))
+
+        return float(quad(integrand, 0.0, np.inf, epsrel=1e-10)[0])
+
+    return factor * integral(a * a), factor * integral(b * b)
+
+
+@cache
+def creep_coefficients(across: int, poisson: float = 0.25) -> np.ndarray:
+    """Return C11, C22, C23, C32 and C33 of a circle on a grid with so many nodes across."""
+    shear, radius, small = 1e9, 1e-3, 1e-8
+    motions = ((small, 0.0), 0.0), ((0.0, small), 0.0), ((0.0, 0.0), small / radius)
+    spacing = 2.0 * radius / across
+    case = equal_bodies(
+        isotropic(shear, poisson),
+        (across + 4, across + 4),
+        (spacing, spacing),
+        indenter=Paraboloid(1.0, 1.0),
+        contact_law=IsotropicCoulomb(1e4),
+        steps=(
+            Step(normal_force=4.0 * shear / (1.0 - poisson) * radius**3 / 3.0),
+            *(steady(*each) for each in motions),
+        ),
+    )
+    result = run(case)
+    totals = [resultants(result.zone, step) for step in result.steps]
+    a = np.sqrt(totals[1].contact_area / np.pi)  # the nodes in contact make up another area than the circle
+    along, lateral, spin = totals[1:]
+    return np.array(
+        [
+            along.tangential_force[0] / (shear * a**2 * small),
+            lateral.tangential_force[1] / (shear * a**2 * small),
+            spin.tangential_force[1] / (shear * a**3 * small / radius),
+            -lateral.torque / (shear * a**3 * small),
+            spin.torque / (shear * a**4 * small / radius),
+        ]
+    )
+
+
+def test_linear_creep_coefficients_of_a_circle() -> None:
+    """Extrapolated values agree with those of Kalker, Three-Dimensional Elastic Bodies (1990), table E.3."""
+    coarse, fine = creep_coefficients(16), creep_coefficients(32)
+    extrapolated = 2.0 * fine - coarse
+    assert extrapolated == pytest.approx([4.12, 3.67, 1.47, 1.47, 1.19], rel=0.015)
+
+
+@pytest.mark.parametrize("poisson", [0.0, pytest.param(0.4999999, marks=pytest.mark.full)])
+def test_creep_coefficients_over_poisson_ratio(poisson: float) -> None:
+    coarse, fine = creep_coefficients(8, poisson), creep_coefficients(16, poisson)
+    c11, c22, c23, c32, _ = 2.0 * fine - coarse
+    assert c23 == pytest.approx(c32, rel=0.02), "mirror symmetry, which a grid violates"
+    assert abs(fine[2] / fine[3] - 1.0) > 0.1
+    if poisson == 0.0:  # the body then responds alike along both axes
+        assert fine[0] == pytest.approx(fine[1], rel=1e-7)
+    else:
+        assert c11 > 1.2 * c22
+
+
+class TestBalances:
+    def test_work_of_friction_is_force_times_creepage(self) -> None:
+        """The pressure of equal bodies does no work: the identity is exact on any grid."""
+        result = run(equal_spheres(steady(**CREEPAGES)))
+        numbers = rolling_totals(result.zone, result.steps[-1])
+        assert {Region.STICK, Region.SLIP} <= set(result.steps[-1].region)
+        assert numbers["friction_work"] == pytest.approx(numbers["creep_work"], rel=1e-11)
+
+    @pytest.mark.parametrize(
+        "law",
+        [IsotropicCoulomb(0.3), RateAndPressure(mu_static=0.4, mu_kinetic=0.2, reference_speed=1e-3)],
+        ids=["coulomb", "rate"],
+    )
+    def test_work_includes_that_of_the_pressure(self, law) -> None:
+        """Friction under a rigid indenter shifts the pressure, which then works on the material that moves through."""
+        rolls = Step(rolling=Rolling((1.0, 0.0), steady=True, speed=2.0, **CREEPAGES))
+        press = Step(normal_force=2000.0, duration=1.0)
+        result = run(sphere((press, rolls), contact_law=law))
+        step, numbers = result.steps[-1], rolling_totals(result.zone, result.steps[-1])
+        grid = result.zone.cells.shape
+        traction, displacement = (values[:, 2].reshape(grid) for values in (step.traction, step.displacement))
+        mean, change = 0.5 * (traction[:-1] + traction[1:]), displacement[:-1] - displacement[1:]
+        of_pressure = (mean * change).sum() * result.zone.weights.max() / step.loading.rolling.cell
+        assert abs(of_pressure) > 0.1 * numbers["creep_work"]
+        assert numbers["friction_work"] == pytest.approx(numbers["creep_work"] + of_pressure, rel=1e-9)
+        assert numbers["friction_power"] == pytest.approx(2.0 * numbers["friction_work"])
+
+    def test_reverse_rolling_transposes_the_creep_matrix(self) -> None:
+        """By reciprocity, exactly on any grid, without any symmetry of the bodies and of the nodes in contact."""
+        upright, small = library_material("orthotropic-mee"), 1e-4
+        # the second body, rotated over, has the axes of the first, so that pressure and friction are not coupled
+        material, other = (upright.rotated(rotation_about([0.0, 0.0, 1.0], angle)) for angle in (0.5, -0.5))
+
+        def matrix(direction: int) -> np.ndarray:
+            motions = ((0.0, 0.0), (small, 0.0), (0.0, small))
+            case = equal_bodies(
+                material,
+                (14, 14),
+                (3e-4, 3e-4),
+                second_material=other,
+                indenter=Sphere(0.1),
+                placement=Placement(x=1e-4, y=0.7e-4),
+                contact_law=IsotropicCoulomb(1e4),
+                steps=(Step(normal_force=50.0), *(steady(each, direction=(direction, 0.0)) for each in motions)),
+            )
+            result = run(case)
+            at_rest, *others = [resultants(result.zone, step).tangential_force for step in result.steps[1:]]
+            return direction * (np.array(others) - at_rest).T
+
+        forward, backward = matrix(1), matrix(-1)
+        assert abs(forward[0, 1] - forward[1, 0]) > 1e-3 * abs(forward[0, 1])
+        assert backward == pytest.approx(forward.T, abs=1e-4 * abs(forward[0, 1] - forward[1, 0]))
+
+
+class TestSymmetries:
+    @staticmethod
+    def tractions(direction: tuple[float, float]) -> tuple[np.ndarray, StepResult, Result]:
+        result = run(sphere((PRESS, steady(direction=direction, **CREEPAGES))))
+        step = result.steps[-1]
+        return step.traction.reshape(21, 21, 3), step, result
+
+    def test_directions_along_all_axes(self) -> None:
+        """A quarter turn of the direction turns the tractions."""
+        traction, *_ = self.tractions((1.0, 0.0))
+        for direction in ((0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)):
+            previous, (traction, *_) = traction, self.tractions(direction)
+            rotated = np.rot90(previous, 1)[..., [1, 0, 2]] * [-1.0, 1.0, 1.0]
+            assert traction == pytest.approx(rotated, abs=1e-7 * np.abs(traction).max())
+
+    def test_spin_causes_a_lateral_force_to_the_left(self) -> None:
+        result = run(equal_spheres(steady((0.0, 0.0), spin=0.5)))
+        numbers = rolling_totals(result.zone, result.steps[-1])
+        longitudinal, lateral = numbers["creep_force"]
+        assert lateral > 0.1 * 0.3 * 2000.0
+        assert abs(longitudinal) < 1e-9 * lateral
+        assert resultants(result.zone, result.steps[-1]).torque > 0.0
+
+    def test_large_creepage_saturates(self) -> None:
+        result = run(equal_spheres(steady((0.03, 0.04))))
+        assert rolling_totals(result.zone, result.steps[-1])["creep_force"] == pytest.approx([360.0, 480.0], rel=2e-3)
+
+
+PIEZO = {
+    "material": library_material("pzt-4").rotated(rotation_about([1.0, 2.0, 3.0], 0.7)),
+    "conductivity": {"electric": StepConductivity(np.inf)},
+    "potentials": {"electric_potential": 10.0},
+}
+VARIANTS = {
+    "fft": {},
+    "matrix": {"formulation": HalfSpace(matrix_up_to=500)},
+    "piezoelectric": PIEZO,
+    "layered": {"layers": LayerStack((Layer(library_material("zno"), 3e-4),)), "material": library_material("silicon")},
+    "polar axes": {"axes": FrictionAxes(around=(0.0, 0.0, 1.0))},
+    "oblique axes": {"axes": FrictionAxes(direction=(1.0, 2.0, 0.0))},
+}
+
+
+def test_rough_slider_has_the_limit_of_friction() -> None:
+    period, nodes = 1e-3, 16
+    spacing = period / nodes
+    case = Case(
+        isotropic(40e9, 0.3),
+        half_space_mesh(4.0 * period, (nodes - 1) * spacing, nodes - 1, 1, Quad4()),
+        (),
+        SelfAffine(period, period / 4.0, 0.8, rms_slope=0.05),
+        contact_law=IsotropicCoulomb(0.3),
+        formulation=HalfSpace(density="trigonometric", periodic=True),
+        steps=(Step(normal_force=20.0), Step(rolling=Rolling((0.0, 1.0), 3 * spacing, creepage=(1.0, 0.0)))),
+    )
+    result = run(case)
+    assert not (result.steps[-1].region == Region.STICK).any()
+    numbers = rolling_totals(result.zone, result.steps[-1])
+    assert numbers["creep_force"][0] == pytest.approx(6.0, rel=1e-4)
+    assert abs(numbers["creep_force"][1]) < 1e-3 * 6.0, "asperities yield sideways"
+    assert numbers["friction_work"] == pytest.approx(6.0, rel=0.02)
+
+
+@pytest.mark.full(except_for=4)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_steady_state_repeats_from_cell_to_cell(variant: str) -> None:
+    """Transient increments, which are solved with another operator, leave the steady state as it is."""
+    more = Step(rolling=Rolling((1.0, 0.0), distance=6e-4, **CREEPAGES))
+    *_, state, once, twice = run(sphere((PRESS, steady(**CREEPAGES), more), **VARIANTS[variant]))
+    assert {Region.STICK, Region.SLIP} <= set(state.region)
+    for later in (once, twice):
+        for name in ("traction", "displacement", "slip", "fluxes", "potentials"):
+            values = getattr(state, name)
+            assert np.abs(getattr(later, name) - values).max() <= 1e-8 * np.abs(values).max(), name
+
+
+@pytest.mark.full
+def test_axes_of_friction_do_not_change_isotropic_rolling() -> None:
+    forces = []
+    for variant in ("fft", "polar axes", "oblique axes"):
+        result = run(sphere((PRESS, steady(**CREEPAGES)), **VARIANTS[variant]))
+        forces.append(resultants(result.zone, result.steps[-1]).force)
+    assert forces[1] == pytest.approx(forces[0], rel=1e-8)
+    assert forces[2] == pytest.approx(forces[0], rel=1e-8)
+
+
+def test_steady_is_the_limit_of_transient() -> None:
+    press = Step(normal_force=600.0)
+    rolls = Step(rolling=Rolling((1.0, 0.0), distance=50 * 3e-4, **CREEPAGES))
+    transient = run(sphere((press, rolls))).steps
+    direct = run(sphere((press, steady(**CREEPAGES)))).steps[-1]
+    errors = [np.abs(step.traction - direct.traction).max() for step in transient[1:]]
+    assert errors[0] > 0.1 * np.abs(direct.traction[:, :2]).max()
+    assert errors[-1] <= 1e-6 * np.abs(direct.traction[:, :2]).max()
+
+
+def test_run_continues_from_its_files(tmp_path) -> None:
+    rolls = Step(rolling=Rolling((1.0, 0.0), distance=12e-4, speed=2.0, **CREEPAGES))
+    whole = run(sphere((PRESS, rolls)))
+    write_result(tmp_path, whole)
+    read = read_result(tmp_path)
+    loading, expected = read.steps[-1].loading, whole.steps[-1].loading
+    assert loading.rolling.distance == pytest.approx(12e-4)
+    assert loading.duration == pytest.approx(3e-4 / 2.0)
+    for name in ("direction", "creepage", "spin", "cell", "distance"):
+        assert np.array_equal(getattr(loading.rolling, name), getattr(expected.rolling, name)), name
+    restart = Restart("", read.zone.points, read.zone.frames, read.steps[2])
+    rest = Step(rolling=Rolling((1.0, 0.0), distance=6e-4, speed=2.0, **CREEPAGES))
+    for ours, theirs in zip(run(sphere((rest,), restart=restart)), whole.steps[3:], strict=True):
+        assert ours.traction == pytest.approx(theirs.traction, abs=1e-9 * np.abs(theirs.traction).max())
+        assert ours.loading.rolling.distance == pytest.approx(theirs.loading.rolling.distance)
+
+
+@pytest.mark.parametrize("is_periodic", [False, True])
+def test_compliance_is_the_same_along_the_grid(is_periodic: bool) -> None:
+    """The conformance check of formulations passes, and detects a node that is softer than the others."""
+    case = sphere((PRESS,), HalfSpace(matrix_up_to=0, periodic=is_periodic))
+    system = reduce(case)
+    check_translation(case.formulation, system)
+    extra = np.zeros((len(system.points), 5, 5))
+    extra[200, 0, 0] = 1e-6 * system.diagonal_blocks()[200, 0, 0]
+    with pytest.raises(AssertionError, match="not the same along the grid"):
+        check_translation(case.formulation, correct_edge(system, extra))
+
+
+def test_tables_and_figures_show_numbers_of_rolling() -> None:
+    result = run(sphere((PRESS, steady(**CREEPAGES), steady(creepage=(1e-3, 0.0)))))
+    numbers = rolling_totals(result.zone, result.steps[1])
+    at_rest, rolls, _ = summary(result)["steps"]
+    assert at_rest["rolling"] is None
+    assert rolls["rolling"]["creep_work"] == pytest.approx(numbers["creep_work"])
+    drawn = {curve.name: curve for curve in curves(result)}
+    assert drawn["creepage"].up[2] == pytest.approx(np.array([[5e-4, 3e-4], [1e-3, 0.0]]))
+    assert drawn["creep force"].up[2][0] == pytest.approx(numbers["creep_force"])
+    assert drawn["sticking area"].up[2].shape == (2, 1)
+    table = result.to_dataframe()
+    assert table["creepage_longitudinal"].iloc[1] == pytest.approx(5e-4)
+    assert np.isnan(table["creep_work"].iloc[0])
+    assert "friction_power" not in table.columns, "there is no duration"
+    assert table.attrs["units"]["spin"] == "1/m"
+    assert "creepage_longitudinal" not in run(sphere((PRESS,))).to_dataframe().columns

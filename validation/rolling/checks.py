@@ -1,0 +1,118 @@
+"""Check rolling: Carter, Kalker's creep coefficients, examples of the program CONTACT, and the balance of work."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+from creep_coefficients import NAMES, coefficients, extrapolate
+from equal_bodies import hertz_radii, roll, steady
+from scipy.optimize import brentq
+
+import meeframe
+from meeframe.fields import Array
+from meeframe.results.records import Region
+from meeframe.results.schema import rolling_totals
+from meeframe.study.validate import Check, Curve, Item, Plot
+
+TITLE = "Rolling: Carter, Kalker's coefficients, and CONTACT"
+SOURCE = (
+    "Carter, Proc. R. Soc. A 112 (1926) 151; Kalker, Three-Dimensional Elastic Bodies in Rolling Contact (1990), table "
+    "E.3; Vollebregt, User guide for CONTACT, sections 5.5 and 5.8 (printed results of the open version)."
+)
+SHEAR, POISSON, FRICTION, HALF_WIDTH, RADIUS = 1e9, 0.3, 0.3, 1e-3, 1.0
+FRACTIONS = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
+"""Creepages over that at which the whole contact slips."""
+PERIOD = 15
+"""Period of the surface in widths of the contact; it changes the forces by about 1e-3 of the limit."""
+KALKER = (4.12, 3.67, 1.47, 1.47, 1.19)
+"""C11, C22, C23, C32 and C33 of the circle, nu = 0.25."""
+
+
+def carter(fraction: Array) -> Array:
+    """Return the force over the limit at a fraction of the creepage of full slip."""
+    return np.asarray(1.0 - (1.0 - np.minimum(fraction, 1.0)) ** 2)
+
+
+def cylinders(across: int) -> tuple[Array, list[float]]:
+    """Return forces over the limit and half lengths of the stick zone over that of the contact, for FRACTIONS."""
+    spacing, rows = 2.0 * HALF_WIDTH / across, 2
+    force = np.pi * SHEAR / (1.0 - POISSON) * HALF_WIDTH**2 / (4.0 * RADIUS) * rows * spacing
+    full = FRICTION * HALF_WIDTH / RADIUS
+    steps = [meeframe.Step(normal_force=force), *(steady((fraction * full, 0.0)) for fraction in FRACTIONS)]
+    nodes = PERIOD * across, rows
+    result = roll(SHEAR, POISSON, (spacing, spacing), nodes, (RADIUS, 1e9), FRICTION, steps, periodic=True)
+    forces = [meeframe.resultants(result.zone, step).tangential_force[0] for step in result[1:]]
+    sticks = [float((step.region == Region.STICK).sum() / step.touching.sum()) for step in result[1:]]
+    return np.array(forces) / (FRICTION * force), sticks
+
+
+def from_cattaneo() -> Iterator[Item]:
+    """Check example catt_to_cart of CONTACT: a tangential force at rest, then rolling under it."""
+    spacing, friction, force, radius = 0.25e-3, 0.4013, 0.4705, 1.0 / (2.0 * 2.963)
+    steps = [
+        meeframe.Step(normal_force=force),
+        meeframe.Step(tangential_force=[0.657 * friction * force, 0.0]),
+        meeframe.Step(rolling={"distance": spacing}),
+        steady(),
+    ]
+    result = roll(1e6, 0.28, (spacing, spacing), (34, 33), (radius, radius), friction, steps, -0.5 * spacing)
+    _, shift, first, end = result
+    words = "held force, 34 x 33 nodes as CONTACT"
+    yield Check(f"{words}: shift at rest [mm]", 1e3 * shift.loading.translation[0], 1.774e-2, 3e-4)
+    for step, reference, when in ((first, 1.824e-3, "after one cell"), (end, 3.101e-3, "in the steady state")):
+        creepage = rolling_totals(result.zone, step)["creepage"][0]
+        yield Check(f"{words}: creepage {when}", float(creepage), reference, 3e-4)
+    for step, reference, when in ((shift, 305, "at rest"), (first, 422, "after one cell"), (end, 346, "steady")):
+        sticking = int((step.region == Region.STICK).sum())
+        yield Check(f"{words}: sticking nodes {when}", float(sticking), float(reference), 0.5, absolute=True)
+
+
+def ellipse() -> Iterator[Item]:
+    """Check example tractcurv of CONTACT: the creep curve of an ellipse 1 : 2, and the balance of work on it."""
+    shear, poisson, friction, force, radius_x = 82e9, 0.28, 0.33, 106.7e3, 0.625
+    radii = partial(hertz_radii, force=force, shear_modulus=shear, poisson_ratio=poisson)
+    a = float(brentq(lambda half_axis: radii((half_axis, 2.0 * half_axis))[0] - radius_x, 1e-3, 1e-2))
+    printed = {8e-4: 0.4742, 1.6e-3: 0.7831, 2.4e-3: 0.9467}
+    creepages = [*printed, 4e-3, 1e-2]
+    steps = [meeframe.Step(normal_force=force), *(steady((creepage, 0.0)) for creepage in creepages)]
+    spacing = 2.2 * a / 48, 4.4 * a / 44
+    result = roll(shear, poisson, spacing, (48, 44), radii((a, 2.0 * a)), friction, steps)
+    numbers = [rolling_totals(result.zone, step) for step in result[1:]]
+    forces = np.array([each["creep_force"][0] for each in numbers]) / (friction * force)
+    words = "ellipse 1 : 2, 48 x 44 nodes as CONTACT"
+    for (creepage, reference), computed in zip(printed.items(), forces, strict=False):
+        yield Check(f"{words}: F / mu N at xi = {creepage:g}", float(computed), reference, 1e-4, absolute=True)
+    yield Check(f"{words}: F / mu N at xi = {creepages[-1]:g}", float(forces[-1]), 1.0, 1e-3)
+    balance = max(abs(each["friction_work"] / each["creep_work"] - 1.0) for each in numbers)
+    yield Check(f"{words}: work of friction over force times creepage - 1", balance, 0.0, 1e-9, absolute=True)
+    curve = Curve("computed", np.array(creepages), forces, points=True)
+    contact = Curve("CONTACT", np.array(list(printed)), np.array(list(printed.values())), points=True)
+    yield Plot("Creep curve of an ellipse 1 : 2", "creepage", "F / (mu N)", (curve, contact))
+
+
+def run(quick: bool) -> Iterator[Item]:
+    """Check the force and the stick zone of cylinders, coefficients of a circle, and two examples of CONTACT.
+
+    Forces of given creepages are accurate to first order in the spacing, and extrapolated from two grids.
+    """
+    across = (20, 40) if quick else (40, 80)
+    (coarse, _), (fine, sticks) = map(cylinders, across)
+    exact, words = carter(np.array(FRACTIONS)), f"cylinders, {across[0]} and {across[1]} nodes across"
+    for fraction, computed, reference in zip(FRACTIONS, 2.0 * fine - coarse, exact, strict=True):
+        name = f"{words}, extrapolated: F / mu N at {fraction:g} of full slip"
+        yield Check(name, float(computed), float(reference), 0.005, absolute=True)
+    for fraction, stick in zip(FRACTIONS[:-2], sticks, strict=False):
+        name = f"cylinders, {across[1]} nodes across: part of the contact that sticks at {fraction:g} of full slip"
+        yield Check(name, stick, 1.0 - fraction, 1.0 / across[1], absolute=True)
+    curves = (
+        Curve("Carter", np.linspace(0.0, FRACTIONS[-1], 100), carter(np.linspace(0.0, FRACTIONS[-1], 100))),
+        Curve("computed", np.array(FRACTIONS), fine, points=True),
+    )
+    yield Plot(f"Creep curve of cylinders, {across[1]} nodes across", "creepage of full slip", "F / (mu N)", curves)
+    across = (16, 32) if quick else (32, 64)
+    limits = extrapolate([coefficients(1.0, 0.25, each) for each in across], across)
+    for name, computed, reference in zip(NAMES, limits, KALKER, strict=True):
+        words = f"circle, nu = 0.25: {name}, extrapolated from {across[0]} and {across[1]} nodes across"
+        yield Check(words, float(computed), reference, 0.02)
+    yield from from_cattaneo()
+    yield from ellipse()
