@@ -13,16 +13,9 @@ from meeframe.formulations.dense_bem.collocation import Sources, collocate
 from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.interior import InteriorRepresentation
-from meeframe.formulations.dense_bem.layout import (
-    NONE,
-    Layout,
-    Units,
-    boundary_fields,
-    characteristic_length,
-    check_expansion,
-    lay_out,
-)
+from meeframe.formulations.dense_bem.layout import NONE, Layout, boundary_fields, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
+from meeframe.formulations.dense_bem.units import Units, characteristic_length, check_expansion
 from meeframe.greens import Tabulated
 from meeframe.greens.decoupled import bind_fields
 

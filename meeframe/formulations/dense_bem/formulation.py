@@ -17,9 +17,10 @@ from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.interior import BoundaryInterior, InteriorRepresentation
-from meeframe.formulations.dense_bem.layout import Layout, Units, check_expansion, lay_out, number_first
+from meeframe.formulations.dense_bem.layout import Layout, lay_out, number_first
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, factorise, zone_relation
+from meeframe.formulations.dense_bem.units import Units, check_expansion
 from meeframe.greens import Tabulated
 from meeframe.greens.base import FundamentalSolution
 from meeframe.mesh import check_mesh, find_contact_zone

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from meeframe.fields import N_FIELDS, THERMAL_FIELD
-from meeframe.formulations.dense_bem.layout import Units
+from meeframe.formulations.dense_bem.units import Units
 from meeframe.greens.base import FundamentalSolution, Kernel
 from meeframe.greens.decoupled import bind_fields
 from meeframe.mesh.body import Body

@@ -10,7 +10,8 @@ from meeframe.fields import Array, Indices
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.blas import subtract_product
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
-from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
+from meeframe.formulations.dense_bem.layout import Layout, boundary_fields
+from meeframe.formulations.dense_bem.units import Units
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.system.reduced import NodalFields
 

@@ -15,8 +15,9 @@ from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.fundamental import bind_body
-from meeframe.formulations.dense_bem.layout import Units, boundary_fields, lay_out
+from meeframe.formulations.dense_bem.layout import boundary_fields, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
+from meeframe.formulations.dense_bem.units import Units
 from meeframe.greens import Tabulated
 from meeframe.material import library_material, rotation_about
 from meeframe.mesh import block_mesh, box_mesh, half_space_mesh
