@@ -175,6 +175,7 @@ def test_periodic_waves_have_their_compliance():
     np.testing.assert_allclose(computed, np.tile(uniform, (len(points), 1)), rtol=1e-10)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("layers", [TRICLINIC, FILM])
 def test_capabilities(periodic, layers):

@@ -147,6 +147,7 @@ def test_half_space(smooth_load):
     assert (relative(computed, expected) < 5e-5).all()
 
 
+@pytest.mark.full
 def test_conformance():
     check_formulation(small_leaves(1e-5), tolerance=1e-3)
 

@@ -55,6 +55,7 @@ INTERFACES = {
 }
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("lower", INTERFACES.values(), ids=INTERFACES)
 def test_uniform_load_on_two_layers_is_exact(lower):
     """Values are linear in each layer, jump at springs, and vanish on an electrode; stress and fluxes are constant."""
@@ -214,6 +215,7 @@ def rotated(body, file, turn):
     return replace(body, stiffness=SUBSTRATE.rotated(turn).stiffness, mesh=mesh, layers=LayerStack(layers)), path
 
 
+@pytest.mark.full
 def test_oblique_interfaces_with_springs(cube_file):
     """The response of a rotated body is the same in its local frames."""
     mesh, file = cube_file("hex8", 2)

@@ -54,6 +54,7 @@ def case_file(tmp_path):
     return write
 
 
+@pytest.mark.full
 def test_installed_plugin_is_used(install, command, case_file):
     install("planes", GOOD.format(name="plane"))
     listed = command("plugins")

@@ -366,6 +366,7 @@ window.addEventListener("load", async () => {
 </script></body>"""
 
 
+@pytest.mark.full
 def test_every_plot_is_drawn_and_zooms_in_a_browser_without_network(tmp_path):
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:

@@ -159,6 +159,7 @@ def test_reactions_balance_to_round_off(steel: DenseSystem, finer: DenseSystem) 
     np.testing.assert_allclose(moments[1] * TURN, -moments[0], atol=1e-11 * np.abs(moments[0]).max())
 
 
+@pytest.mark.full
 def test_capabilities_with_different_divisions(steel: DenseSystem, finer: DenseSystem) -> None:
     for system in (combine_bodies(steel, finer), combine_bodies(steel, MatrixFree.of(finer))):
         transferred = system.terms[1].system

@@ -251,6 +251,7 @@ def indented():
     ).solve()
 
 
+@pytest.mark.full
 def test_scene_of_body_and_zone(indented):
     pytest.importorskip("pyvista")
     scene = indented.to_pyvista(1, warp=2.0)
