@@ -184,6 +184,8 @@ class Contact:
         Direction of the local axis e1, from which laws measure their angles.
     friction_heat : float, optional
         Fraction of the work of friction that flows into the body as heat, in load steps with a duration.
+    joule_heat : float, optional
+        Fraction of the electric power in the contact that flows into the body as heat.
     wear : WearLaw, optional
         Law of the depth that slip wears off, such as `meeframe.Archard`; none by default.
     """
@@ -192,6 +194,7 @@ class Contact:
     zone: str = "contact"
     axes: FrictionAxes | None = None
     friction_heat: float = 0.0
+    joule_heat: float = 0.0
     wear: WearLaw | None = None
 
 

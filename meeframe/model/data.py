@@ -75,6 +75,7 @@ class CaseData:
     contact_law: ContactLaw = field(default_factory=Signorini)
     axes: FrictionAxes | None = None
     friction_heat: float = 0.0
+    joule_heat: float = 0.0
     wear: WearLaw | None = None
     conductivity: Mapping[str, ConductivityLaw] = field(default_factory=dict)
     formulation: Formulation = field(default_factory=DenseBEM)

@@ -208,6 +208,7 @@ class IndenterKinematics:
             potentials,
             tuple(prescribed_resultants.values()),
             friction_heat=0.0 if duration is None else self.case.friction_heat / duration,
+            joule_heat=self.case.joule_heat,
         )
         free = np.array(list(prescribed_resultants), int)
         return Increment(problem, base, free, prescribed, duration, start, rolling, sliding)

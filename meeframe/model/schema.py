@@ -75,6 +75,7 @@ class ContactTable(Table):
     law: Annotated[ContactLaw, by_name(ContactLaw)] = Field(default="signorini", validate_default=True)
     axes: Annotated[FrictionAxes | None, BeforeValidator(_axes)] = None
     friction_heat: Annotated[float, Quantity("", ge=0, le=1)] = 0.0
+    joule_heat: Annotated[float, Quantity("", ge=0, le=1)] = 0.0
     wear: Annotated[WearLaw | None, by_name(WearLaw)] = None
 
 
