@@ -30,7 +30,7 @@ PACKAGES: Final = {
     "system": "Reduced systems and their capabilities.",
     "formulations": "Formulations, from a body to a reduced system.",
     "indenters": "Rigid indenters.",
-    "laws": "Contact and conductivity laws.",
+    "laws": "Contact, conductivity and wear laws.",
     "contact": "Contact problems, residuals and conduction.",
     "solvers": "Contact solvers and the driver loop.",
 }

@@ -62,6 +62,7 @@ SOURCES = {
         ("images/rough_study.png",),
         ("plugins/meeframe-halfspace/examples/study_picture.py docs/images/rough_study.png",),
     ),
+    "wear": Source(("images/wear.png",), ("plugins/meeframe-halfspace/examples/wear_picture.py docs/images/wear.png",)),
     "film": Source(("images/film.png",), ("plugins/meeframe-halfspace/examples/film_picture.py docs/images/film.png",)),
     "laws": Source(
         ("images/laws/*.png",),

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from meeframe.api.named import indenter as indenter
     from meeframe.api.named import law as law
     from meeframe.api.named import solver as solver
+    from meeframe.api.named import wear as wear
     from meeframe.api.parts import Base as Base
     from meeframe.api.parts import Boundary as Boundary
     from meeframe.api.parts import Contact as Contact
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from meeframe.indenters import RectangularPunch as RectangularPunch
     from meeframe.indenters import SampledHeights as SampledHeights
     from meeframe.indenters import Sphere as Sphere
+    from meeframe.laws import Archard as Archard
     from meeframe.laws import Insulating as Insulating
     from meeframe.laws import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws import OrthotropicCoulomb as OrthotropicCoulomb
@@ -87,6 +89,7 @@ _HOMES = {
     "indenter": "meeframe.api.named",
     "law": "meeframe.api.named",
     "solver": "meeframe.api.named",
+    "wear": "meeframe.api.named",
     "Base": "meeframe.api.parts",
     "Boundary": "meeframe.api.parts",
     "Contact": "meeframe.api.parts",
@@ -108,6 +111,7 @@ _HOMES = {
     "RectangularPunch": "meeframe.indenters",
     "SampledHeights": "meeframe.indenters",
     "Sphere": "meeframe.indenters",
+    "Archard": "meeframe.laws",
     "Insulating": "meeframe.laws",
     "IsotropicCoulomb": "meeframe.laws",
     "OrthotropicCoulomb": "meeframe.laws",

@@ -189,6 +189,7 @@ def step(approach: float, status: Status = Status.CONVERGED, number: int = 1, in
         slip=slip,
         total_slip=2.0 * slip,
         slip_path=3.0 * slip[:, 0],
+        wear=np.zeros(n),
         dissipation=0.1 * pressure * slip[:, 0],
         region=np.where(inside, np.where(slipping, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64),
         status=status,

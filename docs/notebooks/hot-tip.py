@@ -60,7 +60,7 @@ def hot_tip(material=ceramic, first=HELD_FORCE, distance=DISTANCE, increments=3)
     return meeframe.Case(
         title="Hot tip",
         material=material,
-        mesh=meeframe.mesh.half_space("18 um", divisions=28),
+        mesh=meeframe.mesh.half_space("18 um", divisions=24),
         formulation=meeframe.formulation(
             "half-space", edges="resolved", reference_radius=distance
         ),

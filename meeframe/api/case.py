@@ -362,7 +362,14 @@ def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequenc
         indenter=checked.indenter,
         steps=tuple(Step(**_with_scalars(table, Step)) for table in tables["steps"]),
         boundary=_boundary(tables),
-        contact=Contact(checked.contact_law, checked.zone, checked.axes, checked.friction_heat),
+        contact=Contact(
+            checked.contact_law,
+            checked.zone,
+            checked.axes,
+            checked.friction_heat,
+            checked.joule_heat,
+            checked.wear,
+        ),
         conductivity={name: law for name, law in checked.conductivity.items() if name in tables["conductivity"]}
         if "conductivity" in tables
         else {},

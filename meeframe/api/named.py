@@ -11,6 +11,7 @@ from meeframe.contact.problem import Solver
 from meeframe.formulations.base import Formulation
 from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.wear import WearLaw
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import CONTRACTS, Registry
@@ -40,6 +41,11 @@ def law(name: str, **keys: Any) -> ContactLaw:
 def conductivity(name: str, **keys: Any) -> ConductivityLaw:
     """Return a registered conductivity law by its name in case files; as `law`."""
     return _create(ConductivityLaw, name, keys)
+
+
+def wear(name: str, **keys: Any) -> WearLaw:
+    """Return a registered wear law by its name in case files; as `law`."""
+    return _create(WearLaw, name, keys)
 
 
 def indenter(name: str, **keys: Any) -> Indenter:

@@ -12,6 +12,7 @@ from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import Signorini
 from meeframe.laws.base import ContactLaw
+from meeframe.laws.wear import WearLaw
 from meeframe.material import Material
 from meeframe.mesh import FrictionAxes, MeshRecipe
 from meeframe.mesh.surface import SurfaceMesh
@@ -84,6 +85,10 @@ class Step:
         Potential of the indenter [A], or magnetic flux [Wb].
     temperature, heat : float or str, optional
         Temperature of the indenter above the reference [K], or heat out of the body [W], of a body with heat.
+    sliding : float or str, optional
+        Distance that the indenter slides in the whole step while the contact zone stays, which wears surfaces [m].
+    max_pressure_change : float or str, optional
+        Largest change of the pressure over the contact, as a fraction, for which increments with wear are divided.
     duration : float or str, optional
         Time of the whole step [s], for laws that need it.
     rolling : mapping, optional
@@ -116,6 +121,8 @@ class Step:
     magnetic_flux: Amount | None = None
     temperature: Amount | None = None
     heat: Amount | None = None
+    sliding: Amount | None = None
+    max_pressure_change: Amount | None = None
     duration: Amount | None = None
     rolling: Mapping[str, Any] | None = None
     increments: int = 1
@@ -187,12 +194,18 @@ class Contact:
         Direction of the local axis e1, from which laws measure their angles.
     friction_heat : float, optional
         Fraction of the work of friction that flows into the body as heat, in load steps with a duration.
+    joule_heat : float, optional
+        Fraction of the electric power in the contact that flows into the body as heat.
+    wear : WearLaw, optional
+        Law of the depth that slip wears off, such as `meeframe.Archard`; none by default.
     """
 
     law: ContactLaw = field(default_factory=Signorini)
     zone: str = "contact"
     axes: FrictionAxes | None = None
     friction_heat: float = 0.0
+    joule_heat: float = 0.0
+    wear: WearLaw | None = None
 
 
 @dataclass(frozen=True)

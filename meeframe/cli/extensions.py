@@ -11,7 +11,9 @@ from meeframe.cli.app import PluginFiles, app
 
 plugins_app = typer.Typer()
 app.add_typer(plugins_app, name="plugins")
-_KINDS: Final = "contact-law, conductivity-law, indenter, solver, element, formulation or fundamental-solution."
+_KINDS: Final = (
+    "contact-law, conductivity-law, wear-law, indenter, solver, element, formulation or fundamental-solution."
+)
 
 
 @plugins_app.callback(invoke_without_command=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel, field_set
-from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array, FieldSet
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, THERMAL_FIELD, Array, FieldSet
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.system.reduced import ReducedSystem
 
@@ -120,6 +120,8 @@ class ContactProblem:
     friction_heat : float, optional
         Heat that flows into the body per work of friction in the increment and per time [1/s]: the fraction that the
         body receives over the duration of the increment.
+    joule_heat : float, optional
+        Heat that flows into the body per electric power in the contact, if the electric flux is a current.
 
     Raises
     ------
@@ -136,6 +138,7 @@ class ContactProblem:
     prescribed_resultants: tuple[PrescribedResultant, ...] = ()
     area_fraction: Array | None = None
     friction_heat: float = 0.0
+    joule_heat: float = 0.0
 
     def __post_init__(self) -> None:
         n, count = len(self.system.points), len(self.channels)
@@ -144,11 +147,13 @@ class ContactProblem:
                 f"the contact problem has {count} flux channels; {self.system.n_fields - N_MECHANICAL} are needed, "
                 "one for each scalar field of its reduced system"
             )
-        if not 0.0 <= self.friction_heat < np.inf or (self.friction_heat and "thermal" not in self.fields.names):
-            raise CaseError(
-                f"friction_heat of the contact problem is {self.friction_heat}; allowed: finite numbers >= 0, and zero "
-                "without a thermal channel"
-            )
+        for name in ("friction_heat", "joule_heat"):
+            heat = getattr(self, name)
+            if not 0.0 <= heat < np.inf or (heat and THERMAL_FIELD.name not in self.fields.names):
+                raise CaseError(
+                    f"{name} of the contact problem is {heat}; allowed: finite numbers >= 0, and zero without a "
+                    "thermal channel"
+                )
         area_fraction = np.zeros(n) if self.area_fraction is None else self.area_fraction
         if np.shape(area_fraction) != (n,) or not ((area_fraction >= 0.0) & (area_fraction <= 1.0)).all():
             raise CaseError(

@@ -6,7 +6,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.conduction import conducting, depends_on_gap, potential_diagonal, resistances, switch, unloaded
-from meeframe.contact.friction_heat import conducted_flux
+from meeframe.contact.generated_heat import conducted_flux
 from meeframe.contact.nested import is_uniform
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, problem_scales

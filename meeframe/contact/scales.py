@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.free_motion import balanced_projection, motions
-from meeframe.contact.friction_heat import thermal_channel
+from meeframe.contact.generated_heat import thermal_channel
 from meeframe.contact.nested import Coarse, coarse_problem, has_similar_area, is_similar, is_uniform
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, indenter_field, indenter_position
-from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
+from meeframe.fields import ELECTRIC, MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, resolve
 from meeframe.system.capabilities import Multigrid, apply_load
 from meeframe.system.reduced import ReducedSystem
@@ -85,10 +85,12 @@ def problem_scales(problem: ContactProblem) -> Scales:
     depth = max(_overlap_depth(overlap), MIN_DEPTH_RATIO * largest(above[below] - problem.gap[below]))
     compliance = _uniform_response(problem.system, loaded)
     pressure = _pressure(problem, overlap, depth, compliance[2, 2])
-    generated = _generated_heat(problem, pressure, motion)
-    prescribed_flux = _prescribed_flux(problem, loaded) + generated
+    prescribed_flux = _prescribed_flux(problem, loaded)
     fields, self_compliance = range(problem.fields.size)[POTENTIALS], np.diag(compliance)[POTENTIALS]
-    drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in fields]
+    drop = np.array([largest(offset[:, field] - indenter_field(problem, field, motion)) for field in fields])
+    generated = _frictional_heat(problem, pressure, motion)
+    generated += _joule_heat(problem, pressure, drop, prescribed_flux, self_compliance)
+    prescribed_flux += generated
     potential = np.maximum(drop, prescribed_flux * self_compliance)
     is_conducting = np.array([channel.is_conducting for channel in problem.channels]) | (generated > 0.0)
     share = _transmitted(problem, pressure, potential, self_compliance)
@@ -184,7 +186,7 @@ def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
     return flux
 
 
-def _generated_heat(problem: ContactProblem, pressure: float, motion: Array) -> Array:
+def _frictional_heat(problem: ContactProblem, pressure: float, motion: Array) -> Array:
     """Return the heat flux (channels,) that friction generates at a pressure [Pa] in the slip of the indenter."""
     generated = np.zeros(len(problem.channels))
     channel = thermal_channel(problem)
@@ -194,6 +196,19 @@ def _generated_heat(problem: ContactProblem, pressure: float, motion: Array) -> 
     traction = np.tile([_SLIDING * pressure, 0.0, -pressure], (len(problem.gap), 1))
     sliding = resolve(problem.contact_law, traction, np.zeros_like(traction), (1.0, 1.0))
     generated[channel] = problem.friction_heat * largest(sliding[:, 0]) * slip
+    return generated
+
+
+def _joule_heat(problem: ContactProblem, pressure: float, drop: Array, flux: Array, self_compliance: Array) -> Array:
+    """Return the heat (channels,) that a current generates at a pressure [Pa], a drop and a prescribed flux."""
+    generated = np.zeros(len(problem.channels))
+    channel, electric = thermal_channel(problem), ELECTRIC - N_MECHANICAL
+    if channel is None:
+        return generated
+    potential = np.maximum(drop, flux * self_compliance)
+    share = _transmitted(problem, pressure, potential, self_compliance)
+    current = np.maximum(flux, share * drop / self_compliance)
+    generated[channel] = problem.joule_heat * ((1.0 - share) * potential * current)[electric]
     return generated
 
 

@@ -185,7 +185,7 @@ def check_body(formulation: Formulation, body: Body) -> None:
         raise CaseError(
             f"the formulation {type(formulation).__name__} does not support thermal expansion, pyroelectric and "
             "pyromagnetic coefficients; allowed: a material with thermal_conductivity alone, or the formulation "
-            "half-space or skfem"
+            "half-space, dense-bem, hmatrix-bem or skfem"
         )
 
 

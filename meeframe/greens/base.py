@@ -3,6 +3,8 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+import numpy as np
+
 from meeframe.fields import Array, Indices
 
 
@@ -28,7 +30,7 @@ class Kernel(ABC):
         Returns
         -------
         Array
-            U, (n, fields, fields), symmetric in J and K, C-contiguous.
+            U, (n, fields, fields), C-contiguous; symmetric in J and K unless the temperature acts on other fields.
         Array
             T, (n, fields, fields), C-contiguous.
 
@@ -62,6 +64,16 @@ class Kernel(ABC):
         A plane piece has one normal, so that the stiffness can be contracted with it once, not at every point.
         """
         return None
+
+    def weakly_singular(self) -> Indices:
+        """Return the entries f J + K of T that are integrable at the source, and have no part in its constant fields.
+
+        Returns
+        -------
+        Indices
+            Numbers of the entries; none by default: T is of order 1/r^2, and constant values are without flux.
+        """
+        return np.empty(0, np.int64)
 
     @abstractmethod
     def gradient(self, offset: Array) -> Array:

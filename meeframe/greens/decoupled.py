@@ -7,7 +7,9 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.greens._kernels.decoupled import combine, laplace, laplace_sums
 from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.greens.thermal import HeatSource, ThermalKernel
 
 
 @final
@@ -33,9 +35,13 @@ class LaplaceKernel:
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
         """Return U and T, (n,) each, for offsets (n, 3) and unit normals (n, 3)."""
-        distance = np.sqrt(np.einsum("ni,ij,nj->n", offset, self.inverse, offset, optimize=True))
-        u = -1.0 / (4.0 * np.pi * self.root * distance)
-        return u, u * (offset * normal).sum(axis=1) / distance**2
+        u, t = laplace(self.inverse, self._factor, offset, normal)
+        return u, t
+
+    def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array]:
+        """Return weighted sums of U and T over the points of plane pieces, (m, k) each; see `Kernel.integrate`."""
+        u, t = laplace_sums(self.inverse, self._factor, offset, weights, starts, normals)
+        return u, t
 
     def gradient(self, offset: Array) -> Array:
         """Return U,q, (n, 3), for offsets (n, 3)."""
@@ -43,6 +49,10 @@ class LaplaceKernel:
         distance = np.sqrt((offset * reduced).sum(axis=1))
         gradient: Array = reduced / (4.0 * np.pi * self.root * distance**3)[:, None]
         return gradient
+
+    @property
+    def _factor(self) -> float:
+        return -1.0 / (4.0 * np.pi * self.root)
 
 
 @final
@@ -66,23 +76,24 @@ class DecoupledKernel(Kernel):
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
         """Return U and T, (n, fields, fields) each; see `Kernel.evaluate`."""
-        columns = [scalar.evaluate(offset, normal) for scalar in self.scalars]
-        first = self.coupled.evaluate(offset, normal)
-        return self._combine(first[0], [u for u, _ in columns]), self._combine(first[1], [t for _, t in columns])
+        offset, normal = (np.ascontiguousarray(array, dtype=float) for array in (offset, normal))
+        scalars = [scalar.evaluate(offset, normal) for scalar in self.scalars]
+        u, t = self.coupled.evaluate(offset, normal)
+        size = self.count + len(scalars)
+        u, t = self._combine(u, [each for each, _ in scalars]), self._combine(t, [each for _, each in scalars])
+        return u.reshape(-1, size, size), t.reshape(-1, size, size)
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array] | None:
         """Return weighted sums of U and T over the points of plane pieces; see `Kernel.integrate`."""
-        first = self.coupled.integrate(offset, weights, starts, normals)
-        if first is None:
+        coupled = self.coupled.integrate(offset, weights, starts, normals)
+        if coupled is None:
             return None
-        points = slice(starts[0], starts[-1])
-        piece_offsets, shares = offset[points], weights[points]
-        normal = np.repeat(normals, np.diff(starts), axis=0)
-        columns = [scalar.evaluate(piece_offsets, normal) for scalar in self.scalars]
-        sums = [[np.add.reduceat(shares * k[:, None], starts[:-1] - starts[0]) for k in kernels] for kernels in columns]
-        u, t = (array.reshape(*array.shape[:-1], N_FIELDS, N_FIELDS) for array in first)
-        u_all, t_all = self._combine(u, [u_sum for u_sum, _ in sums]), self._combine(t, [t_sum for _, t_sum in sums])
-        return u_all.reshape(*u.shape[:-2], -1), t_all.reshape(*u.shape[:-2], -1)
+        scalars = [scalar.integrate(offset, weights, starts, normals) for scalar in self.scalars]
+        u, t = (
+            self._combine(coupled[0], [each for each, _ in scalars]),
+            self._combine(coupled[1], [each for _, each in scalars]),
+        )
+        return u.reshape(len(normals), weights.shape[1], -1), t.reshape(len(normals), weights.shape[1], -1)
 
     def gradient(self, offset: Array) -> Array:
         """Return U,q, (n, fields, fields, 3), for offsets (n, 3)."""
@@ -94,15 +105,21 @@ class DecoupledKernel(Kernel):
         return gradient
 
     def _combine(self, coupled: Array, scalars: list[Array]) -> Array:
-        count, size = self.count, self.count + len(scalars)
-        combined = np.zeros((*coupled.shape[:-2], size, size))
-        combined[..., :count, :count] = coupled[..., :count, :count]
-        for column, scalar in enumerate(scalars, count):
-            combined[..., column, column] = scalar
-        return combined
+        """Return matrices (points, fields^2) of those of the coupled fields, and of the scalar fields at the points."""
+        matrices = np.ascontiguousarray(coupled).reshape(-1, N_FIELDS**2)
+        diagonal = np.empty((len(scalars), len(matrices)))
+        for row, scalar in zip(diagonal, scalars, strict=True):
+            row[:] = scalar.ravel()
+        result: Array = combine(matrices, self.count, diagonal)
+        return result
 
 
-def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> Kernel:
+def bind_fields(
+    fundamental_solution: FundamentalSolution,
+    stiffness: Array,
+    moduli: Array | None = None,
+    temperature: int = N_FIELDS,
+) -> Kernel:
     """Return the kernel of a material with any number of fields.
 
     Parameters
@@ -111,11 +128,15 @@ def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> 
         Method for the coupled fields.
     stiffness : Array
         Scaled extended stiffness, (3, fields, fields, 3).
+    moduli : Array, optional
+        Scaled thermal moduli, (3, 5), by which a temperature acts on the coupled fields.
+    temperature : int
+        Column of the temperature, if there are moduli.
 
     Raises
     ------
     MaterialError
-        If a field after the first N_FIELDS is coupled, or as `FundamentalSolution.bind`.
+        If a field after the first N_FIELDS is coupled, or as `FundamentalSolution.bind` and `HeatSource.of`.
 
     Notes
     -----
@@ -136,4 +157,8 @@ def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> 
     for column in range(count, N_FIELDS):
         complemented[:, column, column] = -np.eye(3)
     scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(count, size))
-    return DecoupledKernel(fundamental_solution.bind(complemented), count, scalars)
+    kernel = DecoupledKernel(fundamental_solution.bind(complemented), count, scalars)
+    if moduli is None or not moduli.any():
+        return kernel
+    heat = HeatSource.of(complemented, moduli, -stiffness[:, temperature, temperature])
+    return ThermalKernel(kernel, size, temperature, heat)

@@ -4,16 +4,15 @@ from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
-from numpy.polynomial.chebyshev import cheb2poly, chebpts1
-from numpy.polynomial.polynomial import polyint
 
 from meeframe.common.errors import CaseError, MaterialError
 from meeframe.fields import Array, Indices
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.greens._kernels.modulation import triads
-from meeframe.greens._kernels.tabulated import CACHE_LINE, DEGREE, WIDTH, evaluate, gradient
+from meeframe.greens._kernels.tabulated import DEGREE, evaluate, gradient
 from meeframe.greens._kernels.tabulated_sums import integrate
 from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.greens.cells import cell_points, from_boundary, interpolation_points, polynomials
 from meeframe.greens.line_integral import LineIntegral, line_modulation
 from meeframe.greens.modulated import validate_stiffness
 
@@ -141,51 +140,12 @@ def _face_coefficients(stiffness: Array) -> Array:
     return np.ascontiguousarray(faces)
 
 
-def _directions(cells: int, s: Array, t: Array) -> Array:
-    """Return the points x with x_a = 1 at local coordinates s, t (k,) of every cell, (3, cells, cells, k, 3)."""
-    corner = 2.0 * np.arange(cells) + 1.0 - cells
-    x = np.ones((3, cells, cells, len(s), 3))
-    for face in range(3):
-        x[face, ..., (face + 1) % 3] = (corner[:, None, None] + s) / cells
-        x[face, ..., (face + 2) % 3] = (corner[None, :, None] + t) / cells
-    return x
-
-
-def _basis(count: int) -> Array:
-    """Return the monomial coefficients, column by column, of 1 and of the integrals of Chebyshev polynomials.
-
-    Truncation in this basis removes Chebyshev polynomials from the derivative, the smallest of all on the interval, and
-    not derivatives of these, which grow at its ends. Tractions need derivatives and determine the size of the table.
-    """
-    basis = np.eye(count)
-    for k in range(1, count):
-        basis[: k + 1, k] = polyint(cheb2poly(np.eye(k)[k - 1]))
-    return basis
-
-
 def _table(stiffness: Array, cells: int) -> Array:
-    """Return G = H / |x| interpolated in every cell and truncated at the total degree, (3 cells^2, 720)."""
-    count = DEGREE + 1
-    nodes = chebpts1(count)
-    offset = _directions(cells, np.repeat(nodes, count), np.tile(nodes, count)).reshape(-1, 3)
+    """Return G = H / |x| interpolated in every cell, (3 cells^2, 720)."""
+    offset = interpolation_points(cells)
     distance, triad = triads(offset)
     modulation = line_modulation(stiffness, LINE_POINTS, triad, with_tangents=False)
-    values = modulation[:, 0] / distance[:, None]
-    powers = _basis(count)
-    in_basis = np.linalg.inv(np.vander(nodes, increasing=True) @ powers)
-    degree_row, column = np.tril_indices(count)
-    rows = count * (DEGREE - degree_row) + degree_row - column
-    # In two steps: round-off of the first step is a Chebyshev polynomial and stays small inside the cell.
-    to_series, to_powers = np.kron(in_basis, in_basis)[rows], np.kron(powers, powers)[np.ix_(rows, rows)]
-    n_cells = 3 * cells**2
-    table = _zeros_on_lines(n_cells * len(degree_row) * WIDTH).reshape(n_cells, len(degree_row), WIDTH)
-    table[..., : values.shape[1]] = to_powers @ (to_series @ values.reshape(n_cells, count**2, -1))
-    return table.reshape(n_cells, -1)
-
-
-def _zeros_on_lines(count: int) -> Array:
-    """Return zeros that begin at a cache line, so that no vector of eight crosses the border of two lines."""
-    return _from_boundary(np.zeros(count + CACHE_LINE), CACHE_LINE)[:count]
+    return polynomials(modulation[:, 0] / distance[:, None], cells)
 
 
 def _uninitialised(count: int) -> Array:
@@ -196,12 +156,7 @@ def _uninitialised(count: int) -> Array:
     """
     if count < HUGE_PAGE:
         return np.empty(count)
-    return _from_boundary(np.empty(count + 2 * HUGE_PAGE), HUGE_PAGE)[:count]
-
-
-def _from_boundary(buffer: Array, unit: int) -> Array:
-    """Return the end of an array that begins at the first address that is a multiple of `unit` doubles."""
-    return buffer[-(buffer.ctypes.data // buffer.itemsize) % unit :]
+    return from_boundary(np.empty(count + 2 * HUGE_PAGE), HUGE_PAGE)[:count]
 
 
 def _largest_error(kernel: TabulatedKernel, reference: Kernel) -> float:
@@ -211,7 +166,7 @@ def _largest_error(kernel: TabulatedKernel, reference: Kernel) -> float:
     """
     inside = 1.0 - 1e-9
     along = np.array([-inside, -0.4, 0.3, inside])
-    offset = _directions(kernel.cells, np.repeat(along, 4), np.tile(along, 4)).reshape(-1, 3)
+    offset = cell_points(kernel.cells, np.repeat(along, 4), np.tile(along, 4)).reshape(-1, 3)
     normal = np.random.default_rng(0).normal(size=offset.shape)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     u, t_kernel = kernel.evaluate(offset, normal)

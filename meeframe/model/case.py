@@ -20,7 +20,7 @@ from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.data import CaseData
 from meeframe.model.data import Output as Output
 from meeframe.model.frames import frames_along
-from meeframe.model.heat import check_friction_heat, check_levels
+from meeframe.model.heat import check_friction_heat, check_joule_heat, check_levels
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
@@ -28,6 +28,7 @@ from meeframe.model.restart import check_same_zone
 from meeframe.model.rolling_steps import check_rolling, divide_steps
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
 from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
+from meeframe.model.wear import check_sliding, check_wear
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import choices
 
@@ -68,6 +69,11 @@ class Case(CaseData):
     friction_heat : float, optional
         Fraction of the work of friction that flows into the body as heat, from 0 (by default) to 1; the rest heats the
         indenter. Load steps without a duration are infinitely slow and generate none.
+    joule_heat : float, optional
+        Fraction of the electric power in the contact that flows into the body as heat, from 0 (by default) to 1; the
+        rest heats the indenter. The electric flux is then a current, and the permittivity the electric conductivity.
+    wear : WearLaw, optional
+        Law of the depth that slip wears off the surfaces together, which opens the gap; none by default.
     conductivity : mapping of str to ConductivityLaw, optional
         Conductivity laws of the contact by the name of their scalar field; a field without one is insulated.
     formulation : Formulation, optional
@@ -123,9 +129,12 @@ class Case(CaseData):
             check_conductivity(channel.law, len(contact_zone.points))
         check_fields(self.second_body, self.fields)
         check_friction_heat(self.friction_heat, self.fields, self.second_body is not None)
-        check_levels(self.steps, self.channels, self.friction_heat, self._undetermined_levels)
+        check_joule_heat(self.joule_heat, self.body, self.channels, self.second_body is not None)
+        generated = max(self.friction_heat, self.joule_heat)
+        check_levels(self.steps, self.channels, generated, self._undetermined_levels)
+        check_wear(self.wear, self.contact_law)
         check_alike(self.second_body, self.formulation)
-        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, self.friction_heat)
+        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, generated)
         steps = divide_steps(self.steps, contact_zone, self.placement, self.formulation.is_periodic())
         object.__setattr__(self, "steps", steps)  # as frozen dataclasses set fields that follow from others
         check_match(self.second_body, self.mesh, self.zone)
@@ -137,6 +146,7 @@ class Case(CaseData):
         for number, step in enumerate(self.steps, 1):
             check_names(step, self.motions)
             check_duration(step, number, self.contact_law)
+            check_sliding(step, number, self.contact_law, self.wear)
             check_pull(step, self.contact_law)
             check_resisted(step, self.motions, resists)
         law_of_increment(self.contact_law, np.zeros(len(contact_zone.points)), self.steps[0].increment_duration)

@@ -14,6 +14,7 @@ from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter, IndenterMotions
 from meeframe.laws import Insulating, Signorini
 from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.wear import WearLaw
 from meeframe.material import Material
 from meeframe.material.layers import LayerStack
 from meeframe.mesh import FrictionAxes
@@ -74,6 +75,8 @@ class CaseData:
     contact_law: ContactLaw = field(default_factory=Signorini)
     axes: FrictionAxes | None = None
     friction_heat: float = 0.0
+    joule_heat: float = 0.0
+    wear: WearLaw | None = None
     conductivity: Mapping[str, ConductivityLaw] = field(default_factory=dict)
     formulation: Formulation = field(default_factory=DenseBEM)
     solver: Solver = field(default_factory=Auto)

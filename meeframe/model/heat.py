@@ -1,11 +1,14 @@
-"""Checks of heat in a case: frictional heat, and levels that heat flow leaves undetermined in an infinite body."""
+"""Checks of heat in a case: heat of friction and currents, and levels that heat flow leaves undetermined."""
 
 from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
+import numpy as np
+
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel
-from meeframe.fields import N_MECHANICAL, THERMAL_FIELD, FieldSet
+from meeframe.fields import ELECTRIC, ELECTRIC_FIELD, N_MECHANICAL, THERMAL_FIELD, Array, FieldSet
+from meeframe.mesh.body import Body
 from meeframe.model.step import Step
 from meeframe.plugin.validation import Problem, TableError
 
@@ -29,8 +32,42 @@ def check_friction_heat(friction_heat: float, fields: FieldSet, two_bodies: bool
         raise CaseError(f"friction_heat = {friction_heat:g} with [second_body]; allowed: 0, or a rigid indenter")
 
 
+def check_joule_heat(joule_heat: float, body: Body, channels: Sequence[FluxChannel], two_bodies: bool) -> None:
+    """Raise CaseError unless a current through the contact may heat a body.
+
+    joule_heat: fraction of the power that flows into the body; two_bodies: whether both bodies are deformable.
+    """
+    if not joule_heat:
+        return
+    if not 0.0 < joule_heat <= 1.0:
+        raise CaseError(f"joule_heat = {joule_heat!r}; allowed: numbers from 0 to 1")
+    conducting = [channel.field for channel in channels if channel.is_conducting]
+    materials = [(body.stiffness, body.thermal_moduli)]
+    materials += [(layer.material.stiffness, layer.material.thermal_moduli) for layer in body.layers.layers]
+    if THERMAL_FIELD not in body.fields.scalars:
+        needed = f"a body with a temperature; allowed: 0, or a material with {THERMAL_FIELD.coefficient}"
+    elif two_bodies:
+        needed = "a rigid indenter; allowed: 0, or no [second_body]"
+    elif ELECTRIC_FIELD not in conducting:
+        needed = f"a current through the contact; allowed: 0, or a law in [conductivity.{ELECTRIC_FIELD.name}]"
+    elif any(_couples_current(*each) for each in materials):
+        needed = (
+            "an electric field that depends on no other, with the conductivity in place of the permittivity; allowed: "
+            "0, or materials without piezoelectric, magnetoelectric and pyroelectric constants"
+        )
+    else:
+        return
+    raise CaseError(f"joule_heat = {joule_heat:g} needs {needed}")
+
+
+def _couples_current(stiffness: Array, moduli: Array | None) -> bool:
+    """Return whether the electric field of a material depends on other fields."""
+    others = np.delete(stiffness[:, ELECTRIC], ELECTRIC, axis=1)
+    return bool(others.any() or (moduli is not None and moduli[:, ELECTRIC].any()))
+
+
 def check_levels(
-    steps: Sequence[Step], channels: Sequence[FluxChannel], friction_heat: float, levels: Collection[int]
+    steps: Sequence[Step], channels: Sequence[FluxChannel], generated: float, levels: Collection[int]
 ) -> None:
     """Check that no prescribed quantity depends on a level that heat flow leaves undetermined.
 
@@ -40,8 +77,8 @@ def check_levels(
         Load steps.
     channels : sequence of FluxChannel
         Flux channels of the contact.
-    friction_heat : float
-        Fraction of the work of friction that flows into the body.
+    generated : float
+        Largest fraction of the work of friction or of a current that flows into the body.
     levels : collection of int
         Undetermined fields (`Formulation.undetermined_levels`).
 
@@ -51,7 +88,7 @@ def check_levels(
         If heat may flow while the approach or a potential is prescribed, whose level is undetermined.
     """
     thermal = [channel for channel in channels if channel.field == THERMAL_FIELD]
-    if not levels or not (friction_heat or any(channel.is_conducting for channel in thermal)):
+    if not levels or not (generated or any(channel.is_conducting for channel in thermal)):
         return
     instead = {"approach": "normal_force"} | {c.field.value_name: c.field.resultant for c in channels}
     for number, key in _prescribed_levels(steps, channels, levels):

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.memoize import memoize_by_identity
-from meeframe.contact.friction_heat import TANGENTIAL, thermal_channel
+from meeframe.contact.generated_heat import TANGENTIAL
 from meeframe.fields import MECHANICAL, N_FIELDS, N_MECHANICAL, THERMAL_FIELD, Array
 from meeframe.material.half_space import mean_compliance, surface_directions
 from meeframe.material.thermal_half_space import thermal_response
@@ -45,7 +45,7 @@ def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weigh
             f"{int(partial.sum())} nodes with zero pressure and zero gap conduct heat in part: neither contact nor "
             "separation is possible there, as next to the edge of contact with a colder indenter"
         )
-    if thermal_channel(increment.problem) is None or not result.touching.any():
+    if not increment.problem.friction_heat or not result.touching.any():
         return
     heating = frictional_heat_number(body, increment, result, weights)
     if heating > 0.0:

@@ -19,7 +19,7 @@ class ConvergedState:
     """Converged state from which a computation continues.
 
     motions: names and indices of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
-    indices; total_slip: (n, 2) and slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the
+    indices; total_slip: (n, 2), slip_path and wear: (n,) [m] as in StepResult; state: of the contact zone, None for the
     undeformed body; rolled: distance over which the contact has rolled [m].
     """
 
@@ -29,6 +29,7 @@ class ConvergedState:
     resultants: Array
     total_slip: Array
     slip_path: Array
+    wear: Array
     state: ContactState | None
     rolled: float = 0.0
 
@@ -51,7 +52,7 @@ def at_rest(motions: IndenterMotions, potentials: Mapping[str, float], n: int) -
     motion = np.zeros(motions.size)
     for name, potential in potentials.items():
         motion[motions.columns[name]] = potential
-    return ConvergedState(motions, motion, np.zeros(motions.size), np.zeros((n, 2)), np.zeros(n), None)
+    return ConvergedState(motions, motion, np.zeros(motions.size), np.zeros((n, 2)), np.zeros(n), np.zeros(n), None)
 
 
 def hold_motions(start: ConvergedState, prescribed: Controls) -> Controls:

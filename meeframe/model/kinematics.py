@@ -20,6 +20,7 @@ from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
 from meeframe.indenters.base import FORCE_RATIO, N_RIGID, MotionModes, motion_measure, total_resultants
 from meeframe.laws.base import augmented_traction, is_adhesive, resolve
+from meeframe.laws.wear import WearingContact
 from meeframe.mesh import ContactZone
 from meeframe.model.conduction import watched
 from meeframe.model.data import CaseData
@@ -50,7 +51,8 @@ class Increment:
 
     problem: contact problem; base: (motions,) motions of the indenter from which its free motions count; free: (m,)
     numbers of those that are free; prescribed, duration: as in Loading; start: state from which slip is measured;
-    rolling: by one cell, None if the contact stays in place.
+    rolling: by one cell, None if the contact stays in place; sliding: distance that the indenter slides in it [m], None
+    where surfaces wear by the slip of the solution; depth: (n,) worn off in it, None before it is solved.
     """
 
     problem: ContactProblem
@@ -60,6 +62,8 @@ class Increment:
     duration: float | None
     start: ConvergedState
     rolling: RollingIncrement | None = None
+    sliding: float | None = None
+    depth: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,8 +168,9 @@ class IndenterKinematics:
         start: ConvergedState,
         duration: float | None = None,
         rolling: RollingIncrement | None = None,
+        sliding: float | None = None,
     ) -> Increment:
-        """Return the increment from a converged state to the given controls, in a duration [s].
+        """Return the increment from a converged state to the given controls, in a duration [s], sliding a distance [m].
 
         Slip is measured from that state, in rolling with the material moved by one cell. Motions are small: the gap
         changes by their part along the normals. Free motions count from the converged state, and those that nothing can
@@ -182,6 +187,8 @@ class IndenterKinematics:
         prescribed_resultants = self._prescribed_resultants(prescribed)
         shift = self._mode_displacement(base, 2)
         gap = self.touching_gap + shift if shift.any() else self.touching_gap
+        if start.wear.any():
+            gap = gap + start.wear
         translation = np.zeros((2, len(gap))).T  # columns of zeros are never written, and take no memory
         for column in range(2):
             shift = self._mode_displacement(base, column) - start.total_slip[:, column]
@@ -189,6 +196,8 @@ class IndenterKinematics:
                 translation[:, column] = shift
         potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
+        if self.case.wear is not None:
+            contact_law = WearingContact(contact_law, self.case.wear, start.wear, sliding, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         problem = ContactProblem(
             system,
@@ -199,9 +208,10 @@ class IndenterKinematics:
             potentials,
             tuple(prescribed_resultants.values()),
             friction_heat=0.0 if duration is None else self.case.friction_heat / duration,
+            joule_heat=self.case.joule_heat,
         )
         free = np.array(list(prescribed_resultants), int)
-        return Increment(problem, base, free, prescribed, duration, start, rolling)
+        return Increment(problem, base, free, prescribed, duration, start, rolling, sliding)
 
     def _transport(
         self, rolling: RollingIncrement, start: ConvergedState, motion: Array, displacement: Array
@@ -256,9 +266,15 @@ class IndenterKinematics:
         motion[increment.free] += state.motion
         slip = slip_of(increment, state)
         path, total_slip = start.slip_path.copy(), start.total_slip + slip if start.total_slip.any() else slip
-        path[touches] += np.linalg.norm(slip[touches], axis=1)
+        path[touches] += path_length(increment, slip)[touches]
         return replace(
-            start, motion=motion, resultants=self.resultants(state), total_slip=total_slip, slip_path=path, state=state
+            start,
+            motion=motion,
+            resultants=self.resultants(state),
+            total_slip=total_slip,
+            slip_path=path,
+            wear=start.wear if increment.depth is None else start.wear + increment.depth,
+            state=state,
         )
 
     def dissipation(self, increment: Increment, state: ContactState, region: Indices) -> Array:
@@ -276,7 +292,8 @@ class IndenterKinematics:
         if start.state is not None:
             # of the problem as solved: with a contact edge between nodes, those near the indenter have gaps, too
             back = self._mode_displacement(start.motion - increment.base, 2)
-            gap = np.column_stack([slip, problem.gap + back - start.state.displacement[:, 2]])
+            worn = 0.0 if increment.depth is None else increment.depth
+            gap = np.column_stack([slip, problem.gap - worn + back - start.state.displacement[:, 2]])
             stiffness = 1.0 / problem_scales(problem).normal_compliance
             r = stiffness, _TANGENTIAL_STEP * stiffness
             pressed = np.column_stack([np.zeros_like(slip), start.state.load[:, 2]])
@@ -302,8 +319,8 @@ def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]
     step = case.restart.step
     totals = kinematics.resultants(step.state)
     rolled = 0.0 if step.loading.rolling is None else step.loading.rolling.distance
-    slips = step.total_slip, step.slip_path
-    here = ConvergedState(case.motions, step.loading.motion, totals, *slips, step.state, rolled)
+    memory = step.total_slip, step.slip_path, step.wear
+    here = ConvergedState(case.motions, step.loading.motion, totals, *memory, step.state, rolled)
     return here, hold_motions(here, step.loading.prescribed)
 
 
@@ -314,6 +331,11 @@ def slip_of(increment: Increment, state: ContactState) -> Array:
         shift = indenter_field(increment.problem, column, state.motion)
         np.subtract(shift, state.displacement[:, column], out=slip[:, column])
     return slip
+
+
+def path_length(increment: Increment, slip: Array) -> Array:
+    """Return the length of the path that nodes slip in an increment with slips (n, 2) [m], (n,) [m]."""
+    return np.linalg.norm(slip, axis=1) if increment.sliding is None else np.full(len(slip), increment.sliding)
 
 
 def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:

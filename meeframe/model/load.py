@@ -218,6 +218,8 @@ def _assemble(
         contact_law=table.contact.law,
         axes=table.contact.axes,
         friction_heat=table.contact.friction_heat,
+        joule_heat=table.contact.joule_heat,
+        wear=table.contact.wear,
         conductivity=table.conductivity.laws,
         formulation=table.formulation,
         solver=solver,

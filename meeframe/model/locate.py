@@ -18,7 +18,7 @@ from meeframe.mesh import check_contact_zone, check_mesh, check_supports, find_c
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.model.body_tables import SecondBodyTable
 from meeframe.model.case import Case, check_indenter, check_title, resistance
-from meeframe.model.heat import check_friction_heat, check_levels
+from meeframe.model.heat import check_friction_heat, check_joule_heat, check_levels
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.memory import check_memory
 from meeframe.model.preflight import check_solver
@@ -27,6 +27,7 @@ from meeframe.model.rolling_steps import check_rolling, divide_steps
 from meeframe.model.schema import CaseTable
 from meeframe.model.second_body import SecondBody, check_alike, check_fields, check_match
 from meeframe.model.step import Step, check_duration, check_first, check_pull, check_resisted
+from meeframe.model.wear import check_sliding, check_wear
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import Problem, TableError
 from meeframe.solvers import Auto
@@ -137,19 +138,25 @@ def _case_checks(
     channels = flux_channels(*conductivities.values(), fields=body.fields)
     held = partial(resistance, placement, body.mesh, zone, table.contact.axes, law, channels)
     formulations = (table.formulation, *(() if second_body is None else (second_body.formulation,)))
-    heat, periodic = table.contact.friction_heat, table.formulation.is_periodic()
-    yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, law, heat)
+    heat, current, periodic = table.contact.friction_heat, table.contact.joule_heat, table.formulation.is_periodic()
+    yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, law, max(heat, current))
     yield Problem((), ""), partial(divide_steps, steps, contact_zone, placement, periodic)
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
+        yield Problem(("steps", number), ""), partial(check_sliding, step, number + 1, law, table.contact.wear)
         yield Problem(("steps", number), ""), partial(check_pull, step, law)
         yield Problem(("steps", number), ""), partial(_check_held, step, IndenterMotions(body.fields), held)
     two_bodies = second_body is not None
     yield Problem(("contact", "friction_heat"), "", heat), partial(check_friction_heat, heat, body.fields, two_bodies)
+    yield (
+        Problem(("contact", "joule_heat"), "", current),
+        partial(check_joule_heat, current, body, channels, two_bodies),
+    )
+    yield Problem(("contact", "wear"), ""), partial(check_wear, table.contact.wear, law)
     levels = {*table.formulation.undetermined_levels(body)}
     if second_body is not None:
         levels |= {*second_body.formulation.undetermined_levels(second_body.body)}
-    yield Problem((), ""), partial(check_levels, steps, channels, heat, levels)
+    yield Problem((), ""), partial(check_levels, steps, channels, max(heat, current), levels)
     duration = steps[0].increment_duration
     yield Problem(("contact", "law"), ""), partial(law_of_increment, law, np.zeros(len(points)), duration)
     yield Problem(("solver",), ""), partial(_check_solver, assemble, table.solver.named)

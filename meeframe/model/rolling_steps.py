@@ -20,7 +20,7 @@ def check_rolling(
     indenter: Indenter,
     formulations: Sequence[Formulation],
     law: ContactLaw,
-    friction_heat: float,
+    generated: float,
 ) -> None:
     """Raise TableError if a case with load steps that roll has a part that does not move with the material.
 
@@ -34,12 +34,12 @@ def check_rolling(
         Formulations of its body, and of the second one if there is one.
     law : ContactLaw
         Contact law.
-    friction_heat : float
-        Fraction of the work of friction that heats the body.
+    generated : float
+        Largest fraction of the work of friction or of a current that heats the body.
     """
     for number, step in enumerate(steps):
         rolling = step.rolling
-        for problem in () if rolling is None else _problems(rolling, indenter, formulations, law, friction_heat):
+        for problem in () if rolling is None else _problems(rolling, indenter, formulations, law, generated):
             raise TableError(Problem(("steps", number, "rolling"), problem))
 
 
@@ -48,7 +48,7 @@ def _problems(
     indenter: Indenter,
     formulations: Sequence[Formulation],
     law: ContactLaw,
-    friction_heat: float,
+    generated: float,
 ) -> Iterator[str]:
     """Yield the problems of rolling in a case, each in words."""
     for formulation in formulations:
@@ -69,10 +69,10 @@ def _problems(
             f"steady rolling with the contact law {type(law).__name__}, which depends on the path slipped before; "
             "allowed: a distance, over which the state becomes steady"
         )
-    if friction_heat:
+    if generated:
         yield (
-            f"friction_heat = {friction_heat:g} with rolling: heat that material carries through the contact is not "
-            "supported; allowed: 0"
+            f"friction_heat or joule_heat = {generated:g} with rolling: heat that material carries through the contact "
+            "is not supported; allowed: 0"
         )
 
 

@@ -23,6 +23,7 @@ from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter, IndenterMotions
 from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.wear import WearLaw
 from meeframe.mesh import FrictionAxes
 from meeframe.model.body_tables import (
     BY_NAME,
@@ -41,6 +42,7 @@ from meeframe.model.values import (
     FINITE,
     Angle,
     Count,
+    Distance,
     Flag,
     Force,
     Length,
@@ -67,12 +69,14 @@ def _axes(value: Any) -> Any:
 
 
 class ContactTable(Table):
-    """Table [contact]: the face group that may come into contact, its law, and the axes of its friction."""
+    """Table [contact]: the face group that may come into contact, its laws, and the axes of its friction."""
 
     zone: Text = "contact"
     law: Annotated[ContactLaw, by_name(ContactLaw)] = Field(default="signorini", validate_default=True)
     axes: Annotated[FrictionAxes | None, BeforeValidator(_axes)] = None
     friction_heat: Annotated[float, Quantity("", ge=0, le=1)] = 0.0
+    joule_heat: Annotated[float, Quantity("", ge=0, le=1)] = 0.0
+    wear: Annotated[WearLaw | None, by_name(WearLaw)] = None
 
 
 _INSULATING: Final = Field(default="insulating", validate_default=True)
@@ -176,6 +180,8 @@ class StepTable(Table):
     moment: tuple[Moment, Moment] | None = None
     twist: Angle | None = None
     torque: Moment | None = None
+    sliding: Distance | None = None
+    max_pressure_change: Annotated[float, Quantity("", gt=0, le=1)] | None = None
     duration: Time | None = None
     rolling: Annotated[Rolling | None, BeforeValidator(_rolling)] = None
     increments: Count = 1

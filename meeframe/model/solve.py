@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib import metadata
 from typing import Final
@@ -22,12 +22,14 @@ from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
-from meeframe.model.history import ConvergedState, extrapolate, ramp
+from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
 from meeframe.model.rolling import RollingIncrement
 from meeframe.model.step import Step
+from meeframe.model.subdivision import solve_in_parts
 from meeframe.model.systems import checked
+from meeframe.model.wear import without_wear
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.sources import faults_of_plugins, local_files
 from meeframe.results.balance import unbalance_warning
@@ -42,7 +44,7 @@ from meeframe.results.records import (
     zone_of,
 )
 from meeframe.results.result import Interrupted, Result
-from meeframe.solvers import solve_to_edges
+from meeframe.solvers import StoppingCriteria, solve, solve_to_edges
 from meeframe.system.capabilities import ZoneRecovery
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
@@ -198,9 +200,12 @@ def solve_steps(
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
-                planned = kinematics.increment(controls, here, step.increment_duration, rolling)
-                start = _start(planned, last, here)
-                end, result = _solve(kinematics, planned, here, start, (number, increment), share)
+                part = _Part(kinematics, step, prescribed, before, begin, (number, increment), last, rolling, share)
+                if step.max_pressure_change is None:
+                    planned, end, result = part(0.0, 1.0, here)
+                else:
+                    bounds = step.max_pressure_change, case.solver.stall_window
+                    planned, end, result = solve_in_parts(part, here, system.weights, *bounds)
                 last, here = here if end is not here else None, end
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)
@@ -267,11 +272,50 @@ def _start(increment: Increment, last: ConvergedState | None, here: ConvergedSta
     return here.state and replace(here.state, motion=np.zeros(len(increment.free)))
 
 
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Solution of parts of an increment.
+
+    step: load step; prescribed: its quantities; controls, begin: those before it, and the state in which it begins;
+    numbers: of the step and the increment; last: converged state one increment of the same load step before, None if
+    there is none; rolling: as in Increment.
+    """
+
+    kinematics: IndenterKinematics
+    step: Step
+    prescribed: Controls
+    controls: Controls
+    begin: ConvergedState
+    numbers: tuple[int, int]
+    last: ConvergedState | None
+    rolling: RollingIncrement | None
+    progress: Progress
+
+    def __call__(
+        self, first: float, end: float, here: ConvergedState, stall_window: int | None = None
+    ) -> tuple[Increment, ConvergedState, StepResult]:
+        """Return the part between two fractions of the increment, the state after it, and its result.
+
+        stall_window: that of the solver in this part; by default that of the case.
+        """
+        step, share = self.step, end - first
+        controls = ramp(self.controls, self.begin, self.prescribed, (self.numbers[1] - 1 + end) / step.increments)
+        duration, sliding = (
+            None if whole is None else share * whole for whole in (step.increment_duration, step.increment_sliding)
+        )
+        planned = self.kinematics.increment(controls, here, duration, self.rolling, sliding)
+        start = _start(planned, self.last, here)
+        limits = self.kinematics.case.limits
+        limits = limits if stall_window is None else replace(limits, stall_window=stall_window)
+        return planned, *_solve(self.kinematics, planned, here, start, limits, self.numbers, self.progress)
+
+
 def _solve(
     kinematics: IndenterKinematics,
     increment: Increment,
     here: ConvergedState,
     start: ContactState | None,
+    limits: StoppingCriteria,
     numbers: tuple[int, int],
     progress: Progress,
 ) -> tuple[ConvergedState, StepResult]:
@@ -280,9 +324,13 @@ def _solve(
     start: initial guess of the solver; numbers: of the step and the increment.
     """
     case = kinematics.case
-    rim = partial(kinematics.rim, increment)
-    solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
-    increment = replace(increment, problem=problem)
+    if case.wear is None:
+        rim = partial(kinematics.rim, increment)
+        solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, rim)
+    else:  # the contact edge lies at nodes
+        solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
+    problem, depth = without_wear(problem, solution.state)
+    increment = replace(increment, problem=problem, depth=depth)
     if increment.rolling is not None and increment.rolling.is_steady:
         increment, solution = kinematics.repeat_steady(increment, increment.rolling, solution)
     solution = check_conduction(increment.problem, solution)
@@ -343,6 +391,7 @@ def _step_result(
         slip=slip_of(increment, state),
         total_slip=end.total_slip,
         slip_path=end.slip_path,
+        wear=end.wear,
         dissipation=kinematics.dissipation(increment, state, region),
         region=region,
         status=solution.status,

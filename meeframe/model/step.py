@@ -22,6 +22,9 @@ from meeframe.plugin.validation import Problem, TableError, choices
 _LEAST_FRACTION: Final = 1e-9
 """Least part of a motion along the normal; smaller parts are round-off of the frames."""
 
+_FURTHER_UNITS: Final = {"sliding": "m", "max_pressure_change": "1", "duration": "s"}
+"""Units of the quantities of a step that are no motions or resultants."""
+
 Pair = tuple[float, float]
 _INSTEAD: Final = "tangential_force or force_ratio without a creepage"
 
@@ -48,6 +51,12 @@ class Step:
     scalars : mapping of str to float, optional
         For each scalar field, by name, the potential of the indenter or the total flux, such as {"electric_potential":
         5.0} [V] or {"charge": 0.0} [C].
+    sliding : float, optional
+        Distance >= 0 that the indenter slides over the body in the whole step [m], far more than the contact is wide,
+        while the contact zone stays; it wears surfaces in place of the slip that the motions cause.
+    max_pressure_change : float, optional
+        Largest change of the pressure, its modulus integrated over the contact, as a fraction of the normal force, > 0
+        and <= 1: increments in which surfaces wear are divided until it holds in each part.
     duration : float, optional
         Time of the whole step [s] > 0, for laws that need it.
     rolling : Rolling, optional
@@ -74,6 +83,8 @@ class Step:
     twist: float | None = None
     torque: float | None = None
     scalars: Mapping[str, float] = field(default_factory=dict)
+    sliding: float | None = None
+    max_pressure_change: float | None = None
     duration: float | None = None
     rolling: Rolling | None = None
     increments: int = 1
@@ -81,7 +92,7 @@ class Step:
 
     def __post_init__(self) -> None:
         motions = IndenterMotions(self.fields)
-        for key in (*_rigid_keys(), "duration"):
+        for key in (*_rigid_keys(), *_FURTHER_UNITS):
             object.__setattr__(self, key, _in_si(key, getattr(self, key), motions))
         for key in self.scalars:
             if key not in motions.columns or key in _rigid_keys():
@@ -103,6 +114,11 @@ class Step:
         self._check_rolling()
         if self.duration is not None and not (np.ndim(self.duration) == 0 and 0.0 < self.duration < math.inf):
             raise CaseError(f"duration = {self.duration!r}; allowed: finite numbers > 0 [s]")
+        if self.sliding is not None and not (np.ndim(self.sliding) == 0 and 0.0 <= self.sliding < math.inf):
+            raise CaseError(f"sliding = {self.sliding!r}; allowed: finite numbers >= 0 [m]")
+        change = self.max_pressure_change
+        if change is not None and not (np.ndim(change) == 0 and 0.0 < change <= 1.0):
+            raise CaseError(f"max_pressure_change = {change!r}; allowed: numbers > 0 and <= 1")
         if not isinstance(self.increments, int) or self.increments < 1:
             raise CaseError(f"increments = {self.increments!r}; allowed: whole numbers from 1")
 
@@ -131,6 +147,11 @@ class Step:
         """Time of each increment [s]; None if the step has no duration."""
         return None if self.duration is None else self.duration / self.increments
 
+    @property
+    def increment_sliding(self) -> float | None:
+        """Distance that the indenter slides in each increment [m]; None if the step has none."""
+        return None if self.sliding is None else self.sliding / self.increments
+
 
 def _rigid_keys() -> tuple[str, ...]:
     """Return the keys of rigid motions and their resultants."""
@@ -139,7 +160,7 @@ def _rigid_keys() -> tuple[str, ...]:
 
 def _in_si(key: str, value: Any, motions: IndenterMotions) -> Any:
     """Return the value of a key as a number or a tuple of numbers, in SI units; raise CaseError if it holds none."""
-    quantity = Quantity(motions.units.get(key, "s").removeprefix("1"))
+    quantity = Quantity({**motions.units, **_FURTHER_UNITS}[key].removeprefix("1"))
     try:
         if isinstance(value, str):
             return quantity.convert(value)

@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from meeframe.laws.coulomb import MAX_FRICTION_RATIO as MAX_FRICTION_RATIO
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
+    from meeframe.laws.wear import WearLaw as WearLaw
     from meeframe.material.half_space import surface_compliance as surface_compliance
     from meeframe.material.layer_fields import uniform_in_layers as uniform_in_layers
     from meeframe.material.layer_fields import wave_amplitudes as wave_amplitudes
@@ -150,6 +151,7 @@ _HOMES = {
     "IsotropicCoulomb": "meeframe.laws.coulomb",
     "MAX_FRICTION_RATIO": "meeframe.laws.coulomb",
     "OrthotropicCoulomb": "meeframe.laws.coulomb",
+    "WearLaw": "meeframe.laws.wear",
     # Indenters
     "Indenter": "meeframe.indenters.base",
     "HeightGrid": "meeframe.indenters.heights",

@@ -10,11 +10,12 @@ from meeframe.elements._kernels.shape import map_rule
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.collocation import Sources, collocate
+from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.interior import InteriorRepresentation
-from meeframe.formulations.dense_bem.layout import NONE, Layout, Units, boundary_fields, lay_out
+from meeframe.formulations.dense_bem.layout import NONE, Layout, boundary_fields, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
-from meeframe.formulations.dense_bem.system import characteristic_length
+from meeframe.formulations.dense_bem.units import Units, characteristic_length, check_expansion
 from meeframe.greens import Tabulated
 from meeframe.greens.decoupled import bind_fields
 
@@ -28,9 +29,11 @@ __all__ = [
     "Tabulated",
     "Units",
     "anisotropy",
+    "bind_body",
     "bind_fields",
     "boundary_fields",
     "characteristic_length",
+    "check_expansion",
     "collocate",
     "element_rule",
     "exterior_terms",

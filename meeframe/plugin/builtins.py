@@ -11,8 +11,9 @@ from meeframe.greens import Isotropic, LineIntegral, Residue, Tabulated
 from meeframe.greens.base import FundamentalSolution
 from meeframe.indenters import Cone, Cylinder, FlatPunch, Heights, Paraboloid, RectangularPunch, Sphere
 from meeframe.indenters.base import Indenter
-from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws import Archard, Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.wear import WearLaw
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, ProjectedCG, SemismoothNewton, Uzawa
 
@@ -73,6 +74,12 @@ def meeframe_conductivity_laws() -> Iterable[Record[ConductivityLaw]]:
         Record("insulating", Insulating, "no flux through the contact", f"{_PAPER}, section 7.1 (EMII)"),
         Record("step", StepConductivity, "kappa under pressure; inf conducts perfectly", f"{_PAPER}, eqs. 17, 18"),
     ]
+
+
+@hookimpl
+def meeframe_wear_laws() -> Iterable[Record[WearLaw]]:
+    """Return the law of Archard."""
+    return [Record("archard", Archard, "depth in proportion to pressure and slip", "J. Appl. Phys. 24 (1953) 981-988")]
 
 
 @hookimpl

@@ -12,6 +12,7 @@ from meeframe.formulations.base import Formulation
 from meeframe.greens.base import FundamentalSolution
 from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.wear import WearLaw
 
 PROJECT = "meeframe"
 hookspec = pluggy.HookspecMarker(PROJECT)
@@ -68,6 +69,10 @@ class HookSpecs:
     @hookspec
     def meeframe_conductivity_laws(self) -> Iterable[Record[ConductivityLaw]]:  # type: ignore[empty-body]
         """Return electric and magnetic conductivity laws (abstract class: meeframe.laws.base)."""
+
+    @hookspec
+    def meeframe_wear_laws(self) -> Iterable[Record[WearLaw]]:  # type: ignore[empty-body]
+        """Return wear laws (abstract class: meeframe.laws.wear)."""
 
     @hookspec
     def meeframe_solvers(self) -> Iterable[Record[Solver]]:  # type: ignore[empty-body]

@@ -18,6 +18,7 @@ from meeframe.formulations.base import Formulation
 from meeframe.greens.base import FundamentalSolution
 from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.wear import WearLaw
 from meeframe.plugin.faults import fault
 from meeframe.plugin.hookspecs import PROJECT, HookSpecs, Record
 from meeframe.plugin.sources import Broken, Provider, file_fault, installed, line_in, load_file, reason
@@ -32,6 +33,7 @@ class Kind(StrEnum):
     FORMULATION = "formulation"
     CONTACT_LAW = "contact law"
     CONDUCTIVITY_LAW = "conductivity law"
+    WEAR_LAW = "wear law"
     SOLVER = "solver"
     INDENTER = "indenter"
 
@@ -47,6 +49,7 @@ CONTRACTS: Final[Mapping[type, Kind]] = {
     Formulation: Kind.FORMULATION,
     ContactLaw: Kind.CONTACT_LAW,
     ConductivityLaw: Kind.CONDUCTIVITY_LAW,
+    WearLaw: Kind.WEAR_LAW,
     Solver: Kind.SOLVER,
     Indenter: Kind.INDENTER,
 }

@@ -66,6 +66,8 @@ _ZONE: Final = "zone"
 """Attribute `boundary` of increments whose fields on the whole boundary are those of the contact zone."""
 _BOUNDARY_FILE: Final = "boundary.h5"
 SomeResult = TypeVar("SomeResult", bound=Result)
+_LATER: Final = ("wear",)
+"""Fields that files of this format by earlier versions lack, and which are zero there."""
 _SURFACE: Final = ("displacement", "potentials")
 """Attributes of StepResult that the surface of a second body has, too."""
 
@@ -456,7 +458,7 @@ def _slips(
 
 def _get_fields(group: Any, fields: Sequence[NodalField], n: int) -> dict[str, Any]:
     """Return the attributes of records that nodal fields are read from, by name."""
-    zero = text_of(group, "zero").split()
+    zero = [*text_of(group, "zero").split(), *(name for name in _LATER if name not in group)]
     arrays: dict[str, Any] = {}
     columns = 1 + max((field.column for field in fields if field.column is not None), default=-1)
     for nodal_field in fields:

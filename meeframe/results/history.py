@@ -24,6 +24,7 @@ _ROUND_OFF: Final = 1e-12
 _SAME: Final = 1e-6
 """Range that counts as constant, as a fraction of the largest value; pictures show it with a margin `_ROOM`."""
 _ROOM: Final = 0.05
+_POWERS: Final = {"²": 2, "³": 3}
 _WIDTH: Final = 5.6
 _RING: Final = 7.5
 """Diameter of the markers of unloading in points."""
@@ -81,6 +82,10 @@ def curves(result: Result) -> list[Curve]:
         numbers = _column(list(range(1, len(steps) + 1)))
         words = "dissipated energy\nsince the beginning"
         drawn.append(Curve("dissipated energy", ("increments", "", numbers), (words, "J", dissipated)))
+    volumes = _column([total.worn_volume for total in totals])
+    if volumes.any():
+        numbers = _column(list(range(1, len(steps) + 1)))
+        drawn.append(Curve("worn volume", ("increments", "", numbers), ("worn volume", "m³", volumes)))
     return drawn
 
 
@@ -164,10 +169,11 @@ def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
 
 
 def prefixed_area(values: Array, unit: str) -> tuple[float, str]:
-    """Return factor and unit with a prefix, which in squares multiplies twice."""
+    """Return factor and unit with a prefix, which in squares multiplies twice, and in cubes three times."""
     if not unit:
         return 1.0, ""
-    if not unit.endswith("²"):
+    power = _POWERS.get(unit[-1], 1)
+    if power == 1:
         return prefixed(values, unit)
-    factor, length = prefixed(np.sqrt(np.abs(values)), unit.removesuffix("²"))
-    return factor**2, f"{length}²"
+    factor, length = prefixed(np.abs(values) ** (1.0 / power), unit[:-1])
+    return factor**power, length + unit[-1]

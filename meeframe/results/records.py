@@ -208,8 +208,8 @@ class StepResult:
     step, increment : int
         Numbers of the load step and of the increment, from 1.
     initial_gap : Array
-        (n,), gap between the undeformed body and the indenter in its position at this increment [m], inf where there is
-        none above.
+        (n,), gap between the undeformed, worn body and the indenter in its position at this increment [m], inf where
+        there is none above.
     traction : Array
         (n, 3), along e1, e2, nu [Pa]; the last component is <= 0 in compression, > 0 where surfaces attract each other.
     displacement : Array
@@ -226,6 +226,8 @@ class StepResult:
     slip_path : Array
         (n,), length of the path slipped in contact, the sum of the moduli of the slips of those increments at whose end
         the node touches [m].
+    wear : Array
+        (n,), depth that both surfaces together have lost to wear since the beginning [m], which the gap includes.
     dissipation : Array
         (n,), work of friction in this increment [J/m^2], see docs/reference/results.md.
     region : Indices
@@ -257,6 +259,7 @@ class StepResult:
     slip: Array
     total_slip: Array
     slip_path: Array
+    wear: Array
     dissipation: Array
     region: Indices
     status: Status
@@ -325,6 +328,8 @@ class Resultants:
         Integrals of the outward fluxes and largest absolute potentials of the body, by name.
     dissipated_energy : float
         Work of friction in the increment [J].
+    worn_volume : float
+        Volume that both surfaces together have lost to wear since the beginning [m^3].
     contact_area, stick_area, slip_area : float
         Sums over the elements of their area times the fraction of their nodes in contact, in stick or in slip
         [m^2].
@@ -339,6 +344,7 @@ class Resultants:
     torque: float
     scalars: Mapping[str, float]
     dissipated_energy: float
+    worn_volume: float
     contact_area: float
     stick_area: float
     slip_area: float
@@ -398,6 +404,7 @@ def _resultants(step: StepResult, zone: Zone) -> Resultants:
         scalars={scalar.resultant: total for scalar, total in zip(scalars, totals, strict=True)}
         | {f"max_abs_{scalar.value_name}": value for scalar, value in zip(scalars, potentials, strict=True)},
         dissipated_energy=float(zone.weights @ step.dissipation),
+        worn_volume=float(zone.weights @ step.wear),
         contact_area=_area(zone, step, step.touching),
         stick_area=_area(zone, step, step.region == Region.STICK),
         slip_area=_area(zone, step, step.region == Region.SLIP),

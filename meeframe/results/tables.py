@@ -16,7 +16,16 @@ _ROTATIONS: Final = {"tilt": "moment", "twist": "torque"}
 """Motions, with their resultants, that tables show only where they are free or not zero."""
 _SAME: Final = 1e-6
 """Distance of coordinates that count as the same, as a fraction of the extent of the zone."""
-_FURTHER: Final = ("gap", "displacement", "traction", "initial_gap", "contact_fraction", "dissipation", "region")
+_FURTHER: Final = (
+    "gap",
+    "displacement",
+    "traction",
+    "initial_gap",
+    "contact_fraction",
+    "wear",
+    "dissipation",
+    "region",
+)
 _SLIPS: Final = ("slip", "total_slip", "slip_path")
 _COMPONENTS: Final = ("e1", "e2", "nu")
 

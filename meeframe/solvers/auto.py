@@ -5,6 +5,7 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
+from meeframe.contact.generated_heat import thermal_channel
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.residual import evaluate, law_residual
 from meeframe.contact.scales import Scales, problem_scales
@@ -97,7 +98,7 @@ def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
     """Return all stages that may be tried, in this order."""
     if problem.system.dense() is None and FRICTIONLESS.accepts(problem):
         return (_Stage(FRICTIONLESS, 1, 8), *STAGES)
-    return STAGES[:1] if problem.friction_heat else STAGES
+    return STAGES if thermal_channel(problem) is None else STAGES[:1]
 
 
 def _begin(

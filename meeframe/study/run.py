@@ -61,14 +61,14 @@ def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progr
 def stored_fields(case: Case) -> frozenset[str]:
     """Return the optional fields stored in the result file of a case.
 
-    By default these are the fields that the case loads. The slips of a run that continues another one are always
-    stored, because they cannot be computed from its displacements alone.
+    By default these are the fields that the case loads. The slips of a run that continues another one, or slides a
+    distance, are always stored, because they cannot be computed from its displacements alone.
     """
-    continues = case.restart is not None
-    loaded = loaded_fields(continues or bool(case.contact_law.tangential_scaling().any()))
+    needed = case.restart is not None or any(step.sliding is not None for step in case.steps)
+    loaded = loaded_fields(needed or bool(case.contact_law.tangential_scaling().any()))
     if case.output.fields is None:
         return loaded
-    return frozenset(case.output.fields) | (loaded_fields(True) - loaded_fields(False) if continues else frozenset())
+    return frozenset(case.output.fields) | (loaded_fields(True) - loaded_fields(False) if needed else frozenset())
 
 
 class _Run:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from meeframe.testing.contact import check_conductivity_law as check_conductivity_law
     from meeframe.testing.contact import check_contact_law as check_contact_law
     from meeframe.testing.contact import check_solver as check_solver
+    from meeframe.testing.contact import check_wear_law as check_wear_law
     from meeframe.testing.element import check_element as check_element
     from meeframe.testing.formulation import check_formulation as check_formulation
     from meeframe.testing.formulation import check_indentation as check_indentation
@@ -32,6 +33,7 @@ _MODULES = {
     "check_conductivity_law": "meeframe.testing.contact",
     "check_contact_law": "meeframe.testing.contact",
     "check_solver": "meeframe.testing.contact",
+    "check_wear_law": "meeframe.testing.contact",
     "check_element": "meeframe.testing.element",
     "check_formulation": "meeframe.testing.formulation",
     "check_indentation": "meeframe.testing.formulation",

@@ -1,4 +1,4 @@
-"""Conformance checks of contact laws, conductivity laws and solvers, one call each.
+"""Conformance checks of contact, conductivity and wear laws and of solvers, one call each.
 
 Each check raises AssertionError that names the property that fails and shows an offending value.
 """
@@ -15,6 +15,7 @@ from meeframe.testing.law_properties import (
     check_orthotropic,
 )
 from meeframe.testing.violations import violations
+from meeframe.testing.wear_laws import check_wear_law
 
 __all__ = [
     "check_associated",
@@ -27,6 +28,7 @@ __all__ = [
     "check_monotone",
     "check_orthotropic",
     "check_solver",
+    "check_wear_law",
     "exact_pressure",
     "rescaled",
     "violations",

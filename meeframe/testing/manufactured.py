@@ -2,14 +2,18 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, final
 
 import numpy as np
 
 from meeframe.elements.base import shape_derivatives
-from meeframe.fields import Array, FieldScaling
+from meeframe.fields import N_FIELDS, Array, FieldScaling
 from meeframe.greens import LineIntegral
+from meeframe.greens.decoupled import LaplaceKernel
+from meeframe.greens.thermal import HeatSource
+from meeframe.material import Material
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 from meeframe.system.reduced import NodalFields
@@ -98,6 +102,128 @@ class PointSourceField(ExactField):
     def _kernels(self, points: Array, normals: Array) -> tuple[Array, Array]:
         scaled = FieldScaling.of(self.stiffness).scale_stiffness(self.stiffness)
         return LineIntegral().bind(scaled).evaluate(points - self.position, normals)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ThermalField(ExactField):
+    """Temperature level + slope . x, and a displacement and potentials that are in equilibrium with it.
+
+    With slope zero nothing is under stress or carries a flux; else u_K = a_Kmn x_m x_n / 2 with C_iJKm a_Kmi =
+    beta_iJ slope_i.
+
+    Attributes
+    ----------
+    material
+        Material with thermal moduli.
+    level
+        Temperature at the origin [K].
+    slope
+        Gradient of the temperature (3,) [K/m].
+    """
+
+    material: Material
+    level: float
+    slope: Array
+
+    def _coefficients(self) -> tuple[Array, Array]:
+        """Return uniform gradients (5, 3) of the free expansion at the level, and a (5, 3, 3), symmetric."""
+        c, beta = self.material.stiffness[:, :5, :5], thermal_moduli(self.material)
+        scaling = self.material.scaling.factors[:5]
+        # gradients with a symmetric displacement part; scaled unknowns, as the SI units differ by many decades
+        scaled = c * scaling[:, None, None] * scaling[None, :, None]
+        beta = beta * scaling
+        gradient = np.linalg.lstsq(scaled.reshape(15, 15), self.level * beta.ravel(), rcond=1e-9)[0].reshape(5, 3)
+        # the first component of least norm of a that satisfies equilibrium
+        equations = np.zeros((5, 5, 3, 3))
+        for i, m in np.ndindex(3, 3):
+            equations[:, :, m, i] += scaled[i, :, :, m] / 2.0
+            equations[:, :, i, m] += scaled[i, :, :, m] / 2.0
+        a = np.linalg.lstsq(equations.reshape(5, 45), self.slope @ beta, rcond=1e-12)[0].reshape(5, 3, 3)
+        a = (a + a.transpose(0, 2, 1)) / 2.0
+        return scaling[:, None] * gradient, scaling[:, None, None] * a
+
+    def values(self, points: Array) -> Array:
+        """Return the extended displacement (n, 6)."""
+        gradient, a = self._coefficients()
+        values = np.empty((len(points), 6))
+        values[:, :5] = points @ gradient.T + np.einsum("kmn,pm,pn->pk", a, points, points) / 2.0
+        values[:, 5] = self.level + points @ self.slope
+        return values
+
+    def fluxes(self, points: Array, normals: Array) -> Array:
+        """Return the extended traction (n, 6)."""
+        gradient, a = self._coefficients()
+        gradients = gradient + np.einsum("kmn,pn->pkm", a, points)
+        c, beta = self.material.stiffness[:, :5, :5], thermal_moduli(self.material)
+        fluxes = np.empty((len(points), 6))
+        stress = np.einsum("ijkm,pkm->pij", c, gradients)
+        temperature = self.level + points @ self.slope
+        fluxes[:, :5] = np.einsum("pi,pij->pj", normals, stress - temperature[:, None, None] * beta)
+        fluxes[:, 5] = -normals @ (self.material.decoupled[0][1] @ self.slope)
+        return fluxes
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class HeatSourceField(ExactField):
+    """Field of a heat source of 1 W outside the body.
+
+    Attributes
+    ----------
+    material
+        Material with thermal moduli.
+    position
+        Position (3,) of the source.
+    """
+
+    material: Material
+    position: Array
+
+    def values(self, points: Array) -> Array:
+        """Return the extended displacement (n, 6)."""
+        offset = points - self.position
+        w, _ = self._source.evaluate(offset, offset)
+        return np.column_stack([w * self._factors, self._temperature(offset)])
+
+    def fluxes(self, points: Array, normals: Array) -> Array:
+        """Return the extended traction (n, 6)."""
+        offset = points - self.position
+        gradients = self._source.gradient(offset) * self._factors[:, None]
+        stress = np.einsum("iJKm,nKm->niJ", self.material.stiffness[:, :N_FIELDS, :N_FIELDS], gradients)
+        stress -= self._temperature(offset)[:, None, None] * thermal_moduli(self.material)
+        conducted = -self._conduction.evaluate(offset, normals)[1]
+        return np.column_stack([np.einsum("ni,niJ->nJ", normals, stress), conducted])
+
+    def _temperature(self, offset: Array) -> Array:
+        return -self._conduction.evaluate(offset, offset)[0]
+
+    @cached_property
+    def _factors(self) -> Array:
+        factors = self.material.scaling.factors
+        result: Array = factors[:N_FIELDS] * factors[N_FIELDS]
+        return result
+
+    @cached_property
+    def _source(self) -> HeatSource:
+        factors, conductivity = self.material.scaling.factors, self.material.decoupled[0][1]
+        stiffness = self.material.scaling.scale_stiffness(self.material.stiffness)[:, :N_FIELDS, :N_FIELDS]
+        moduli = thermal_moduli(self.material) * self._factors
+        return HeatSource.of(stiffness, moduli, conductivity * factors[N_FIELDS] ** 2)
+
+    @cached_property
+    def _conduction(self) -> LaplaceKernel:
+        return LaplaceKernel.of(self.material.decoupled[0][1])
+
+
+def thermal_moduli(material: Material) -> Array:
+    """Return the thermal moduli (3, 5) of a material, zero if it has none."""
+    return np.zeros((3, N_FIELDS)) if material.thermal_moduli is None else material.thermal_moduli
+
+
+def with_heat(body: Body, material: Material) -> Body:
+    """Return a body with the fields and thermal moduli of a material."""
+    return replace(body, fields=material.fields, thermal_moduli=material.thermal_moduli)
 
 
 def prescribe(mesh: SurfaceMesh, field: ExactField, stiffness: Array, kinds: Mapping[str, str]) -> Body:

@@ -12,7 +12,7 @@ from meeframe.common.errors import CaseError
 from meeframe.fields.units import Quantity
 from meeframe.material import library_material, rotation_about
 from meeframe.plugin.registry import Entry, Kind, Registry
-from meeframe.testing.contact import check_conductivity_law, check_contact_law, check_solver
+from meeframe.testing.contact import check_conductivity_law, check_contact_law, check_solver, check_wear_law
 from meeframe.testing.element import check_element
 from meeframe.testing.formulation import check_formulation
 from meeframe.testing.fundamental import check_fundamental_solution
@@ -107,6 +107,7 @@ def _check_of(kind: Kind, magnitudes: Magnitudes) -> Callable[[Any], None]:
     checks: dict[Kind, Callable[[Any], None]] = {
         Kind.CONTACT_LAW: lambda law: check_contact_law(law, magnitudes.pressure, gap=magnitudes.gap),
         Kind.CONDUCTIVITY_LAW: lambda law: check_conductivity_law(law, magnitudes.pressure, gap=magnitudes.gap),
+        Kind.WEAR_LAW: lambda law: check_wear_law(law, magnitudes.pressure),
         Kind.SOLVER: lambda solver: check_solver(solver, friction=magnitudes.friction),
         Kind.INDENTER: check_indenter,
         Kind.ELEMENT: check_element,

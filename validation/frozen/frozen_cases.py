@@ -351,6 +351,14 @@ CONTACT_LAWS = {
             ],
         ),
     ),
+    "archard": FrozenCase(
+        "wear by the slip of friction",
+        frictional(
+            COULOMB,
+            contact={"law": COULOMB, "wear": {"name": "archard", "coefficient": "5e-11 1/Pa"}},
+            steps=[*PRESS_AND_DRAG, {"translation": ["5 mm", 0], "max_pressure_change": 0.3}],
+        ),
+    ),
     "non-associated-coulomb": FrozenCase(
         "slip normal to another ellipse",
         frictional({"name": "non-associated-coulomb", "mu1": 0.4, "mu2": 0.2, "slip_ratio": 1}),

@@ -151,7 +151,7 @@ class _Panels:
 
 def _collocate(problem: Problem, task: range, system: System) -> None:
     """Enter the equations of some sources into the system."""
-    layout, sources = problem.layout, problem.sources
+    layout, sources, weak = problem.layout, problem.sources, problem.kernel.weakly_singular()
     entries = layout.value_column.shape[1] ** 2
     values, fluxes = np.empty((len(layout.value_column), entries)), np.empty((len(layout.flux_column), entries))
     panels = _Panels(values, fluxes, np.empty(entries))
@@ -163,10 +163,15 @@ def _collocate(problem: Problem, task: range, system: System) -> None:
             buffers[number] = _add_regular_elements(problem, source, number, buffers[number], panels)
         if problem.exterior is not None:
             panels.total[:] -= problem.exterior[source]
+        panels.total[weak] = 0.0  # constant fields say nothing about these entries
         kernels.subtract_constant(panels.total, sources.mesh_points[source], sources.shape[source], panels.value)
+        panels.total[:] = 0.0
         for entry in range(sources.singular_start[source], sources.singular_start[source + 1]):
             number = sources.singular_block[entry]
             buffers[number] = _add_singular_element(problem, source, entry, buffers[number], panels)
+        if len(weak):
+            # Singular elements multiply all entries by differences from the value at the source, which is added again.
+            kernels.subtract_constant(panels.total, sources.mesh_points[source], sources.shape[source], panels.value)
         kernels.enter_rows(
             tuple(range(layout.value_column.shape[1])),
             sources.row[source],
@@ -299,6 +304,9 @@ def _add_singular_element(
         panels.value,
         panels.flux,
     )
+    weak = problem.kernel.weakly_singular()
+    if len(weak):
+        panels.total[weak] -= buffers.weights[:count] @ t.reshape(len(t), -1)[:, weak]
     return buffers
 
 

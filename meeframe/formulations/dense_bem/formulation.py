@@ -1,8 +1,7 @@
 """The dense boundary element formulation, which condenses a body to a reduced system."""
 
-import math
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Annotated, final
 
 import numpy as np
@@ -10,19 +9,20 @@ import numpy as np
 from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.common.memory import physical_memory
 from meeframe.elements.anisotropy import anisotropy
-from meeframe.fields import Array, FieldScaling
+from meeframe.fields import THERMAL_FIELD, Array, FieldScaling
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
+from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.interior import BoundaryInterior, InteriorRepresentation
-from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
+from meeframe.formulations.dense_bem.layout import Layout, lay_out, number_first
 from meeframe.formulations.dense_bem.patches import find_patches
-from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
+from meeframe.formulations.dense_bem.system import BoundarySolution, factorise, zone_relation
+from meeframe.formulations.dense_bem.units import Units, check_expansion
 from meeframe.greens import Tabulated
-from meeframe.greens.base import FundamentalSolution, Kernel
-from meeframe.greens.decoupled import bind_fields
+from meeframe.greens.base import FundamentalSolution
 from meeframe.mesh import check_mesh, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.slenderness import bending_warnings
@@ -67,16 +67,21 @@ class DenseBEM(Formulation):
         TooLargeError
             If the matrices do not fit into the memory of this machine.
         CaseError
-            If boundary conditions contradict each other, touch the contact zone or leave a field undetermined.
+            If boundary conditions contradict each other, touch the contact zone or leave a field undetermined, or if
+            heat acts on the other fields of a semi-infinite body.
         MaterialError
             If the fundamental solution does not apply, or the material is too close to inadmissible.
         """
+        check_expansion(body)
         _check_memory(body)
         check_mesh(body.mesh)
         self._layout(body)
-        stiffness = _scaled_stiffness(body)
-        _bind(self.fundamental_solution, stiffness.tobytes())
-        anisotropy(stiffness)
+        bind_body(self.fundamental_solution, body)
+        anisotropy(_scaled_stiffness(body))
+
+    def couples_heat(self) -> bool:
+        """Return True: the temperature may act on the other fields of the body."""
+        return True
 
     def warnings(self, body: Body) -> tuple[str, ...]:
         """Return warnings about slender limbs, whose bending may be inaccurate, of a body that `check` accepts."""
@@ -99,9 +104,10 @@ class DenseBEM(Formulation):
         offset, compliance = zone_relation(solution)
         geometry = zone.points, zone.frames, zone.weights, zone.cells
         system = in_local_frames(*geometry, offset, compliance, solution.fields)
-        stiffness = _scaled_stiffness(body)
-        bind = partial(_bind, self.fundamental_solution, stiffness.tobytes())
-        representation = InteriorRepresentation(body.mesh, body.stiffness, solution.units, bind, anisotropy(stiffness))
+        if body.thermal_moduli is not None:
+            return system
+        bind, spread = partial(bind_body, self.fundamental_solution, body), anisotropy(_scaled_stiffness(body))
+        representation = InteriorRepresentation(body.mesh, body.stiffness, solution.units, bind, spread)
         return replace(system, interior=BoundaryInterior(system.recovery, representation))
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
@@ -121,33 +127,28 @@ class DenseBEM(Formulation):
     def _solve(self, body: Body, progress: Progress) -> BoundarySolution:
         progress("fundamental solution", 0.0)
         self.check(body)
-        stiffness = _scaled_stiffness(body)
-        kernel = _bind(self.fundamental_solution, stiffness.tobytes())
-        accuracy = Accuracy(self.quadrature_tolerance, anisotropy(stiffness))
+        accuracy = Accuracy(self.quadrature_tolerance, anisotropy(_scaled_stiffness(body)))
         progress("assembly", 0.0)
         layout, units = self._layout(body)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
-        system = assemble(mesh, layout, collocate(mesh, layout), kernel, accuracy, progress)
+        system = assemble(
+            mesh, layout, collocate(mesh, layout), bind_body(self.fundamental_solution, body), accuracy, progress
+        )
         progress("factorisation", 0.0)
-        factors = factorise(system)
+        factors, independent = factorise(system, layout)
         progress("factorisation", 1.0)
-        return BoundarySolution(factors, layout, units, body.mesh)
+        return BoundarySolution(factors, independent, layout, units, body.mesh)
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
-        units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
-        return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
+        units = Units.of(body)
+        layout = lay_out(body, find_patches(body.mesh, self.edge_angle), units)
+        if THERMAL_FIELD in body.fields.scalars:
+            layout = number_first(layout, body.fields.index(THERMAL_FIELD.name))
+        return layout, units
 
 
 def _scaled_stiffness(body: Body) -> Array:
     return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
-
-
-@lru_cache(maxsize=4)
-def _bind(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kernel:
-    """Return the kernel of a scaled stiffness; its bytes are the key of the cache for checks and further meshes."""
-    values = np.frombuffer(stiffness)
-    size = math.isqrt(len(values) // 9)
-    return bind_fields(fundamental_solution, values.reshape(3, size, size, 3))
 
 
 def _check_memory(body: Body) -> None:

@@ -28,7 +28,7 @@ from meeframe.elements.quadrature import gauss_table, shape_table
 from meeframe.fields import Array
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem._kernels.interior import surface_points
-from meeframe.formulations.dense_bem.layout import Units
+from meeframe.formulations.dense_bem.units import Units
 from meeframe.greens.base import Kernel
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.system.capabilities import INTERIOR_STAGE, InteriorFields, PointFields

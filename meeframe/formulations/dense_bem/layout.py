@@ -4,13 +4,14 @@ Every unknown has a collocation equation of the same number, see collocation.py.
 lengths relative to a unit of length and fields scaled by FieldScaling.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import Array, FieldScaling, Indices
+from meeframe.fields import Array, Indices
 from meeframe.formulations.dense_bem.patches import Patches
+from meeframe.formulations.dense_bem.units import Units
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.mesh.supports import check_supports
 from meeframe.mesh.surface import SurfaceMesh
@@ -19,82 +20,6 @@ from meeframe.system.reduced import NodalFields
 
 NONE = -1
 """Index of a row or column that does not exist, because the field is known there."""
-
-
-@dataclass(frozen=True, eq=False)
-class Units:
-    """Units of the system: points / length; values u / s; fluxes t * s * length (docs/explanation/theory.md, Scaling).
-
-    Attributes
-    ----------
-    length : float
-        Unit of length [m].
-    scaling : FieldScaling
-        Factors s of the fields.
-    """
-
-    length: float
-    scaling: FieldScaling
-
-    def values(self, values: Array) -> Array:
-        """Convert values from SI units to units of the system.
-
-        Parameters
-        ----------
-        values : Array
-            Extended displacements, (..., fields), SI units.
-
-        Returns
-        -------
-        Array
-            The same in units of the system.
-        """
-        return self.scaling.scale_values(values)
-
-    def fluxes(self, fluxes: Array) -> Array:
-        """Convert fluxes from SI units to units of the system.
-
-        Parameters
-        ----------
-        fluxes : Array
-            Extended tractions, (..., fields), SI units.
-
-        Returns
-        -------
-        Array
-            The same in units of the system.
-        """
-        return self.scaling.scale_fluxes(fluxes) * self.length
-
-    def values_si(self, values: Array) -> Array:
-        """Convert values from units of the system to SI units.
-
-        Parameters
-        ----------
-        values : Array
-            Extended displacements, (..., fields), in units of the system.
-
-        Returns
-        -------
-        Array
-            The same in SI units.
-        """
-        return self.scaling.unscale_values(values)
-
-    def fluxes_si(self, fluxes: Array) -> Array:
-        """Convert fluxes from units of the system to SI units.
-
-        Parameters
-        ----------
-        fluxes : Array
-            Extended tractions, (..., fields), in units of the system.
-
-        Returns
-        -------
-        Array
-            The same in SI units.
-        """
-        return self.scaling.unscale_fluxes(fluxes) / self.length
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +42,8 @@ class Layout:
         Points of the contact zone, (n,).
     n_unknowns : int
         Size of the system.
+    independent : int or None
+        Field whose equations contain no other one, and whose unknowns come first.
     """
 
     patches: Patches
@@ -127,6 +54,26 @@ class Layout:
     load_column: Indices
     zone: Indices
     n_unknowns: int
+    independent: int | None = None
+
+    @property
+    def n_independent(self) -> int:
+        """Number of unknowns of the independent field."""
+        columns = (self.value_column, self.flux_column)
+        return 0 if self.independent is None else sum(int((c[:, self.independent] != NONE).sum()) for c in columns)
+
+
+def number_first(layout: Layout, field: int) -> Layout:
+    """Return the layout with the unknowns of one field before all others, each in the same order as before."""
+    is_first = np.zeros(layout.n_unknowns, bool)
+    for columns in (layout.value_column, layout.flux_column):
+        is_first[columns[columns[:, field] != NONE, field]] = True
+    number = np.empty(layout.n_unknowns, np.int64)
+    number[is_first], number[~is_first] = np.split(np.arange(layout.n_unknowns), [is_first.sum()])
+    value_column, flux_column = (
+        np.where(columns == NONE, NONE, number[columns]) for columns in (layout.value_column, layout.flux_column)
+    )
+    return replace(layout, value_column=value_column, flux_column=flux_column, independent=field)
 
 
 def lay_out(body: Body, patches: Patches, units: Units) -> Layout:

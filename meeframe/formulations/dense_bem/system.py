@@ -4,14 +4,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg.lapack import dlange
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import Array
+from meeframe.fields import Array, Indices
 from meeframe.formulations.dense_bem.assembly import System
+from meeframe.formulations.dense_bem.blas import subtract_product
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
-from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
-from meeframe.mesh.body import Body
+from meeframe.formulations.dense_bem.layout import Layout, boundary_fields
+from meeframe.formulations.dense_bem.units import Units
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.system.reduced import NodalFields
 
@@ -29,8 +29,12 @@ class BoundarySolution:
     Attributes
     ----------
     factors : Array
-        Result of `eliminate`, (u, u + f n + 1): the matrix, the columns of unit loads on the n nodes of the zone, whose
-        values are the last unknowns, and the prescribed data, all in units of the system.
+        Result of `eliminate`, (u, u + f n + 1): the matrix of all unknowns but those of an independent field, the
+        columns of unit loads on the n nodes of the zone, whose values are the last unknowns, and the prescribed data,
+        all in units of the system.
+    independent : Array
+        Unknowns of the independent field of the layout, (i, n + 1), for unit fluxes of that field on the nodes of the
+        zone, and for the prescribed data; (0, n + 1) if there is no such field.
     layout : Layout
         Numbers of the unknowns.
     units : Units
@@ -40,43 +44,43 @@ class BoundarySolution:
     """
 
     factors: Array
+    independent: Array
     layout: Layout
     units: Units
     mesh: SurfaceMesh
 
+    @property
+    def n_inner(self) -> int:
+        """Number of unknowns among those of `factors` before the values of the zone."""
+        return _inner(self.layout)
+
     def fields(self, load: Array) -> NodalFields:
         """Return the fields on the boundary for a load (n, fields) in SI units and global axes."""
-        layout, units = self.layout, self.units
-        loads = units.fluxes(load).ravel()
-        right = self.factors[:, layout.n_unknowns : -1] @ loads + self.factors[:, -1]
-        unknowns = all_unknowns(self.factors, layout.n_unknowns - loads.size, right[:, None])[:, 0]
-        return boundary_fields(layout, units, self.mesh, unknowns, unknowns, loads)
+        layout, units, n = self.layout, self.units, len(self.factors)
+        loads = units.fluxes(load)
+        right = self.factors[:, n:-1] @ loads.ravel() + self.factors[:, -1]
+        unknowns = all_unknowns(self.factors, self.n_inner, right[:, None])[:, 0]
+        if layout.independent is not None:
+            first = self.independent[:, :-1] @ loads[:, layout.independent] + self.independent[:, -1]
+            unknowns = np.concatenate([first, unknowns])
+        return boundary_fields(layout, units, self.mesh, unknowns, unknowns, loads.ravel())
 
 
-def factorise(system: System) -> Array:
-    """Eliminate the unknowns of a system in place and return the factors of BoundarySolution, (u, u + f n + 1).
+def factorise(system: System, layout: Layout) -> tuple[Array, Array]:
+    """Eliminate the unknowns of a system in place and return `factors` and `independent` of BoundarySolution.
+
+    The independent field, such as a temperature, is solved for first. Its unknowns then are known data of the others.
 
     Raises
     ------
     CaseError
-        If the matrix is singular to working precision or not finite.
+        If a matrix is singular to working precision or not finite.
     """
-    norm = dlange("F", system.matrix)
-    if not np.isfinite(norm):
-        raise CaseError(
-            "the boundary element system has coefficients that are not finite: "
-            "elements may be degenerate, or touch others without sharing their nodes"
-        )
-    inner = len(system.columns) - system.load_matrix.shape[1]
-    eliminate(system.columns, inner)
-    inverse = inverse_norm(system.columns, inner)
-    reciprocal = 1.0 / (norm * inverse) if np.isfinite(inverse) else 0.0
-    if not reciprocal > MIN_RECIPROCAL_CONDITION:
-        raise CaseError(
-            f"the boundary element system is singular to round-off (reciprocal condition {reciprocal:.1e}; "
-            f"allowed: above {MIN_RECIPROCAL_CONDITION:g}): the body is very slender, or elements coincide"
-        )
-    return system.columns
+    independent = _solve_independent(system.columns, layout)
+    n_first = len(independent)
+    factors = system.columns[n_first:, n_first:]
+    eliminate_regular(factors, _inner(layout))
+    return factors, independent
 
 
 def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
@@ -89,30 +93,68 @@ def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
     Array
         Compliance, (n, fields, n, fields).
     """
-    layout, units = solution.layout, solution.units
+    layout, units, factors = solution.layout, solution.units, solution.factors
     n, n_fields = len(layout.zone), layout.value_column.shape[1]
-    values = last_unknowns(solution.factors, layout.n_unknowns - n_fields * n, solution.factors[:, layout.n_unknowns :])
-    offset = units.values_si(values[:, -1].reshape(n, n_fields))
+    values = np.zeros((n, n_fields, n_fields * n + 1))
+    fields = [field for field in range(n_fields) if field != layout.independent]
+    values[:, fields] = last_unknowns(factors, solution.n_inner, factors[:, len(factors) :]).reshape(n, len(fields), -1)
+    if layout.independent is not None:
+        in_zone = solution.independent[len(solution.independent) - n :]
+        values[:, layout.independent, _independent_loads(layout)] = in_zone
+    offset = units.values_si(values[:, :, -1])
     to_values = units.values_si(np.ones(n_fields))
     to_loads = units.fluxes(np.ones(n_fields))
-    matrix = values[:, :-1].reshape(n, n_fields, n, n_fields)
+    matrix = values[:, :, :-1].reshape(n, n_fields, n, n_fields)
     compliance: Array = matrix * to_values[None, :, None, None] * to_loads
     return offset, compliance
 
 
-def characteristic_length(body: Body) -> float:
-    """Return the unit of length of the system.
+def _inner(layout: Layout) -> int:
+    """Return the number of unknowns, without those of an independent field, before the values of the zone."""
+    n_fields = layout.value_column.shape[1] - (layout.independent is not None)
+    inner: int = layout.n_unknowns - layout.n_independent - n_fields * len(layout.zone)
+    return inner
 
-    Parameters
-    ----------
-    body : Body
-        The body.
 
-    Returns
-    -------
-    float
-        Diagonal of the box around the contact zone, or around a body without one [m].
+def _independent_loads(layout: Layout) -> Indices:
+    """Return the columns of the fluxes of the independent field among those of loads and prescribed data, (n + 1,)."""
+    n_fields, n = layout.value_column.shape[1], len(layout.zone)
+    loads = n_fields * np.arange(n) + (layout.independent or 0)
+    return np.append(loads, n_fields * n)
+
+
+def _solve_independent(columns: Array, layout: Layout) -> Array:
+    """Return the unknowns of the independent field, and subtract their action from the right-hand sides of the others.
+
+    columns: (u, u + f n + 1), see System.
     """
-    group = body.contact_group
-    points = body.mesh.points if group is None else body.mesh.points[body.mesh.group_points(group)]
-    return float(np.linalg.norm(np.ptp(points, axis=0)))
+    count = layout.n_independent
+    right = len(columns) + _independent_loads(layout)
+    if count == 0:
+        return np.empty((0, len(right)))
+    block = np.asfortranarray(columns[:count, np.append(np.arange(count), right)])
+    eliminate_regular(block, 0)
+    unknowns = last_unknowns(block, 0, block[:, count:])
+    others = np.asfortranarray(columns[count:, right])
+    subtract_product(others, columns[count:, :count], unknowns)
+    columns[count:, right] = others
+    return unknowns
+
+
+def eliminate_regular(columns: Array, inner: int) -> None:
+    """Eliminate the unknowns of a system, the first `inner` of them first, and check that it is not singular."""
+    matrix = columns[:, : len(columns)]
+    norm = float(np.sqrt(np.einsum("ij,ij->", matrix, matrix)))  # without a copy
+    if not np.isfinite(norm):
+        raise CaseError(
+            "the boundary element system has coefficients that are not finite: "
+            "elements may be degenerate, or touch others without sharing their nodes"
+        )
+    eliminate(columns, inner)
+    inverse = inverse_norm(columns, inner)
+    reciprocal = 1.0 / (norm * inverse) if np.isfinite(inverse) else 0.0
+    if not reciprocal > MIN_RECIPROCAL_CONDITION:
+        raise CaseError(
+            f"the boundary element system is singular to round-off (reciprocal condition {reciprocal:.1e}; "
+            f"allowed: above {MIN_RECIPROCAL_CONDITION:g}): the body is very slender, or elements coincide"
+        )

@@ -20,6 +20,7 @@ from scipy.linalg import lu_factor, lu_solve
 from meeframe.contact.conduction import Mask, potential_diagonal
 from meeframe.contact.free_motion import potentials
 from meeframe.contact.problem import ContactProblem
+from meeframe.contact.residual import essential_fields
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.solvers.krylov import gmres
 from meeframe.system.capabilities import ApproximateInverse, apply_fields
@@ -144,7 +145,7 @@ class Elimination:
     problem : ContactProblem
         Contact problem of n nodes.
     mechanical : list of int
-        Fields, of 0 to 2, in which the law needs tractions.
+        Fields, of 0 to 2, in which the law needs tractions or gaps.
     conducting : list of int
         Fields that the laws conduct.
     matrix : Array, optional
@@ -167,7 +168,7 @@ class Elimination:
         """Return the elimination of a problem."""
         system = problem.system
         conducting = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.is_conducting]
-        mechanical = [0, 1, 2] if problem.contact_law.tangential_scaling().any() else [2]
+        mechanical = [field for field in essential_fields(problem) if field < N_MECHANICAL]
         matrix, fields, n = system.dense(), mechanical + conducting, len(problem.gap)
         if matrix is not None:
             blocks = matrix[:, fields][:, :, :, fields].transpose(1, 0, 3, 2)

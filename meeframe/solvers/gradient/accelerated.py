@@ -14,7 +14,7 @@ from typing import ClassVar, Final, final
 import numpy as np
 
 from meeframe.contact.free_motion import start_load, start_motion
-from meeframe.contact.friction_heat import check_no_friction_heat
+from meeframe.contact.generated_heat import check_no_generated_heat
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.fields import POTENTIALS, Array
 from meeframe.solvers.conduction.elimination import Conductors
@@ -121,7 +121,7 @@ class BarzilaiBorwein(Solver):
 
     def check(self, problem: ContactProblem) -> None:
         """Raise CaseError if friction heats the body."""
-        check_no_friction_heat(problem, "uzawa-bb")
+        check_no_generated_heat(problem, "uzawa-bb")
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, or no load at all."""
@@ -153,7 +153,7 @@ class Nesterov(Solver):
 
     def check(self, problem: ContactProblem) -> None:
         """Raise CaseError if friction heats the body."""
-        check_no_friction_heat(problem, "uzawa-nesterov")
+        check_no_generated_heat(problem, "uzawa-nesterov")
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, or no load at all."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.free_motion import start_load, start_motion
-from meeframe.contact.friction_heat import check_no_friction_heat
+from meeframe.contact.generated_heat import check_no_generated_heat
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.fields import POTENTIALS, Array
 from meeframe.fields.units import Quantity
@@ -79,7 +79,7 @@ class Uzawa(Solver):
 
     def check(self, problem: ContactProblem) -> None:
         """Raise CaseError if friction heats the body."""
-        check_no_friction_heat(problem, "uzawa")
+        check_no_generated_heat(problem, "uzawa")
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, or no load at all."""

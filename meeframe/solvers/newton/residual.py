@@ -30,7 +30,7 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 
 from meeframe.contact.conduction import Mask, depends_on_gap, switch
-from meeframe.contact.friction_heat import conducted_flux, thermal_channel
+from meeframe.contact.generated_heat import conducted_flux, heat_factors, thermal_channel
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
 from meeframe.contact.scales import Scales, motion_scales, problem_scales
 from meeframe.contact.transmissivity import Transmissivity
@@ -420,10 +420,10 @@ class ResidualState:
             if gap_slope is not None:
                 b[field, 2] = -drive * gap_slope[:, k]
             if k == heated:
-                generation = a[field, field] * equation.problem.friction_heat
-                for axis in range(N_MECHANICAL - 1):
-                    a[field, axis] = generation * self.relative_displacement[:, axis]
-                    b[field, axis] = -generation * self.load[:, axis]
+                for column, factor in heat_factors(equation.problem).items():
+                    generation = factor * a[field, field]
+                    a[field, column] = generation * self.relative_displacement[:, column]
+                    b[field, column] = -generation * self.load[:, column]
         max_motion = MAX_MOTION_RATIO * float(np.abs(self.motion / equation.units).max(initial=1.0))
         of_unknowns, of_displacement = (NodeBlocks.of(entries, residual.T.shape) for entries in (a, b))
         return Linearization(of_unknowns, of_displacement, residual, self.balance, max_motion)

@@ -152,9 +152,13 @@ def _subtract_constants(
 ) -> None:
     """Subtract free term and principal value, such that rows of a closed surface vanish for constant fields.
 
-    constant: (u, f) product of each equation with the f constant fields without them.
+    constant: (u, f) product of each equation with the f constant fields without them; weakly singular entries have
+    none.
     """
     tree, sources = integrals.tree, integrals.sources
+    for field, equation in zip(*np.divmod(integrals.kernel.weakly_singular(), len(integrals.fields)), strict=True):
+        rows = integrals.rows[:, equation]
+        constant[rows[rows != NONE], field] = 0.0
     if integrals.mesh.semi_infinite:
         n_fields = len(integrals.fields)
         exterior = exterior_terms(integrals.kernel, integrals.mesh, integrals.positions).reshape(-1, n_fields, n_fields)

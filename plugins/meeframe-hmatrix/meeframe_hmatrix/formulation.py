@@ -33,8 +33,8 @@ from meeframe.plugin.boundary_elements import (
     Tabulated,
     Units,
     anisotropy,
-    bind_fields,
-    characteristic_length,
+    bind_body,
+    check_expansion,
     collocate,
     find_patches,
     lay_out,
@@ -101,19 +101,24 @@ class HierarchicalBEM(PersistentFormulation):
         """Check mesh, boundary conditions, material and memory.
 
         Raises MeshError unless the mesh is a closed surface with outward normals; CaseError if boundary conditions
-        contradict each other, touch the contact zone or leave a field undetermined, or if there is no contact zone;
+        contradict each other, touch the contact zone or leave a field undetermined, if there is no contact zone, or if
+        heat acts on the other fields of a semi-infinite body;
         TooLargeError if the matrices would not fit into this machine's memory; MaterialError if the fundamental
         solution does not apply, or the material is too near to inadmissible.
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
+        check_expansion(body)
         check_mesh(body.mesh)
         check_contact_zone(body.mesh, body.contact_group)
         layout, _ = self._layout(body)
         _check_memory(layout.n_unknowns, self.tolerance)
-        stiffness = _scaled(body)
-        bind_fields(self.fundamental_solution, stiffness)
-        anisotropy(stiffness)
+        bind_body(self.fundamental_solution, body)
+        anisotropy(_scaled(body))
+
+    def couples_heat(self) -> bool:
+        """Return True: the temperature may act on the other fields of the body."""
+        return True
 
     def warnings(self, body: Body) -> tuple[str, ...]:
         """Return warnings about slender parts, whose bending may be inaccurate, for a body accepted by check."""
@@ -138,11 +143,11 @@ class HierarchicalBEM(PersistentFormulation):
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
         boundary_system = LazyBoundary(partial(self.boundary, body), [boundary])
         compliance = unpack(*pack(compliance))  # in memory as a system from arrays
-        groups = coupled_groups(body.stiffness)
-        for group in groups:  # truncation leaves noise where the material couples nothing
-            other_fields = np.setdiff1d(range(body.fields.size), group)
+        groups = coupled_groups(body)
+        for group, causes in groups:  # truncation leaves noise where the material couples nothing
+            other_fields = np.setdiff1d(range(body.fields.size), causes)
             node_compliance[:, np.array(group)[:, None], other_fields] = 0.0
-            if not any(np.any(condition.data) for condition in body.conditions if condition.field in group):
+            if not any(np.any(condition.data) for condition in body.conditions if condition.field in causes):
                 offset[:, group] = 0.0
         representation = self._representation(body)
         arrays = order, to_load, to_displacement, node_compliance, compliance, boundary_system, representation
@@ -171,7 +176,7 @@ class HierarchicalBEM(PersistentFormulation):
             zone.cells,
             compliance=compliance,
             boundary_system=boundary_system,
-            groups=coupled_groups(body.stiffness),
+            groups=coupled_groups(body),
             representation=self._representation(body),
             **data,
         )
@@ -184,7 +189,7 @@ class HierarchicalBEM(PersistentFormulation):
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         sources = collocate(mesh, layout)
         tree = cluster_tree(mesh, layout, sources, self.leaf_size)
-        kernel = bind_fields(self.fundamental_solution, stiffness)
+        kernel = bind_body(self.fundamental_solution, body)
         block_tolerance = BLOCK_TOLERANCE_RATIO * self.tolerance
         with ONE_BLAS_THREAD:
             integrals = tabulate_integrals(mesh, layout, sources, tree, kernel, accuracy)
@@ -192,14 +197,15 @@ class HierarchicalBEM(PersistentFormulation):
             factors = factorise(system, block_tolerance, progress)
         return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh))
 
-    def _representation(self, body: Body) -> InteriorRepresentation:
-        stiffness = _scaled(body)
-        units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
-        bind = partial(bind_fields, self.fundamental_solution, stiffness)
-        return InteriorRepresentation(body.mesh, body.stiffness, units, bind, anisotropy(stiffness))
+    def _representation(self, body: Body) -> InteriorRepresentation | None:
+        """Return the interior representation of a body, None if it expands by heat."""
+        if body.thermal_moduli is not None:
+            return None
+        bind = partial(bind_body, self.fundamental_solution, body)
+        return InteriorRepresentation(body.mesh, body.stiffness, Units.of(body), bind, anisotropy(_scaled(body)))
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
-        units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
+        units = Units.of(body)
         return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
 
 

@@ -129,12 +129,16 @@ def _add_singular(
 ) -> None:
     """Add the integrals over elements that contain the source at reference coordinates xi (n, 2).
 
-    t is multiplied by N_a(x) - N_a(source), which makes the integrals regular.
+    t is multiplied by N_a(x) - N_a(source), which makes the integrals regular, where it is not weakly singular.
     """
     at_source = np.repeat(shape_functions(kind.element, xi), np.diff(quadrature.starts), axis=0)
     sums_of_elements = _sums(
         integrals, quadrature, quadrature.starts, quadrature.weights - quadrature.measures[:, None] * at_source
     )
+    weak = integrals.kernel.weakly_singular()
+    if len(weak):
+        _, whole = _sums(integrals, quadrature, quadrature.starts, quadrature.weights)
+        sums_of_elements[1][..., weak] = whole[..., weak]
     accumulate(integrals.fields, *sums_of_elements, kind.sites[singular], kind.patches[singular], window, sums)
 
 

@@ -12,9 +12,11 @@ from meeframe.plugin import (
     MECHANICAL,
     N_MECHANICAL,
     POTENTIALS,
+    THERMAL_FIELD,
     AnyArray,
     ApproximateInverse,
     Array,
+    Body,
     CaseError,
     FieldwiseApply,
     Indices,
@@ -205,9 +207,10 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     boundary_system
         The system of the whole boundary; like products and inverses, it is computed again in other processes.
     representation
-        The interior representation of the body.
+        The interior representation of the body, None if it has none.
     groups
-        Groups of fields that the material couples; the compliance between two groups is exactly zero.
+        Groups of fields that the material couples, each with the fields whose loads act on it; the compliance between
+        other fields is exactly zero.
     products
         The latest products, by their fields.
     inverses
@@ -220,8 +223,8 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     node_compliance: Array
     compliance: Block
     boundary_system: LazyBoundary
-    representation: InteriorRepresentation
-    groups: tuple[Fields, ...]
+    representation: InteriorRepresentation | None
+    groups: tuple[tuple[Fields, Fields], ...]
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, TruncatedInverse | None] = field(default_factory=dict)
 
@@ -248,16 +251,16 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         if len(self.groups) == 1:
             return self._multiply(load, loaded, fields)
         displacement = np.zeros((len(load), len(fields)))
-        for group in self.groups:
+        for group, causes in self.groups:
             rows = [index for index, name in enumerate(fields) if name in group]
-            columns = [index for index, name in enumerate(loaded) if name in group]
+            columns = [index for index, name in enumerate(loaded) if name in causes]
             if rows and load[:, columns].any():
                 group_loaded, group_fields = [loaded[index] for index in columns], [fields[index] for index in rows]
                 displacement[:, rows] = self._multiply(load[:, columns], group_loaded, group_fields)
         return displacement
 
     def _multiply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return the displacement in fields of one group for a load in fields of it."""
+        """Return the displacement in fields of one group for a load in fields that act on it."""
         key = tuple(loaded), tuple(fields)
         product = self.products.pop(key, None) or product_of(merge_blocks(self._between(*key)))
         self.products[key] = product  # the latest comes last
@@ -316,16 +319,27 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
 
     def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) inside the body by the interior representation."""
+        if self.representation is None:
+            raise CaseError("fields inside a body that expands by heat are not available with boundary elements")
         return self.representation.evaluate(self.recover(load), points, progress)
 
 
-def coupled_groups(stiffness: Array) -> tuple[Fields, ...]:
-    """Return the groups of fields that an extended stiffness (3, f, f, 3) couples; displacements are one group."""
+def coupled_groups(body: Body) -> tuple[tuple[Fields, Fields], ...]:
+    """Return the groups of fields that a body couples, each with the fields whose loads act on it.
+
+    Displacements are one group. A temperature with thermal moduli acts on others, which do not act on it.
+    """
+    stiffness, moduli = body.stiffness, body.thermal_moduli
     groups = [set(range(N_MECHANICAL))]
     for name in range(N_MECHANICAL, stiffness.shape[1]):
         joined = [group for group in groups if stiffness[:, sorted(group), name, :].any()]
         groups = [group for group in groups if group not in joined] + [{name}.union(*joined)]
-    return tuple(tuple(sorted(group)) for group in groups)
+    fields = [tuple(sorted(group)) for group in groups]
+    if moduli is None:
+        return tuple(zip(fields, fields, strict=True))
+    heat, heated = body.fields.index(THERMAL_FIELD.name), np.flatnonzero(moduli.any(axis=0))
+    causes = [(*group, heat) if {*group} & {*heated.tolist()} else group for group in fields]
+    return tuple(zip(fields, causes, strict=True))
 
 
 def extract_diagonal(compliance: Block, order: Indices) -> Array:

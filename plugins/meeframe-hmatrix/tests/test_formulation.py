@@ -286,8 +286,13 @@ def test_nonfinite_loads_are_rejected(systems):
 )
 def test_fields_are_grouped_by_coupling(name, groups):
     options = {"young_modulus": 1e9, "poisson_ratio": 0.3} if name == "isotropic" else {}
-    stiffness = library_material(name, **options).rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
-    assert set(coupled_groups(stiffness)) == set(groups)
+    material = library_material(name, **options).rotated(rotation_about((1.0, 2.0, 0.5), 0.8))
+    mesh = block_mesh(0.5, 0.8, 0.2, 2, 1, 1, Quad4())
+    assert set(coupled_groups(Body.of(material, mesh, (), None))) == {(group, group) for group in groups}
+    # a temperature acts on fields that do not act on it
+    hot = Body.of(material.with_heat(40.0, 1e-5), mesh, (), None)
+    expected = {(group, (*group, 5) if 0 in group else group) for group in groups} | {((5,), (5,))}
+    assert set(coupled_groups(hot)) == expected
 
 
 def test_uncoupled_fields_are_exactly_zero(make_block, smooth_load):

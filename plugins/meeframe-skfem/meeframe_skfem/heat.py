@@ -11,7 +11,7 @@ from typing import Final, final
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from meeframe.plugin import N_FIELDS, THERMAL_FIELD, Array, Body, Indices
+from meeframe.plugin import THERMAL_FIELD, Array, Body, Indices
 from meeframe.plugin.boundary_elements import Units
 from meeframe_skfem.assembly import gradients
 from meeframe_skfem.elements import cell_rule, tabulate
@@ -43,10 +43,10 @@ class HeatAction:
     @classmethod
     def of(cls, body: Body, mesh: VolumeMesh, units: Units) -> "HeatAction | None":
         """Return the action in a body, on its mesh in units of the system; None if there is none."""
-        if body.thermal_moduli is None:
+        moduli = units.thermal_moduli(body)
+        if moduli is None:
             return None
-        source, factors = body.fields.index(THERMAL_FIELD.name), units.scaling.factors
-        moduli = body.thermal_moduli * factors[:N_FIELDS] * factors[source] * units.length
+        source = body.fields.index(THERMAL_FIELD.name)
         return cls(moduli, source, _forces(mesh, moduli, body.fields.size))
 
     def add_response(self, values: Array, unknown: Indices, solve: Callable[[Array], Array]) -> None:

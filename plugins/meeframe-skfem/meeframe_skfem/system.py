@@ -1,7 +1,7 @@
 """From a matched body to its reduced system: assembly, one factorisation, condensation, recovery.
 
 Symbols: u values (p, fields) of the volume's points, f nodal forces, K stiffness, G flexibility of the zone's nodes, M
-mass matrix of its faces; all in units of the system (meeframe.formulations.dense_bem.layout.Units).
+mass matrix of its faces; all in units of the system (meeframe.formulations.dense_bem.units.Units).
 """
 
 from collections.abc import Callable

@@ -5,10 +5,9 @@ import pytest
 from scipy.linalg import lu
 
 from meeframe.common.errors import CaseError
-from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.blas import divide_by_lower, subtract_product
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
-from meeframe.formulations.dense_bem.system import factorise
+from meeframe.formulations.dense_bem.system import eliminate_regular
 
 SIZES = [(1, 0, 1), (7, 7, 1), (53, 40, 14), (131, 0, 5), (327, 200, 128), (650, 391, 260)]
 """Unknowns, those eliminated first, right-hand sides: less and more columns than are factorised at once, odd halves."""
@@ -67,14 +66,14 @@ def test_singular_systems_are_rejected(loads):
     with pytest.raises(
         CaseError, match=r"condition \d\.\de-1[5-9]; allowed: above 1e-14\): the body is very slender, or elements"
     ):
-        factorise(System(np.asfortranarray(np.hstack([matrix, right]))))
+        eliminate_regular(np.asfortranarray(np.hstack([matrix, right])), len(matrix) - right.shape[1] + 1)
 
 
 def test_zero_pivot_is_rejected():
     matrix, right, _ = _system(30, 1)
     matrix[:, 20] = 0.0
     with pytest.raises(CaseError, match=r"singular to round-off \(reciprocal condition 0"):
-        factorise(System(np.asfortranarray(np.hstack([matrix, right]))))
+        eliminate_regular(np.asfortranarray(np.hstack([matrix, right])), len(matrix) - right.shape[1] + 1)
 
 
 @pytest.mark.parametrize("entry", [np.nan, np.inf])
@@ -82,7 +81,7 @@ def test_nonfinite_matrix_is_not_reported_as_singular(entry):
     matrix, right, _ = _system(30, 1)
     matrix[4, 20] = entry
     with pytest.raises(CaseError, match="coefficients that are not finite"):
-        factorise(System(np.asfortranarray(np.hstack([matrix, right]))))
+        eliminate_regular(np.asfortranarray(np.hstack([matrix, right])), len(matrix) - right.shape[1] + 1)
 
 
 WHOLE = np.random.default_rng(3).normal(size=(6, 9))

@@ -9,8 +9,9 @@ from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4, Quad9, Tri3
 from meeframe.fields import FieldScaling
 from meeframe.formulations.dense_bem.collocation import collocate
-from meeframe.formulations.dense_bem.layout import NONE, Layout, Units, lay_out
+from meeframe.formulations.dense_bem.layout import NONE, Layout, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
+from meeframe.formulations.dense_bem.units import Units
 from meeframe.material import library_material
 from meeframe.mesh import box_mesh, sphere_mesh
 from meeframe.mesh.body import Body, BoundaryCondition

@@ -24,7 +24,7 @@ def contact_area(zone, compressed, template):
     n = len(zone.points)
     traction = np.column_stack([np.zeros((n, 2)), np.where(compressed, -1e6, 0.0)])
     pairs = dict.fromkeys(("potentials", "fluxes", "slip", "total_slip"), np.zeros((n, 2)))
-    pairs |= {"displacement": np.zeros((n, 3)), "dissipation": np.zeros(n)}
+    pairs |= {"displacement": np.zeros((n, 3)), "dissipation": np.zeros(n), "wear": np.zeros(n)}
     step = dataclasses.replace(template, traction=traction, region=np.where(compressed, Region.STICK, 0), **pairs)
     return resultants(zone, step).contact_area
 

@@ -1,0 +1,95 @@
+"""Division of an increment in which surfaces wear, so that the pressure changes little in each part."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from meeframe.contact.problem import Status
+from meeframe.fields import Array
+from meeframe.model.history import ConvergedState
+from meeframe.model.kinematics import Increment
+from meeframe.results.records import StepResult
+
+Solve = Callable[[float, float, ConvergedState, int | None], tuple[Increment, ConvergedState, StepResult]]
+"""Solves the part of an increment between two fractions of it, from a converged state, with a window of stagnation."""
+
+_MIN_PART: Final = 2.0**-8
+"""Smallest part of an increment, at which any change is accepted: the pressure may jump where a node begins to slip."""
+_SAFETY: Final = 0.8
+"""Change of the pressure at which a part aims, in units of the largest one allowed."""
+_FACTORS: Final = (0.1, 2.0)
+"""Smallest and largest ratio of the sizes of successive parts."""
+
+
+def solve_in_parts(
+    solve: Solve, here: ConvergedState, weights: Array, max_change: float, stall_window: int
+) -> tuple[Increment, ConvergedState, StepResult]:
+    """Solve an increment in parts, in each of which the pressure changes by a fraction at most.
+
+    Parts that do not converge are divided, too.
+
+    Parameters
+    ----------
+    solve : callable
+        Solves a part.
+    here : ConvergedState
+        State at the beginning of the increment.
+    weights : Array
+        (n,), integration weights of the nodes.
+    max_change : float
+        Largest integral of the change of the pressure over that of the pressure, > 0.
+    stall_window : int
+        That of the solver. Parts that can be divided end after an eighth of it.
+
+    Returns
+    -------
+    Increment
+        Last part.
+    ConvergedState
+        State at the end; `here` if a part did not converge.
+    StepResult
+        Result of the last part, with the slip, the work of friction and the iterations of all parts.
+    """
+    done, size, begin, results = 0.0, 1.0, here, list[StepResult]()
+    while True:
+        last = 1.0 if done + size > 1.0 - _MIN_PART else done + size
+        divisible = last - done > _MIN_PART
+        part, end, result = solve(done, last, begin, max(1, stall_window // 8) if divisible else None)
+        converged = result.status is Status.CONVERGED
+        change = _change(weights, begin, result) if converged else np.inf
+        factor = float(np.clip(_SAFETY * max_change / max(change, 1e-300), *_FACTORS))
+        if change > max_change and divisible:
+            size = max(factor * (last - done), _MIN_PART)
+            continue
+        results.append(result)
+        if not converged or last == 1.0:
+            return part, end if converged else here, _combined(results)
+        done, begin, size = last, end, max(factor * (last - done), _MIN_PART)
+
+
+def _change(weights: Array, begin: ConvergedState, result: StepResult) -> float:
+    """Return the change of the pressure in a part, its modulus integrated, over the larger integral of the pressure."""
+    if begin.state is None:
+        return 0.0
+    before, after = begin.state.load[:, 2], result.traction[:, 2]
+    change, *forces = (float(np.abs(weights) @ np.abs(values)) for values in (after - before, before, after))
+    return change / max(*forces, 1e-300)
+
+
+def _combined(results: Sequence[StepResult]) -> StepResult:
+    """Return the result of an increment from those of its parts."""
+    last = results[-1]
+    if len(results) == 1:
+        return last
+    durations = [result.loading.duration for result in results]
+    loading = last.loading if None in durations else replace(last.loading, duration=sum(filter(None, durations)))
+    return replace(
+        last,
+        loading=loading,
+        slip=np.sum([result.slip for result in results], axis=0),
+        dissipation=np.sum([result.dissipation for result in results], axis=0),
+        iterations=sum(result.iterations for result in results),
+        message=f"{last.message}; in {len(results)} parts, for the pressure to change little in each",
+    )
