@@ -19,8 +19,8 @@
 # - to tell the pyroelectric part from the piezoelectric one,
 # - to compare laws of thermal conductance in a sweep.
 #
-# **Not covered:** transients, and the change of the constants with temperature. Barium titanate loses its polarisation near
-# 120 °C, so the tip is at most 60 K warmer than the body.
+# **Not covered:** transients, and the change of the constants with temperature. Barium titanate loses its polarisation near 120
+# °C, so the tip is at most 60 K warmer than the body.
 
 # %%
 from dataclasses import replace
@@ -43,10 +43,10 @@ plt.style.use(meeframe.STYLE)
 # %% [markdown]
 # ## The case
 #
-# `thermal=True` takes the [thermal constants of the library](../reference/materials.md#heat). The tip, a sphere, first presses with a force of 50 mN,
-# then it is heated. Steady heat flow into a half space leaves the level of displacement and potential undetermined.
-# `reference_radius` states where the body is held and earthed: at about this distance. Charges and heat fluxes are singular at the
-# contact edge, so the edge is resolved between the nodes.
+# `thermal=True` takes the [thermal constants of the library](../reference/materials.md#heat). The tip, a sphere, first presses
+# with a force of 50 mN, then it is heated. Steady heat flow into a half space leaves the level of displacement and potential
+# undetermined. `reference_radius` states where the body is held and earthed: at about this distance. Charges and heat fluxes are
+# singular at the contact edge, so the edge is resolved between the nodes.
 
 # %%
 RADIUS, FORCE, TEMPERATURE, DISTANCE = 1e-3, 0.05, 60.0, 1e-3
@@ -124,8 +124,9 @@ axes[0, 0].legend()
 # %% [markdown]
 # ## The closed form
 #
-# A hot sphere in perfect contact has a [solution in closed form](../explanation/heat.md#contact) for each contact radius $a$. Here the radius follows from the
-# force or the approach. The conductance is that of a disc, $4a\kappa$ with $\kappa = \sqrt{k_{11}k_{33}}$, and its reciprocal the constriction resistance.
+# A hot sphere in perfect contact has a [solution in closed form](../explanation/heat.md#contact) for each contact radius $a$.
+# Here the radius follows from the force or the approach. The conductance is that of a disc, $4a\kappa$ with $\kappa =
+# \sqrt{k_{11}k_{33}}$, and its reciprocal the constriction resistance.
 
 
 # %%
@@ -224,8 +225,8 @@ parts = pd.Series(
 print((1e12 * parts).round(2).to_string())
 
 # %% [markdown]
-# Expansion acts against the force here and removes about half of the pyroelectric part. The parts add up almost independently: half of the
-# pyroelectric coefficient has half of the effect, except for a small change of the contact radius.
+# Expansion acts against the force here and removes about half of the pyroelectric part. The parts add up almost independently:
+# half of the pyroelectric coefficient has half of the effect, except for a small change of the contact radius.
 
 # %%
 half = replace(ceramic, thermal_moduli=(moduli + ceramic.thermal_moduli) / 2)
@@ -258,8 +259,8 @@ assert abs(farther["heat"] / near["heat"] - 1) < 1e-6
 # %% [markdown]
 # ## Laws of thermal conductance
 #
-# Real surfaces are rough or covered by films, and conduct less. [Conductivity laws](../reference/laws-conductivity.md) describe that in `[conductivity.thermal]`. A
-# sweep compares them, as an axis with a label for each law.
+# Real surfaces are rough or covered by films, and conduct less. [Conductivity laws](../reference/laws-conductivity.md) describe
+# that in `[conductivity.thermal]`. A sweep compares them, as an axis with a label for each law.
 
 # %%
 FILM, PRESSURE = 5e5, 3.5e8  # [W/(m^2 K)], [Pa]
@@ -305,8 +306,8 @@ laws = xr.Dataset(
 laws.to_dataframe().round(3)
 
 # %% [markdown]
-# Each law lets a different heat through. The charge beyond that of the force follows it: charge over heat hardly depends on
-# the law, because heat that enters elsewhere in a small contact looks the same from afar.
+# Each law lets a different heat through. The charge beyond that of the force follows it: charge over heat hardly depends on the
+# law, because heat that enters elsewhere in a small contact looks the same from afar.
 
 # %%
 ratio = charge / heat
@@ -319,10 +320,10 @@ assert (heat.sel(law="perfect") > 1.5 * heat.drop_sel(law="perfect")).all()
 # ## Interface and constriction in series
 #
 # The resistance of the contact is between two bounds. Heat would flow more easily if a sheet of a perfect conductor lay below the
-# interface: the sum of both resistances, $1/4a\kappa + 1/\int\kappa_h\,dA$, is a lower bound. It would flow less easily if its flux were everywhere
-# in proportion to $\kappa_h$: the upper bound has a larger constriction resistance, $8/3\pi^2a\kappa$ for the uniform flux through a film and
-# at most $3/10a\kappa$, that of a flux in proportion to the pressure, for the other laws. The contact radius is between that of the
-# perfectly conducting and that of the cold contact.
+# interface: the sum of both resistances, $1/4a\kappa + 1/\int\kappa_h\,dA$, is a lower bound. It would flow less easily if its
+# flux were everywhere in proportion to $\kappa_h$: the upper bound has a larger constriction resistance, $8/3\pi^2a\kappa$ for
+# the uniform flux through a film and at most $3/10a\kappa$, that of a flux in proportion to the pressure, for the other laws. The
+# contact radius is between that of the perfectly conducting and that of the cold contact.
 
 # %%
 at_force = sweep.sel(force=FORCE)
