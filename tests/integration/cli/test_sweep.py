@@ -522,6 +522,7 @@ def test_killed_scheduler_of_a_cluster(study, tmp_path, log, release):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+@pytest.mark.full
 def test_unreachable_scheduler(study, tmp_path):
     out = tmp_path / "out"
     result = CliRunner().invoke(app, command(study(LINE), out, "--scheduler", "tcp://127.0.0.1:1"))
