@@ -12,13 +12,14 @@ from meeframe.laws.base import ContactLaw
 from meeframe.mesh.generators import BYTES_PER_NODE
 from meeframe.mesh.surface import SurfaceMesh
 
-BASE_BYTES: Final = 300_000_000
+BASE_BYTES: Final = 270_000_000
 """Memory of Python, its libraries and compiled kernels."""
-BYTES_PER_FURTHER_FIELD: Final = 60
+BYTES_PER_FURTHER_FIELD: Final = 290
 """Memory per node of each loaded field besides the pressure.
 
-From 512 x 512 to 2048 x 2048 nodes, measured peaks of runs with one, three and five loaded fields are within 11 % of
-the estimate.
+It is that of partial slip, where Newton's method stores most directions: within a fifth for three loaded fields up to
+2048 x 2048 nodes and for five up to 1024 x 1024, beyond which those need up to 1.6 times as much. A contact that sticks
+or slips everywhere needs about 60 bytes.
 """
 NOTICED_FRACTION: Final = 0.5
 """Fraction of the memory of the machine above which the estimate is a warning."""

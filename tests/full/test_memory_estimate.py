@@ -25,12 +25,12 @@ radius = "0.1 m"
 {laws}
 [[steps]]
 normal_force = 500.0
-[output]
+{load}[output]
 figures = false
 vtu = false
 """
 FRICTION = '[contact.law]\nname = "isotropic-coulomb"\nmu = 0.3\n'
-CONDUCTION = '[conductivity]\nelectric = { name = "step", kappa = inf }\nmagnetic = { name = "step", kappa = inf }\n'
+PARTIAL_SLIP = "tangential_force = [75.0, 0.0]\n"
 
 
 # the command, then the peak of the new process
@@ -44,10 +44,10 @@ finally:
 """
 
 
-@pytest.mark.parametrize("laws", ["", FRICTION, FRICTION + CONDUCTION], ids=["normal", "friction", "all"])
-def test_announced_memory(laws: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("laws", "load"), [("", ""), (FRICTION, PARTIAL_SLIP)], ids=["normal", "friction"])
+def test_announced_memory(laws: str, load: str, tmp_path: Path) -> None:
     file = tmp_path / "case.toml"
-    file.write_text(CASE.format(laws=laws), encoding="utf-8")
+    file.write_text(CASE.format(laws=laws, load=load), encoding="utf-8")
     case = load_case(file)
     words = "run", str(file), "--out", str(tmp_path / "out"), "--threads", "1"
     # arrays are returned when they are freed, as the larger ones of large grids are anyway
