@@ -190,7 +190,7 @@ def _frictional_heat(problem: ContactProblem, pressure: float, motion: Array) ->
     """Return the heat flux (channels,) that friction generates at a pressure [Pa] in the slip of the indenter."""
     generated = np.zeros(len(problem.channels))
     channel = thermal_channel(problem)
-    if channel is None:
+    if channel is None or not problem.friction_heat:
         return generated
     slip = float(np.linalg.norm([largest(indenter_field(problem, axis, motion)) for axis in range(2)]))
     traction = np.tile([_SLIDING * pressure, 0.0, -pressure], (len(problem.gap), 1))
@@ -203,7 +203,7 @@ def _joule_heat(problem: ContactProblem, pressure: float, drop: Array, flux: Arr
     """Return the heat (channels,) that a current generates at a pressure [Pa], a drop and a prescribed flux."""
     generated = np.zeros(len(problem.channels))
     channel, electric = thermal_channel(problem), ELECTRIC - N_MECHANICAL
-    if channel is None:
+    if channel is None or not problem.joule_heat:
         return generated
     potential = np.maximum(drop, flux * self_compliance)
     share = _transmitted(problem, pressure, potential, self_compliance)

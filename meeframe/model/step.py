@@ -26,7 +26,6 @@ _FURTHER_UNITS: Final = {"sliding": "m", "max_pressure_change": "1", "duration":
 """Units of the quantities of a step that are no motions or resultants."""
 
 Pair = tuple[float, float]
-_INSTEAD: Final = "tangential_force or force_ratio without a creepage"
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,10 @@ class Step:
             keys += ["tangential_force", "force_ratio"]
         for key in keys:
             if getattr(self, key) is not None:
-                allowed = "its spin" if key in ("twist", "torque") else f"its creepage, or {_INSTEAD}"
+                rotates = key in ("twist", "torque")
+                allowed = (
+                    "its spin" if rotates else "its creepage, or tangential_force or force_ratio without a creepage"
+                )
                 raise CaseError(f"{key} and rolling are both given; allowed: rolling with {allowed}")
         if self.rolling.speed is not None and self.duration is not None:
             raise CaseError("duration and the speed of rolling are both given; allowed: one of them")

@@ -17,7 +17,6 @@ from meeframe.formulations.dense_bem.layout import NONE, Layout, boundary_fields
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.units import Units, characteristic_length, check_expansion
 from meeframe.greens import Tabulated
-from meeframe.greens.decoupled import bind_fields
 
 __all__ = [
     "BUFFER_TOO_SMALL",
@@ -30,7 +29,6 @@ __all__ = [
     "Units",
     "anisotropy",
     "bind_body",
-    "bind_fields",
     "boundary_fields",
     "characteristic_length",
     "check_expansion",

@@ -79,13 +79,11 @@ def curves(result: Result) -> list[Curve]:
     drawn += _rolling_curves(result, [step for step in steps if step.loading.rolling is not None])
     dissipated = np.cumsum([total.dissipated_energy for total in totals])[:, None]
     if dissipated.any():
-        numbers = _column(list(range(1, len(steps) + 1)))
         words = "dissipated energy\nsince the beginning"
-        drawn.append(Curve("dissipated energy", ("increments", "", numbers), (words, "J", dissipated)))
+        drawn.append(Curve("dissipated energy", _numbers("increments", steps), (words, "J", dissipated)))
     volumes = _column([total.worn_volume for total in totals])
     if volumes.any():
-        numbers = _column(list(range(1, len(steps) + 1)))
-        drawn.append(Curve("worn volume", ("increments", "", numbers), ("worn volume", "m³", volumes)))
+        drawn.append(Curve("worn volume", _numbers("increments", steps), ("worn volume", "m³", volumes)))
     return drawn
 
 
@@ -100,13 +98,18 @@ def _rolling_curves(result: Result, steps: Sequence[StepResult]) -> Iterator[Cur
     distance = _column([each["rolled_distance"] for each in numbers])
     across = ("rolled distance", "m", distance)
     if not np.ptp(distance):
-        across = ("steady increments", "", _column(list(range(1, len(steps) + 1))))
+        across = _numbers("steady increments", steps)
     for name, unit in (("creep_force", "N"), ("creepage", "")):
         values = np.array([each[name] for each in numbers])
         words = name.replace("_", " ")
         yield Curve(words, across, (words, unit, values), ("longitudinal", "lateral"), covers_all=False)
     sticking = _column([resultants(result.zone, step).stick_area for step in steps])
     yield Curve("sticking area", across, ("sticking area", "m²", sticking), covers_all=False)
+
+
+def _numbers(name: str, steps: Sequence[StepResult]) -> tuple[str, str, Array]:
+    """Return the numbers of increments from 1, across a curve."""
+    return name, "", _column(list(range(1, len(steps) + 1)))
 
 
 def _column(values: Sequence[float]) -> Array:

@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from meeframe.common.errors import CaseError, ResultError
@@ -22,7 +23,7 @@ from meeframe.system.two_body import TURN_OVER
 
 @dataclass(frozen=True, eq=False)
 class ReducedRun:
-    """A finished run with the reduced system of its bodies.
+    """A finished run whose bodies are reduced when their fields are first needed.
 
     Attributes
     ----------
@@ -30,15 +31,12 @@ class ReducedRun:
         The result.
     case
         Its case.
-    system
-        The reduced system.
     progress
         Function that receives a stage and the fraction done.
     """
 
     result: Result
     case: Case
-    system: ReducedSystem
     progress: Progress = silent
 
     @classmethod
@@ -49,10 +47,14 @@ class ReducedRun:
         registry: Registry | None = None,
         progress: Progress = silent,
     ) -> "ReducedRun":
-        """Reduce the bodies of a run; the arguments are those of `interior`."""
+        """Return a run with its case; the arguments are those of `interior`."""
         result = run if isinstance(run, Result) else read_result(Path(run))
-        of_run = _case(result, case, registry)
-        return cls(result, of_run, reduce(of_run, progress), progress)
+        return cls(result, _case(result, case, registry), progress)
+
+    @cached_property
+    def system(self) -> ReducedSystem:
+        """The reduced system of the bodies."""
+        return reduce(self.case, self.progress)
 
     def interior(
         self, points: Array | PointGrid | None = None, step: Which = None, body: Body = "first"

@@ -120,7 +120,7 @@ class BarzilaiBorwein(Solver):
     check_interval: ClassVar[int] = 10
 
     def check(self, problem: ContactProblem) -> None:
-        """Raise CaseError if friction heats the body."""
+        """Raise CaseError if friction or a current heats the body."""
         check_no_generated_heat(problem, "uzawa-bb")
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
@@ -152,7 +152,7 @@ class Nesterov(Solver):
     check_interval: ClassVar[int] = 10
 
     def check(self, problem: ContactProblem) -> None:
-        """Raise CaseError if friction heats the body."""
+        """Raise CaseError if friction or a current heats the body."""
         check_no_generated_heat(problem, "uzawa-nesterov")
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:

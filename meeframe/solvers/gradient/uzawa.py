@@ -78,7 +78,7 @@ class Uzawa(Solver):
                     raise CaseError(f"Uzawa: {name} = {value!r}: {error}, or 'auto'") from None
 
     def check(self, problem: ContactProblem) -> None:
-        """Raise CaseError if friction heats the body."""
+        """Raise CaseError if friction or a current heats the body."""
         check_no_generated_heat(problem, "uzawa")
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:

@@ -1,7 +1,6 @@
 """Contact with heat on half spaces: closed forms, energy balance, solvers, and case files."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from meeframe_halfspace import HalfSpace
 from meeframe_laws.conductivity import PowerLaw, Robin
 
-from meeframe import load_case, solve_case
+from meeframe import solve_case
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactSolution, PrescribedResultant, Solver, Status
@@ -368,18 +367,9 @@ duration = "0.1 s"
 """
 
 
-def case(folder: Path, *changes: tuple[str, str]) -> Any:
-    text = CASE
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    (folder / "case.toml").write_text(text, encoding="utf-8")
-    return load_case(folder / "case.toml")
-
-
-def test_case_with_heat(tmp_path: Path) -> None:
+def test_case_with_heat(load_changed: Any) -> None:
     """Friction reduces the heat that leaves the indenter by conduction and adds its share; names are in the result."""
-    result = solve_case(case(tmp_path))
+    result = solve_case(load_changed(CASE))
     still, sliding = result.steps
     assert (still.status, sliding.status) == (Status.CONVERGED, Status.CONVERGED)
     assert resultants(result.zone, still).heat < -0.1
@@ -391,7 +381,7 @@ def test_case_with_heat(tmp_path: Path) -> None:
     np.testing.assert_allclose(sliding.fluxes[:, 2], flux, rtol=0.0, atol=1e-6 * np.abs(flux).max())
 
 
-def test_messages_state_frictional_heat_and_reference_radius(tmp_path: Path) -> None:
+def test_messages_state_frictional_heat_and_reference_radius(load_changed: Any) -> None:
     """lambda = delta share mu V E* a / (2 pi), of the radius of the contact area."""
     steel = (
         'name = "batio3-cofe2o4"\nthermal = true',
@@ -399,7 +389,7 @@ def test_messages_state_frictional_heat_and_reference_radius(tmp_path: Path) -> 
         f"thermal_conductivity = {CONDUCTIVITY}\nthermal_expansion = {EXPANSION}",
     )
     radius = ('formulation = "half-space"', 'formulation = {name = "half-space", reference_radius = "2 mm"}')
-    given = case(tmp_path, steel, radius, ("1 mm", "20 mm"))
+    given = load_changed(CASE, steel, radius, ("1 mm", "20 mm"))
     assert any("reference_radius = 0.002 m" in text for text in given.warnings)
     result = solve_case(given)
     last = result.steps[-1]
@@ -436,18 +426,20 @@ def test_messages_state_frictional_heat_and_reference_radius(tmp_path: Path) -> 
         ),
     ],
 )
-def test_invalid_cases(tmp_path: Path, changes: list[tuple[str, str]], message: str) -> None:
+def test_invalid_cases(load_changed: Any, changes: list[tuple[str, str]], message: str) -> None:
     with pytest.raises(CaseError, match=message):
-        case(tmp_path, *changes)
+        load_changed(CASE, *changes)
 
 
-def test_approach_with_reference_radius_or_without_heat(tmp_path: Path) -> None:
+def test_approach_with_reference_radius_or_without_heat(load_changed: Any) -> None:
     radius = ('formulation = "half-space"', 'formulation = {name = "half-space", reference_radius = "2 mm"}')
-    assert case(tmp_path, radius, ('normal_force = "1 kN"', 'approach = "5 um"')).formulation.reference_radius == 2e-3
-    case(tmp_path, ('normal_force = "1 kN"', 'approach = "5 um"\nheat = 0'))
+    assert (
+        load_changed(CASE, radius, ('normal_force = "1 kN"', 'approach = "5 um"')).formulation.reference_radius == 2e-3
+    )
+    load_changed(CASE, ('normal_force = "1 kN"', 'approach = "5 um"\nheat = 0'))
 
 
-def test_layers_that_expand_are_refused(tmp_path: Path) -> None:
+def test_layers_that_expand_are_refused(load_changed: Any) -> None:
     layer = '[[layers]]\nthickness = "1 mm"\nmaterial = {name = "batio3", thermal = true}\n[[steps]]\nnormal_force'
     with pytest.raises(CaseError, match="not supported in bodies with layers"):
-        case(tmp_path, ("[[steps]]\nnormal_force", layer))
+        load_changed(CASE, ("[[steps]]\nnormal_force", layer))

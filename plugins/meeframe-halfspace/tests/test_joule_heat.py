@@ -1,6 +1,5 @@
 """Heat of a current through the contact: a film that conducts poorly in closed form, energy, and refused cases."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 from meeframe_halfspace import HalfSpace
 from meeframe_laws.conductivity import PowerLaw, Robin
 
-from meeframe import load_case, solve_case
+from meeframe import solve_case
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactSolution, PrescribedResultant, Status
@@ -127,18 +126,9 @@ charge = -200
 """
 
 
-def case(folder: Path, *changes: tuple[str, str]) -> Any:
-    text = CASE
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    (folder / "case.toml").write_text(text, encoding="utf-8")
-    return load_case(folder / "case.toml")
-
-
-def test_case_with_a_prescribed_current(tmp_path: Path) -> None:
+def test_case_with_a_prescribed_current(load_changed: Any) -> None:
     """All heat is half of the electric power, the rest heats the indenter; thermally the contact insulates."""
-    result = solve_case(case(tmp_path))
+    result = solve_case(load_changed(CASE))
     (step,) = result.steps
     assert step.status is Status.CONVERGED
     weights, current = result.zone.weights, step.fluxes[:, 0]
@@ -158,6 +148,6 @@ def test_case_with_a_prescribed_current(tmp_path: Path) -> None:
         ([("charge = -200", "electric_potential = 1\napproach = '1 um'"), ('normal_force = "1 kN"', "")], "level"),
     ],
 )
-def test_invalid_cases(tmp_path: Path, changes: list[tuple[str, str]], message: str) -> None:
+def test_invalid_cases(load_changed: Any, changes: list[tuple[str, str]], message: str) -> None:
     with pytest.raises(CaseError, match=message):
-        case(tmp_path, *changes)
+        load_changed(CASE, *changes)

@@ -14,7 +14,7 @@ from meeframe.testing.closed_forms_wear import flat_punch_decay, fretting_force,
 YOUNG, POISSON, COEFFICIENT, FORCE = 200e9, 0.3, 1e-13, 100.0
 MODULUS = YOUNG / (1.0 - POISSON**2)
 RADIUS = 1e-3
-"""Of the flat punch [m]."""
+"""Radius of the flat punch [m]."""
 
 
 def case(indenter: object, steps: list[meeframe.Step], width: float, cells: int, **changes: object) -> meeframe.Case:

@@ -16,7 +16,7 @@ from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.force_control import TIGHT
 
 PRESSURE, STIFFNESS = 1e8, 1e13
-"""Of the springs [Pa], [Pa/m]."""
+"""Pressure on the springs [Pa], and their stiffness [Pa/m]."""
 WEAK = SlipWeakening(0.6, 0.2, 1e-5)  # softens at 4e12 Pa/m under that pressure, less than the stiffness of the springs
 BRITTLE = SlipWeakening(0.6, 0.2, 2e-6)  # at 2e13 Pa/m, more than the stiffness of the springs
 

@@ -18,7 +18,7 @@ from meeframe.model.solve import solve_case
 from meeframe.model.wear import without_wear
 
 STIFFNESS, DEPTH, RADIUS = 1e14, 10e-6, 0.1
-"""Of the springs [Pa/m], the approach and the sphere [m]."""
+"""Stiffness of the springs [Pa/m], approach and radius of the sphere [m]."""
 COEFFICIENT = 1e-13
 WEAR = '\n[contact.wear]\nname = "archard"\ncoefficient = "1e-13 1/Pa"\n'
 PRESS = ('approach = "10 um"', 'approach = "10 um"\nsliding = 0')

@@ -25,6 +25,7 @@ from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.system.capabilities import InteriorFields
 from meeframe.system.reduced import silent
 from meeframe.testing.capabilities import check_capabilities
+from meeframe.testing.formulation import check_exact
 from meeframe.testing.manufactured import ThermalField, prescribe, relative_errors, with_heat
 
 MATERIAL = (
@@ -82,15 +83,7 @@ def test_loads_and_heat_on_the_zone_give_the_exact_field():
     kinds = {"base": "vvvvvv", "top": "ffffff", "side_x-": "fffffv", "side_x+": "vvvvvf"}
     kinds |= {"side_y-": "vvvvvf", "side_y+": "ffffff"}
     system = TIGHT.reduce(block(field, kinds, Quad9()))
-    signs = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
-
-    def local(columns):
-        return np.column_stack([np.einsum("nai,ni->na", system.frames, columns[:, :3]), columns[:, 3:]])
-
-    load = local(field.fluxes(system.points, np.tile([0.0, 0.0, 1.0], (len(system.points), 1))))
-    exact = local(field.values(system.points)) * signs
-    error = np.abs(system.offset + system.apply(load) - exact).max(axis=0)
-    assert (error <= 1e-8 * np.abs(exact).max(axis=0)).all()
+    check_exact(system, field, 1e-8)
 
 
 def test_default_accuracy_of_a_heated_body():

@@ -12,7 +12,7 @@ from meeframe.results.summary import summary
 from meeframe.system.reduced import NodalFields
 
 EXTENT = np.array([2.0, 2.0, 1.5])
-"""Of the block along the axes [m]."""
+"""Extent of the block along the axes [m]."""
 
 
 def faces(name, flux):
