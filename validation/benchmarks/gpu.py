@@ -23,7 +23,7 @@ from meeframe.system.capabilities import apply_fields
 from meeframe.system.reduced import ReducedSystem
 
 TITLE = "On a graphics processor"
-SIZES, QUICK = (64, 128, 256, 512, 1024, 2048), (64, 128, 256)
+SIZES, QUICK = (256, 512, 1024, 2048), (256,)
 JOBS = (
     ("rough, periodic", 1024),
     ("sphere, friction and conduction", 512),
@@ -31,7 +31,6 @@ JOBS = (
     ("sphere, friction and conduction", 1024),
     ("rough, periodic", 2048),
     ("rough, free", 2048),
-    ("sphere, friction and conduction", 2048),
 )
 CORES = len(os.sched_getaffinity(0))
 REPEATS = 5
