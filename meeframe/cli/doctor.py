@@ -153,6 +153,19 @@ def _extras() -> Iterator[Finding]:
         state = f"missing: {', '.join(missing)}; pip install 'meeframe[{extra}]'" if missing else "installed"
         yield Finding(section, extra, f"{purpose}: {state}")
         section = ""
+    yield Finding("", "cupy", f"device = 'gpu' of half-space: {_graphics_processor()}")
+
+
+def _graphics_processor() -> str:
+    try:
+        import cupy
+    except ImportError as error:
+        return f"missing: {error}; pip install the package of CuPy for the CUDA version of this machine"
+    try:
+        count = cupy.cuda.runtime.getDeviceCount()
+    except cupy.cuda.runtime.CUDARuntimeError as error:
+        return f"CuPy {cupy.__version__} finds no device: {error}"
+    return f"CuPy {cupy.__version__}, devices: {count}"
 
 
 def _missing(distribution: str, extra: str) -> Iterator[str]:

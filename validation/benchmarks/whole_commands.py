@@ -80,9 +80,10 @@ def jobs(quick: bool) -> list[tuple[str, int]]:
     return [*one_field, *((job, n) for job in coupled for n in (QUICK if quick else COUPLED_SIZES))]
 
 
-def run(case: Path, out: Path, caches: Path) -> Record:
+def run(case: Path, out: Path, caches: Path, threads: int = 1) -> Record:
     """Return times, peak memory and stages of `meeframe run` in a new process."""
-    command = [sys.executable, "-m", "meeframe", "run", str(case), "--out", str(out), "--threads", "1", "--overwrite"]
+    options = ["--out", str(out), "--threads", str(threads), "--overwrite"]
+    command = [sys.executable, "-m", "meeframe", "run", str(case), *options]
     start = time.perf_counter()
     process = subprocess.Popen(
         command, env=users_environment(caches), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True

@@ -82,7 +82,7 @@ class ReducedJacobian:
 
     def select(self, rows: Array) -> Array:
         """Return the coupled rows (r c,) of all rows (n, fields + 1)."""
-        return np.where(self.coupled, rows[self.nodes].T[self.components], 0.0).ravel()
+        return np.where(self.coupled, rows.T[self.components].take(self.nodes, axis=1), 0.0).ravel()
 
     def step(self, values: Array, prescribed: Array) -> Array:
         """Return the step (n, fields + 1) with unknowns (r c,) in the coupled rows and `prescribed` values elsewhere.
@@ -104,12 +104,12 @@ class ReducedJacobian:
         image = np.zeros(self.coupled.shape, self.precision)
         load = prescribed[:, :FRACTION].astype(self.precision, order="F")
         response = apply_load(self.equation.problem.system, load, self.displacement_fields)
-        self.of_displacement.add(response[self.nodes].T, image)
-        local = prescribed[self.nodes]
+        self.of_displacement.add(response.T.take(self.nodes, axis=1), image)
+        local = prescribed.T.take(self.nodes, axis=1)
         for (row, column), entry in blocks.a.entries.items():
             if row in self.components:
                 position = self.components.index(row)
-                image[position] += np.where(self.coupled[position], entry[self.nodes] * local[:, column], 0.0)
+                image[position] += np.where(self.coupled[position], entry.take(self.nodes) * local[column], 0.0)
         return image.ravel()
 
     def multiplication(self) -> Linear:
@@ -124,7 +124,8 @@ class ReducedJacobian:
             for field_load, unit, unknown in zip(load, units, unknowns, strict=False):
                 field_load[self.nodes] = unit * unknown
             product = a.times(unknowns)
-            b.add(apply_fields(system, load.T, fields, self.displacement_fields)[self.nodes].T, product)
+            displacement = apply_fields(system, load.T, fields, self.displacement_fields)
+            b.add(displacement.T.take(self.nodes, axis=1), product)
             return product.ravel()
 
         return multiply

@@ -151,9 +151,9 @@ def _solution_of_loads(jacobian: ReducedJacobian) -> Linear:
         solution = np.zeros_like(right)
         right_products.add(right, solution)
         if inverse is not None:
-            displacement = displacement_products.times(right)
-            zone_displacement[:, jacobian.nodes] = displacement
-            inverse_products.add(inverse(zone_displacement.T)[jacobian.nodes].T, solution)
+            for of_zone, of_contact in zip(zone_displacement, displacement_products.times(right), strict=True):
+                of_zone[jacobian.nodes] = of_contact
+            inverse_products.add(inverse(zone_displacement.T).T.take(jacobian.nodes, axis=1), solution)
         return solution
 
     return solve

@@ -13,6 +13,7 @@ import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
 from meeframe.plugin import Array, Indices
+from meeframe_halfspace.array_library import MIN_PADDED_NODES, ArrayLibrary
 from meeframe_halfspace.entries import entry_layout
 from meeframe_halfspace.grid_response import DOUBLE
 from meeframe_halfspace.kernels import multiply_waves
@@ -113,6 +114,8 @@ class Convolution:
         (fields, fields) factors of the response in each field to a load in each field.
     source
         Field that acts on others without reaction, see EntryLayout; None if there is none.
+    library
+        Library in whose memory large products are computed; None for numpy and the threads of this process.
 
     Notes
     -----
@@ -125,10 +128,13 @@ class Convolution:
     padded: tuple[int, int]
     scale: Array
     source: int | None = None
+    library: ArrayLibrary | None = None
     _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
+    _copies: dict[np.dtype[Any], tuple[Array, Any]] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_products": {}}  # they hold indices of entries that are not pickled
+        # products hold indices of entries, and the library copies of entries, that are not pickled
+        return self.__dict__ | {"_products": {}, "_copies": {}}
 
     @property
     def periodic(self) -> bool:
@@ -142,11 +148,34 @@ class Convolution:
         """
         if len(load) != len(loaded):
             raise ValueError(f"loads of {len(load)} fields are given for the {len(loaded)} fields {list(loaded)}")
+        product = self._product(tuple(loaded), tuple(fields), load.dtype)
+        if not product.answering:
+            return np.zeros((len(fields), *self.size), load.dtype)
+        if self.library is None or math.prod(self.padded) < MIN_PADDED_NODES:
+            answer = self._answer(load, product)
+        else:
+            answer = self.library.response(
+                load, self._copy(load.dtype), product.terms, product.factors, len(product.answering), self.padded
+            )
+        if len(answer) == len(fields):
+            return answer
+        response = np.zeros((len(fields), *self.size), load.dtype)
+        response[product.answering] = answer
+        return response
+
+    def _copy(self, precision: np.dtype[Any]) -> Any:
+        """Return the entries of the symbol in the memory of the library."""
+        assert self.library is not None
+        entries, _ = self.symbol.entries((), precision)
+        known = self._copies.get(precision)
+        if known is None or known[0] is not entries:
+            known = self._copies[precision] = entries, self.library.xp.asarray(entries)
+        return known[1]
+
+    def _answer(self, load: Array, product: _Product) -> Array:
+        """Return the response (k, nx, ny) in the fields that respond."""
         (nx, ny), (px, py), precision = self.size, self.padded, load.dtype
-        product = self._product(tuple(loaded), tuple(fields), precision)
         count, most = len(product.answering), max(len(load), len(product.answering))
-        if not count:
-            return np.zeros((len(fields), nx, ny), precision)
         entries, _ = self.symbol.entries((), precision)
         half, complex_ = px // 2 + 1, np.result_type(precision, np.complex64)
         spectra = _workspace("spectra", (most, half, ny), complex_)  # of loads, then row by row of their responses
@@ -173,11 +202,7 @@ class Convolution:
             (transform_back, _blocks(ny, px * precision.itemsize * count)),
         ]
         _work(stages, numba.get_num_threads() if spectra.nbytes >= MIN_SHARED_BYTES else 1)
-        if count == len(fields):
-            return answer
-        response = np.zeros((len(fields), nx, ny), precision)
-        response[product.answering] = answer
-        return response
+        return answer
 
     def _product(self, loaded: tuple[int, ...], fields: tuple[int, ...], precision: np.dtype[Any]) -> _Product:
         key = loaded, fields, precision

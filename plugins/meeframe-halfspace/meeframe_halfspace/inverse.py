@@ -62,7 +62,7 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int], waves: Symbol 
             if layout.sign[field, other] >= sign and np.abs(values).max() > NEGLIGIBLE * alone[row] * alone[column]:
                 nonzero[int(number[field, other])] = values
     result = Symbol.of(np.array(list(nonzero.values())), list(nonzero), parities)
-    return Convolution(result, convolution.size, padded, 1.0 / convolution.scale.T)
+    return Convolution(result, convolution.size, padded, 1.0 / convolution.scale.T, library=convolution.library)
 
 
 def _between(entry: Array, parity: float) -> Array:

@@ -27,6 +27,7 @@ from meeframe.plugin import (
     Subsystem,
     ZoneRecovery,
 )
+from meeframe_halfspace.array_library import ArrayLibrary
 from meeframe_halfspace.coarsening import bilinear, box, coarse_grid, row_major_grid
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
@@ -208,7 +209,7 @@ class HalfSpaceSystem(
             offset=self._no_offset(nodes.size),
             grid=grid,
             grid_response=response,
-            convolution=convolution_of(response),
+            convolution=convolution_of(response, self.convolution.library),
             shares=self.shares[nodes],
         )
         return Coarsening(system, nodes, partial(_prolong, self.grid, grid.size, self.convolution.periodic))
@@ -243,7 +244,7 @@ class HalfSpaceSystem(
             response = self.grid_response.restrict(size)
             if response is None:
                 return None
-            known = [(response, convolution_of(response))]
+            known = [(response, convolution_of(response, self.convolution.library))]
         self._subgrid_responses[:] = [*others, *known][-STORED_SUBGRIDS:]
         return known[0]
 
@@ -265,12 +266,15 @@ def potential_signs(n_fields: int) -> Array:
     return signs
 
 
-def convolution_of(response: GridResponse) -> Convolution:
-    """Return the convolution in SI units with the signs of ReducedSystem; its entries are computed on demand."""
+def convolution_of(response: GridResponse, library: ArrayLibrary | None = None) -> Convolution:
+    """Return the convolution in SI units with the signs of ReducedSystem; its entries are computed on demand.
+
+    library: see Convolution.
+    """
     factors = response.response.factors
     scale = np.outer(factors * potential_signs(len(factors)), factors)
     symbol = Symbol(response.symbol, response.series.numbers, response.series.parities)
-    return Convolution(symbol, response.size, response.padded, scale, response.response.layout.source)
+    return Convolution(symbol, response.size, response.padded, scale, response.response.layout.source, library)
 
 
 def _prolong(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:

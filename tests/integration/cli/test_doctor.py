@@ -1,5 +1,6 @@
 """Test `meeframe doctor`: versions, caches, plugins, optional packages, exit status."""
 
+import sys
 from importlib import metadata
 from pathlib import Path
 
@@ -47,6 +48,13 @@ def test_missing_package_is_named_with_install_command(monkeypatch):
     sweep = find_row()["sweep"]
     assert "missing: xarray; pip install 'meeframe[sweep]'" in sweep.text
     assert not sweep.problem
+
+
+def test_missing_cupy_is_no_problem(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cupy", None)
+    cupy = find_row()["cupy"]
+    assert "device = 'gpu' of half-space: missing" in cupy.text
+    assert not cupy.problem
 
 
 def test_missing_plugin_is_named_with_install_command():
