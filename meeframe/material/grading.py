@@ -129,7 +129,8 @@ class Grading:
             return mixture(self.material, material, factor)
         tensors = {name: factor * getattr(material, name) for name in SYMBOLS}
         decoupled = tuple((field, factor * coefficient) for field, coefficient in material.decoupled)
-        return replace(material, **tensors, decoupled=decoupled)
+        moduli = None if material.thermal_moduli is None else factor * material.thermal_moduli
+        return replace(material, **tensors, decoupled=decoupled, thermal_moduli=moduli)
 
 
 def _compliance(layers: tuple[Layer, ...], thickness: float, lowest: Material) -> NDArray[np.complex128]:
