@@ -62,7 +62,7 @@ def point_difference(series: RadialSeries, thickness: float, distance: float) ->
 
 
 def heat_difference(
-    series: RadialSeries, thickness: float, depth: float, distance: float, reference_radius: float | None
+    series: RadialSeries, thickness: float, depth: float, distance: float, reference_radii: Array
 ) -> RadialSeries:
     """Return the difference of the response to heat through a point, laid out as ThermalResponse.point_entry.
 
@@ -72,10 +72,10 @@ def heat_difference(
         As for `point_difference`, the series that of y_h(k, m).
     depth
         Thickness of all layers [m].
-    reference_radius
-        Radius [m] at which the mean over all directions vanishes, for a difference from a response with the same
-        radius. None where the response of the layers has no undetermined level, as on a rigid base: it is then the
-        difference from the response of the top material with `level_radius` of the depth.
+    reference_radii
+        Radii (fields,) [m] at which the mean over all directions vanishes, for a difference from a response with the
+        same radii. NaN for fields without an undetermined level, as those on a rigid base: their response vanishes far
+        away, and is the difference from that of the top material with `level_radius` of the depth.
 
     Raises
     ------
@@ -97,8 +97,10 @@ def heat_difference(
         return _integrals(terms, rest * (weights / k)[:, None], np.outer(r, k)) + limit * level[:, None]
 
     level = np.zeros(len(limit))
-    if reference_radius is not None:
-        level = np.where(is_mean, integrals(np.array([reference_radius]), reference_radius, reference_radius)[0], 0.0)
+    radii = reference_radii[terms.entries % len(reference_radii)]
+    for radius in np.unique(radii[np.isfinite(radii)]).tolist():
+        chosen = is_mean & (radii == radius)
+        level[chosen] = integrals(np.array([radius]), radius, radius)[0, chosen]
 
     def values(r: Array, low: float, high: float) -> Array:
         return (integrals(r, low, high) - level) * scale
@@ -107,7 +109,7 @@ def heat_difference(
 
 
 def level_radius(depth: float) -> float:
-    """Return the reference radius [m] of the top material that `heat_difference` completes on a rigid base.
+    """Return the radius [m] of the top material that `heat_difference` completes where no level is undetermined.
 
     The integral of (J_0(k r) - exp(-b k)) / k vanishes at r = 2 b; b is twice the thickness of all layers.
     """

@@ -60,7 +60,8 @@ class HalfSpace(Formulation):
     reference_radius
         Distance [m] from a point where heat flows out, at which its mean effect on the displacement and the potentials
         vanishes. A half space leaves that level undetermined: without this length, contact with heat flow needs
-        prescribed forces and total fluxes, which do not depend on it.
+        prescribed forces and total fluxes, which do not depend on it. Not for layers on a rigid base, which determines
+        all levels.
     """
 
     density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"

@@ -24,7 +24,7 @@ from meeframe_halfspace.grid_response import (
     symbol_mean,
 )
 from meeframe_halfspace.layered_grid import LayeredFreeGrid, LayeredPeriodicGrid, add_waves, widest_offset
-from meeframe_halfspace.layered_symbol import uniform_heat
+from meeframe_halfspace.layered_symbol import undetermined_levels, uniform_heat
 from meeframe_halfspace.response import mirror_parity
 from meeframe_halfspace.thermal import ENTRIES, ThermalResponse
 from meeframe_halfspace.thermal_cells import heat_table
@@ -42,45 +42,42 @@ class HeatedGrid(GridResponse):
     ----------
     base
         The response without that action.
-    reference_radius
-        Radius [m] at which the mean response to heat at a point vanishes, that of the top material of layers; without
-        effect on a periodic grid, whose response to heat has zero mean.
+    reference_radii
+        Radii (N_FIELDS,) [m] at which the mean response of the material at the surface to heat at a point vanishes;
+        without effect on a periodic grid, whose response to heat has zero mean.
     table
         Difference of the response of layers to heat from that of their top material, on a free grid with layers.
     """
 
     base: FreeGrid | PeriodicGrid | LayeredFreeGrid | LayeredPeriodicGrid
-    reference_radius: float
+    reference_radii: Array
     table: DifferenceTable | None = None
 
     @classmethod
     def of(cls, base: FreeGrid | PeriodicGrid, reference_radius: float) -> "HeatedGrid":
         """Return the response on the grid of `base`, whose point response includes heat."""
-        return cls(base.response, base.spacing, base.size, base, reference_radius)
+        return cls(base.response, base.spacing, base.size, base, np.full(N_FIELDS, reference_radius))
 
     @classmethod
     def of_layers(cls, base: LayeredFreeGrid | LayeredPeriodicGrid, reference_radius: float) -> "HeatedGrid":
         """Return the response on the grid of `base`, on layers.
 
-        The radius has no effect on a rigid base, where no level is undetermined. Raises MaterialError as
-        `heat_difference`.
+        The radius has no effect on fields whose level is not undetermined, as on a rigid base or above an electrode.
+        Raises MaterialError as `heat_difference`.
         """
         layers = base.layers
+        radii = np.full(N_FIELDS, reference_radius)
         if isinstance(base, LayeredPeriodicGrid):
-            return cls(base.response, base.spacing, base.size, base, reference_radius)
+            return cls(base.response, base.spacing, base.size, base, radii)
         assert layers.heat_difference is not None
-        on_base, depth = layers.body.layers.base is not None, layers.depth
-        difference = heat_difference(
-            layers.heat_difference,
-            layers.thickness,
-            depth,
-            widest_offset(base.spacing, base.size),
-            None if on_base else reference_radius,
-        )
-        height = 2.0 * min(layers.heat_decay * layers.thickness, depth)
+        determined = np.setdiff1d(np.arange(N_FIELDS), undetermined_levels(layers.body, layers.frame))
+        radii[determined] = np.nan
+        offset = widest_offset(base.spacing, base.size)
+        difference = heat_difference(layers.heat_difference, layers.thickness, layers.depth, offset, radii)
+        radii[determined] = level_radius(layers.depth)
+        height = 2.0 * min(layers.heat_decay * layers.thickness, layers.depth)
         table = DifferenceTable(difference, ENTRIES, height, base.spacing, base.size, base.homogeneous.shape)
-        radius = level_radius(depth) if on_base else reference_radius
-        return cls(base.response, base.spacing, base.size, base, radius, table)
+        return cls(base.response, base.spacing, base.size, base, radii, table)
 
     @property
     def series(self) -> EntrySeries:
@@ -138,7 +135,8 @@ class HeatedGrid(GridResponse):
         """Return an entry of the response at offsets of a free grid, half of them if it is mirrored, see heat_table."""
         base = self.base.homogeneous if isinstance(self.base, LayeredFreeGrid) else self.base
         assert isinstance(base, FreeGrid)
-        values = heat_table(self._thermal, entry, self.spacing, base.shape, size, self.reference_radius)
+        radius = float(self.reference_radii[entry % N_FIELDS])
+        values = heat_table(self._thermal, entry, self.spacing, base.shape, size, radius)
         if self.table is None:
             return values
         is_half, ny = bool(mirror_parity(self.series.entry(self._first + entry)[0])), size[1]

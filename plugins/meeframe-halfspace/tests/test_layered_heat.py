@@ -62,7 +62,7 @@ def point_values(grid: Any, r: Array, theta: Array) -> tuple[Array, Array]:
     series, thermal = grid.table.difference, grid.response.thermal
     top, difference = np.zeros((len(r), 10)), np.zeros((10, len(r)))
     for number in range(10):
-        heat = PointHeat(*thermal.point_entry(number), grid.reference_radius)
+        heat = PointHeat(*thermal.point_entry(number), grid.reference_radii[number % 5])
         top[:, number] = heat.values(r * np.cos(theta), r * np.sin(theta))
     phases = np.outer(theta, series.terms.harmonics)
     waves = np.where(series.terms.sines == 1, np.sin(phases), np.cos(phases))
@@ -209,6 +209,25 @@ def test_thin_film_on_a_cold_rigid_base(temperature: float) -> None:
     assert hot["normal_force"] - cold["normal_force"] == pytest.approx(force, rel=order)
     assert hot["charge"] - cold["charge"] == pytest.approx(charge, rel=order)
     assert hot["heat"] == pytest.approx(heat, rel=order)
+
+
+def test_electrode_makes_results_independent_of_the_reference_radius() -> None:
+    """The charge on a film with a grounded electrode below it, in contact with an earthed tip, has no free level."""
+    electrode = meeframe.Interface(electrode="grounded")
+    steps = [meeframe.Step(normal_force=5e-3), meeframe.Step(temperature=60.0)]
+    layers = [meeframe.Layer(CERAMIC, UM, interface=electrode)]
+    cases = [
+        hot_case(layers, None, 10 * UM, steps, 3 * UM, 16, reference_radius=radius, matrix_up_to=0)
+        for radius in (1e-5, 1e-3, None)
+    ]
+    rows = [last_row(case) for case in cases]
+    assert {row["status"] for row in rows} == {"converged"}
+    for row in rows[1:]:
+        assert row["charge"] == pytest.approx(rows[0]["charge"], rel=1e-8)
+        assert row["heat"] == pytest.approx(rows[0]["heat"], rel=1e-8)
+    assert rows[1]["approach"] != pytest.approx(rows[0]["approach"], rel=1e-3)
+    levels = HalfSpace().undetermined_levels(body(FILM, METAL))
+    assert levels == (2, 4)
 
 
 def test_messages() -> None:

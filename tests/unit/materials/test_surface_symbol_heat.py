@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from meeframe.fields import Array, FieldScaling
 from meeframe.material import Material, library_material, rotation_about
+from meeframe.material.grading import Grading
 from meeframe.material.layers import Interface, Layer, LayerStack, RigidBase
-from meeframe.material.surface_symbol import Complex, SurfaceSymbol
+from meeframe.material.surface_symbol import Complex, Expansion, Medium, SurfaceSymbol
 from meeframe.material.thermal_half_space import thermal_response
 from meeframe.testing.closed_forms_layers import collocated_compliance
 
@@ -142,3 +144,21 @@ def test_nearly_degenerate_materials(change: float) -> None:
 
     exact = response(0.0)
     assert_close(response(change)[..., :3], exact[..., :3], 3.0 * change + 1e-12)
+
+
+def test_exponential_grading() -> None:
+    """With all constants as exp(a z), t and h are so as well, and the matrix of the depth is constant but for a."""
+    thickness, ratio, tolerance, angle = 1e-6, 4.5, 1e-3, 0.9
+    layers = Grading("exponential", ratio=ratio, tolerance=tolerance).sublayers(UPPER, thickness, Interface())
+    lowest, base = layers[-1].material, RigidBase(layers[-1].thickness)
+    one = symbol(LayerStack(layers[:-1], base), lowest, np.array([angle]))
+    medium = Medium.of(UPPER.stiffness, np.eye(3), np.array([angle]), expansion=Expansion(UPPER.thermal_moduli, HEAT))
+    for kh in (0.3, 1.0, 3.0):
+        state = medium.state[0].copy()
+        state[6:, 6:] += np.log(ratio) / kh * np.eye(6)
+        u, t = scipy.linalg.expm(kh * state)[:, 6:].reshape(2, 6, 6)
+        exact = (u @ np.linalg.inv(t))[:HEAT, HEAT] * medium.factors[:HEAT] * medium.factors[HEAT]
+        computed = heat_column(one, np.array([kh / thickness]))[0, 0]
+        assert (np.abs(computed - exact) / one.factors[:HEAT]).max() < tolerance * (
+            np.abs(exact) / one.factors[:HEAT]
+        ).max()
