@@ -82,7 +82,7 @@ class ReducedJacobian:
 
     def select(self, rows: Array) -> Array:
         """Return the coupled rows (r c,) of all rows (n, fields + 1)."""
-        return np.where(self.coupled, rows.T[self.components].take(self.nodes, axis=1), 0.0).ravel()
+        return np.where(self.coupled, rows.T.take(self.nodes, axis=1)[self.components], 0.0).ravel()
 
     def step(self, values: Array, prescribed: Array) -> Array:
         """Return the step (n, fields + 1) with unknowns (r c,) in the coupled rows and `prescribed` values elsewhere.

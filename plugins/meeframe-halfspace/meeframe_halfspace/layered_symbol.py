@@ -94,7 +94,7 @@ class LayeredResponse:
 
     @cached_property
     def heat_decay(self) -> float:
-        """As `decay`, with the decay of heat."""
+        """Slowest decay of waves of heat in the top layer, per k z."""
         angles = np.pi * np.arange(_FIRST_ANGLES) / _FIRST_ANGLES
         return float(Sampling(self.body, self.frame, is_heat=True).symbol(angles).slowest_decays[0])
 
