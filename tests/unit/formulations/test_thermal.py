@@ -86,6 +86,7 @@ def test_loads_and_heat_on_the_zone_give_the_exact_field():
     check_exact(system, field, 1e-8)
 
 
+@pytest.mark.full
 def test_default_accuracy_of_a_heated_body():
     mesh = box_mesh((1.0, 1.5, 0.8), (2, 2, 2), Quad9())
     field = ThermalField(MATERIAL, 20.0, np.array([30.0, -40.0, 25.0]))
