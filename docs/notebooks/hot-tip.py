@@ -17,7 +17,8 @@
 # - to prescribe the temperature of an indenter, and to read heat flow and thermal conductance,
 # - which charge or voltage a hot tip collects, and what it depends on,
 # - to tell the pyroelectric part from the piezoelectric one,
-# - to compare laws of thermal conductance in a sweep.
+# - to compare laws of thermal conductance in a sweep,
+# - how the charge of a film on a substrate differs from that of a thick body.
 #
 # **Not covered:** transients, and the change of the constants with temperature. Barium titanate loses its polarisation near 120
 # °C, so the tip is at most 60 K warmer than the body.
@@ -367,6 +368,71 @@ right.errorbar(
 )
 right.set_xticks(range(len(bounds)), bounds.index)
 right.set(ylabel="resistance, with bounds [K/mW]")
+
+# %% [markdown]
+# ## A film on silicon
+#
+# Films collect another charge. The film is on silicon, which conducts heat sixty times as well, with a grounded electrode between
+# them. Thermal constants of a library material without them are stated by `with_heat`.
+
+# %%
+silicon = library_material("silicon").with_heat(148.0, 2.6e-6)  # W/(m K), 1/K
+
+
+def hot_film(thickness):
+    """Return the table of a film of some thickness, or of a thick ceramic for None."""
+    electrode = meeframe.Interface(electrode="grounded")
+    layers = [meeframe.Layer(ceramic, thickness, interface=electrode)]
+    case = meeframe.Case(
+        material=ceramic if thickness is None else silicon,
+        layers=[] if thickness is None else layers,
+        mesh=meeframe.mesh.half_space("18 um", divisions=48),
+        formulation=meeframe.formulation("half-space", reference_radius=DISTANCE),
+        indenter=meeframe.Sphere(RADIUS),
+        conductivity={"electric": PERFECT, "thermal": PERFECT},
+        steps=[HELD_FORCE, meeframe.Step(temperature=TEMPERATURE)],
+    )
+    return case.solve(progress=False).to_dataframe()
+
+
+thicknesses = [0.3e-6, 1e-6, 3e-6, 10e-6, 30e-6, 100e-6, 1e-3]
+thick, *films = [hot_film(thickness) for thickness in (None, *thicknesses)]
+
+
+def by_heating(table, name):
+    """Return by how much heating changes a quantity."""
+    return table[name].iloc[-1] - table[name].iloc[0]
+
+
+film_charge = np.array([by_heating(table, "charge") for table in films])
+film_heat = -np.array([table["heat"].iloc[-1] for table in films])
+
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
+left.loglog(1e6 * np.array(thicknesses), 1e3 * film_heat, "o-")
+left.axhline(-1e3 * thick["heat"].iloc[-1], ls="--", color="gray")
+left.set(xlabel="thickness of the film [µm]", ylabel="heat into the body [mW]")
+right.semilogx(1e6 * np.array(thicknesses), 1e12 * film_charge, "o-")
+right.axhline(
+    1e12 * by_heating(thick, "charge"), ls="--", color="gray", label="thick ceramic"
+)
+right.set(xlabel="thickness of the film [µm]", ylabel="charge by heating [pC]")
+right.legend()
+
+# %% [markdown]
+# The silicon cools a thin film: much heat flows, but little of it changes the temperature of the film. There the charge even has
+# the other sign, because the heated silicon and the clamped film expand upwards and press on the tip. On thicker films the
+# pyroelectric part prevails. It does not end at the width of the contact: the electrode is where the film is earthed, and the
+# charge grows with the logarithm of its depth. A film as thick as the distance at which the thick ceramic is earthed has about the
+# charge of that. The reference radius has no effect on charge and potential above an electrode, only on the approach.
+
+# %%
+assert abs(film_heat[-1] / -thick["heat"].iloc[-1] - 1) < 0.01
+assert abs(film_charge[-1] / by_heating(thick, "charge") - 1) < 0.05
+assert (np.diff(film_heat) < 0).all()
+assert (np.diff(film_charge) < 0).all()
+assert film_charge[0] > 0
+print("charge of a film of 1 mm, per that of a thick ceramic:")
+print(f"{film_charge[-1] / by_heating(thick, 'charge'):.3f}")
 
 # %% [markdown]
 # ## Where to go next

@@ -7,6 +7,7 @@ until the nearest resultant found is the prescribed one or its difference proves
 
 Where the approach is prescribed, pressures follow from the solution, and so does the force that friction can bear.
 Insufficient friction shows once every law is satisfied, everything that resists slips, and resultants are still missed.
+So does insufficient pressure for a prescribed charge or flux: every law is satisfied, but no node conducts.
 """
 
 from typing import Final
@@ -14,13 +15,14 @@ from typing import Final
 import numpy as np
 import scipy  # submodules are loaded on first use
 
-from meeframe.contact.free_motion import maximal_traction, motions, reserve
+from meeframe.contact.conduction import potential_diagonal, resistances
+from meeframe.contact.free_motion import maximal_traction, motions, potentials, reserve
 from meeframe.contact.nested import has_nodal_data
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
 from meeframe.fields import MECHANICAL, N_MECHANICAL
-from meeframe.laws.base import is_adhesive
+from meeframe.laws.base import contact_traction, is_adhesive
 
 TOLERANCE: Final = 1e-6
 MAX_GENERATORS: Final = 200
@@ -146,6 +148,49 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
         f"and at the pressures found they reach {friction}; allowed: less, a motion in their place, or more pressure "
         "before they act"
     )
+
+
+def beyond_conduction(problem: ContactProblem, state: ContactState, scales: Scales) -> str | None:
+    """Return the reason why the contact cannot conduct a prescribed charge or flux; None if it may.
+
+    It cannot at the pressures of a state if the state satisfies everything else, to the accuracy by which the charge is
+    missed, and no node conducts: the potential of the indenter then changes nothing.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem.
+    state : ContactState
+        Present state of the iteration.
+    scales : Scales
+        Characteristic magnitudes of the problem.
+
+    Returns
+    -------
+    str or None
+        Reason in words, for the message of a solution.
+    """
+    relative = np.abs(unbalance(problem, state.load) / scales.totals)
+    missed = [k for k in potentials(problem) if TOLERANCE < relative[k] < np.inf]
+    if not missed:
+        return None
+    others = largest(np.delete(relative, missed))
+    gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
+    normal_traction = contact_traction(problem.contact_law, state.load[:, 2], gap)
+    resistance = resistances(problem, normal_traction, state.contact_fraction, potential_diagonal(problem))
+    for k in missed:
+        resultant = problem.prescribed_resultants[k]
+        channels = [field - N_MECHANICAL for field in resultant.mode_fields if field >= N_MECHANICAL]
+        # a law across the gap may conduct at another potential
+        if any(problem.channels[i].law.across_gap for i in channels) or np.isfinite(resistance[:, channels]).any():
+            continue
+        if max(others, law_violation(problem, state, scales)) <= MAX_VIOLATION_RATIO * relative[k]:
+            names = " or ".join(problem.channels[i].field.resultant.replace("_", " ") for i in channels)
+            return (
+                f"a {names} of {resultant.total:.4g} is prescribed, but no node conducts it at the pressures "
+                "found; allowed: a potential in its place, or more pressure"
+            )
+    return None
 
 
 def _missing_force(problem: ContactProblem, scales: Scales) -> float:

@@ -175,13 +175,9 @@ def check_body(formulation: Formulation, body: Body) -> None:
         As `check_layered`, or if the formulation ignores that heat acts on other fields of the body or its layers.
     """
     check_layered(formulation, body)
-    layers_expand = any(layer.material.thermal_moduli is not None for layer in body.layers.layers)
-    if body.layers and (body.thermal_moduli is not None or layers_expand):
-        raise CaseError(
-            "thermal expansion, pyroelectric and pyromagnetic coefficients are not supported in bodies with layers; "
-            "allowed: materials with thermal_conductivity alone, or a body without layers"
-        )
-    if body.thermal_moduli is not None and not formulation.couples_heat():
+    if not body.expands:
+        return
+    if not formulation.couples_heat():
         raise CaseError(
             f"the formulation {type(formulation).__name__} does not support thermal expansion, pyroelectric and "
             "pyromagnetic coefficients; allowed: a material with thermal_conductivity alone, or the formulation "

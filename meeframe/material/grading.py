@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import Array
+from meeframe.fields import N_FIELDS, Array
 from meeframe.material.layers import Interface, Layer, LayerStack
 from meeframe.material.material import SYMBOLS, Material, mixture
 from meeframe.material.surface_symbol import SurfaceSymbol
@@ -103,9 +103,11 @@ class Grading:
             count *= 2
             fine = self._divided(material, thickness, interface, count)
             lowest = self._material(material, float(self.values(np.ones(1))[0]))
-            one, other = (_compliance(layers, thickness, lowest) for layers in (coarse, fine))
-            scale = np.abs(other).max(axis=(1, 2, 3), keepdims=True)
-            if (np.abs(one - other) <= self.tolerance * scale).all():
+            both = zip(*(_responses(layers, thickness, lowest) for layers in (coarse, fine)), strict=True)
+            if all(
+                (np.abs(one - other) <= self.tolerance * np.abs(other).max(axis=(1, 2, 3), keepdims=True)).all()
+                for one, other in both
+            ):
                 return fine
             coarse = fine
         raise CaseError(
@@ -129,12 +131,25 @@ class Grading:
             return mixture(self.material, material, factor)
         tensors = {name: factor * getattr(material, name) for name in SYMBOLS}
         decoupled = tuple((field, factor * coefficient) for field, coefficient in material.decoupled)
-        return replace(material, **tensors, decoupled=decoupled)
+        moduli = None if material.thermal_moduli is None else factor * material.thermal_moduli
+        return replace(material, **tensors, decoupled=decoupled, thermal_moduli=moduli)
 
 
-def _compliance(layers: tuple[Layer, ...], thickness: float, lowest: Material) -> NDArray[np.complex128]:
-    """Return Y (n, directions, f, f) of sublayers on a half space of the material at their lower side, scaled by it."""
+def _responses(layers: tuple[Layer, ...], thickness: float, lowest: Material) -> tuple[NDArray[np.complex128], ...]:
+    """Return Y (n, directions, f, f) of sublayers on a half space of the material at their lower side, scaled by it.
+
+    If heat acts on other fields, that response (n, directions, N_FIELDS, 1) follows.
+    """
     bonded = LayerStack((*layers[:-1], replace(layers[-1], interface=Interface())))
-    symbol = SurfaceSymbol.of(lowest.stiffness, bonded, np.eye(3), _ANGLES, lowest.fields)
+    moduli = [*(layer.material.thermal_moduli for layer in layers), lowest.thermal_moduli]
+    expands = any(one is not None for one in moduli)
+    symbol = SurfaceSymbol.of(
+        lowest.stiffness, bonded, np.eye(3), _ANGLES, lowest.fields, moduli=moduli if expands else None
+    )
     ratio = symbol.factors / lowest.scaling.factors
-    return np.asarray(symbol.evaluate(_WAVES / thickness) * np.outer(ratio, ratio), complex)
+    y = np.asarray(symbol.evaluate(_WAVES / thickness) * np.outer(ratio, ratio), complex)
+    if symbol.source is None:
+        return (y,)
+    heat = y[..., :N_FIELDS, symbol.source, None].copy()
+    y[..., :N_FIELDS, symbol.source] = 0.0
+    return y, heat

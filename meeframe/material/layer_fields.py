@@ -82,7 +82,9 @@ def wave_fields(
     down = exponential(-(k * depth)[:, None, None] * medium.descent) @ amplitudes.downwards[..., None]
     up = np.zeros_like(down)
     if np.isfinite(height):
-        up = exponential(-(k * height)[:, None, None] * medium.descent).conj() @ amplitudes.upwards[..., None]
+        up = (
+            medium.conjugate(exponential(-(k * height)[:, None, None] * medium.descent)) @ amplitudes.upwards[..., None]
+        )
     values = medium.plus @ down + medium.minus @ up
     size = values.shape[-2]
     slopes = medium.state[:, :size, :size] @ values + medium.state[:, :size, size:] @ (down + up)

@@ -289,7 +289,7 @@ class Material:
             r @ self.permeability @ r.T,
             self.source,
             tuple((field, r @ coefficient @ r.T) for field, coefficient in self.decoupled),
-            rotate_moduli(self.thermal_moduli, r),
+            None if self.thermal_moduli is None else rotate_moduli(self.thermal_moduli, r),
         )
 
 

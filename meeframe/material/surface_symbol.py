@@ -8,6 +8,13 @@ upwards, with Y_- = -conj(Y_+). The recursion goes from the lowest medium up. It
 that neither thick layers nor degenerate materials are exceptions, and yields the difference of Y from Y_+ of the top
 layer without cancellation.
 
+Heat that acts on the other fields adds a column to the response: u^ = y_h(k, m) h^ / k^2 for the outward heat flux h^,
+one power of length more than for tractions. With theta / k and h / k^2 in place of theta and h / k in the state, the
+matrix in each layer is constant again, with the thermal moduli in its column of the temperature: T^-1 beta_n for u, and
+i beta_m - i R T^-1 beta_n for t / k. The same recursion then yields y_h as the column of the heat flux in Y, which is
+no longer Hermitian. Conjugate solutions belong to moduli, or temperatures, of the opposite sign, so that
+Y_- = -P conj(Y_+) P, where P changes the sign of the temperature.
+
 Sources: Kausel and Roesset, Bull. Seismol. Soc. Am. 71 (1981) 1743, and Wang and Rokhlin, J. Mech. Phys. Solids 52
 (2004) 2473, on recursions for layered media; Ting, Anisotropic Elasticity (1996), chapters 6 and 7, on Y_+.
 """
@@ -19,9 +26,11 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.fields import ELECTRIC, MECHANICAL, MEE, Array, FieldScaling, FieldSet
+from meeframe.fields import ELECTRIC, MECHANICAL, MEE, N_FIELDS, THERMAL_FIELD, Array, FieldScaling, FieldSet
 from meeframe.material.half_space import surface_compliance
 from meeframe.material.layers import Interface, LayerStack
+from meeframe.material.thermal import rotate_moduli
+from meeframe.material.thermal_half_space import thermal_response
 
 Complex = NDArray[np.complex128]
 Number = TypeVar("Number", Array, Complex)
@@ -47,11 +56,13 @@ class Medium:
         Compliances Y of the solutions that decay downwards and upwards, (directions, fields, fields).
     descent
         Derivative of t / k with respect to k z in the first of them, (directions, fields, fields); that in the second
-        is -conj(descent).
+        is the negative of its `conjugate`.
     state
         Matrix of the derivatives of (u, t / k) with respect to k z, (directions, 2 fields, 2 fields).
     normal_compliance
         Inverse of T = C_3JK3, (fields, fields): the response of a thin layer.
+    signs
+        Signs P (fields,) of the fields in conjugate solutions: -1 for a temperature that acts on other fields.
     """
 
     factors: Array
@@ -60,12 +71,20 @@ class Medium:
     descent: Complex
     state: Complex
     normal_compliance: Array
+    signs: Array
 
     @classmethod
-    def of(cls, stiffness: Array, frame: Array, angles: Array, plus: Complex | None = None) -> "Medium":
+    def of(
+        cls,
+        stiffness: Array,
+        frame: Array,
+        angles: Array,
+        plus: Complex | None = None,
+        expansion: "Expansion | None" = None,
+    ) -> "Medium":
         """Return the medium of a stiffness [SI] for directions at angles (directions,) in a frame (3, 3).
 
-        plus: the scaled compliance of a half space if it is known.
+        plus: the scaled compliance of a half space if it is known; expansion: action of the temperature.
         """
         local = _in_frame(stiffness, frame)
         scaling = FieldScaling.of(stiffness)  # the same in all frames
@@ -79,17 +98,49 @@ class Medium:
         lower = np.concatenate([q - flux @ r.swapaxes(1, 2), -1j * flux], axis=2)
         if plus is None:
             plus = surface_compliance(local, _NORMAL, m) / np.outer(scaling.factors, scaling.factors)
-        minus = -plus.conj()
+        signs = np.ones(f)
+        if expansion is not None:
+            source, moduli = expansion.source, rotate_moduli(expansion.moduli, frame)
+            signs[source] = -1.0
+            scaled_moduli = np.zeros((3, f))
+            scaled_moduli[:, :N_FIELDS] = moduli * scaling.factors[:N_FIELDS] * scaling.factors[source]
+            along, normal = m @ scaled_moduli, scaled_moduli[2]
+            upper[:, :, source] += t_inverse @ normal
+            lower[:, :, source] += 1j * (along - flux @ normal)
+            plus = plus.copy()
+            heat, _ = thermal_response(local[:, :N_FIELDS, :N_FIELDS], moduli, -local[:, source, source], _NORMAL, m)
+            plus[:, :N_FIELDS, source] = heat / (scaling.factors[:N_FIELDS] * scaling.factors[source])
         descent = lower[:, :, :f] @ plus + lower[:, :, f:]
         state = np.concatenate([upper, lower], axis=1)
-        return cls(scaling.factors, plus, minus, descent, state, t_inverse)
+        return cls(scaling.factors, plus, -_conjugate(plus, signs), descent, state, t_inverse, signs)
+
+    def conjugate(self, matrices: Complex) -> Complex:
+        """Return the matrices (..., fields, fields) of the solutions that decay upwards from those downwards."""
+        return _conjugate(matrices, self.signs)
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """Action of the temperature on other fields.
+
+    Attributes
+    ----------
+    moduli
+        Thermal moduli (3, N_FIELDS) [SI].
+    source
+        Column of the temperature.
+    """
+
+    moduli: Array
+    source: int
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSymbol:
     """Surface compliance Y(k, m) of layers for waves in some directions m.
 
-    Y is Hermitian and conjugate for opposite directions. With the signs of the potentials' rows changed, its Hermitian
+    If heat acts on other fields, the column of the heat flux is y_h(k, m): u^ = Y t^ / k + y_h h^ / k^2. Without it, Y
+    is Hermitian and conjugate for opposite directions. With the signs of the potentials' rows changed, its Hermitian
     part is positive definite; semidefinite directly below an electrode.
 
     Attributes
@@ -104,6 +155,8 @@ class SurfaceSymbol:
         (fields,) 1 for the fields that a rigid base insulates, 0 for others; None for a half space.
     fields
         Names of the fields.
+    source
+        Column of the temperature if it acts on other fields, else None.
     """
 
     media: tuple[Medium, ...]
@@ -111,6 +164,7 @@ class SurfaceSymbol:
     interfaces: tuple[Interface, ...]
     insulating: Array | None
     fields: FieldSet
+    source: int | None = None
 
     @classmethod
     def of(
@@ -121,6 +175,7 @@ class SurfaceSymbol:
         angles: Array,
         fields: FieldSet = MEE,
         half_spaces: Sequence[Complex] | None = None,
+        moduli: Sequence[Array | None] | None = None,
     ) -> "SurfaceSymbol":
         """Return the symbol of layers on a material.
 
@@ -138,6 +193,9 @@ class SurfaceSymbol:
             Names of the fields.
         half_spaces
             Scaled compliances of half spaces of all materials, (directions, fields, fields) each, if they are known.
+        moduli
+            Thermal moduli (3, N_FIELDS) [SI] of the layers and the material below them, whose action on the other
+            fields the compliance then includes. Without them heat acts on the temperature alone.
 
         Raises
         ------
@@ -149,19 +207,31 @@ class SurfaceSymbol:
         if layers.base is not None:
             thicknesses.append(layers.base.thickness)
             insulating = np.array([*(0.0,) * 3, *(float(name in layers.base.insulating) for name in fields.names)])
+        source = None
+        expansions: list[Expansion | None] = [None] * len(stiffnesses)
+        if moduli is not None:
+            source = fields.index(THERMAL_FIELD.name)
+            expansions = [Expansion(np.zeros((3, N_FIELDS)) if one is None else one, source) for one in moduli]
         if half_spaces is None:
-            distinct = {one.tobytes(): one for one in stiffnesses}
-            made = {key: Medium.of(one, frame, angles) for key, one in distinct.items()}
-            media = tuple(made[one.tobytes()] for one in stiffnesses)
+            materials = [
+                (one, expansion, (one.tobytes(), b"" if expansion is None else expansion.moduli.tobytes()))
+                for one, expansion in zip(stiffnesses, expansions, strict=True)
+            ]
+            made = {
+                key: Medium.of(one, frame, angles, expansion=expansion)
+                for key, (one, expansion) in {key: (one, expansion) for one, expansion, key in materials}.items()
+            }
+            media = tuple(made[key] for *_, key in materials)
         else:
-            known = zip(stiffnesses, half_spaces, strict=True)
-            media = tuple(Medium.of(one, frame, angles, plus) for one, plus in known)
+            known = zip(stiffnesses, half_spaces, expansions, strict=True)
+            media = tuple(Medium.of(one, frame, angles, plus, expansion) for one, plus, expansion in known)
         return cls(
             media,
             tuple(thicknesses),
             tuple(layer.interface for layer in layers.layers),
             insulating,
             fields,
+            source,
         )
 
     @property
@@ -186,7 +256,7 @@ class SurfaceSymbol:
 
     def evaluate(self, k: Array) -> Complex:
         """Return Y(k, m) for wave numbers k > 0 [1/m], (n,), as (n, directions, fields, fields), scaled."""
-        return _hermitian(_divide(*self._above(np.asarray(k, float)[:, None], 0, MAX_SERIES_DEPTH)))
+        return self._symmetrized(_divide(*self._above(np.asarray(k, float)[:, None], 0, MAX_SERIES_DEPTH)))
 
     def difference(self, k: Array) -> Complex:
         """Return Y(k, m) less that of the top material, without cancellation; as `evaluate`."""
@@ -194,7 +264,15 @@ class SurfaceSymbol:
             return np.zeros((len(k), *self.top.shape), complex)
         k = np.asarray(k, float)[:, None]
         g, _ = reflection(self.media[0], k * self.thicknesses[0], *self.below(k, 0))
-        return _hermitian((self.media[0].minus - self.media[0].plus) @ _divide(g, np.eye(g.shape[-1]) + g))
+        return self._symmetrized((self.media[0].minus - self.media[0].plus) @ _divide(g, np.eye(g.shape[-1]) + g))
+
+    def _symmetrized(self, compliance: Complex) -> Complex:
+        """Return a compliance whose columns but that of the heat flux are exactly Hermitian."""
+        result = 0.5 * (compliance + compliance.conj().swapaxes(-1, -2))
+        if self.source is not None:
+            result[..., :N_FIELDS, self.source] = compliance[..., :N_FIELDS, self.source]
+            result[..., self.source, :N_FIELDS] = 0.0
+        return np.asarray(result, complex)
 
     def ascend(self, k: Array, series_depth: float = 0.0) -> Iterator[tuple[Complex, Complex]]:
         """Yield the subspaces u = U c, t / k = V c at the lower sides of all layers, in their scaled fields, upwards.
@@ -299,6 +377,30 @@ class SurfaceSymbol:
         responses[0] = wave_response(0) if total is None else total
         return responses
 
+    def uniform_heat_response(self) -> Array | None:
+        """Return the response (fields,) [m^2] to a uniform heat flux, scaled; None without a base that grounds all.
+
+        The temperature falls linearly in each layer, from which the displacement and the potentials follow without any
+        traction or flux. A grounded electrode is charged such that its potential is zero.
+        """
+        if self.source is None or self.insulating is None or self.insulating.any():
+            return None
+        total, values = np.zeros((len(self.factors),) * 2), np.zeros(len(self.factors))
+        for number in range(len(self.media) - 1, -1, -1):
+            interface = self.interfaces[number] if number < len(self.interfaces) else Interface()
+            total = total + self._jumps(interface)
+            if interface.electrode == "grounded":
+                values = values - total[:, ELECTRIC] * (values[ELECTRIC] / total[ELECTRIC, ELECTRIC])
+                total = _without(total, ELECTRIC)
+            medium, thickness = self.media[number], self.thicknesses[number]
+            ratio = medium.factors / self.factors
+            strains = medium.state[0, : len(ratio), self.source].real * ratio / ratio[self.source]
+            across = thickness * self.normal_compliance(number)
+            mean_temperature = total[self.source, self.source] + 0.5 * across[self.source, self.source]
+            values[:N_FIELDS] += thickness * mean_temperature * strains[:N_FIELDS]
+            total = total + across
+        return values
+
     def _jumps(self, interface: Interface) -> Array:
         """Return the compliance (fields, fields) of an interface, scaled."""
         return np.diag(interface.compliance(self.fields) / self.factors**2)
@@ -351,7 +453,7 @@ def reflection(medium: Medium, depth: Array, u: Complex, v: Complex) -> tuple[Co
     down = exponential(-depth[..., None, None] * medium.descent)
     jump = (medium.plus - medium.minus) @ down
     at_bottom: Complex = v @ np.linalg.solve(u - medium.minus @ v, jump) - down
-    return down.conj() @ at_bottom, at_bottom
+    return medium.conjugate(down) @ at_bottom, at_bottom
 
 
 def _divide(left: Complex, right: Complex) -> Complex:
@@ -360,9 +462,9 @@ def _divide(left: Complex, right: Complex) -> Complex:
     return np.asarray(transposed.swapaxes(-1, -2), complex)
 
 
-def _hermitian(matrices: Complex) -> Complex:
-    result: Complex = 0.5 * (matrices + matrices.conj().swapaxes(-1, -2))
-    return result
+def _conjugate(matrices: Complex, signs: Array) -> Complex:
+    """Return P conj(matrices) P."""
+    return np.asarray(matrices.conj() * (signs[:, None] * signs), complex)
 
 
 def _sum_series(medium: Medium, depth: Array, u: Complex, v: Complex) -> tuple[Complex, Complex]:

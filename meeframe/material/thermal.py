@@ -110,10 +110,8 @@ def validate_moduli(material: str, values: ArrayLike) -> Array:
     return moduli
 
 
-def rotate_moduli(moduli: Array | None, rotation: Array) -> Array | None:
-    """Return rotated thermal moduli (3, 5), None if there are none."""
-    if moduli is None:
-        return None
+def rotate_moduli(moduli: Array, rotation: Array) -> Array:
+    """Return rotated thermal moduli (3, 5)."""
     rotated: Array = rotation @ moduli
     rotated[:, MECHANICAL] = rotated[:, MECHANICAL] @ rotation.T
     return rotated

@@ -79,6 +79,16 @@ class Body:
         geometry = mesh, conditions, contact_group
         return cls(material.stiffness, *geometry, material.fields, layers or LayerStack(), material.thermal_moduli)
 
+    @property
+    def all_moduli(self) -> tuple[Array | None, ...]:
+        """Thermal moduli of the layers from the surface down, and of the material below them."""
+        return (*(layer.material.thermal_moduli for layer in self.layers.layers), self.thermal_moduli)
+
+    @property
+    def expands(self) -> bool:
+        """True if the temperature acts on the other fields of the body or of one of its layers."""
+        return any(moduli is not None for moduli in self.all_moduli)
+
 
 def check_layers(body: Body) -> None:
     """Raise CaseError unless the layers of a body have its fields, and only a half space has a rigid base."""

@@ -95,7 +95,7 @@ class Diagnostics:
     def _body(self) -> Body:
         """Body of the case, without boundary conditions."""
         case = self.kinematics.case
-        return Body.of(case.material, case.mesh, (), case.zone)
+        return Body.of(case.material, case.mesh, (), case.zone, case.layers)
 
     def with_diagnostics(
         self, increment: Increment, result: StepResult, onsets: "ContactOnsets | None", warns: bool
@@ -110,7 +110,7 @@ class Diagnostics:
         # contact that reaches the boundary already implies an overlap of the whole zone
         warnings = list(preflight(kinematics)) if warns and not sides else []
         sentences = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(warnings)))
-        if case.material.thermal_moduli is not None:
+        if self._body.expands:
             sentences += heat_diagnostics(self._body, increment, result, kinematics.system.weights)
         if increment.rolling is not None and (result.touching & increment.rolling.cell_shift.entering).any():
             sentences.append(

@@ -42,8 +42,8 @@ def check_joule_heat(joule_heat: float, body: Body, channels: Sequence[FluxChann
     if not 0.0 < joule_heat <= 1.0:
         raise CaseError(f"joule_heat = {joule_heat!r}; allowed: numbers from 0 to 1")
     conducting = [channel.field for channel in channels if channel.is_conducting]
-    materials = [(body.stiffness, body.thermal_moduli)]
-    materials += [(layer.material.stiffness, layer.material.thermal_moduli) for layer in body.layers.layers]
+    stiffnesses = [*(layer.material.stiffness for layer in body.layers.layers), body.stiffness]
+    materials = zip(stiffnesses, body.all_moduli, strict=True)
     if THERMAL_FIELD not in body.fields.scalars:
         needed = f"a body with a temperature; allowed: 0, or a material with {THERMAL_FIELD.coefficient}"
     elif two_bodies:

@@ -8,13 +8,16 @@ import numpy as np
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.generated_heat import TANGENTIAL
 from meeframe.fields import MECHANICAL, N_FIELDS, N_MECHANICAL, THERMAL_FIELD, Array
-from meeframe.material.half_space import mean_compliance, surface_directions
+from meeframe.material.half_space import MEAN_DIRECTIONS, mean_compliance, surface_directions
+from meeframe.material.surface_symbol import SurfaceSymbol
 from meeframe.material.thermal_half_space import thermal_response
 from meeframe.mesh import find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.model.kinematics import Increment
 from meeframe.results.records import StepResult
 
+NORMAL: Final = 2
+"""Column of the normal displacement in local frames."""
 CRITICAL: Final = 0.6385675210
 """Critical lambda of axisymmetric frictional heat, at which the contact radius has its upper limit.
 
@@ -36,7 +39,7 @@ def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weigh
     weights : Array
         Areas of the nodes, (n,) [m^2].
     """
-    if body.thermal_moduli is None:
+    if not body.expands:
         return
     channel = body.fields.index(THERMAL_FIELD.name)
     partial = (result.contact_fraction > 0.0) & (result.contact_fraction < 1.0)
@@ -72,7 +75,19 @@ def frictional_heat_number(body: Body, increment: Increment, result: StepResult,
     pressure = np.maximum(-result.traction[:, 2], 0.0)
     per_pressure = increment.problem.friction_heat * float(weights @ work) / float(weights @ pressure)
     radius = np.sqrt(float(weights @ result.touching) / np.pi)
-    return float(_distortion_per_pressure(body) * per_pressure * radius / (2.0 * np.pi))
+    distortion = _distortion_of_layers(body, 2.0 / radius) if body.layers else _distortion_per_pressure(body)
+    return float(distortion * per_pressure * radius / (2.0 * np.pi))
+
+
+def _distortion_of_layers(body: Body, k: float) -> float:
+    """Return delta E* for waves of a wave number [1/m] on layers, as `_distortion_per_pressure`."""
+    frame = find_contact_zone(body.mesh, body.contact_group or "").frames[0]
+    angles = np.linspace(0.0, np.pi, MEAN_DIRECTIONS, endpoint=False)
+    symbol = SurfaceSymbol.of(body.stiffness, body.layers, frame, angles, body.fields, moduli=body.all_moduli)
+    column = body.fields.index(THERMAL_FIELD.name)
+    mean = symbol.evaluate(np.array([k]))[0, :, NORMAL].real.mean(axis=0)
+    # the factor of the normal displacement cancels, that of the pressure is its inverse
+    return -float(2.0 * mean[column] / mean[NORMAL]) * float(symbol.factors[column] / symbol.factors[NORMAL])
 
 
 @memoize_by_identity

@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.feasibility import beyond_bound, beyond_friction, unreachable
+from meeframe.contact.feasibility import beyond_bound, beyond_conduction, beyond_friction, unreachable
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
 from meeframe.contact.residual import essential_fields, evaluate, law_residual
 from meeframe.contact.scales import largest, motion_scales, problem_scales
@@ -255,7 +255,7 @@ class ConvergenceMonitor:
             entry = (self.iteration, iterate.estimate)
             self._estimates = Progression.start(entry) if self._estimates is None else self._estimates.add(entry)
             if self._estimates.stalled_for >= INFEASIBLE_WINDOW:
-                infeasible = bool(beyond_friction(problem, evaluate(problem, iterate), self._scales))
+                infeasible = bool(self._insufficiency(evaluate(problem, iterate)))
         if infeasible:
             self._window = 0
         if not (self._is_due(iterate) or self._cycle.is_closed or not self._window):
@@ -328,7 +328,12 @@ class ConvergenceMonitor:
 
     def _infeasibility(self, state: ContactState) -> str | None:
         """Return why no state, or none under these pressures, has the prescribed resultants; None if one may."""
-        return self._unreachable or beyond_friction(self._problem, state, self._scales)
+        return self._unreachable or self._insufficiency(state)
+
+    def _insufficiency(self, state: ContactState) -> str | None:
+        """Return why friction or conduction under the pressures of a state does not suffice; None if it may."""
+        problem, scales = self._problem, self._scales
+        return beyond_friction(problem, state, scales) or beyond_conduction(problem, state, scales)
 
     def _missed_resultants(self, state: ContactState) -> str | None:
         """Return words that say that loads are far from the prescribed resultants; None if they are not."""

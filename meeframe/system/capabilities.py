@@ -12,13 +12,13 @@ evaluates a solution inside the body.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.fields import Array, Indices
+from meeframe.fields import N_FIELDS, Array, Indices
 from meeframe.system.reduced import Progress, silent
 
 if TYPE_CHECKING:
@@ -224,6 +224,20 @@ class PointFields:
         """Return the fields of a homogeneous body with the extended stiffness C_iJKm, (3, f, f, 3) in SI units."""
         fluxes = np.einsum("ijkm,pkm->pij", stiffness, gradients, optimize=True)
         return cls(points, values, gradients, fluxes)
+
+    def with_heat(self, moduli: Array, column: int) -> "PointFields":
+        """Return the fields with the stress and fluxes that the temperature causes.
+
+        Parameters
+        ----------
+        moduli
+            Thermal moduli (3, N_FIELDS) [SI].
+        column
+            Column of the temperature.
+        """
+        fluxes = self.fluxes.copy()
+        fluxes[:, :, :N_FIELDS] -= moduli * self.values[:, column, None, None]
+        return replace(self, fluxes=fluxes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,11 +51,13 @@ def collocated_compliance(
     electrodes: Sequence[bool],
     m: Array,
     nodes: int = 48,
+    moduli: Sequence[Array] | None = None,
 ) -> NDArray[np.complex128]:
     """Return Y(m) of layers on a rigid grounded base, (fields, fields), by Chebyshev collocation.
 
     The equations are those of equilibrium for u exp(i k m.x), without Stroh's formalism: T u'' + i (R + R^T) u' - Q u =
-    0 with derivatives with respect to k z. A half space is a layer in which all waves decay to round-off.
+    0 with derivatives with respect to k z. Heat adds i beta_m theta + beta_n theta' on the right-hand side, and its
+    column is that of h / k^2 with theta / k. A half space is a layer in which all waves decay to round-off.
 
     Parameters
     ----------
@@ -71,6 +73,8 @@ def collocated_compliance(
         Direction in the surface, (2,); the normal is e3.
     nodes
         Nodes in each layer.
+    moduli
+        Scaled thermal moduli of the layers, (3, fields - 1), by which the last field acts on the others.
     """
     direction, f = np.array([*m, 0.0]), stiffnesses[0].shape[1]
     d = _chebyshev_derivative(nodes)
@@ -83,6 +87,11 @@ def collocated_compliance(
         system[rows, rows] = np.kron(slope @ slope, t) + 1j * np.kron(slope, r + r.T) - np.kron(one, q)
         values[rows, rows] = np.eye(size)
         fluxes[rows, rows] = np.kron(slope, t) + 1j * np.kron(one, r.T)
+        if moduli is not None:
+            along, normal = np.zeros((2, f, f))
+            along[:-1, -1], normal[:-1, -1] = direction @ moduli[number], _E3 @ moduli[number]
+            system[rows, rows] -= 1j * np.kron(one, along) + np.kron(slope, normal)
+            fluxes[rows, rows] -= np.kron(one, normal)
     right = np.zeros((len(system), f), complex)
     system[:f], right[:f] = fluxes[:f], np.eye(f)
     for number, (jump, electrode) in enumerate(zip(jumps, electrodes, strict=True), 1):

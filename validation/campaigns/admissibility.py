@@ -240,6 +240,10 @@ def flux_violation(
     opened = np.where(under, np.maximum(nodes.gap, 0.0), 0.0)
     presses, closed = nodes.pressure > margin, opened <= length
     change = MARGIN * units[0]
+    if law["name"] == "step":
+        # the covered part of a node beside the contact edge conducts, even if the node itself is open
+        partial = (share > 0.0) & (share < 1.0)
+        presses, closed = presses | partial, closed | partial
     least_drop, most_drop = np.maximum(np.abs(drop) - change, 0.0), np.abs(drop) + change
     least = conductivity(law, nodes.pressure - margin, presses, opened + length, least_drop)
     touches = presses | closed

@@ -1,7 +1,6 @@
 """The dense boundary element formulation, which condenses a body to a reduced system."""
 
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Annotated, final
 
 import numpy as np
@@ -104,10 +103,8 @@ class DenseBEM(Formulation):
         offset, compliance = zone_relation(solution)
         geometry = zone.points, zone.frames, zone.weights, zone.cells
         system = in_local_frames(*geometry, offset, compliance, solution.fields)
-        if body.thermal_moduli is not None:
-            return system
-        bind, spread = partial(bind_body, self.fundamental_solution, body), anisotropy(_scaled_stiffness(body))
-        representation = InteriorRepresentation(body.mesh, body.stiffness, solution.units, bind, spread)
+        spread = anisotropy(_scaled_stiffness(body))
+        representation = InteriorRepresentation.of(self.fundamental_solution, body, solution.units, spread)
         return replace(system, interior=BoundaryInterior(system.recovery, representation))
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:

@@ -6,7 +6,13 @@ Somigliana's identity gives values at a point x' inside, and its derivative give
     u_K,q(x') = - int U_JK,q t_J dS - int C_iJMl U_MK,l (nu_i u_J,q - nu_q u_J,i) dS.
 
 The second integral is that of the derivative of T, integrated by parts on the closed surface, where u is continuous. It
-needs first derivatives of U alone, and tangential derivatives of u alone. Near the surface, elements are subdivided by
+needs first derivatives of U alone, and tangential derivatives of u alone. A temperature theta that acts on the other
+fields adds nothing to the first two integrals but its column of U and T (meeframe.greens.thermal). The derivative of
+nu . k grad W theta, integrated by parts in the same way, adds with k_il W_K,il = beta_iJ U_JK,i
+
+    - int beta_iJ U_JK,i theta nu_q dS.
+
+Near the surface, elements are subdivided by
 the adaptive rule of the assembly, for kernels 1/r^2.
 
 References
@@ -17,6 +23,7 @@ Integration by parts: Bonnet, Boundary Integral Equation Methods for Solids and 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, final
 
 import numpy as np
@@ -24,11 +31,13 @@ from numba import get_num_threads
 
 from meeframe.common.errors import CaseError
 from meeframe.elements.quadrature import gauss_table, shape_table
-from meeframe.fields import Array
+from meeframe.fields import N_FIELDS, THERMAL_FIELD, Array
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem._kernels.interior import add_points, surface_points, view
+from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.units import Units
-from meeframe.greens.base import Kernel
+from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.mesh.body import Body
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.system.capabilities import INTERIOR_STAGE, InteriorFields, PointFields
 from meeframe.system.reduced import NodalFields, Progress, silent
@@ -60,6 +69,10 @@ class InteriorRepresentation:
         Function that returns the fundamental solution for the scaled stiffness.
     anisotropy
         Anisotropy of the medium, see `meeframe.elements.anisotropy`.
+    moduli
+        Thermal moduli (3, N_FIELDS) [SI]; None if heat acts on no other field.
+    temperature
+        Column of the temperature.
     """
 
     mesh: SurfaceMesh
@@ -67,6 +80,18 @@ class InteriorRepresentation:
     units: Units
     bind: Callable[[], Kernel]
     anisotropy: float
+    moduli: Array | None = None
+    temperature: int = N_FIELDS
+
+    @classmethod
+    def of(
+        cls, fundamental_solution: FundamentalSolution, body: Body, units: Units, spread: float
+    ) -> "InteriorRepresentation":
+        """Return the representation of a body; the last arguments are `units` and `anisotropy`."""
+        data = body.mesh, body.stiffness, units, partial(bind_body, fundamental_solution, body), spread
+        if body.thermal_moduli is None:
+            return cls(*data)
+        return cls(*data, body.thermal_moduli, body.fields.index(THERMAL_FIELD.name))
 
     def evaluate(self, boundary: NodalFields, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) [m] inside the body from those on its boundary.
@@ -99,8 +124,10 @@ class InteriorRepresentation:
         kernel, accuracy = self.bind(), Accuracy(TOLERANCE, self.anisotropy)
         coupling = _Coupling.of(units.scaling.scale_stiffness(self.stiffness))
 
+        heat = None if self.moduli is None else units.scale_moduli(self.moduli, self.temperature)
+
         def fields(position: Array) -> tuple[Array, Array, float]:
-            return _at_point(blocks, kernel, accuracy, coupling, position)
+            return _at_point(blocks, kernel, accuracy, coupling, position, heat, self.temperature)
 
         results = []
         with ThreadPoolExecutor(get_num_threads()) as pool:
@@ -111,7 +138,8 @@ class InteriorRepresentation:
         u = units.values_si(np.array([value for value, _, _ in results]))
         slopes = np.array([gradient for _, gradient, _ in results])
         gradients = units.values_si(slopes.transpose(0, 2, 1)).transpose(0, 2, 1) / units.length
-        return PointFields.of(points, u, gradients, self.stiffness)
+        found = PointFields.of(points, u, gradients, self.stiffness)
+        return found if self.moduli is None else found.with_heat(self.moduli, self.temperature)
 
     def _check_inside(self, points: Array, angles: Array) -> None:
         """Raise CaseError for points outside the body or too close to its surface; angles (m,) of `_at_point`."""
@@ -189,7 +217,13 @@ class _Coupling:
 
 
 def _at_point(
-    blocks: list[_Block], kernel: Kernel, accuracy: Accuracy, coupling: "_Coupling", position: Array
+    blocks: list[_Block],
+    kernel: Kernel,
+    accuracy: Accuracy,
+    coupling: _Coupling,
+    position: Array,
+    heat: Array | None,
+    temperature: int,
 ) -> tuple[Array, Array, float]:
     """Return values (f,), gradients (f, 3) and the solid angle of the surface seen from a point.
 
@@ -207,7 +241,16 @@ def _at_point(
             slopes = kernel.gradient(offsets).reshape(n, n_fields, n_fields, 3)
             from_values = (moments.reshape(n, -1) @ coupling.values).reshape(n, n_fields, 3)
             from_curls = (curls.reshape(n, -1) @ coupling.curls).reshape(n, n_fields, 3, 3)
-            add_points(slopes, offsets, t, from_values, from_curls, result)
+            if heat is not None:
+                from_curls[:, :N_FIELDS] += heat.T[:, :, None] * moments[:, None, None, :, temperature]
+            added = np.zeros((n_fields, 4))
+            add_points(slopes, offsets, t, from_values, from_curls, added)
+            if heat is not None:  # the response to heat is not homogeneous
+                normals = areas / np.linalg.norm(areas, axis=1, keepdims=True)
+                kernel_u, kernel_t = kernel.evaluate(offsets, normals)
+                u = np.einsum("ni,niJ->nJ", normals, moments)
+                added[:, 0] = np.einsum("nJK,nJ->K", kernel_u, t) - np.einsum("nJK,nJ->K", kernel_t, u)
+            result += added
     return result[:, 0], result[:, 1:], angle
 
 

@@ -77,9 +77,12 @@ class Units:
         """
         if body.thermal_moduli is None:
             return None
-        column = body.fields.index(THERMAL_FIELD.name)
+        return self.scale_moduli(body.thermal_moduli, body.fields.index(THERMAL_FIELD.name))
+
+    def scale_moduli(self, moduli: Array, column: int) -> Array:
+        """Return thermal moduli (3, 5) in units of the system, for the column of the temperature."""
         factors = self.scaling.factors * self.length / self.amplitudes
-        scaled: Array = body.thermal_moduli * self.scaling.factors[:N_FIELDS] * factors[column]
+        scaled: Array = moduli * self.scaling.factors[:N_FIELDS] * factors[column]
         return scaled
 
     def values_si(self, values: Array) -> Array:

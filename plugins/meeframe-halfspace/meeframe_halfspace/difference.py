@@ -6,8 +6,13 @@ and falls like 1/r far away.
 
 Far from the source the integral ends long before c does, with a smooth cut-off: what it leaves out is as small as the
 Fourier transform of the cut-off at r (Ooura and Mori, J. Comput. Appl. Math. 112 (1999) 229, on such truncations).
+
+The response to heat has 1 / k^2 in place of 1 / k, so that the mean over all directions, n = 0, needs a level: with
+c_0(0) exp(-b k) taken out of c_0(k), the rest is integrable, and what was taken out is -c_0(0) ln((b + s) / 2 b) with
+s^2 = b^2 + r^2. At a reference radius R the mean of the response vanishes if that of both terms does.
 """
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -15,7 +20,7 @@ import scipy  # submodules are loaded on first use
 
 from meeframe.plugin import Array
 from meeframe_halfspace.layered_symbol import GROWTH, TOLERANCE
-from meeframe_halfspace.radial import RadialSeries, interpolate, no_series, panel_points
+from meeframe_halfspace.radial import RadialSeries, Terms, interpolate, no_series, panel_points
 from meeframe_halfspace.response import harmonic_factor
 
 _GAUSS: Final = 20
@@ -46,33 +51,102 @@ def point_difference(series: RadialSeries, thickness: float, distance: float) ->
     """
     if not len(series.terms.entries):
         return no_series(series.terms, distance)
+    scale = harmonic_factor(series.terms.harmonics) / (2.0 * np.pi)
+
+    def values(r: Array, low: float, high: float) -> Array:
+        k, weights = _rule(series.edges, low, high)
+        return _integrals(series.terms, series.coefficients_at(k) * weights[:, None], np.outer(r, k)) * scale
+
+    in_k = float(series.errors @ np.diff(series.edges)) / (2.0 * np.pi)
+    return _in_space(series.terms, values, thickness, distance, in_k)
+
+
+def heat_difference(
+    series: RadialSeries, thickness: float, depth: float, distance: float, reference_radii: Array
+) -> RadialSeries:
+    """Return the difference of the response to heat through a point, laid out as ThermalResponse.point_entry.
+
+    Parameters
+    ----------
+    series, thickness, distance
+        As for `point_difference`, the series that of y_h(k, m).
+    depth
+        Thickness of all layers [m].
+    reference_radii
+        Radii (fields,) [m] at which the mean over all directions vanishes, for a difference from a response with the
+        same radii. NaN for fields without an undetermined level, as those on a rigid base: their response vanishes far
+        away, and is the difference from that of the top material with `level_radius` of the depth.
+
+    Raises
+    ------
+    MaterialError
+        If it needs too many panels.
+    """
+    terms = series.terms
+    if not len(terms.entries):
+        return no_series(terms, distance)
+    is_mean, decay = terms.harmonics == 0, 2.0 * depth
+    is_odd = terms.harmonics % 2
+    scale = (-1.0) ** ((terms.harmonics + is_odd) // 2) / (2.0 * np.pi)
+    limit = np.where(is_mean, series.coefficients_at(np.zeros(1))[0], 0.0)
+
+    def integrals(r: Array, low: float, high: float) -> Array:
+        k, weights = _rule(series.edges, low, high)
+        rest = series.coefficients_at(k) - limit * np.exp(-decay * k)[:, None]
+        level = -np.log((decay + np.hypot(decay, r)) / (2.0 * decay))
+        return _integrals(terms, rest * (weights / k)[:, None], np.outer(r, k)) + limit * level[:, None]
+
+    level = np.zeros(len(limit))
+    radii = reference_radii[terms.entries % len(reference_radii)]
+    for radius in np.unique(radii[np.isfinite(radii)]).tolist():
+        chosen = is_mean & (radii == radius)
+        level[chosen] = integrals(np.array([radius]), radius, radius)[0, chosen]
+
+    def values(r: Array, low: float, high: float) -> Array:
+        return (integrals(r, low, high) - level) * scale
+
+    return _in_space(terms, values, thickness, distance, float(series.errors.sum()) / (2.0 * np.pi))
+
+
+def level_radius(depth: float) -> float:
+    """Return the radius [m] of the top material that `heat_difference` completes where no level is undetermined.
+
+    The integral of (J_0(k r) - exp(-b k)) / k vanishes at r = 2 b; b is twice the thickness of all layers.
+    """
+    return 4.0 * depth
+
+
+def _in_space(
+    terms: Terms,
+    values: Callable[[Array, float, float], Array],
+    thickness: float,
+    distance: float,
+    error: float,
+) -> RadialSeries:
+    """Return the series of a function of radii, with the ends of their panel, whose values have an error already."""
     edges = [0.0, min(thickness, distance)]
     while edges[-1] < distance:
         edges.append(min(edges[-1] * GROWTH, distance))
-    scale = harmonic_factor(series.terms.harmonics) / (2.0 * np.pi)
 
-    def values(low: Array, high: Array) -> Array:
-        integrals = [_integrals(series, *ends) for ends in zip(low, high, strict=True)]
-        return np.array(integrals) * scale
+    def on_panels(low: Array, high: Array) -> Array:
+        return np.array(
+            [values(r, *ends) for r, *ends in zip(panel_points(low, high), low.tolist(), high.tolist(), strict=True)]
+        )
 
-    # the largest difference is that at the source
-    tolerance = TOLERANCE * float(np.abs(values(np.zeros(1), np.array(edges[1:2]))).max())
-    panels, coefficients, errors = interpolate(values, np.array(edges), tolerance, _NARROWEST * thickness)
-    in_k = float(series.errors @ np.diff(series.edges)) / (2.0 * np.pi)
-    return RadialSeries(series.terms, panels, coefficients, errors + in_k / len(errors))
+    # the largest difference is that at the source, or far away if it grows like a logarithm
+    largest = (np.abs(on_panels(*(np.array([end]) for end in ends))).max() for ends in (edges[:2], edges[-2:]))
+    tolerance = TOLERANCE * float(max(largest))
+    panels, coefficients, errors = interpolate(on_panels, np.array(edges), tolerance, _NARROWEST * thickness)
+    return RadialSeries(terms, panels, coefficients, errors + error / len(errors))
 
 
-def _integrals(series: RadialSeries, low: float, high: float) -> Array:
-    """Return the integrals (NODES, t) of all terms at the points of a panel of r."""
-    r = panel_points(np.array([low]), np.array([high]))[0]
-    k, weights = _rule(series.edges, low, high)
-    terms = series.coefficients_at(k) * weights[:, None]
-    phases = np.outer(r, k)
-    result = np.empty((len(r), terms.shape[1]))
-    for n, bessel in enumerate(_bessel_functions(int(series.terms.harmonics.max()), phases)):
-        chosen = series.terms.harmonics == n
+def _integrals(terms: Terms, values: Array, phases: Array) -> Array:
+    """Return the integrals (r, t) of all terms, with values (k, t) that include weights, for phases k r (r, k)."""
+    result = np.empty((len(phases), values.shape[1]))
+    for n, bessel in enumerate(_bessel_functions(int(terms.harmonics.max()), phases)):
+        chosen = terms.harmonics == n
         if chosen.any():
-            result[:, chosen] = bessel @ terms[:, chosen]
+            result[:, chosen] = bessel @ values[:, chosen]
     return result
 
 

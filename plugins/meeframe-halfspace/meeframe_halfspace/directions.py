@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.plugin import MECHANICAL, Array, Body, FieldScaling, Indices
+from meeframe.plugin import MECHANICAL, N_FIELDS, Array, Body, FieldScaling, Indices
 
 _SAME: Final = 1e-11
 """Relative difference of stiffnesses, in scaled fields, that are the same."""
@@ -71,8 +71,13 @@ class PlaneSymmetry:
         distinct = {one.tobytes(): one for one in materials}.values()
         stiffnesses = [_transformed(FieldScaling.of(one).scale_stiffness(one), frame) for one in distinct]
 
+        moduli = [_in_frame(one, frame) for one in body.all_moduli if one is not None]
+
         def is_symmetry(transform: Array) -> bool:
-            return all(np.abs(_transformed(one, transform) - one).max() <= _SAME for one in stiffnesses)
+            extended = _extended(transform, N_FIELDS)
+            return all(np.abs(_transformed(one, transform) - one).max() <= _SAME for one in stiffnesses) and all(
+                (np.abs(transform @ one @ extended.T - one) <= _SAME * np.abs(one).max(axis=0)).all() for one in moduli
+            )
 
         quarters, mirrors = 4 if is_symmetry(_QUARTER) else 1, 2 if is_symmetry(_MIRROR) else 1
         return cls(quarters == 4 and is_symmetry(_rotation(1.0)), quarters, mirrors, body.fields.size)
@@ -106,6 +111,11 @@ def _transformed(stiffness: Array, transform: Array) -> Array:
     extended = _extended(transform, stiffness.shape[1])
     rows = np.einsum("ai,BJ,iJKm->aBKm", transform, extended, stiffness, optimize=True)
     return np.asarray(np.einsum("CK,dm,aBKm->aBCd", extended, transform, rows, optimize=True))
+
+
+def _in_frame(moduli: Array, frame: Array) -> Array:
+    """Return thermal moduli (3, N_FIELDS) in the axes of a frame."""
+    return np.asarray(frame @ moduli @ _extended(frame, N_FIELDS).T)
 
 
 def _extended(transform: Array, size: int) -> Array:

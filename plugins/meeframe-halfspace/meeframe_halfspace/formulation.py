@@ -29,7 +29,7 @@ from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGri
 from meeframe_halfspace.interior import HalfSpaceInterior
 from meeframe_halfspace.layer_waves import LayerWaves
 from meeframe_halfspace.layered_grid import LayeredFreeGrid, LayeredPeriodicGrid
-from meeframe_halfspace.layered_symbol import LayeredResponse
+from meeframe_halfspace.layered_symbol import LayeredResponse, undetermined_levels
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
 from meeframe_halfspace.thermal import ThermalResponse
@@ -61,7 +61,8 @@ class HalfSpace(Formulation):
     reference_radius
         Distance [m] from a point where heat flows out, at which its mean effect on the displacement and the potentials
         vanishes. A half space leaves that level undetermined: without this length, contact with heat flow needs
-        prescribed forces and total fluxes, which do not depend on it.
+        prescribed forces and total fluxes, which do not depend on it. Not for layers on a rigid base, which determines
+        all levels.
     device
         Where Fourier transforms are computed: on the 'cpu', or by CuPy on a 'gpu', which gives the same results but for
         round-off.
@@ -151,21 +152,24 @@ class HalfSpace(Formulation):
 
     def _grid_response(self, body: Body, grid: Grid) -> GridResponse:
         if body.layers:
-            return self._layered_response(LayeredResponse.of(body, grid.frame), grid)
+            layered = self._layered_response(LayeredResponse.of(body, grid.frame), grid)
+            return HeatedGrid.of_layers(layered, self._radius(grid)) if body.expands else layered
         thermal = None if body.thermal_moduli is None else _thermal_response(body, body.thermal_moduli, grid)
         response = replace(PointResponse.of(body.stiffness, grid.frame), thermal=thermal)
         if self.periodic:
             periodic = PeriodicGrid(response, grid.spacing, grid.size, self.density)
-            return periodic if thermal is None else HeatedGrid.of(periodic, math.inf)
+            return periodic if thermal is None else HeatedGrid.of(periodic, self._radius(grid))
         assert self.density != "trigonometric"
         free = FreeGrid(response, grid.spacing, grid.size, self.density)
-        if thermal is None:
-            return free
-        return HeatedGrid.of(free, self.reference_radius or _radius(grid))
+        return free if thermal is None else HeatedGrid.of(free, self._radius(grid))
+
+    def _radius(self, grid: Grid) -> float:
+        """Return the reference radius [m]: without one that of a circle with the area of the grid, without effect."""
+        return self.reference_radius or float(np.sqrt(grid.weights(False).sum() / np.pi))
 
     def warnings(self, body: Body) -> tuple[str, ...]:
         """Return a remark on the reference radius, on which prescribed motions and potentials depend."""
-        if body.thermal_moduli is None or self.reference_radius is None:
+        if not body.expands or self.reference_radius is None:
             return ()
         return (
             f"where heat flows, approach and potentials of a half space are those for reference_radius = "
@@ -174,12 +178,15 @@ class HalfSpace(Formulation):
 
     def undetermined_levels(self, body: Body) -> tuple[int, ...]:
         """Return the fields whose level heat leaves undetermined, by column: those it acts on, without a radius."""
-        if body.thermal_moduli is None or body.contact_group is None or self.reference_radius is not None:
+        if not body.expands or body.contact_group is None or self.reference_radius is not None:
             return ()
-        thermal = _thermal_response(body, body.thermal_moduli, self._grid(body)[1])
-        return tuple(np.flatnonzero(thermal.level).tolist())
+        grid = self._grid(body)[1]
+        if body.layers:
+            return tuple(undetermined_levels(body, grid.frame).tolist())
+        assert body.thermal_moduli is not None
+        return tuple(np.flatnonzero(_thermal_response(body, body.thermal_moduli, grid).level).tolist())
 
-    def _layered_response(self, layers: LayeredResponse, grid: Grid) -> GridResponse:
+    def _layered_response(self, layers: LayeredResponse, grid: Grid) -> LayeredFreeGrid | LayeredPeriodicGrid:
         if self.periodic:
             return LayeredPeriodicGrid.of(layers, grid.spacing, grid.size, self.density)
         assert self.density != "trigonometric"
@@ -207,6 +214,11 @@ class HalfSpace(Formulation):
         grid = find_grid(zone, body.contact_group)
         if body.layers and self.edges == "resolved":
             _check_resolved(body, grid)
+        if body.layers.base is not None and self.reference_radius is not None:
+            raise CaseError(
+                f"half-space: reference_radius = {self.reference_radius:g} m with a rigid base has no effect: the base "
+                "determines the levels of displacement and potentials; allowed: one of them"
+            )
         return zone, grid
 
 
@@ -243,11 +255,6 @@ def _check_resolved(body: Body, grid: Grid) -> None:
             "near an edge the response is that of the top material; allowed: thicknesses of "
             f"{MIN_CELLS_OF_EDGES:g} spacings and more, or edges = 'nodes'"
         )
-
-
-def _radius(grid: Grid) -> float:
-    """Return the radius [m] of a circle with the area of a grid, where results do not depend on it."""
-    return float(np.sqrt(grid.weights(False).sum() / np.pi))
 
 
 def _with_matrix(system: HalfSpaceSystem) -> DenseSystem:

@@ -1,17 +1,18 @@
 """Difference of the surface compliance of layers from that of their top material, as a series on panels of k."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.plugin import Array, Body, Indices, MaterialError, SurfaceSymbol
-from meeframe_halfspace.directions import PlaneSymmetry
+from meeframe.plugin import N_FIELDS, THERMAL_FIELD, Array, Body, Indices, MaterialError, SurfaceSymbol
+from meeframe_halfspace.directions import Directions, PlaneSymmetry
 from meeframe_halfspace.entries import EntryLayout, entry_layout
 from meeframe_halfspace.radial import RadialSeries, Terms, interpolate, no_series, panel_points
 from meeframe_halfspace.response import PointResponse
+from meeframe_halfspace.thermal import ThermalResponse
 
 TOLERANCE: Final = 1e-10
 """Accuracy of the difference, relative to its largest entry."""
@@ -22,6 +23,8 @@ NEGLIGIBLE: Final = 1e-12
 GROWTH: Final = 2.0
 """Ratio of the ends of panels before they are halved."""
 _FIRST_ANGLES, _MAX_ANGLES, _MEAN_ANGLES = 8, 256, 128
+_LONG_WAVES: Final = (1e-6, 1e-7)
+"""Wave numbers times the thickness of all layers, of waves that see the material below them alone."""
 _SAMPLES: Final = 10
 _MAX_WAVE: Final = 1e6
 _NARROWEST: Final = 1e-9
@@ -43,19 +46,30 @@ class LayeredResponse:
         The body.
     frame
         Rows e1, e2, outward normal, (3, 3).
+    heat_difference
+        Series of y_h(k, m) - y_h(m) of the top material, whose entries are numbered as those of ThermalResponse; None
+        unless heat acts on other fields.
     """
 
     top: PointResponse
     difference: RadialSeries
     body: Body
     frame: Array
+    heat_difference: RadialSeries | None = None
 
     @classmethod
     def of(cls, body: Body, frame: Array) -> "LayeredResponse":
         """Return the response of a body with layers. Raises MaterialError if a series does not converge."""
         layers = body.layers.layers
-        top = PointResponse.of(layers[0].material.stiffness if layers else body.stiffness, frame)
-        return cls(top, difference_series(body, frame), body, frame)
+        stiffness = layers[0].material.stiffness if layers else body.stiffness
+        top, difference = PointResponse.of(stiffness, frame), difference_series(Sampling(body, frame))
+        if not body.expands:
+            return cls(top, difference, body, frame)
+        moduli = np.zeros((3, N_FIELDS)) if body.all_moduli[0] is None else body.all_moduli[0]
+        thermal = ThermalResponse.of(stiffness, moduli, body.fields.index(THERMAL_FIELD.name), frame)
+        return cls(
+            replace(top, thermal=thermal), difference, body, frame, difference_series(Sampling(body, frame, True))
+        )
 
     @property
     def factors(self) -> Array:
@@ -67,11 +81,22 @@ class LayeredResponse:
         """Thickness of the top layer [m]."""
         return self.body.layers.top_thickness
 
+    @property
+    def depth(self) -> float:
+        """Thickness of all layers [m]."""
+        return _depth(self.body)
+
     @cached_property
     def decay(self) -> float:
         """Slowest decay of waves in the top layer, per k z: the difference decays at least twice as fast."""
         angles = np.pi * np.arange(_FIRST_ANGLES) / _FIRST_ANGLES
         return float(surface_symbol(self.body, self.frame, angles).slowest_decays[0])
+
+    @cached_property
+    def heat_decay(self) -> float:
+        """As `decay`, with the decay of heat."""
+        angles = np.pi * np.arange(_FIRST_ANGLES) / _FIRST_ANGLES
+        return float(Sampling(self.body, self.frame, is_heat=True).symbol(angles).slowest_decays[0])
 
     @property
     def layout(self) -> EntryLayout:
@@ -104,7 +129,22 @@ class LayeredResponse:
         for target, chosen, first in ((even, ~is_odd, 0), (odd, is_odd, n_symmetric)):
             index = terms.harmonics[chosen] // 2, terms.sines[chosen], terms.entries[chosen] - first
             np.add.at(target, index, sizes[chosen])
-        return PointResponse(even, odd, self.factors)
+        return PointResponse(even, odd, self.factors, self._heat_magnitudes)
+
+    @cached_property
+    def _heat_magnitudes(self) -> ThermalResponse | None:
+        """Magnitudes of the terms of the response to heat, as `_magnitudes`."""
+        thermal, series = self.top.thermal, self.heat_difference
+        if thermal is None or series is None:
+            return None
+        terms, sizes = series.terms, np.abs(series.coefficients).max(axis=(0, 2), initial=0.0)
+        count = max(len(thermal.even), len(thermal.odd), int(terms.harmonics.max(initial=0)) // 2 + 1)
+        both = np.zeros((2, count, 2, N_FIELDS))
+        for target, known in zip(both, (thermal.even, thermal.odd), strict=True):
+            target[: len(known)] = np.abs(known)
+        is_odd, fields = np.divmod(terms.entries, N_FIELDS)
+        np.add.at(both, (is_odd, terms.harmonics // 2, terms.sines, fields), sizes)
+        return ThermalResponse(*both, thermal.source)
 
     def uniform(self, length: float) -> Array:
         """Return the response (symmetric entries,) [m] to uniform periodic loads; see `uniform_response`."""
@@ -123,25 +163,130 @@ def uniform_response(body: Body, frame: Array, length: float) -> tuple[SurfaceSy
     return symbol, symbol.uniform_compliances(1.0 / length, lambda y: directions.expand(y[None])[0].real.mean(axis=0))
 
 
+def uniform_heat(body: Body, frame: Array, length: float) -> Array:
+    """Return the response (N_FIELDS,) [m^2] to a uniform heat flux on a periodic surface, scaled.
+
+    It is finite on a rigid base that grounds all fields. Elsewhere it is that to a wave, as for uniform loads, averaged
+    over all directions, and zero for fields whose level is undetermined.
+
+    length: 1 / k of that wave [m].
+    """
+    sampling = Sampling(body, frame, is_heat=True)
+    directions = sampling.symmetry.directions(_MEAN_ANGLES)
+    symbol = sampling.symbol(directions.angles)
+    uniform = symbol.uniform_heat_response()
+    if uniform is not None:
+        return np.asarray(uniform[:N_FIELDS])
+    means = sampling.means(symbol, directions, np.array([1.0 / length])) * length**2
+    means[0, undetermined_levels(body, frame)] = 0.0
+    return np.asarray(means[0])
+
+
+def undetermined_levels(body: Body, frame: Array) -> Indices:
+    """Return the columns of the fields of an expanding body whose level depends on a reference radius.
+
+    These are the fields whose mean response to heat, times k^2, does not vanish in the limit of long waves.
+    """
+    sampling = Sampling(body, frame, is_heat=True)
+    directions = sampling.symmetry.directions(_MEAN_ANGLES)
+    symbol = sampling.symbol(directions.angles)
+    scale = np.abs(sampling.difference(symbol, directions, np.array([1.0 / _depth(body)]))).max() + sampling.top(symbol)
+    longer, longest = np.abs(sampling.means(symbol, directions, np.array(_LONG_WAVES) / _depth(body)))
+    return np.flatnonzero((longest > 0.5 * longer) & (longest > NEGLIGIBLE * scale))
+
+
 def surface_symbol(body: Body, frame: Array, angles: Array) -> SurfaceSymbol:
-    """Return the symbol of a body for waves at some angles."""
+    """Return the symbol of a body for waves at some angles, without the action of heat on other fields."""
     return SurfaceSymbol.of(body.stiffness, body.layers, frame, angles, body.fields)
 
 
-def difference_series(body: Body, frame: Array) -> RadialSeries:
-    """Return the series of the difference of the surface compliance. Raises MaterialError without convergence."""
-    depth = body.layers.thickness + (body.layers.base.thickness if body.layers.base is not None else 0.0)
-    symmetry = PlaneSymmetry.of(body, frame)
-    harmonics, scale = _highest_harmonic(body, frame, depth, symmetry)
-    directions = symmetry.directions(harmonics + 2 + harmonics % 2)
-    symbol = surface_symbol(body, frame, directions.angles)
-    layout = entry_layout(body.fields.size)
-    terms = _all_terms(layout, harmonics)
-    edges = _edges(symbol, depth, 0.1 * TOLERANCE * scale)
+def _depth(body: Body) -> float:
+    """Return the thickness of all layers [m], that on a rigid base included."""
+    return body.layers.thickness + (body.layers.base.thickness if body.layers.base is not None else 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """Samples of the surface compliance of a body, or of its response to heat, and the entries they determine.
+
+    Attributes
+    ----------
+    body
+        The body.
+    frame
+        Rows e1, e2, outward normal, (3, 3).
+    is_heat
+        Whether the samples are y_h, (..., N_FIELDS, 1), in place of Y, (..., fields, fields).
+    """
+
+    body: Body
+    frame: Array
+    is_heat: bool = False
+
+    @cached_property
+    def symmetry(self) -> PlaneSymmetry:
+        """Symmetries of the body in the plane of its surface."""
+        return PlaneSymmetry.of(self.body, self.frame)
+
+    def symbol(self, angles: Array) -> SurfaceSymbol:
+        """Return the symbol for waves at some angles."""
+        if not self.is_heat:
+            return surface_symbol(self.body, self.frame, angles)
+        body = self.body
+        return SurfaceSymbol.of(body.stiffness, body.layers, self.frame, angles, body.fields, moduli=body.all_moduli)
+
+    def difference(self, symbol: SurfaceSymbol, directions: Directions, k: Array) -> Complex:
+        """Return the difference from the top material for wave numbers (n,) in all directions, (n, count, ...)."""
+        return self._picked(directions.expand(symbol.difference(k)))
+
+    def means(self, symbol: SurfaceSymbol, directions: Directions, k: Array) -> Array:
+        """Return y_h for wave numbers (n,), averaged over all directions, (n, N_FIELDS)."""
+        means: Array = self._picked(directions.expand(symbol.evaluate(k))).real.mean(axis=1)[..., 0]
+        return means
+
+    def top(self, symbol: SurfaceSymbol) -> float:
+        """Return the largest entry for the top material."""
+        return float(np.abs(self._picked(symbol.top)).max())
+
+    def entries(self, waves: Complex) -> tuple[Array, Array]:
+        """Return the even and the odd entries (n, count, entries) of samples (n, count, ...)."""
+        if self.is_heat:
+            return waves[..., 0].real, waves[..., 0].imag
+        layout = self.layout
+        return waves.real[..., *layout.upper], waves.imag[..., *layout.strict]
+
+    @property
+    def layout(self) -> EntryLayout:
+        """Numbers of the entries of the surface compliance."""
+        return entry_layout(self.body.fields.size)
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of even and odd entries."""
+        if self.is_heat:
+            return N_FIELDS, N_FIELDS
+        return self.layout.n_symmetric, self.layout.n_values - self.layout.n_symmetric
+
+    def _picked(self, compliance: Complex) -> Complex:
+        if not self.is_heat:
+            return compliance
+        source = self.body.fields.index(THERMAL_FIELD.name)
+        return compliance[..., :N_FIELDS, source : source + 1]
+
+
+def difference_series(sampling: Sampling) -> RadialSeries:
+    """Return the series of the difference of what is sampled. Raises MaterialError without convergence."""
+    depth = _depth(sampling.body)
+    harmonics, scale = _highest_harmonic(sampling, depth)
+    directions = sampling.symmetry.directions(harmonics + 2 + harmonics % 2)
+    symbol = sampling.symbol(directions.angles)
+    terms = _all_terms(sampling.counts, harmonics)
+    edges = _edges(sampling, symbol, directions, depth, 0.1 * TOLERANCE * scale)
 
     def values(low: Array, high: Array) -> Array:
         k = panel_points(low, high)
-        return _coefficients(directions.expand(symbol.difference(k.ravel())), terms, layout).reshape(*k.shape, -1)
+        samples = sampling.difference(symbol, directions, k.ravel())
+        return _coefficients(sampling, samples, terms).reshape(*k.shape, -1)
 
     if len(edges) == 1:
         return no_series(terms.select(np.empty(0, int)), 1.0)
@@ -151,19 +296,19 @@ def difference_series(body: Body, frame: Array) -> RadialSeries:
     return RadialSeries(terms.select(nonzero), panels, np.ascontiguousarray(coefficients[:, nonzero]), errors)
 
 
-def _highest_harmonic(body: Body, frame: Array, depth: float, symmetry: PlaneSymmetry) -> tuple[int, float]:
+def _highest_harmonic(sampling: Sampling, depth: float) -> tuple[int, float]:
     """Return the highest multiple of the angle that is not negligible, from some wave numbers, and the scale of errors.
 
     The scale is the largest difference, unless that is small compared with the compliance and its round-off.
     """
-    k, count = np.geomspace(1e-3, 3.0, _SAMPLES) / depth, _FIRST_ANGLES
-    if body.layers.layers:
-        k = np.append(k, 0.5 / body.layers.layers[0].thickness)
+    k, count, layers = np.geomspace(1e-3, 3.0, _SAMPLES) / depth, _FIRST_ANGLES, sampling.body.layers.layers
+    if layers:
+        k = np.append(k, 0.5 / layers[0].thickness)
     while count <= _MAX_ANGLES:
-        directions = symmetry.directions(count)
-        symbol = surface_symbol(body, frame, directions.angles)
-        waves = np.concatenate([part := directions.expand(symbol.difference(k)), part.conj()], axis=1)
-        scale = max(float(np.abs(waves).max()), MIN_DIFFERENCE * float(np.abs(symbol.top).max()))
+        directions = sampling.symmetry.directions(count)
+        symbol = sampling.symbol(directions.angles)
+        waves = np.concatenate([part := sampling.difference(symbol, directions, k), part.conj()], axis=1)
+        scale = max(float(np.abs(waves).max()), MIN_DIFFERENCE * sampling.top(symbol))
         sizes = np.abs(np.fft.fft(waves, axis=1)).max(axis=(0, 2, 3))[: count + 1] / (2 * count)
         highest = int(np.flatnonzero(sizes > TOLERANCE * scale).max(initial=0))
         if highest <= count // 2:
@@ -172,32 +317,32 @@ def _highest_harmonic(body: Body, frame: Array, depth: float, symmetry: PlaneSym
     raise MaterialError(f"the response of the layers needs more than {_MAX_ANGLES} directions: nearly inadmissible")
 
 
-def _edges(symbol: SurfaceSymbol, depth: float, negligible: float) -> Array:
+def _edges(sampling: Sampling, symbol: SurfaceSymbol, directions: Directions, depth: float, negligible: float) -> Array:
     """Return ends of panels from zero to where the difference is negligible."""
     count = int(np.log(_MAX_WAVE) / np.log(GROWTH))
     edges = np.concatenate([[0.0], 0.25 / depth * GROWTH ** np.arange(count)])
-    sizes = np.abs(symbol.difference(edges[1:])).max(axis=(1, 2, 3))
+    sizes = np.abs(sampling.difference(symbol, directions, edges[1:])).max(axis=(1, 2, 3))
     return edges[: int(np.flatnonzero(sizes > negligible).max(initial=-2)) + 3]
 
 
-def _all_terms(layout: EntryLayout, harmonics: int) -> Terms:
-    """Return all terms up to a harmonic: even ones of symmetric entries, odd ones of the others."""
+def _all_terms(counts: tuple[int, int], harmonics: int) -> Terms:
+    """Return all terms up to a harmonic: even ones of the first entries, odd ones of the others, so many of each."""
+    even, odd = counts
     rows = [
         (entry, n, sine)
         for n in range(harmonics + 1)
         for sine in ((0, 1) if n else (0,))
-        for entry in (range(layout.n_symmetric) if n % 2 == 0 else range(layout.n_symmetric, layout.n_values))
+        for entry in (range(even) if n % 2 == 0 else range(even, even + odd))
     ]
     entries, multiples, sines = np.array(rows).T
     return Terms(entries, multiples, sines)
 
 
-def _coefficients(waves: Complex, terms: Terms, layout: EntryLayout) -> Array:
-    """Return the coefficients (n, t) of the terms from samples (n, directions, f, f) over half a circle."""
+def _coefficients(sampling: Sampling, waves: Complex, terms: Terms) -> Array:
+    """Return the coefficients (n, t) of the terms from samples (n, directions, ...) over half a circle."""
     circle = np.concatenate([waves, waves.conj()], axis=1)
     count = circle.shape[1]
-    symmetric = np.fft.rfft(circle.real[:, :, *layout.upper], axis=1)
-    antisymmetric = np.fft.rfft(circle.imag[:, :, *layout.strict], axis=1)
-    both = np.concatenate([symmetric, antisymmetric], axis=2)[:, terms.harmonics, terms.entries]
+    both = np.concatenate([np.fft.rfft(part, axis=1) for part in sampling.entries(circle)], axis=2)
+    chosen = both[:, terms.harmonics, terms.entries]
     weights = np.where(terms.harmonics == 0, 1.0, 2.0) / count
-    return np.asarray(np.where(terms.sines == 1, -both.imag, both.real) * weights)
+    return np.asarray(np.where(terms.sines == 1, -chosen.imag, chosen.real) * weights)

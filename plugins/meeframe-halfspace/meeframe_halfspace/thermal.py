@@ -10,7 +10,7 @@ the response is not determined; R is the radius at which its mean over the angle
 Source: Gel'fand and Shilov, Generalized Functions 1 (1964), chapter II, section 3, on homogeneous functions.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -44,11 +44,14 @@ class ThermalResponse:
         (n, 2, N_FIELDS) of the harmonics 1, 3, ... of the imaginary part.
     source
         Column of the temperature.
+    cells
+        Integrals over cells that are known, see `heat_table`.
     """
 
     even: Array
     odd: Array
     source: int
+    cells: dict[tuple[int, float, str], Array] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, stiffness: Array, moduli: Array, source: int, frame: Array) -> "ThermalResponse":
@@ -85,8 +88,8 @@ class ThermalResponse:
 
     def entry(self, number: int) -> tuple[Array, bool]:
         """Return the series (n, 2) of an entry of ENTRIES without zeros at its end; True if its harmonics are odd."""
-        is_odd, field = divmod(number, N_FIELDS)
-        full = (self.odd if is_odd else self.even)[:, :, field]
+        is_odd, column = divmod(number, N_FIELDS)
+        full = (self.odd if is_odd else self.even)[:, :, column]
         count = int(np.flatnonzero(full.any(axis=1)).max(initial=-1)) + 1
         return np.ascontiguousarray(full[:count]), bool(is_odd)
 

@@ -26,7 +26,7 @@ from meeframe_halfspace.kernels import NEAR
 from meeframe_halfspace.response import mirror_parity
 from meeframe_halfspace.thermal import ThermalResponse
 
-_EDGE_POINTS: Final = 48
+_EDGE_RULE: Final = np.polynomial.legendre.leggauss(48)
 
 
 def heat_table(
@@ -59,11 +59,35 @@ def heat_table(
     first = 0 if mirror_parity(response.entry(number)[0]) else 1 - ny
     table = _far(heat, spacing, shape, (nx, first, ny))
     near_x, near_y = near_size(spacing, size)
-    i, j = np.meshgrid(np.arange(near_x), np.arange(max(first, 1 - near_y), near_y), indexing="ij")
-    distance = np.hypot(i * spacing[0], j * spacing[1]) / max(spacing)
+    near = _near_cells(response, number, spacing[1] / spacing[0], shape, (near_x, near_y))
+    # in spacings along the first axis, and as if the reference radius were one of them
+    level = heat.logarithmic * np.log(spacing[0] / reference_radius) * spacing[0] * spacing[1]
+    chosen = slice(max(first, 1 - near_y) - first, near_y - first)
+    i, j = np.arange(near_x)[:, None], np.arange(max(first, 1 - near_y), near_y)
+    inside = np.hypot(i * spacing[0], j * spacing[1]) <= FAR * max(spacing)
+    cells = near * spacing[0] ** 2 + level
+    table[:near_x, chosen] = np.where(inside, cells, table[:near_x, chosen])
+    return table
+
+
+def _near_cells(response: ThermalResponse, number: int, ratio: float, shape: Shape, size: tuple[int, int]) -> Array:
+    """Return the response (nx, 2 ny - 1), or (nx, ny) if mirrored, for the spacings 1 and `ratio`, near the cell.
+
+    That of other spacings differs by a factor and a level, so that coarser grids and subgrids share it.
+    """
+    nx, ny = size
+    known = response.cells.get((number, ratio, shape))
+    is_half = bool(mirror_parity(response.entry(number)[0]))
+    middle = 0 if known is None or is_half else known.shape[1] // 2
+    if known is not None and len(known) >= nx and known.shape[1] - middle >= ny:
+        return known[:nx, middle - (0 if is_half else ny - 1) : middle + ny]
+    heat, spacing = PointHeat(*response.point_entry(number), 1.0), (1.0, ratio)
+    i, j = np.meshgrid(np.arange(nx), np.arange(0 if is_half else 1 - ny, ny), indexing="ij")
+    distance = np.hypot(i, j * ratio) / max(spacing)
+    table = np.zeros(i.shape)
     for nodes, integral in ((distance < NEAR, _near), ((distance >= NEAR) & (distance <= FAR), _middle)):
-        x, y = i[nodes] * spacing[0], j[nodes] * spacing[1]
-        table[i[nodes], j[nodes] - first] = integral(heat, x, y, spacing, shape)
+        table[nodes] = integral(heat, i[nodes] * 1.0, j[nodes] * ratio, spacing, shape)
+    response.cells[number, ratio, shape] = table
     return table
 
 
@@ -174,7 +198,7 @@ def _edge(
     """Return the integral (n,) of an edge at signed distances a (n,), from low to high along it; zero where a is."""
     a, low, high, upright = edge
     size = np.where(a == 0.0, 1.0, np.abs(a))
-    t, w = np.polynomial.legendre.leggauss(_EDGE_POINTS)
+    t, w = _EDGE_RULE
     start, end = np.arcsinh(low / size), np.arcsinh(high / size)
     half = ((end - start) / 2.0)[:, None]
     s = start[:, None] + half * (1.0 + t)

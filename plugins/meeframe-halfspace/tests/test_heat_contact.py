@@ -437,9 +437,3 @@ def test_approach_with_reference_radius_or_without_heat(load_changed: Any) -> No
         load_changed(CASE, radius, ('normal_force = "1 kN"', 'approach = "5 um"')).formulation.reference_radius == 2e-3
     )
     load_changed(CASE, ('normal_force = "1 kN"', 'approach = "5 um"\nheat = 0'))
-
-
-def test_layers_that_expand_are_refused(load_changed: Any) -> None:
-    layer = '[[layers]]\nthickness = "1 mm"\nmaterial = {name = "batio3", thermal = true}\n[[steps]]\nnormal_force'
-    with pytest.raises(CaseError, match="not supported in bodies with layers"):
-        load_changed(CASE, ("[[steps]]\nnormal_force", layer))

@@ -197,12 +197,9 @@ class HierarchicalBEM(PersistentFormulation):
             factors = factorise(system, block_tolerance, progress)
         return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh))
 
-    def _representation(self, body: Body) -> InteriorRepresentation | None:
-        """Return the interior representation of a body, None if it expands by heat."""
-        if body.thermal_moduli is not None:
-            return None
-        bind = partial(bind_body, self.fundamental_solution, body)
-        return InteriorRepresentation(body.mesh, body.stiffness, Units.of(body), bind, anisotropy(_scaled(body)))
+    def _representation(self, body: Body) -> InteriorRepresentation:
+        spread = anisotropy(_scaled(body))
+        return InteriorRepresentation.of(self.fundamental_solution, body, Units.of(body), spread)
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units.of(body)

@@ -207,7 +207,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     boundary_system
         The system of the whole boundary; like products and inverses, it is computed again in other processes.
     representation
-        The interior representation of the body, None if it has none.
+        The interior representation of the body.
     groups
         Groups of fields that the material couples, each with the fields whose loads act on it; the compliance between
         other fields is exactly zero.
@@ -223,7 +223,7 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
     node_compliance: Array
     compliance: Block
     boundary_system: LazyBoundary
-    representation: InteriorRepresentation | None
+    representation: InteriorRepresentation
     groups: tuple[tuple[Fields, Fields], ...]
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, TruncatedInverse | None] = field(default_factory=dict)
@@ -319,8 +319,6 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
 
     def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) inside the body by the interior representation."""
-        if self.representation is None:
-            raise CaseError("fields inside a body that expands by heat are not available with boundary elements")
         return self.representation.evaluate(self.recover(load), points, progress)
 
 

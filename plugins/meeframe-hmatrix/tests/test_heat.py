@@ -39,8 +39,13 @@ def test_linear_temperature_is_exact_to_the_tolerance():
     load = field.fluxes(system.points, system.frames[:, 2])
     again = formulation.from_arrays(body, system.to_arrays())
     np.testing.assert_array_equal(again.apply(load), system.apply(load))
-    with pytest.raises(CaseError, match="expands by heat"):
-        system.capability(InteriorFields).evaluate(load, np.array([[0.0, 0.0, -0.4]]))
+    inside = np.array([[0.0, 0.0, -0.4], [0.2, -0.1, -0.05]])
+    load[:, :3] = np.einsum("nai,ni->na", system.frames, load[:, :3])
+    fields, exact = system.capability(InteriorFields).evaluate(load, inside), field.values(inside)
+    assert (np.abs(fields.values - exact).max(axis=0) <= 1e-5 * np.abs(exact).max(axis=0)).all()
+    stress = field.fluxes(inside, np.tile([0.0, 0.0, 1.0], (2, 1)))[:, :5]
+    size = np.abs(MATERIAL.thermal_moduli).max(axis=0) * 40.0
+    assert (np.abs(fields.fluxes[:, 2, :5] - stress).max(axis=0) <= 1e-4 * size).all()
 
 
 @pytest.mark.parametrize("size", [1e-5, pytest.param(1.0, marks=pytest.mark.full)])

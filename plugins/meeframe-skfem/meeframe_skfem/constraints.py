@@ -36,11 +36,14 @@ class Constraints:
 
     def merge(self, matrix: csr_array) -> csr_array:
         """Return a matrix, (p fields, p fields), with rows and columns of equal values added to those of masters."""
+        return csr_array(self.merge_rows(csr_array(self.merge_rows(matrix).T)).T)
+
+    def merge_rows(self, matrix: csr_array) -> csr_array:
+        """Return a matrix, (p fields, n), with rows of equal values added to those of masters."""
         size = len(self.masters)
         if (self.masters == np.arange(size)).all():
             return matrix
-        expansion = csr_array(coo_array((np.ones(size), (np.arange(size), self.masters)), shape=(size, size)))
-        return csr_array(expansion.T @ matrix @ expansion)
+        return csr_array(coo_array((np.ones(size), (self.masters, np.arange(size))), shape=(size, size)) @ matrix)
 
     def merge_forces(self, forces: Array) -> Array:
         """Return forces (p, fields) as those of masters, (p fields,)."""

@@ -102,8 +102,7 @@ class FiniteElements(Formulation):
         offset, compliance = solution.zone_relation()
         geometry = zone.points, zone.frames, zone.weights, zone.cells
         system = in_local_frames(*geometry, offset, compliance, solution.fields)
-        if solution.heat is None:  # the stress inside would lack the part of the temperature
-            system = replace(system, interior=FiniteElementInterior(solution))
+        system = replace(system, interior=FiniteElementInterior(solution))
         _check_response(system, solution.matched.body.mesh.blocks[0].element.name)
         return system
 

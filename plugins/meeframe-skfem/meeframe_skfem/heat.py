@@ -5,15 +5,18 @@ twice: it gives the temperature, and then the response of the other fields to it
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
 from typing import Final, final
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from meeframe.plugin import THERMAL_FIELD, Array, Body, Indices
+from meeframe.plugin import N_FIELDS, THERMAL_FIELD, Array, Body, Indices
 from meeframe.plugin.boundary_elements import Units
 from meeframe_skfem.assembly import gradients
+from meeframe_skfem.constraints import Constraints
 from meeframe_skfem.elements import cell_rule, tabulate
 from meeframe_skfem.volume import VolumeMesh
 
@@ -28,53 +31,68 @@ class HeatAction:
 
     Attributes
     ----------
-    moduli : Array
-        Thermal moduli (3, N_FIELDS), scaled.
+    moduli : tuple of Array
+        Thermal moduli (3, N_FIELDS) of the regions, scaled.
     source : int
         Column of the temperature.
+    constraints : Constraints
+        Constraints of the nodes.
     forces : csr_array
-        (fields p, p) matrix of the forces of temperatures at the points.
+        (u, p) matrix of the forces of temperatures at the points on the unknowns.
     """
 
-    moduli: Array
+    moduli: tuple[Array, ...]
     source: int
+    constraints: Constraints
     forces: csr_array
 
     @classmethod
-    def of(cls, body: Body, mesh: VolumeMesh, units: Units) -> "HeatAction | None":
-        """Return the action in a body, on its mesh in units of the system; None if there is none."""
-        moduli = units.thermal_moduli(body)
-        if moduli is None:
-            return None
-        source = body.fields.index(THERMAL_FIELD.name)
-        return cls(moduli, source, _forces(mesh, moduli, body.fields.size))
+    def of(
+        cls, body: Body, mesh: VolumeMesh, regions: Indices, units: Units, constraints: Constraints
+    ) -> "HeatAction | None":
+        """Return the action in a body whose cells belong to regions; None if there is none.
 
-    def add_response(self, values: Array, unknown: Indices, solve: Callable[[Array], Array]) -> None:
+        mesh: its mesh in units of the system; regions: (e,), numbers of `Body.all_moduli`.
+        """
+        if not body.expands:
+            return None
+        source, n_fields = body.fields.index(THERMAL_FIELD.name), body.fields.size
+        moduli = tuple(
+            np.zeros((3, N_FIELDS)) if one is None else units.scale_moduli(one, source) for one in body.all_moduli
+        )
+        forces = [
+            _forces(replace(mesh, cells=mesh.cells[regions == region]), one, n_fields)
+            for region, one in enumerate(moduli)
+        ]
+        merged = constraints.merge_rows(reduce(add, forces))
+        return cls(moduli, source, constraints, csr_array(merged[constraints.unknown]))
+
+    def add_response(self, values: Array, solve: Callable[[Array], Array]) -> None:
         """Add the response to the temperatures of values (p, fields), in the unknowns, that `solve` returns."""
-        values.flat[unknown] += solve((self.forces @ values[:, self.source])[unknown])
+        response = solve(self.forces @ values[:, self.source])
+        values += self.constraints.expand(response).reshape(values.shape)
 
     def add_flexibility(
-        self, flexibility: Array, unknown: Indices, zone: Indices, solve: Callable[[Array], Array], n_fields: int
+        self, flexibility: Array, zone: Indices, solve: Callable[[Array], Array], n_fields: int
     ) -> None:
         """Add to a flexibility (fields n, fields n) the values of the zone's nodes due to heat there.
 
         zone: (fields n,) indices among the unknowns, node by node.
         """
-        n_points = self.forces.shape[1]
+        unknown, masters = self.constraints.unknown, self.constraints.masters
         heat = np.arange(self.source, len(zone), n_fields)
         for start in range(0, len(heat), BATCH):
             columns = heat[start : start + BATCH]
             unit = np.zeros((len(unknown), len(columns)), order="F")
             unit[zone[columns], np.arange(len(columns))] = 1.0
-            values = np.zeros((n_fields * n_points, len(columns)))
+            values = np.zeros((len(masters), len(columns)))
             values[unknown] = solve(unit)
-            temperature = values[self.source :: n_fields]
-            forces = np.asfortranarray((self.forces @ temperature)[unknown])
+            forces = np.asfortranarray(self.forces @ values[masters[self.source :: n_fields]])
             flexibility[:, columns] += solve(forces)[zone]
 
-    def fluxes(self, normals: Array, temperature: Array) -> Array:
-        """Return nu_i beta_iJ theta, (..., N_FIELDS), for normals (..., 3) and temperatures (...)."""
-        fluxes: Array = (normals @ self.moduli) * temperature[..., None]
+    def fluxes(self, normals: Array, temperature: Array, region: int) -> Array:
+        """Return nu_i beta_iJ theta, (..., N_FIELDS), in a region, for normals (..., 3) and temperatures (...)."""
+        fluxes: Array = (normals @ self.moduli[region]) * temperature[..., None]
         return fluxes
 
 

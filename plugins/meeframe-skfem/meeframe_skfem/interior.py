@@ -8,6 +8,7 @@ import numpy as np
 from meeframe.plugin import (
     INTERIOR_STAGE,
     MECHANICAL,
+    THERMAL_FIELD,
     Array,
     CaseError,
     Indices,
@@ -80,6 +81,9 @@ class FiniteElementInterior(InteriorFields):
         for region, stiffness in enumerate(layered.stiffnesses):
             members = layered.regions[cells] == region
             fields = PointFields.of(points[members], values[members], gradients[members], stiffness)
+            moduli = matched.body.all_moduli[region]
+            if moduli is not None:
+                fields = fields.with_heat(moduli, matched.body.fields.index(THERMAL_FIELD.name))
             fluxes[members] = fields.fluxes
         progress(INTERIOR_STAGE, 1.0)
         return PointFields(points, values, gradients, fluxes)

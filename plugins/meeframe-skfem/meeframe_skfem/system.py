@@ -114,7 +114,7 @@ class FiniteElementSolution:
             fluxes[selected] = np.einsum("fai,ijkm,fakm->faj", normals, stiffness, gradient, optimize=True)
             if self.heat is not None:
                 temperature = values[faces.nodes[selected], self.heat.source]
-                fluxes[selected, :, :N_FIELDS] -= self.heat.fluxes(normals, temperature)
+                fluxes[selected, :, :N_FIELDS] -= self.heat.fluxes(normals, temperature, region)
         return fluxes
 
 
@@ -143,17 +143,17 @@ def solve_body(
     progress("factorisation", 1.0)
     rhs = constraints.merge_forces(forces)[unknown] - rows[:, known] @ constraints.values[known]
     constant = constraints.expand(solve(rhs), constraints.values).reshape(n_points, n_fields)
-    heat = HeatAction.of(matched.body, mesh, units)
+    heat = HeatAction.of(matched.body, mesh, layered.regions, units, constraints)
     if heat is not None:
-        heat.add_response(constant, unknown, solve)
-        heat.add_flexibility(flexibility, unknown, zone, solve, n_fields)
+        heat.add_response(constant, solve)
+        heat.add_flexibility(flexibility, zone, solve, n_fields)
 
     def respond(zone_forces: Array) -> Array:
         rhs = np.zeros(len(unknown))
         rhs[zone] = zone_forces.ravel()
         response = constraints.expand(solve(rhs)).reshape(n_points, n_fields)
         if heat is not None:
-            heat.add_response(response, unknown, solve)
+            heat.add_response(response, solve)
         return response
 
     mass = _zone_mass(matched, units.length)

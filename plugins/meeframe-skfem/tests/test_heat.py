@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 from meeframe_skfem import FiniteElements
+from meeframe_skfem.interior import FiniteElementInterior
 
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, PrescribedResultant, Status
@@ -71,6 +72,11 @@ def test_linear_temperature_is_exact_with_quadratic_elements() -> None:
     load = field.fluxes(zone.points, np.tile([0.0, 0.0, 1.0], (len(zone.points), 1)))
     computed, exact = solution.values(load), field.values(points)
     assert (np.abs(computed - exact).max(axis=0) <= 1e-8 * np.abs(exact).max(axis=0)).all()
+    inside = np.array([[0.05, 0.1, -0.3], [-0.2, 0.15, -0.05]])
+    stress = FiniteElementInterior(solution).evaluate(load, inside).fluxes[:, 2, :5]
+    exact = field.fluxes(inside, np.tile([0.0, 0.0, 1.0], (2, 1)))[:, :5]
+    size = np.abs(MATERIAL.thermal_moduli).max(axis=0) * 40.0
+    assert (np.abs(stress - exact).max(axis=0) <= 1e-8 * size).all()
 
 
 @pytest.mark.full

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from meeframe_halfspace import HalfSpace
 from meeframe_skfem import FiniteElements
 
 import meeframe
 from meeframe.common.errors import CaseError, MeshError
 from meeframe.elements import Quad4
+from meeframe.laws import StepConductivity
 from meeframe.material import library_material
 from meeframe.material.layers import Layer, LayerStack, RigidBase
 from meeframe.mesh import block_mesh, half_space_mesh
@@ -153,3 +155,33 @@ def test_verify_takes_the_same_case_file(tmp_path):
     for name in ("force", "charge", "max_pressure"):
         assert pairs[name].verdict is Verdict.AGREE
     assert abs(pairs["force"].difference) < 0.01 * pairs["force"].scale
+
+
+@pytest.mark.full
+def test_hot_sphere_on_a_film_by_finite_elements_and_half_space():
+    """A grounded pyroelectric film: force, charge and heat, and the changes of force and charge by heating."""
+    by_waves, by_elements = (heated_totals(formulation) for formulation in (HalfSpace(), FiniteElements(growth=2.2)))
+    assert by_waves[1, 0] == pytest.approx(1.0125 * by_waves[0, 0], rel=3e-3)  # heat matters
+    np.testing.assert_allclose(by_elements[1], by_waves[1], rtol=0.02)
+    np.testing.assert_allclose(np.diff(by_elements, axis=0), np.diff(by_waves, axis=0), rtol=0.04)
+
+
+def heated_totals(formulation):
+    """Return normal force [N], charge [C] and heat [W] under a cold and a hot sphere, (2, 3)."""
+    case = meeframe.Case(
+        material=library_material("cofe2o4", thermal=True),
+        layers=[
+            meeframe.Layer(
+                library_material("batio3", thermal=True), 1e-6, interface=meeframe.Interface(electrode="grounded")
+            )
+        ],
+        base=meeframe.Base(3e-6),
+        mesh=meeframe.mesh.half_space(4e-6, divisions=6, half_width=1e-5, rings=2, element="quad9"),
+        formulation=formulation,
+        indenter=meeframe.Sphere(1e-5),
+        conductivity={"electric": StepConductivity(np.inf), "thermal": StepConductivity(2e7)},
+        steps=[meeframe.Step(approach=1.2e-7), meeframe.Step(temperature=60.0)],
+    )
+    table = case.solve(progress=False).to_dataframe()
+    assert (table["status"] == "converged").all()
+    return table[["normal_force", "charge", "heat"]].to_numpy()

@@ -26,7 +26,7 @@ from meeframe.system.capabilities import InteriorFields
 from meeframe.system.reduced import silent
 from meeframe.testing.capabilities import check_capabilities
 from meeframe.testing.formulation import check_exact
-from meeframe.testing.manufactured import ThermalField, prescribe, relative_errors, with_heat
+from meeframe.testing.manufactured import HeatSourceField, ThermalField, prescribe, relative_errors, with_heat
 
 MATERIAL = (
     library_material("orthotropic-mee")
@@ -43,6 +43,8 @@ MATERIAL = (
 TIGHT = DenseBEM(quadrature_tolerance=1e-10)
 MIXED = {"x-": "vvvvvv", "x+": "vfffvf", "y-": "fffvfv", "y+": "fvffvf", "z-": "vvvvvv", "z+": "ffffff"}
 """Partitions that differ between all fields; temperatures and heat fluxes are prescribed on three faces each."""
+INSIDE = np.array([[0.05, 0.1, -0.3], [-0.2, 0.15, -0.05], [0.3, -0.3, -0.45], [0.0, 0.0, -0.02]])
+"""Points inside the blocks [m], the last one below an element of the contact zone."""
 SIDES = ("top", "side_x-", "side_x+", "side_y-", "side_y+")
 
 
@@ -73,8 +75,10 @@ def test_heated_block_expands_and_polarises_freely():
     recovered = system.recover(np.zeros_like(system.offset))
     size = np.abs(MATERIAL.thermal_moduli).max(axis=0) * 50.0
     assert (np.abs(recovered.fluxes[:, :5]).max(axis=0) <= 1e-7 * size).all()
-    assert system.capability(InteriorFields) is None
     check_capabilities(system)
+    fields = system.capability(InteriorFields).evaluate(np.zeros_like(system.offset), INSIDE)
+    assert (np.abs(fields.values - field.values(INSIDE)).max(axis=0) <= 2e-6 * np.abs(exact).max(axis=0)).all()
+    assert (np.abs(fields.fluxes[..., :5]).max(axis=(0, 1)) <= 2e-5 * size).all()
 
 
 def test_loads_and_heat_on_the_zone_give_the_exact_field():
@@ -84,6 +88,31 @@ def test_loads_and_heat_on_the_zone_give_the_exact_field():
     kinds |= {"side_y-": "vvvvvf", "side_y+": "ffffff"}
     system = TIGHT.reduce(block(field, kinds, Quad9()))
     check_exact(system, field, 1e-8)
+    load = field.fluxes(system.points, system.frames[:, 2])
+    load[:, :3] = np.einsum("nai,ni->na", system.frames, load[:, :3])
+    fields = system.capability(InteriorFields).evaluate(load, INSIDE)
+    exact = field.values(INSIDE)
+    assert (np.abs(fields.values - exact).max(axis=0) <= 2e-6 * np.abs(exact).max(axis=0)).all()
+    normals = np.eye(3)
+    for axis in range(3):
+        exact = field.fluxes(INSIDE, np.tile(normals[axis], (len(INSIDE), 1)))
+        size = np.abs(MATERIAL.thermal_moduli).max(axis=0) * 40.0
+        assert (np.abs(fields.fluxes[:, axis, :5] - exact[:, :5]).max(axis=0) <= 2e-5 * size).all()
+        np.testing.assert_allclose(fields.fluxes[:, axis, 5], exact[:, 5], rtol=2e-5)
+
+
+@pytest.mark.full
+def test_fields_inside_of_a_heat_source_outside():
+    """Stress, D, B and heat flux inside a block with a source outside, of elements as wide as half of its distance."""
+    field = HeatSourceField(MATERIAL, np.array([0.2, 0.1, 0.5]))
+    kinds = {"base": "vvvvvv", **dict.fromkeys(SIDES, "ffffff")}
+    system = DenseBEM().reduce(block(field, kinds, Quad9()))
+    load = field.fluxes(system.points, system.frames[:, 2])
+    load[:, :3] = np.einsum("nai,ni->na", system.frames, load[:, :3])
+    fields, exact = system.capability(InteriorFields).evaluate(load, INSIDE[:3]), field.values(INSIDE[:3])
+    assert (np.abs(fields.values - exact).max(axis=0) <= 0.01 * np.abs(exact).max(axis=0)).all()
+    stress = np.stack([field.fluxes(INSIDE[:3], np.tile(normal, (3, 1))) for normal in np.eye(3)], axis=1)
+    assert (np.abs(fields.fluxes - stress).max(axis=(0, 1)) <= 0.02 * np.abs(stress).max(axis=(0, 1))).all()
 
 
 @pytest.mark.full

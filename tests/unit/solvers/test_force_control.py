@@ -8,9 +8,10 @@ import pytest
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Status, resultant
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.laws.base import ConductivityLaw
 from meeframe.material import library_material
 from meeframe.material.half_space import axisymmetric_compliance
-from meeframe.solvers import BarzilaiBorwein, Nesterov, ProjectedCG, StoppingCriteria, Uzawa, solve
+from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, ProjectedCG, StoppingCriteria, Uzawa, solve
 from meeframe.testing.closed_forms import FlatPunch, Sphere, indent
 from meeframe.testing.contact_cases import APPROACH, RADIUS
 from meeframe.testing.force_control import (
@@ -233,3 +234,27 @@ def test_conjugate_gradients_reject_nonconjugate_measures() -> None:
             replace(problem, prescribed_resultants=(prescribe_resultant(problem.system, PRESS, 500.0), ratio)),
             ProjectedCG(),
         )
+
+
+class ConductingUnderPressure(ConductivityLaw):
+    """Conducts where the pressure exceeds a threshold [Pa]."""
+
+    def __init__(self, threshold: float) -> None:
+        self.threshold = threshold
+
+    def conductivity(self, normal_traction, gap, drop):
+        return 1e-6 * np.clip((-normal_traction - self.threshold) / 1e6, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(("threshold", "converges"), [(1e12, False), (0.0, True)])
+def test_a_charge_that_no_node_conducts_has_its_reason(threshold, converges) -> None:
+    """A threshold above all pressures insulates: pressures are those of an insulating contact."""
+    problem = conducting_sphere(IsotropicCoulomb(MU), cells=6)
+    channels = (replace(problem.channels[0], law=ConductingUnderPressure(threshold)), *problem.channels[1:])
+    free = prescribe_resultant(problem.system, np.array([0.0, 0.0, 0.0, 1.0, 0.0]), 1e-9)
+    solution = solve(replace(problem, channels=channels, prescribed_resultants=(free,)), Auto())
+    assert (solution.status is Status.CONVERGED) == converges, solution.message
+    if not converges:
+        assert "no node conducts it" in solution.message
+        insulated = solve(problem, Auto()).state.load[:, 2]
+        np.testing.assert_allclose(solution.state.load[:, 2], insulated, atol=1e-8 * np.abs(insulated).max())
