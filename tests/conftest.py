@@ -53,7 +53,7 @@ approach = "10 um"
 """
 
 
-COUNTER = """
+SECOND_BODY = """
 [second_body]
 zone = "contact"
 formulation = { name = "winkler", stiffness = "3e14 Pa/m" }
@@ -147,7 +147,7 @@ def case_file(write_case) -> Path:
 @pytest.fixture(scope="session")
 def second_body():
     """Return tables of a second body for the tiny case, a bed of springs three times as stiff."""
-    return COUNTER
+    return SECOND_BODY
 
 
 SIDE = 5

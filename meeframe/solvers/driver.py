@@ -76,16 +76,8 @@ def solve_to_edges(
 
     Parameters
     ----------
-    problem : ContactProblem
-        Problem to solve.
-    solver : Solver
-        Solver that iterates.
-    criteria : StoppingCriteria, optional
-        Criteria that end each of the iterations.
-    start : ContactState, optional
-        Converged state of the previous load step.
-    progress : callable, optional
-        As in `solve`.
+    problem, solver, criteria, start, progress
+        As in `solve`; the criteria end each of the iterations.
     indenter_edge : callable, optional
         Returns the edge of the indenter, or None if it has none; called only if the system resolves edges.
 

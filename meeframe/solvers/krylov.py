@@ -15,7 +15,6 @@ MAX_REDUCTION: Final = 0.9
 """Reduction factor of the residual above which a cycle is the last one."""
 BREAKDOWN_FACTOR: Final = 50.0
 """Multiple of a product's round-off below which its part orthogonal to earlier directions counts as zero."""
-
 MIN_REMAINDER: Final = 0.1
 """Remaining part of a product below which its orthogonalisation is repeated for the sake of round-off."""
 

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import meeframe
 from meeframe.cli.examples import example_texts
@@ -13,6 +14,7 @@ from meeframe.material.half_space import axisymmetric_compliance
 PAGE = (Path(__file__).parents[2] / "docs" / "howto" / "films.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.full
 def test_page_runs(tmp_path, monkeypatch):
     """The charge is between that of a thin and of a thick film; the interface is sheared below the contact edge."""
     monkeypatch.chdir(tmp_path)

@@ -13,6 +13,7 @@ import meeframe
 from meeframe.cli import app
 from meeframe.material import library_material
 
+pytestmark = pytest.mark.full
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "tasks.md"
 
 

@@ -1,5 +1,6 @@
 """Fundamental solutions of random admissible, fully anisotropic and coupled materials conform and agree."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,6 +15,7 @@ def test_line_integral_conformance(stiffness, seed):
     check_fundamental_solution(LineIntegral(), stiffness, seed=seed)
 
 
+@pytest.mark.full
 @settings(max_examples=5, deadline=None)
 @given(stiffness=extended_stiffness(), seed=st.integers(0, 1000))
 def test_residue_conformance(stiffness, seed):

@@ -155,6 +155,7 @@ def solve_block(folder: Path, scales: tuple[float, float, float, float]) -> list
     return solved
 
 
+@pytest.mark.full
 def test_block_from_case_file_to_result(tmp_path: Path) -> None:
     """Mesh, material and conditions are scaled, so assembly, factorisation and reduction are tested, too."""
     expected = solve_block(tmp_path, (1.0, 1.0, 1.0, 1.0))

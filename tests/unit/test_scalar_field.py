@@ -245,7 +245,7 @@ def test_scalar_field_in_case_files_results_and_reports(tmp_path: Path) -> None:
     assert "temperature" in figures(read)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
 def test_hierarchical_matrices_match_dense_matrices(tolerance: float) -> None:
     """Frictional contact with three channels; small leaves give low-rank blocks."""
@@ -273,7 +273,7 @@ def test_hierarchical_matrices_match_dense_matrices(tolerance: float) -> None:
     assert not hierarchical.apply(alone)[:, :5].any()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     "formulation", [FiniteElements(), DenseBEM(quadrature_tolerance=1e-8)], ids=["fem", "dense-bem"]
 )

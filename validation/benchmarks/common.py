@@ -22,8 +22,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator
 
 from meeframe.model.threads import limited
+from meeframe.results.canvas import house_style, line_style, sheet
 
 Record = dict[str, Any]
 WIDTH = 119
@@ -113,21 +115,25 @@ def figures(rows: Sequence[tuple[str, str]]) -> str:
 
 
 def loglog(file: Path, xlabel: str, ylabel: str, series: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> None:
-    """Draw curves in log-log axes; the legend shows the slope of each curve with more than one point."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axis = plt.subplots(figsize=(7, 4.2), layout="constrained")
-    for label, (x, y) in series.items():
-        shown = f"{label}: slope {slope(x, y):.2f}" if len(x) > 1 else label
-        axis.loglog(x, y, "o-", label=shown)
-    axis.set(xlabel=xlabel, ylabel=ylabel)
-    axis.grid(which="both", alpha=0.25)
-    figure.legend(loc="outside lower center", ncols=2, fontsize=7, columnspacing=1.0)
-    figure.savefig(file, dpi=110)
-    plt.close(figure)
+    """Draw curves in log-log axes in the house style; the legend shows the slope of each curve with several points."""
+    figure = sheet((7.0, 4.2))
+    with house_style():
+        axis = figure.subplots()
+        for number, (label, (x, y)) in enumerate(series.items()):
+            shown = f"{label}: slope {slope(x, y):.2f}" if len(x) > 1 else label
+            axis.loglog(x, y, label=shown, **line_style(number, len(series)))
+        axis.set(xlabel=xlabel, ylabel=ylabel)
+        sizes = sorted({value for x, _ in series.values() for value in x})
+        axis.xaxis.set_major_locator(FixedLocator(sizes))
+        low, high = axis.get_ylim()
+        axis.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 1e3 * low else (1.0, 2.0, 5.0)))
+        for scale in (axis.xaxis, axis.yaxis):
+            scale.set_major_formatter("{x:g}")
+            scale.set_minor_formatter(NullFormatter())
+        axis.xaxis.set_minor_locator(NullLocator())
+        axis.grid(visible=True)
+        figure.legend(loc="outside lower center", ncols=2, fontsize=7, columnspacing=1.0)
+        figure.savefig(file, dpi=110)
 
 
 def command_line(

@@ -17,6 +17,7 @@ from solver_cases import PAPER_STEPS, cases, reference, sphere
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status
 from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.results.canvas import house_style, line_style, sheet
 from meeframe.solvers import (
     Auto,
     BarzilaiBorwein,
@@ -250,22 +251,20 @@ def _speed(row: dict, name: str) -> str:
 
 
 def _draw_profile(profiles: dict[str, dict], file: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axis = plt.subplots(figsize=(7, 4), layout="constrained")
-    for name, one in profiles.items():
-        ratios = np.array(one["ratios"])
-        share = np.arange(1, len(ratios) + 1) / one["cases"]
-        axis.step([*ratios, 1e3], [*share, share[-1]], where="post", ls="--" if name == PLAIN else "-", label=name)
-    axis.set(xscale="log", xlim=(1.0, 300.0), ylim=(0.0, 1.02))
-    axis.set(xlabel="processor time, as a multiple of the best", ylabel="fraction of the cases solved")
-    axis.grid(alpha=0.3)
-    axis.legend(loc="lower right", fontsize=8)
-    figure.savefig(file, dpi=110)
-    plt.close(figure)
+    figure = sheet((7.0, 4.0))
+    with house_style():
+        axis = figure.subplots()
+        for number, (name, one) in enumerate(profiles.items()):
+            ratios = np.array(one["ratios"])
+            share = np.arange(1, len(ratios) + 1) / one["cases"]
+            style = line_style(number, len(profiles)) | {"marker": ""}
+            axis.step([*ratios, 1e3], [*share, share[-1]], where="post", label=name, **style)
+        axis.set(xscale="log", xlim=(1.0, 300.0), ylim=(0.0, 1.02))
+        axis.set(xlabel="processor time, as a multiple of the best", ylabel="fraction of the cases solved")
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.grid(visible=True)
+        axis.legend(loc="lower right", fontsize=8)
+        figure.savefig(file, dpi=110)
 
 
 if __name__ == "__main__":

@@ -57,27 +57,12 @@ class _Guard:
         """Return the monitor after a further violation."""
         shorter = max(SHORTENING_FACTOR * self.shortening, MIN_SHORTENING)
         best = min(violation, self.best)
+        steps, rounds = PLAIN_STEPS * self.plain_rounds, self.plain_rounds
         if self.idle >= MAX_IDLE_STEPS:
-            return _Guard(
-                (violation,),
-                best,
-                0,
-                PLAIN_STEPS * self.plain_rounds,
-                3 * self.plain_rounds,
-                self.lengthens_on_rise,
-                shorter,
-            )
+            return _Guard((violation,), best, 0, steps, 3 * rounds, self.lengthens_on_rise, shorter)
         if self.violations and violation > MAX_RISE * max(self.violations):
-            plain_rounds = 2 * self.plain_rounds if self.lengthens_on_rise else self.plain_rounds
-            plain_steps = PLAIN_STEPS * self.plain_rounds if self.lengthens_on_rise else PLAIN_STEPS
-            return replace(
-                self,
-                violations=(violation,),
-                best=best,
-                plain_steps=plain_steps,
-                plain_rounds=plain_rounds,
-                shortening=shorter,
-            )
+            steps, rounds = (steps, 2 * rounds) if self.lengthens_on_rise else (PLAIN_STEPS, rounds)
+            return _Guard((violation,), best, self.idle, steps, rounds, self.lengthens_on_rise, shorter)
         better = violation < self.best
         return replace(
             self,

@@ -26,12 +26,12 @@ MERIT_WINDOW: Final = 2
 """Number of last states whose largest merit bounds that of the next one."""
 MAX_MERIT_RATIO: Final = 0.99
 """Largest merit after a step, relative to that bound."""
-MAX_TOLERANCE: Final = 0.03
+MAX_TOLERANCE: Final = 0.02
 MIN_TOLERANCE: Final = 1e-4
 """Largest (MAX_TOLERANCE) and smallest (MIN_TOLERANCE) tolerance of the linear equations where there is no matrix."""
 SUFFICIENT_FRACTION: Final = 0.3
 """Fraction of the required residual at which the iteration in a neighbourhood of the contact ends."""
-COARSE_MERIT: Final = 5e-4
+COARSE_MERIT: Final = 2e-4
 """Merit at which the iteration on a coarser problem ends, as the two problems differ by more."""
 MAX_COARSE_STEPS: Final = 40
 """Largest number of steps on a coarser problem."""
@@ -51,8 +51,6 @@ RESTRICTION_MERIT: Final = 0.1
 """Merit below which the iteration does so, unless it starts there."""
 STIFFENING_FACTORS: Final = (1.0, 4.0, 16.0)
 """Factors of the step that finds the motion: friction carries more where the same overlap presses more."""
-
-
 MAX_FLIPS: Final = 1
 """Largest number of openings and closings before a node is treated as biactive.
 
@@ -255,7 +253,8 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     """Return an approximate solution on a coarser system, or None if it is not found or without load. Gain: 1.33."""
     solver = SemismoothNewton()
     iterate, steps = _begin(problem, None), 0
-    while iterate.memory_as(_Memory).state.merit > COARSE_MERIT:
+    # the merit of a start is small even if its short waves are wrong, which a first step shows
+    while steps == 0 or iterate.memory_as(_Memory).state.merit > COARSE_MERIT:
         if steps == MAX_COARSE_STEPS or _is_infeasible(problem, iterate):
             return None
         iterate, steps = solver.step(problem, iterate), steps + 1

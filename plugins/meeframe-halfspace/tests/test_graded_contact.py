@@ -9,6 +9,7 @@ import meeframe
 UM = 1e-6
 
 
+@pytest.mark.full
 def test_sphere_on_a_power_law_half_space():
     """Young's modulus grows like depth^k.
 

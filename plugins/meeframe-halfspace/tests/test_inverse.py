@@ -164,6 +164,7 @@ def test_solutions_match_without_nested_grids() -> None:
     np.testing.assert_allclose(states[0].motion, states[1].motion, atol=1e-8 * np.abs(states[1].motion).max())
 
 
+@pytest.mark.full
 def test_gradient_iterations_match_without_inverse() -> None:
     """Potentials are eliminated with and without the approximate inverse."""
     computed = []

@@ -410,6 +410,7 @@ def test_axes_of_friction_do_not_change_isotropic_rolling() -> None:
     assert forces[2] == pytest.approx(forces[0], rel=1e-8)
 
 
+@pytest.mark.full
 def test_steady_is_the_limit_of_transient() -> None:
     press = Step(normal_force=600.0)
     rolls = Step(rolling=Rolling((1.0, 0.0), distance=50 * 3e-4, **CREEPAGES))

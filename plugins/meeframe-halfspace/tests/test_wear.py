@@ -67,6 +67,7 @@ def test_flat_punch_runs_in_to_uniform_pressure():
     assert rate == pytest.approx(COEFFICIENT * FORCE / totals.contact_area, rel=1e-3)
 
 
+@pytest.mark.full
 def test_running_in_on_the_nodes_is_of_first_order():
     """Nodes in contact obey d(C p)/ds = -k p + const with the force held, a system of equations that expm solves."""
     errors, slip = [], 1.0 / flat_punch_decay(COEFFICIENT, MODULUS, RADIUS)
@@ -124,6 +125,7 @@ def test_deep_wear_scar_of_a_sphere():
     np.testing.assert_allclose(pressure, 1.0, atol=0.1)
 
 
+@pytest.mark.full
 def test_fretting_of_two_bodies_ends_with_pressure_on_the_stick_zone_alone():
     """The slip annulus wears until it bears nothing; the stick zone keeps mu E* (g - f(c)) = G* u0 (Popov 2014)."""
     radius, depth, mu, stick = 10e-3, 1e-6, 0.3, 0.7

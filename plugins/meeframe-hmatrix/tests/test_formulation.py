@@ -45,13 +45,13 @@ def small_leaves(tolerance=1e-4):
 @pytest.fixture(scope="module")
 def dense(make_block):
     """Return dense boundary elements with integrals finer than those of any tolerance here."""
-    return DenseBEM(quadrature_tolerance=1e-9).reduce(make_block(8))
+    return DenseBEM(quadrature_tolerance=1e-9).reduce(make_block(6))
 
 
 @pytest.fixture(scope="module")
 def systems(make_block):
     """Return the reduced systems by tolerance."""
-    return {tolerance: small_leaves(tolerance).reduce(make_block(8)) for tolerance in TOLERANCES}
+    return {tolerance: small_leaves(tolerance).reduce(make_block(6)) for tolerance in TOLERANCES}
 
 
 def test_compliance_converges_to_dense_with_tolerance(dense, systems, smooth_load):
@@ -91,7 +91,7 @@ def test_far_blocks_match_integrals_of_all_equations(make_block, monkeypatch, to
     monkeypatch.setattr(cross_approximation, "interpolation", selection)
     calls = []
     monkeypatch.setattr(formulation, "assemble", lambda *arguments: calls.append(arguments) or assemble(*arguments))
-    boundary = small_leaves(tolerance).boundary(make_block(8))
+    boundary = small_leaves(tolerance).boundary(make_block(6))
     ((integrals, block_tolerance, _),) = calls
     every = clusters(integrals.tree.root)
     rows = {(one.unknowns.start, one.unknowns.stop): one for one in every}
@@ -138,6 +138,7 @@ def test_other_elements(make_block, smooth_load, element, divisions):
     assert (relative(computed, expected) < 5e-5).all()
 
 
+@pytest.mark.full
 def test_half_space(smooth_load):
     mesh = half_space_mesh(0.02, 0.005, 8, 5, Quad4())
     body = Body(library_material("batio3-cofe2o4").stiffness, mesh, (), "contact")
@@ -154,7 +155,7 @@ def test_conformance():
 
 @pytest.mark.full
 def test_results_are_deterministic(make_block, smooth_load, systems):
-    again = small_leaves(1e-3).reduce(make_block(8))
+    again = small_leaves(1e-3).reduce(make_block(6))
     assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))
 
 
@@ -179,7 +180,7 @@ def test_memory_of_stored_products(systems, smooth_load):
 
 
 def test_stored_arrays_give_the_same_system_and_fields(make_block, smooth_load, systems, tmp_path):
-    system, body, formulation = systems[1e-3], make_block(8), small_leaves(1e-3)
+    system, body, formulation = systems[1e-3], make_block(6), small_leaves(1e-3)
     write_arrays(tmp_path / "system.h5", "its key", system.to_arrays())
     again = formulation.from_arrays(body, read_arrays(tmp_path / "system.h5", "its key"))
     load = smooth_load(system)
@@ -212,7 +213,7 @@ def test_invalid_arrays_are_rejected(make_block, systems):
     ):
         changed = {**arrays, **changes}
         with pytest.raises(ValueError, match=r"arrays|reshape"):
-            HierarchicalBEM().from_arrays(make_block(8), changed)
+            HierarchicalBEM().from_arrays(make_block(6), changed)
 
 
 @pytest.mark.full

@@ -24,6 +24,7 @@ MATERIAL = (
 )
 
 
+@pytest.mark.full
 def test_linear_temperature_is_exact_to_the_tolerance():
     """Loads, fluxes and heat on the zone of a quadratic field, with far blocks in the matrix."""
     field = ThermalField(MATERIAL, 20.0, np.array([30.0, -40.0, 25.0]))

@@ -46,8 +46,8 @@ def gap_of(step):
     return np.column_stack([step.slip, step.initial_gap - step.displacement[:, 2]])
 
 
-@pytest.mark.full(except_for=2)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.full(except_for=1)
+@pytest.mark.parametrize("name", [*reversed(CASES)])  # the longest case comes last
 def test_case_converges_with_the_law_of_its_name(name):
     case, system, steps = solved(name)
     assert LAWS[name] in {type(law) for law in (case.contact_law, *case.conductivity.values())}

@@ -120,7 +120,7 @@ def errors(solution, field):
     ]  # fmt: skip
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("name", "coarse", "order"), [("hex8", 4, 1), ("hex20", 2, 2), ("hex27", 2, 2), ("tet10", 3, 2)]
 )

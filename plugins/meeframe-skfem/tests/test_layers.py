@@ -92,6 +92,7 @@ def check_fluxes(solution, slopes):
     np.testing.assert_allclose(fluxes, [LOAD[2:], below], rtol=1e-9)
 
 
+@pytest.mark.full
 def test_layers_of_one_material_are_homogeneous():
     """Interfaces are on planes of the homogeneous grid, so that round-off alone differs."""
     material = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8))

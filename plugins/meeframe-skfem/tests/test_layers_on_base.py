@@ -28,6 +28,7 @@ def half_space(layers=(), base=None):
     return Body(LOWER.stiffness, PLANE, (), "contact", layers=LayerStack(layers, base))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("formulation", "body"),
     [

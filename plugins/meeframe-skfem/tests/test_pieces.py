@@ -76,7 +76,7 @@ def quasi_definite(seed=0, size=60):
     return csr_array(block_array([[laplace, coupling], [coupling.T, -laplace]]))
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("solver", ["pardiso", "splu"])
 def test_solvers_and_flexibility_match_dense_algebra(solver):
     if solver == "pardiso":

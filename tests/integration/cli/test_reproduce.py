@@ -37,6 +37,7 @@ def reproduce(*arguments):
     return result.exit_code, result.stdout, result.stderr
 
 
+@pytest.mark.full
 def test_figures_share_one_reduced_system(studies, tmp_path, monkeypatch):
     out = tmp_path / "out"
     status, output, _ = reproduce("fig-07", "--validation", studies, "--out", out)

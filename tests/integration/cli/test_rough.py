@@ -68,6 +68,7 @@ def test_study_file(study, tmp_path):
     assert "is not empty" in again.output
 
 
+@pytest.mark.full
 def test_height_map_with_options(tmp_path):
     done = invoke(
         *(heights(tmp_path / "map.npy"), "--out", tmp_path / "out", "--modulus", "70 GPa", "--unit", "1 nm"),

@@ -52,7 +52,7 @@ def test_plugin_imports_public_modules_only():
     assert imported == ["meeframe.plugin"]
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(("divisions", "material"), [(48, "batio3-cofe2o4"), ((33, 36), "orthotropic-mee")])
 def test_conformance(formulation, divisions, material):
     """All capabilities are tested on even and odd grids, for media with and without symmetry about the normal."""

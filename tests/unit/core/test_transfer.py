@@ -213,7 +213,7 @@ def test_inconsistent_weights_are_rejected(steel: DenseSystem, finer: DenseSyste
 # contact
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("divisions", "element", "width"), [(13, Quad4(), SIDE), (14, Tri3(), 5.5e-3), (7, Quad9(), SIDE)]
 )

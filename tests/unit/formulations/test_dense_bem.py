@@ -256,5 +256,6 @@ def test_open_meshes_and_missing_zones_are_rejected():
         DenseBEM().reduce(Body(body.stiffness, body.mesh, body.conditions, "nowhere"))
 
 
+@pytest.mark.full
 def test_conformance():
     check_formulation(DenseBEM(Tabulated()))

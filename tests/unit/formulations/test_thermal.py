@@ -115,6 +115,7 @@ def test_fields_inside_of_a_heat_source_outside():
     assert (np.abs(fields.fluxes - stress).max(axis=(0, 1)) <= 0.02 * np.abs(stress).max(axis=(0, 1))).all()
 
 
+@pytest.mark.full
 def test_default_accuracy_of_a_heated_body():
     mesh = box_mesh((1.0, 1.5, 0.8), (2, 2, 2), Quad9())
     field = ThermalField(MATERIAL, 20.0, np.array([30.0, -40.0, 25.0]))
