@@ -74,8 +74,9 @@ def test_faults_are_found(solved, tmp_path, name):
     assert worst(tmp_path, compliances)[statement] > random_problems.TOLERANCE
 
 
-@pytest.mark.parametrize("seed", range(5001, 5005))
+@pytest.mark.parametrize("seed", [*range(5001, 5005), 6513, 6959])
 def test_random_problems(seed):
+    """The last two have power laws of conduction whose resistance under tiny pressures is almost infinite."""
     answer = random_problems.answer(seed, "auto")
     assert answer.outcomes
     assert set(answer.outcomes) <= {"converged", "rejected", "stalled, with a reason"}, answer.notes
