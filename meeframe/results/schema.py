@@ -146,7 +146,7 @@ NODAL_FIELDS: tuple[NodalField, ...] = (
     _state("traction", "Pa", "traction", 3),
     _state("displacement", "m", "displacement", 3),
     _state("contact_fraction", "1", "contact fraction"),
-    _state("wear", "m", "worn depth", views=frozenset({View.MAP, View.VTK, View.STUDY})),
+    _state("wear", "m", "worn depth", views=frozenset({View.MAP, View.VTK, View.STUDY, View.COMPARISON})),
     _state("dissipation", "J/m^2", "dissipation"),
     _state("region", "1", "region", views=frozenset({View.VTK}), integer=True),
     _state("slip", "m", "slip", 2, StorageCondition.WITH_FRICTION, frozenset({View.VTK})),
@@ -296,7 +296,7 @@ TOTALS: tuple[Total, ...] = (
     Total("stick_area", "m^2", "sticking area", phenomenon="friction", views=_SUMMARY),
     Total("slip_area", "m^2", "slipping area", views=NOWHERE),
     Total("dissipated_energy", "J", "dissipated energy", phenomenon="friction", views=_SUMMARY),
-    Total("worn_volume", "m^3", "worn volume", phenomenon="wear", views=_SUMMARY),
+    Total("worn_volume", "m^3", "worn volume", phenomenon="wear", views=_SUMMARY | {View.COMPARISON}),
     Total("max_pressure", "Pa", "largest pressure"),
     Total("max_tension", "Pa", "largest tension", phenomenon="attraction"),
 )
