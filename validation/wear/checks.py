@@ -88,16 +88,16 @@ def flat_punch(quick: bool) -> Iterator[Item]:
 def spinning_punch(quick: bool) -> Iterator[Item]:
     """Check that pressure times distance from the axis becomes uniform under a spinning punch."""
     cells = 23 if quick else 47
-    turn = 40.0 / (flat_punch_decay(1e-9, MODULUS, RADIUS) * RADIUS)
-    steps = [meeframe.Step(normal_force=FORCE, sliding=0.0), meeframe.Step(twist=turn, increments=8)]
+    turn = 120.0 / (flat_punch_decay(1e-9, MODULUS, RADIUS) * RADIUS)  # the middle, which slips least, is the last
+    steps = [meeframe.Step(normal_force=FORCE, sliding=0.0), meeframe.Step(twist=turn, increments=16)]
     contact = meeframe.Contact(wear=meeframe.Archard(1e-9))
     result = worn(meeframe.FlatPunch(RADIUS), steps, 2.0 * RADIUS * cells / (cells - 2), cells, contact=contact)
     zone, step = result.zone, result[-1]
     product = (pressure(step) * np.hypot(*zone.points.T[:2]))[step.touching]
     words = f"spinning flat punch, {cells} cells: pressure times distance from the axis"
-    yield Check(f"{words}, range over mean", float(np.ptp(product) / product.mean()), 0.0, 0.01, "", True)
+    yield Check(f"{words}, range over mean", float(np.ptp(product) / product.mean()), 0.0, 1e-3, "", True)
     inverse = zone.weights[step.touching] @ (1.0 / np.hypot(*zone.points[step.touching].T[:2]))
-    yield Check(f"{words}, mean", float(product.mean()), FORCE / float(inverse), 2e-3, "N/m")
+    yield Check(f"{words}, mean", float(product.mean()), FORCE / float(inverse), 1e-3, "N/m")
 
 
 def scar(quick: bool) -> Iterator[Item]:
@@ -138,7 +138,8 @@ def fretting(quick: bool) -> Iterator[Item]:
     motion = FRICTION * depth * (1.0 - STICK**2)  # E* = G* without Poisson effect
     coefficient = 2.0 * depth / (2.0 * motion * 2.0 * (YOUNG / 2.0) / np.pi * np.sqrt(depth / SPHERE))
     steps = [meeframe.Step(approach=depth, sliding=0.0)]
-    steps += [meeframe.Step(translation=[sign * motion, 0.0], increments=2) for sign in (1, -1) * 2]
+    # each half cycle nears the limit, which finer grids resolve
+    steps += [meeframe.Step(translation=[sign * motion, 0.0], increments=2) for sign in (1, -1) * (2 if quick else 4)]
     mesh, formulation = meeframe.mesh.half_space(2.6 * radius, divisions=cells), meeframe.formulation("half-space")
     material = {"name": "isotropic", "young_modulus": YOUNG, "poisson_ratio": 0.0}
     result = worn(
