@@ -20,7 +20,8 @@ class ConvergedState:
 
     motions: names and indices of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
     indices; total_slip: (n, 2), slip_path and wear: (n,) [m] as in StepResult; state: of the contact zone, None for the
-    undeformed body; rolled: distance over which the contact has rolled [m].
+    undeformed body; rolled: distance over which the contact has rolled [m]; cycles: of steady rolling, in which the
+    surfaces have worn.
     """
 
     motions: IndenterMotions
@@ -32,6 +33,7 @@ class ConvergedState:
     wear: Array
     state: ContactState | None
     rolled: float = 0.0
+    cycles: float = 0.0
 
     def value(self, key: str) -> Array:
         """Return the value of a control that would reproduce this state, (1,) or (2,)."""

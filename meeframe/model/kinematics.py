@@ -196,7 +196,7 @@ class IndenterKinematics:
                 translation[:, column] = shift
         potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
-        if self.case.wear is not None:
+        if self.case.wear is not None and not (rolling is not None and rolling.is_steady):
             contact_law = WearingContact(contact_law, self.case.wear, start.wear, sliding, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         problem = ContactProblem(
@@ -318,9 +318,9 @@ def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]
         return here, hold_motions(here, {})
     step = case.restart.step
     totals = kinematics.resultants(step.state)
-    rolled = 0.0 if step.loading.rolling is None else step.loading.rolling.distance
+    rolled = () if step.loading.rolling is None else (step.loading.rolling.distance, step.loading.rolling.cycles)
     memory = step.total_slip, step.slip_path, step.wear
-    here = ConvergedState(case.motions, step.loading.motion, totals, *memory, step.state, rolled)
+    here = ConvergedState(case.motions, step.loading.motion, totals, *memory, step.state, *rolled)
     return here, hold_motions(here, step.loading.prescribed)
 
 

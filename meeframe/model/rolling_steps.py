@@ -111,7 +111,7 @@ def _divide(
 ) -> Step:
     try:
         length = rolling.increment(zone.points, zone.frames, placement.base, is_periodic).cell_shift.length
-        count = rolling.cells(length)
+        count = rolling.cells(length) if rolling.cycles is None else step.increments
     except CaseError as error:
         raise TableError(Problem(("steps", number, "rolling"), str(error))) from None
     duration = step.duration if rolling.speed is None else count * length / rolling.speed

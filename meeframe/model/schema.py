@@ -199,7 +199,9 @@ class StepTable(Table):
         """Convert magnitudes along `direction` to components."""
         if not isinstance(value, Mapping):
             return value
-        if value.get("rolling") is not None and "increments" in value:
+        rolling = value.get("rolling")
+        has_cycles = isinstance(rolling, Mapping) and "cycles" in rolling
+        if rolling is not None and "increments" in value and not has_cycles:
             text = "is not allowed with rolling, which has one increment for each cell of its distance"
             raise TableError(Problem(("increments",), text, value["increments"]))
         sizes = {

@@ -30,6 +30,7 @@ from meeframe.model.step import Step
 from meeframe.model.subdivision import solve_in_parts
 from meeframe.model.systems import checked
 from meeframe.model.wear import without_wear
+from meeframe.model.wear_cycles import WearOfCycles, solve_cycles
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.sources import faults_of_plugins, local_files
 from meeframe.results.balance import unbalance_warning
@@ -201,7 +202,12 @@ def solve_steps(
             share("contact", 0.0)
             with faults_of_plugins():
                 part = _Part(kinematics, step, prescribed, before, begin, (number, increment), last, rolling, share)
-                if step.max_pressure_change is None:
+                cycles = None if step.rolling is None else step.rolling.cycles
+                if rolling is not None and case.wear is not None and cycles is not None:
+                    wear = WearOfCycles(case.wear, rolling.cell_shift)
+                    amount = cycles / step.increments, rolling.rolling.wear_tolerance
+                    planned, end, result = solve_cycles(partial(part, 0.0, 1.0), here, wear, *amount)
+                elif step.max_pressure_change is None:
                     planned, end, result = part(0.0, 1.0, here)
                 else:
                     bounds = step.max_pressure_change, case.solver.stall_window

@@ -106,7 +106,7 @@ class RollingMotion:
 
     direction: unit vector in global axes, (3,), along which the contact moves relative to the material; creepage: (2,)
     longitudinal and lateral; spin: [1/m]; cell: rolled distance of the increment [m]; distance: that of all increments
-    since the beginning [m].
+    since the beginning [m]; cycles: of steady rolling since the beginning, in which the surfaces have worn.
     """
 
     direction: Array
@@ -114,6 +114,7 @@ class RollingMotion:
     spin: float
     cell: float
     distance: float
+    cycles: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -379,6 +379,7 @@ ROLLING_TOTALS: Final[tuple[Total, ...]] = (
     Total("creepage", "1", "creepage", _IN_ROLLING, _of_rolling(lambda rolling, *_: rolling.creepage)),
     Total("spin", "1/m", "spin", value=_of_rolling(lambda rolling, *_: rolling.spin)),
     Total("rolled_distance", "m", "rolled distance", value=_of_rolling(lambda rolling, *_: rolling.distance)),
+    Total("cycles", "1", "cycles of wear", value=_of_rolling(lambda rolling, *_: rolling.cycles or math.nan)),
     Total("creep_force", "N", "creep force", _IN_ROLLING, _of_rolling(_creep_force)),
     Total("creep_work", "J/m", "work of creepage per distance", value=_of_rolling(_creep_work)),
     Total(
