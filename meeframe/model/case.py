@@ -25,7 +25,7 @@ from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law,
 from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
-from meeframe.model.rolling_steps import check_rolling, divide_steps
+from meeframe.model.rolling_steps import check_profiles, check_rolling, divide_steps
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
 from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
 from meeframe.model.wear import check_sliding, check_wear
@@ -133,15 +133,17 @@ class Case(CaseData):
         generated = max(self.friction_heat, self.joule_heat)
         check_levels(self.steps, self.channels, generated, self._undetermined_levels)
         check_wear(self.wear, self.contact_law)
-        check_alike(self.second_body, self.formulation)
-        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, generated)
-        steps = divide_steps(self.steps, contact_zone, self.placement, self.formulation.is_periodic())
-        object.__setattr__(self, "steps", steps)  # as frozen dataclasses set fields that follow from others
-        check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])
         else:
             check_same_zone(self.restart, contact_zone, self.axes)
+        check_alike(self.second_body, self.formulation)
+        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, generated)
+        worn = None if self.restart is None else self.restart.step.wear
+        check_profiles(self.steps, self.wear, worn, contact_zone, self.placement)
+        steps = divide_steps(self.steps, contact_zone, self.placement, self.formulation.is_periodic())
+        object.__setattr__(self, "steps", steps)  # as frozen dataclasses set fields that follow from others
+        check_match(self.second_body, self.mesh, self.zone)
         resists = resistance(self.placement, self.mesh, self.zone, self.axes, self.contact_law, self.channels)
         for number, step in enumerate(self.steps, 1):
             check_names(step, self.motions)

@@ -65,7 +65,7 @@ class Rolling:
     speed: Annotated[float, Quantity("m/s", gt=0, lt=math.inf)] | None = None
     steady: bool = False
     cycles: Annotated[float, Quantity("", gt=0, lt=math.inf)] | None = None
-    wear_tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 0.01
+    wear_tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 0.05
 
     def __post_init__(self) -> None:
         check_quantities(self)

@@ -2,17 +2,26 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Final
+
+import numpy as np
 
 from meeframe.common.errors import CaseError
+from meeframe.fields import Array
 from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.topography.height_map import has_topography
 from meeframe.laws.base import ContactLaw, has_memory
+from meeframe.laws.wear import WearLaw
 from meeframe.mesh import ContactZone
 from meeframe.model.rolling import Rolling
 from meeframe.model.step import Step
 from meeframe.plugin.validation import Problem, TableError
+
+_SAME_DEPTH: Final = 1e-9
+"""Difference of worn depths that counts as none, as a fraction of the largest."""
+_EVEN: Final = "allowed: before it, steps with sliding = 0 and steady rolling alone"
 
 
 def check_rolling(
@@ -74,6 +83,48 @@ def _problems(
             f"friction_heat or joule_heat = {generated:g} with rolling: heat that material carries through the contact "
             "is not supported; allowed: 0"
         )
+
+
+def check_profiles(
+    steps: Sequence[Step], wear: WearLaw | None, start: Array | None, zone: ContactZone, placement: Placement
+) -> None:
+    """Raise TableError if surfaces that wear roll steadily with a depth that varies along the rolling direction.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+        Load steps.
+    wear : WearLaw or None
+        Wear law.
+    start : Array or None
+        Worn depth (n,) [m] at the beginning; None if it is zero.
+    zone : ContactZone
+        Contact zone.
+    placement : Placement
+        Placement of the indenter.
+    """
+    if wear is None:
+        return
+    varying, axes = "", None
+    for number, step in enumerate(steps):
+        rolling = step.rolling
+        if rolling is None or not rolling.steady:
+            if step.sliding != 0.0:
+                varying = varying or f"load step {number + 1} wears them in place or in one passage"
+            continue
+        location = "steps", number, "rolling"
+        if start is not None and not varying and start.any():
+            grid = rolling.increment(zone.points, zone.frames, placement.base, False).cell_shift.grid
+            if np.ptp(start[grid], axis=0).max() > _SAME_DEPTH * start.max():
+                varying = "the earlier run wore them in place or in one passage"
+        if varying:
+            raise TableError(
+                Problem(location, f"steady rolling of surfaces whose worn depth varies along them: {varying}; {_EVEN}")
+            )
+        if axes is not None and abs(rolling.axes[0] @ axes[0]) < 0.5:
+            raise TableError(Problem(location, "a direction across that of earlier cycles; allowed: the same axis"))
+        if rolling.cycles is not None:
+            axes = rolling.axes
 
 
 def divide_steps(steps: Sequence[Step], zone: ContactZone, placement: Placement, is_periodic: bool) -> tuple[Step, ...]:
