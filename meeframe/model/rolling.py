@@ -196,8 +196,15 @@ class RollingIncrement:
         if self.is_steady:  # no length, after which there would be a slip path
             return replace(start, total_slip=slip, slip_path=np.zeros_like(start.slip_path), state=state)
         path = np.where(shift.entering, 0.0, shift.values(start.slip_path))
-        wear, rolled = shift.values(start.wear), start.rolled + shift.length
-        return replace(start, total_slip=slip, slip_path=path, wear=wear, state=state, rolled=rolled)
+        return replace(
+            start,
+            total_slip=slip,
+            slip_path=path,
+            wear=shift.values(start.wear),
+            state=state,
+            rolled=start.rolled + shift.length,
+            travel=start.travel + shift.length * self.rolling.axes[0],
+        )
 
     def motion(self, start: ConvergedState, end: ConvergedState) -> RollingMotion:
         """Return the rolling of an increment between two states."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -19,6 +20,8 @@ from meeframe.model.rolling import Rolling
 from meeframe.model.step import Step
 from meeframe.plugin.validation import Problem, TableError
 
+_ACROSS: Final = 1e-9
+"""Largest component along a flat zone of its normals."""
 _SAME_DEPTH: Final = 1e-9
 """Difference of worn depths that counts as none, as a fraction of the largest."""
 _EVEN: Final = "allowed: before it, steps with sliding = 0 and steady rolling alone"
@@ -83,6 +86,47 @@ def _problems(
             f"friction_heat or joule_heat = {generated:g} with rolling: heat that material carries through the contact "
             "is not supported; allowed: 0"
         )
+
+
+def check_surface(surface: Indenter | None, steps: Sequence[Step], zone: ContactZone, placement: Placement) -> None:
+    """Raise CaseError unless heights that move with the material cover the zone, which is flat, during all steps.
+
+    Parameters
+    ----------
+    surface : Indenter or None
+        Heights; None for a plane.
+    steps : sequence of Step
+        Load steps.
+    zone : ContactZone
+        Contact zone.
+    placement : Placement
+        Placement of the indenter.
+    """
+    if surface is None:
+        return
+    base = placement.base
+    if np.abs(zone.frames @ base[2] - [0.0, 0.0, 1.0]).max() > _ACROSS:
+        raise CaseError(
+            "heights on a zone that is not flat and normal to the axis of the indenter; allowed: a flat zone"
+        )
+    at, travel = zone.points @ base[:2].T, np.zeros(2)
+    corners = np.array(list(product(*zip(at.min(axis=0), at.max(axis=0), strict=True))))
+    for number, step in enumerate(steps, 1):
+        if step.rolling is not None:
+            if step.rolling.steady:
+                raise CaseError(
+                    f"load step {number} rolls steadily over a surface with heights, which is never steady; allowed: a "
+                    "distance"
+                )
+            travel = travel + (step.rolling.distance or 0.0) * step.rolling.axes[0]
+        positions = (at if number == 1 else corners) + travel
+        missing = ~np.isfinite(surface.height(*positions.T))
+        if missing.any():
+            x, y = positions[missing][0]
+            raise CaseError(
+                f"no height at x = {x:.6g} m, y = {y:.6g} m, which is in the contact zone in load step {number}; "
+                "allowed: heights below the whole zone along its way"
+            )
 
 
 def check_profiles(

@@ -77,6 +77,7 @@ class ContactTable(Table):
     friction_heat: Annotated[float, Quantity("", ge=0, le=1)] = 0.0
     joule_heat: Annotated[float, Quantity("", ge=0, le=1)] = 0.0
     wear: Annotated[WearLaw | None, by_name(WearLaw)] = None
+    surface: Annotated[Indenter | None, by_name(Indenter)] = None
 
 
 _INSULATING: Final = Field(default="insulating", validate_default=True)

@@ -385,6 +385,7 @@ def _step_result(
             increment.duration,
             kinematics.case.fields,
             None if increment.rolling is None else increment.rolling.motion(increment.start, end),
+            end.travel,
         ),
         step=numbers[0],
         increment=numbers[1],

@@ -270,6 +270,8 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
     _put_all(loading, units, {name: getattr(step.loading, name) for name in units})
     if step.loading.duration is not None:
         _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
+    if step.loading.travel.any():
+        _put_all(loading, {"travel": "m"}, {"travel": step.loading.travel})
     rolling, prescribed = step.loading.rolling, step.loading.prescribed
     if rolling is not None:
         values = {name: getattr(rolling, name) for name in _ROLLING_UNITS}
@@ -489,7 +491,8 @@ def _get_loading(group: Any, fields: FieldSet) -> Loading:
         names = ("spin", "cell", "distance", *(["cycles"] if "cycles" in entries else []))  # not in earlier versions
         numbers = (float(entries[name][()]) for name in names)
         rolling = RollingMotion(numbers_of(entries, "direction", (3,)), numbers_of(entries, "creepage", (2,)), *numbers)
-    return Loading.of(motion, prescribed, reference, axes, duration, fields, rolling)
+    travel = numbers_of(group, "travel", (2,)) if "travel" in group else None
+    return Loading.of(motion, prescribed, reference, axes, duration, fields, rolling, travel)
 
 
 def _get_cells(group: Any, n: int) -> Cells:
