@@ -141,7 +141,7 @@ class Case(CaseData):
         else:
             check_same_zone(self.restart, contact_zone, self.axes)
         check_alike(self.second_body, self.formulation)
-        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, generated)
+        check_rolling(self.steps, self.indenter, self.formulations, generated)
         check_surface(self.surface, self.steps, contact_zone, self.placement)
         worn = None if self.restart is None else self.restart.step.wear
         check_profiles(self.steps, self.wear, worn, contact_zone, self.placement)

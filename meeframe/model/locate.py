@@ -139,7 +139,7 @@ def _case_checks(
     held = partial(resistance, placement, body.mesh, zone, table.contact.axes, law, channels)
     formulations = (table.formulation, *(() if second_body is None else (second_body.formulation,)))
     heat, current, periodic = table.contact.friction_heat, table.contact.joule_heat, table.formulation.is_periodic()
-    yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, law, max(heat, current))
+    yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, max(heat, current))
     surface = table.contact.surface
     yield Problem(("contact", "surface"), ""), partial(check_surface, surface, steps, contact_zone, placement)
     worn = None if restart is None else restart.step.wear

@@ -193,8 +193,8 @@ class RollingIncrement:
             shifted = shift.values(state.displacement)
             shifted[:, :2] = shift.tangential(state.displacement[:, :2])
             state = replace(state, load=shift.load(state.load), displacement=shifted)
-        if self.is_steady:  # no length, after which there would be a slip path
-            return replace(start, total_slip=slip, slip_path=np.zeros_like(start.slip_path), state=state)
+        if self.is_steady:
+            return replace(start, total_slip=slip, state=state)
         path = np.where(shift.entering, 0.0, shift.values(start.slip_path))
         return replace(
             start,

@@ -13,7 +13,6 @@ from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.topography.height_map import has_topography
-from meeframe.laws.base import ContactLaw, has_memory
 from meeframe.laws.wear import WearLaw
 from meeframe.mesh import ContactZone
 from meeframe.model.rolling import Rolling
@@ -31,7 +30,6 @@ def check_rolling(
     steps: Sequence[Step],
     indenter: Indenter,
     formulations: Sequence[Formulation],
-    law: ContactLaw,
     generated: float,
 ) -> None:
     """Raise TableError if a case with load steps that roll has a part that does not move with the material.
@@ -44,14 +42,12 @@ def check_rolling(
         Indenter of the case.
     formulations : sequence of Formulation
         Formulations of its body, and of the second one if there is one.
-    law : ContactLaw
-        Contact law.
     generated : float
         Largest fraction of the work of friction or of a current that heats the body.
     """
     for number, step in enumerate(steps):
         rolling = step.rolling
-        for problem in () if rolling is None else _problems(rolling, indenter, formulations, law, generated):
+        for problem in () if rolling is None else _problems(rolling, indenter, formulations, generated):
             raise TableError(Problem(("steps", number, "rolling"), problem))
 
 
@@ -59,7 +55,6 @@ def _problems(
     rolling: Rolling,
     indenter: Indenter,
     formulations: Sequence[Formulation],
-    law: ContactLaw,
     generated: float,
 ) -> Iterator[str]:
     """Yield the problems of rolling in a case, each in words."""
@@ -75,11 +70,6 @@ def _problems(
         yield (
             f"the heights of the indenter {type(indenter).__name__} do not move with a body that rolls; allowed: a "
             "smooth indenter, or one that slides over a single body, with creepage = [1, 0]"
-        )
-    if rolling.steady and has_memory(law) and not law.needs_duration:
-        yield (
-            f"steady rolling with the contact law {type(law).__name__}, which depends on the path slipped before; "
-            "allowed: a distance, over which the state becomes steady"
         )
     if generated:
         yield (

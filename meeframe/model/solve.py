@@ -16,7 +16,7 @@ from meeframe.contact.problem import ContactSolution, ContactState, Status, inde
 from meeframe.contact.scales import largest, problem_scales
 from meeframe.fields import POTENTIALS, Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
-from meeframe.laws.base import is_pure_projection
+from meeframe.laws.base import has_memory, is_pure_projection
 from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
@@ -26,6 +26,7 @@ from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
 from meeframe.model.rolling import RollingIncrement
+from meeframe.model.steady import solve_steady
 from meeframe.model.step import Step
 from meeframe.model.subdivision import solve_in_parts
 from meeframe.model.systems import checked
@@ -202,11 +203,8 @@ def solve_steps(
             share("contact", 0.0)
             with faults_of_plugins():
                 part = _Part(kinematics, step, prescribed, before, begin, (number, increment), last, rolling, share)
-                cycles = None if step.rolling is None else step.rolling.cycles
-                if rolling is not None and case.wear is not None and cycles is not None:
-                    wear = WearOfCycles(case.wear, rolling.cell_shift)
-                    amount = cycles / step.increments, rolling.rolling.wear_tolerance
-                    planned, end, result = solve_cycles(partial(part, 0.0, 1.0), here, wear, *amount)
+                if rolling is not None and rolling.is_steady:
+                    planned, end, result = _solve_steady(replace(part, last=None), here, rolling)
                 elif step.max_pressure_change is None:
                     planned, end, result = part(0.0, 1.0, here)
                 else:
@@ -231,6 +229,22 @@ def solve_steps(
                     yield result  # the increment is solved all the same
                     raise
             yield result
+
+
+def _solve_steady(
+    part: "_Part", here: ConvergedState, rolling: RollingIncrement
+) -> tuple[Increment, ConvergedState, StepResult]:
+    """Return an increment of steady rolling as a _Part does, after the cycles in which it wears surfaces."""
+    case, step, shift = part.kinematics.case, part.step, rolling.cell_shift
+
+    def steady(state: ConvergedState) -> tuple[Increment, ConvergedState, StepResult]:
+        return solve_steady(partial(part, 0.0, 1.0), state, shift, has_memory(case.contact_law))
+
+    cycles = rolling.rolling.cycles
+    if case.wear is None or cycles is None:
+        return steady(here)
+    tolerance = rolling.rolling.wear_tolerance
+    return solve_cycles(steady, here, WearOfCycles(case.wear, shift), cycles / step.increments, tolerance)
 
 
 def rolling_increment(kinematics: IndenterKinematics, step: Step) -> RollingIncrement | None:

@@ -1,6 +1,5 @@
 """Wear of surfaces that roll through the contact again and again, extrapolated over many cycles."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -11,12 +10,9 @@ from meeframe.fields import Array
 from meeframe.laws.wear import WearLaw
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
+from meeframe.model.steady import Solution, Solve
 from meeframe.results.records import StepResult
 from meeframe.system.rolling import CellShift
-
-Solution = tuple[Increment, ConvergedState, StepResult]
-Solve = Callable[[ConvergedState], Solution]
-"""Solves steady rolling from a state, whose worn depth is that of the surfaces."""
 
 _STAGES: Final = 6
 """Number of stages of a step. Stable steps grow with its square: neighbouring lines of a grid equalize fast."""
@@ -92,7 +88,7 @@ def solve_cycles(
     Parameters
     ----------
     solve : callable
-        Solves steady rolling.
+        Solves steady rolling from a state, whose worn depth is that of the surfaces.
     here : ConvergedState
         State at the beginning.
     wear : WearOfCycles

@@ -95,11 +95,6 @@ CHANGES = {
         "spin = 1 1/m on a periodic surface; allowed: 0",
     ),
     "axis": ('radius = "10 cm"', 'radius = "10 cm"\naxis = [0, 0.1, 1]', "the axis of the indenter is not normal"),
-    "memory": (
-        '"isotropic-coulomb", mu = 0.3',
-        '"slip-weakening", mu_static = 0.4, mu_kinetic = 0.2, slip_distance = "1 um"',
-        "steady rolling with the contact law SlipWeakening",
-    ),
     "rough surface": (
         'name = "sphere"\nradius = "10 cm"',
         'name = "self-affine"\nhurst = 0.8\nrms_height = "1 um"\nperiod = "6 mm"\nshortest = "1 mm"',
