@@ -105,11 +105,11 @@ def _rolling_curves(result: Result, steps: Sequence[StepResult]) -> Iterator[Cur
         yield Curve(words, across, (words, unit, values), ("longitudinal", "lateral"), covers_all=False)
     totals = [resultants(result.zone, step) for step in steps]
     for scalar in steps[0].fields.scalars:
-        signals = {
-            (scalar.resultant, scalar.resultant_unit): totals,
-            (scalar.value_name, scalar.value_unit): [step.loading for step in steps],
-        }
-        for (name, unit), records in signals.items():
+        signals: tuple[tuple[str, str, Sequence[Any]], ...] = (
+            (scalar.resultant, scalar.resultant_unit, totals),
+            (scalar.value_name, scalar.value_unit, [step.loading for step in steps]),
+        )
+        for name, unit, records in signals:
             values = _column([getattr(record, name) for record in records])
             if np.ptp(values) > _SAME * np.abs(values).max():
                 words = name.replace("_", " ")

@@ -1,4 +1,4 @@
-"""Check wear by Archard's law: flat punches that run in, worn volumes, the scar of a sphere, and fretting."""
+"""Check wear by Archard's law: flat punches that run in, worn volumes, scars, fretting, sliding and rolling."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -12,7 +12,7 @@ from meeframe.results.records import Region, StepResult, Zone
 from meeframe.study.validate import Check, Curve, Item, Plot
 from meeframe.testing.closed_forms_wear import flat_punch_decay, fretting_force, scar_radius
 
-TITLE = "Wear: flat punches, scars of spheres, and fretting"
+TITLE = "Wear: flat punches, scars, fretting, sliding and rolling"
 SOURCE = (
     "Archard, J. Appl. Phys. 24 (1953) 981; Galin, J. Appl. Math. Mech. 40 (1976) 981; Goryacheva, Contact Mechanics "
     "in Tribology (1998), chapters 6 and 7; Popov, Sci. Rep. 4 (2014) 3749."
@@ -155,17 +155,74 @@ def fretting(quick: bool) -> Iterator[Item]:
     sticks, words = step.region == Region.STICK, f"fretting at a held approach, {cells} cells"
     stick = float(np.sqrt(zone.weights @ sticks / np.pi))
     yield Check(f"{words}: stick radius", stick, STICK * radius, 0.5 * 2.6 * radius / cells, "m", True)
-    limit = fretting_force(YOUNG / 2.0, SPHERE, depth, STICK * radius)
-    yield Check(f"{words}: force", meeframe.resultants(zone, step).normal_force, limit, 0.04 if quick else 0.02, "N")
+    limit = fretting_force(YOUNG / 2.0, SPHERE, depth, stick)
+    yield Check(f"{words}: force, of this radius", meeframe.resultants(zone, step).normal_force, limit, 0.01, "N")
     yield Check(f"{words}: largest worn depth that sticks", float(step.wear[sticks].max()), 0.0, 1e-12, "m", True)
     annulus = step.touching & ~sticks
     share = float(zone.weights[annulus] @ pressure(step)[annulus]) / limit
     yield Check(f"{words}: part of the force that the annulus bears", share, 0.0, 0.02, "", True)
 
 
+def groove(quick: bool) -> Iterator[Item]:
+    """Check the groove of a slider in one passage: k times the integral of the pressure of Hertz along its way."""
+    hertz = float((3.0 * SPHERE_FORCE * SPHERE / (4.0 * MODULUS)) ** (1 / 3))
+    cells, width = 24 if quick else 48, 3.0 * hertz
+    steps = [
+        meeframe.Step(normal_force=SPHERE_FORCE, sliding=0.0),
+        meeframe.Step(rolling={"distance": 2.6 * hertz, "creepage": [1.0, 0.0]}),
+    ]
+    contact = meeframe.Contact(meeframe.IsotropicCoulomb(0.01), wear=meeframe.Archard(COEFFICIENT))
+    result = worn(meeframe.Sphere(SPHERE), steps, width, cells, contact=contact)
+    x, y = result.zone.points.T[:2]
+    behind = np.isclose(x, np.unique(x.round(12))[2])
+    depth = result[-1].wear[behind]
+    peak = 1.5 * SPHERE_FORCE / (np.pi * hertz**2)
+    exact = COEFFICIENT * peak * np.pi / (2.0 * hertz) * np.maximum(hertz**2 - y[behind] ** 2, 0.0)
+    error = float(np.abs(depth - exact).max() / exact.max())
+    words = f"groove of a slider, {cells} cells"
+    yield Check(f"{words}: depth, largest error over the depth", error, 0.0, 0.02, "", True)
+    section = float(depth.sum()) * width / cells
+    yield Check(f"{words}: cross-section", section, COEFFICIENT * SPHERE_FORCE, 0.01, "m^2")
+    curves = (
+        Curve("closed form", y[behind] * 1e6, exact * 1e12),
+        Curve("computed", y[behind] * 1e6, depth * 1e12, points=True),
+    )
+    yield Plot("Groove of a slider in one passage", "y [µm]", "depth [pm]", curves)
+
+
+def roller(quick: bool) -> Iterator[Item]:
+    """Check a roller in full slip whose scar, over many cycles, becomes deeper than its elastic approach.
+
+    All lines along the rolling direction then bear the same load, b^3 = 3 k P xi N R / 2 for the half width b.
+    """
+    hertz = float((3.0 * SPHERE_FORCE * SPHERE / (4.0 * MODULUS)) ** (1 / 3))
+    depth, creepage, cells = 3.0 * hertz**2 / SPHERE, 0.5, (10, 20) if quick else (16, 32)
+    half_width = float(np.sqrt(2.0 * depth * SPHERE))
+    cycles = half_width**3 / (1.5 * COEFFICIENT * SPHERE_FORCE * creepage * SPHERE)
+    steps = [
+        meeframe.Step(normal_force=SPHERE_FORCE, sliding=0.0),
+        meeframe.Step(rolling={"steady": True, "creepage": [creepage, 0.0], "cycles": cycles}),
+    ]
+    contact = meeframe.Contact(meeframe.IsotropicCoulomb(0.2), wear=meeframe.Archard(COEFFICIENT))
+    width = (2.2 * hertz, 2.4 * half_width)
+    result = worn(meeframe.Sphere(SPHERE), steps, width, cells, contact=contact)
+    x, y = result.zone.points.T[:2]
+    profile = result[-1].wear[np.isclose(x, x.min())]
+    words = f"roller in full slip, worn by 3 elastic approaches, {cells[0]} x {cells[1]} cells"
+    section = float(profile.sum()) * width[1] / cells[1]
+    yield Check(f"{words}: cross-section", section, COEFFICIENT * SPHERE_FORCE * creepage * cycles, 0.01, "m^2")
+    yield Check(f"{words}: deepest point", float(profile.max()), depth, 0.03, "m")
+    loads = [float(pressure(result[-1])[np.isclose(y, line)].sum()) for line in np.unique(y.round(12))]
+    inner = np.array(loads)[np.abs(np.unique(y.round(12))) < 0.5 * half_width]
+    spread = float(np.ptp(inner) / inner.mean())
+    yield Check(f"{words}: range of the loads of lines over their mean", spread, 0.0, 0.05, "", True)
+
+
 def run(quick: bool) -> Iterator[Item]:
-    """Check running-in of flat punches, the scar of a sphere, and the limit of fretting."""
+    """Check running-in of flat punches, scars of a sphere and a roller, the limit of fretting, and a groove."""
     yield from flat_punch(quick)
     yield from spinning_punch(quick)
     yield from scar(quick)
     yield from fretting(quick)
+    yield from groove(quick)
+    yield from roller(quick)
