@@ -71,7 +71,7 @@ class WearOfCycles:
         """
         slip, duration = np.linalg.norm(result.slip, axis=1), result.loading.duration
         speed = np.zeros_like(slip) if duration is None else slip / duration
-        in_cell = slip * self.law.rate(np.maximum(-result.traction[:, 2], 0.0), speed, worn)
+        in_cell: Array = slip * self.law.rate(np.maximum(-result.traction[:, 2], 0.0), speed, worn)
         depth, grid = np.empty_like(in_cell), self.cell_shift.grid
         depth[grid] = in_cell[grid].sum(axis=0)
         return depth
