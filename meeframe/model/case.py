@@ -141,10 +141,9 @@ class Case(CaseData):
         else:
             check_same_zone(self.restart, contact_zone, self.axes)
         check_alike(self.second_body, self.formulation)
-        check_rolling(self.steps, self.indenter, self.formulations, generated)
-        check_surface(self.surface, self.steps, contact_zone, self.placement)
-        worn = None if self.restart is None else self.restart.step.wear
-        check_profiles(self.steps, self.wear, worn, contact_zone, self.placement)
+        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, generated)
+        check_surface(self.surface, self.steps, contact_zone, self.placement, self.restart)
+        check_profiles(self.steps, self.wear, contact_zone, self.placement, self.restart)
         steps = divide_steps(self.steps, contact_zone, self.placement, self.formulation.is_periodic())
         object.__setattr__(self, "steps", steps)  # as frozen dataclasses set fields that follow from others
         check_match(self.second_body, self.mesh, self.zone)

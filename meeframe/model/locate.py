@@ -139,11 +139,10 @@ def _case_checks(
     held = partial(resistance, placement, body.mesh, zone, table.contact.axes, law, channels)
     formulations = (table.formulation, *(() if second_body is None else (second_body.formulation,)))
     heat, current, periodic = table.contact.friction_heat, table.contact.joule_heat, table.formulation.is_periodic()
-    yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, max(heat, current))
+    yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, law, max(heat, current))
     surface = table.contact.surface
-    yield Problem(("contact", "surface"), ""), partial(check_surface, surface, steps, contact_zone, placement)
-    worn = None if restart is None else restart.step.wear
-    yield Problem((), ""), partial(check_profiles, steps, table.contact.wear, worn, contact_zone, placement)
+    yield Problem(("contact", "surface"), ""), partial(check_surface, surface, steps, contact_zone, placement, restart)
+    yield Problem((), ""), partial(check_profiles, steps, table.contact.wear, contact_zone, placement, restart)
     yield Problem((), ""), partial(divide_steps, steps, contact_zone, placement, periodic)
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)

@@ -8,13 +8,14 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import Array
 from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.topography.height_map import has_topography
+from meeframe.laws.base import ContactLaw, has_memory
 from meeframe.laws.wear import WearLaw
 from meeframe.mesh import ContactZone
+from meeframe.model.restart import Restart
 from meeframe.model.rolling import Rolling
 from meeframe.model.step import Step
 from meeframe.plugin.validation import Problem, TableError
@@ -30,6 +31,7 @@ def check_rolling(
     steps: Sequence[Step],
     indenter: Indenter,
     formulations: Sequence[Formulation],
+    law: ContactLaw,
     generated: float,
 ) -> None:
     """Raise TableError if a case with load steps that roll has a part that does not move with the material.
@@ -42,12 +44,14 @@ def check_rolling(
         Indenter of the case.
     formulations : sequence of Formulation
         Formulations of its body, and of the second one if there is one.
+    law : ContactLaw
+        Contact law.
     generated : float
         Largest fraction of the work of friction or of a current that heats the body.
     """
     for number, step in enumerate(steps):
         rolling = step.rolling
-        for problem in () if rolling is None else _problems(rolling, indenter, formulations, generated):
+        for problem in () if rolling is None else _problems(rolling, indenter, formulations, law, generated):
             raise TableError(Problem(("steps", number, "rolling"), problem))
 
 
@@ -55,6 +59,7 @@ def _problems(
     rolling: Rolling,
     indenter: Indenter,
     formulations: Sequence[Formulation],
+    law: ContactLaw,
     generated: float,
 ) -> Iterator[str]:
     """Yield the problems of rolling in a case, each in words."""
@@ -66,6 +71,11 @@ def _problems(
             )
         if rolling.spin and formulation.is_periodic():
             yield f"spin = {rolling.spin:g} 1/m on a periodic surface; allowed: 0, as the slip of spin is not periodic"
+        if rolling.steady and formulation.is_periodic() and has_memory(law) and not law.needs_duration:
+            yield (
+                f"steady rolling on a periodic surface with the contact law {type(law).__name__}, which depends on the "
+                "path slipped before: it grows in each period; allowed: a distance"
+            )
     if has_topography(indenter) and not (rolling.is_sliding and len(formulations) == 1):
         yield (
             f"the heights of the indenter {type(indenter).__name__} do not move with a body that rolls; allowed: a "
@@ -78,7 +88,13 @@ def _problems(
         )
 
 
-def check_surface(surface: Indenter | None, steps: Sequence[Step], zone: ContactZone, placement: Placement) -> None:
+def check_surface(
+    surface: Indenter | None,
+    steps: Sequence[Step],
+    zone: ContactZone,
+    placement: Placement,
+    restart: Restart | None = None,
+) -> None:
     """Raise CaseError unless heights that move with the material cover the zone, which is flat, during all steps.
 
     Parameters
@@ -91,6 +107,8 @@ def check_surface(surface: Indenter | None, steps: Sequence[Step], zone: Contact
         Contact zone.
     placement : Placement
         Placement of the indenter.
+    restart : Restart, optional
+        State to continue, with the way of the contact over the material.
     """
     if surface is None:
         return
@@ -99,7 +117,8 @@ def check_surface(surface: Indenter | None, steps: Sequence[Step], zone: Contact
         raise CaseError(
             "heights on a zone that is not flat and normal to the axis of the indenter; allowed: a flat zone"
         )
-    at, travel = zone.points @ base[:2].T, np.zeros(2)
+    at = zone.points @ base[:2].T
+    travel = np.zeros(2) if restart is None else restart.step.loading.travel
     corners = np.array(list(product(*zip(at.min(axis=0), at.max(axis=0), strict=True))))
     for number, step in enumerate(steps, 1):
         if step.rolling is not None:
@@ -120,7 +139,7 @@ def check_surface(surface: Indenter | None, steps: Sequence[Step], zone: Contact
 
 
 def check_profiles(
-    steps: Sequence[Step], wear: WearLaw | None, start: Array | None, zone: ContactZone, placement: Placement
+    steps: Sequence[Step], wear: WearLaw | None, zone: ContactZone, placement: Placement, restart: Restart | None = None
 ) -> None:
     """Raise TableError if surfaces that wear roll steadily with a depth that varies along the rolling direction.
 
@@ -130,16 +149,17 @@ def check_profiles(
         Load steps.
     wear : WearLaw or None
         Wear law.
-    start : Array or None
-        Worn depth (n,) [m] at the beginning; None if it is zero.
     zone : ContactZone
         Contact zone.
     placement : Placement
         Placement of the indenter.
+    restart : Restart, optional
+        State to continue, with the depth worn before.
     """
     if wear is None:
         return
     varying, axes = "", None
+    start = np.zeros(len(zone.points)) if restart is None else restart.step.wear
     for number, step in enumerate(steps):
         rolling = step.rolling
         if rolling is None or not rolling.steady:
@@ -147,7 +167,7 @@ def check_profiles(
                 varying = varying or f"load step {number + 1} wears them in place or in one passage"
             continue
         location = "steps", number, "rolling"
-        if start is not None and not varying and start.any():
+        if start.any() and not varying:
             grid = rolling.increment(zone.points, zone.frames, placement.base, False).cell_shift.grid
             if np.ptp(start[grid], axis=0).max() > _SAME_DEPTH * start.max():
                 varying = "the earlier run wore them in place or in one passage"
