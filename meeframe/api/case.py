@@ -369,6 +369,7 @@ def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequenc
             checked.friction_heat,
             checked.joule_heat,
             checked.wear,
+            checked.surface,
         ),
         conductivity={name: law for name, law in checked.conductivity.items() if name in tables["conductivity"]}
         if "conductivity" in tables

@@ -89,7 +89,8 @@ class Diagnostics:
         case = self.kinematics.case
         if case.formulation.is_periodic():
             return np.zeros((0, 2), np.int64)
-        return open_sides(self.zone, None if case.indenter.pointwise else self.kinematics.gaps)
+        pointwise = case.indenter.pointwise or (case.surface is not None and case.surface.pointwise)
+        return open_sides(self.zone, None if pointwise else self.kinematics.gaps)
 
     @cached_property
     def _body(self) -> Body:

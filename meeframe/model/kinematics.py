@@ -106,6 +106,28 @@ class IndenterKinematics:
 
     def gaps(self, points: Array, frames: Array) -> Array:
         """Return the gap (m,) [m] at points (m, 3) with frames (m, 3, 3), of the indenter just touching the zone."""
+        return self._gaps_after(np.zeros(2), points, frames)
+
+    def _gaps_after(self, travel: Array, points: Array, frames: Array) -> Array:
+        """Return the gaps where the contact has moved by `travel` (2,) [m] over the material."""
+        gap = self._gaps_of_indenter(points, frames)
+        if self.case.surface is None:
+            return gap
+        return gap + self._distance_to_surface(travel, points) - self._lowest_sum
+
+    def _distance_to_surface(self, travel: Array, points: Array) -> Array:
+        """Return the distance (m,) [m] of the surface that moves with the material from a plane on its top."""
+        surface, (x, y) = self.case.surface, (points @ self.case.placement.base[:2].T + travel).T
+        return np.zeros(len(points)) if surface is None else surface.height(x, y)
+
+    @cached_property
+    def _lowest_sum(self) -> float:
+        """Distance that indenter and surface may approach each other at the beginning until they touch at a node."""
+        gap = self._gaps_of_indenter(self.system.points, self.system.frames)
+        return float((gap + self._distance_to_surface(np.zeros(2), self.system.points)).min())
+
+    def _gaps_of_indenter(self, points: Array, frames: Array) -> Array:
+        """Return the gaps without heights of the surface."""
         cells, placement = self.system.cells, self.case.placement
         zone = ContactZone(points, frames, np.ones(len(points)), cells, np.arange(len(points)))
         # its height refers to the highest point of the system's zone, whichever points are evaluated
@@ -186,7 +208,11 @@ class IndenterKinematics:
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
         shift = self._mode_displacement(base, 2)
-        gap = self.touching_gap + shift if shift.any() else self.touching_gap
+        gap = self.touching_gap
+        if self.case.surface is not None and start.travel.any():
+            gap = self._gaps_after(start.travel, system.points, system.frames) + self._lowering
+        if shift.any():
+            gap = gap + shift
         if start.wear.any():
             gap = gap + start.wear
         translation = np.zeros((2, len(gap))).T  # columns of zeros are never written, and take no memory
@@ -196,7 +222,7 @@ class IndenterKinematics:
                 translation[:, column] = shift
         potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
-        if self.case.wear is not None:
+        if self.case.wear is not None and not (rolling is not None and rolling.is_steady):
             contact_law = WearingContact(contact_law, self.case.wear, start.wear, sliding, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         problem = ContactProblem(
@@ -318,9 +344,10 @@ def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]
         return here, hold_motions(here, {})
     step = case.restart.step
     totals = kinematics.resultants(step.state)
-    rolled = 0.0 if step.loading.rolling is None else step.loading.rolling.distance
+    rolled = step.loading.rolling
+    distances = (0.0, step.loading.travel) if rolled is None else (rolled.distance, step.loading.travel, rolled.cycles)
     memory = step.total_slip, step.slip_path, step.wear
-    here = ConvergedState(case.motions, step.loading.motion, totals, *memory, step.state, rolled)
+    here = ConvergedState(case.motions, step.loading.motion, totals, *memory, step.state, *distances)
     return here, hold_motions(here, step.loading.prescribed)
 
 

@@ -53,7 +53,7 @@ _RENAMED: Final = {"meeframe-result 5": "reaches_edge is now called contact_at_z
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
 _LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
-_ROLLING_UNITS: Final = {"direction": "1", "creepage": "1", "spin": "1/m", "cell": "m", "distance": "m"}
+_ROLLING_UNITS: Final = {"direction": "1", "creepage": "1", "spin": "1/m", "cell": "m", "distance": "m", "cycles": "1"}
 _SMALL: Final = 4096
 """Size in bytes below which arrays are not compressed."""
 _LARGE: Final = 1 << 20
@@ -270,6 +270,8 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
     _put_all(loading, units, {name: getattr(step.loading, name) for name in units})
     if step.loading.duration is not None:
         _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
+    if step.loading.travel.any():
+        _put_all(loading, {"travel": "m"}, {"travel": step.loading.travel})
     rolling, prescribed = step.loading.rolling, step.loading.prescribed
     if rolling is not None:
         values = {name: getattr(rolling, name) for name in _ROLLING_UNITS}
@@ -486,9 +488,11 @@ def _get_loading(group: Any, fields: FieldSet) -> Loading:
     rolling = None
     if "rolling" in group:
         entries = group["rolling"]
-        numbers = (float(entries[name][()]) for name in ("spin", "cell", "distance"))
+        names = ("spin", "cell", "distance", *(["cycles"] if "cycles" in entries else []))  # not in earlier versions
+        numbers = (float(entries[name][()]) for name in names)
         rolling = RollingMotion(numbers_of(entries, "direction", (3,)), numbers_of(entries, "creepage", (2,)), *numbers)
-    return Loading.of(motion, prescribed, reference, axes, duration, fields, rolling)
+    travel = numbers_of(group, "travel", (2,)) if "travel" in group else None
+    return Loading.of(motion, prescribed, reference, axes, duration, fields, rolling, travel)
 
 
 def _get_cells(group: Any, n: int) -> Cells:

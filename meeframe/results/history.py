@@ -103,7 +103,18 @@ def _rolling_curves(result: Result, steps: Sequence[StepResult]) -> Iterator[Cur
         values = np.array([each[name] for each in numbers])
         words = name.replace("_", " ")
         yield Curve(words, across, (words, unit, values), ("longitudinal", "lateral"), covers_all=False)
-    sticking = _column([resultants(result.zone, step).stick_area for step in steps])
+    totals = [resultants(result.zone, step) for step in steps]
+    for scalar in steps[0].fields.scalars:
+        signals: tuple[tuple[str, str, Sequence[Any]], ...] = (
+            (scalar.resultant, scalar.resultant_unit, totals),
+            (scalar.value_name, scalar.value_unit, [step.loading for step in steps]),
+        )
+        for name, unit, records in signals:
+            values = _column([getattr(record, name) for record in records])
+            if np.ptp(values) > _SAME * np.abs(values).max():
+                words = name.replace("_", " ")
+                yield Curve(f"{words} in rolling", across, (words, unit, values), covers_all=False)
+    sticking = _column([total.stick_area for total in totals])
     yield Curve("sticking area", across, ("sticking area", "m²", sticking), covers_all=False)
 
 
