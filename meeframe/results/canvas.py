@@ -97,8 +97,17 @@ def sheet(size: tuple[float, float]) -> "Figure":
 
 def head(axes: Any, what: str, title: str) -> None:
     """Put the heading of a figure over its first axes, in lines that fit."""
-    lines = [textwrap.fill(line, _LETTERS) for line in (*title.split("\n"), what) if line]
-    axes.set_title("\n".join(lines), fontsize=10)
+    axes.set_title("\n".join(_folded(line) for line in (*title.split("\n"), what) if line), fontsize=10)
+
+
+def _folded(text: str) -> str:
+    """Return a text in as few lines as fit, of similar length: no single word is left for the last one."""
+    lines = textwrap.wrap(text, _LETTERS)
+    for width in range(len(text) // max(len(lines), 1), _LETTERS):
+        narrower = textwrap.wrap(text, max(width, 1), break_long_words=False)
+        if len(narrower) == len(lines):
+            return "\n".join(narrower)
+    return "\n".join(lines)
 
 
 def label_panels(panels: Any) -> None:

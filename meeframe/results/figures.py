@@ -34,6 +34,8 @@ _SEEN: Final = 0.01
 _ROUND_OFF: Final = 1e-9
 """Fraction of the largest value over all increments below which a field is drawn as zero."""
 _MAP_SIZE: Final = (5.6, 4.6)
+_TICKS: Final = 6
+"""Largest number of intervals between the labels of an axis of a map, so that four digits and a sign fit."""
 
 
 @styled
@@ -200,6 +202,7 @@ def _field(name: str, step: StepResult) -> NodalField:
 
 def _prepare(axes: Any, picture: Picture, what: str, title: str) -> None:
     axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
+    axes.locator_params(nbins=_TICKS)
     for side in ("top", "right"):
         axes.spines[side].set_visible(True)
     head(axes, what, title)
@@ -237,7 +240,7 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
     shown = ((slip, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
-        axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
+        axes.fill([], [], color=colour, linewidth=0, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
         drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
         if not step.touching.all():
             _clip_to_contact(axes, drawn, picture, step, slip)

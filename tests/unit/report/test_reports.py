@@ -224,6 +224,16 @@ def test_table_has_a_column_for_each_step_and_names_failures(synthetic):
     assert "2.4e-08" in energy, "what did not converge does not count"
 
 
+def test_table_shows_round_off_beside_other_increments_as_zero(synthetic):
+    """A prescribed force of zero is left with round-off by the solver."""
+    step = synthetic.step(1e-6)
+    released = dataclasses.replace(synthetic.step(5e-7, number=2), traction=1e-14 * step.traction)
+    console = Console(width=160, record=True, file=io.StringIO())
+    console.print(summary_table(synthetic.result(step, released)))
+    (force,) = [line.split() for line in console.export_text().splitlines() if "force z" in line]
+    assert [float(word) for word in force if word[-1:].isdigit()] == [pytest.approx(-9.0), 0.0]
+
+
 def test_summary_sums_the_energy_of_each_load_step(synthetic):
     """Eight nodes slip by 10 nm under a tenth of the pressure; unconverged increments do not count."""
     failed = synthetic.step(2e-6, Status.STALLED, 2, 1)
@@ -467,4 +477,5 @@ def test_long_titles_have_several_lines(synthetic):
     *lines, what = figures(titled)["pressure"].axes[0].get_title().split("\n")
     assert " ".join(lines) == ("words " * 30).strip()
     assert max(map(len, lines)) < 60
+    assert min(map(len, lines)) > 0.7 * max(map(len, lines)), "no line holds a single word"
     assert what == "contact pressure"
