@@ -19,6 +19,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 MAP_COLOURS: Final = "cividis"  # perceptually uniform, the same to colour-blind readers
+MAP_TICKS: Final = 6
+"""Largest number of intervals between the labels along an axis of a map, so that four digits and a sign fit."""
 LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
 """Colours of curves: the Okabe-Ito palette, which colour-blind readers can tell apart, with grey for yellow."""
 LINE_DASHES: Final = ("-", "--", ":", "-.")

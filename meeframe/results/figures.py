@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
 from meeframe.results import schema
-from meeframe.results.canvas import LINE_COLOURS, head, house_style, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import LINE_COLOURS, MAP_TICKS, head, house_style, label_panels, prefixed, sheet, styled
 from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
@@ -34,8 +34,6 @@ _SEEN: Final = 0.01
 _ROUND_OFF: Final = 1e-9
 """Fraction of the largest value over all increments below which a field is drawn as zero."""
 _MAP_SIZE: Final = (5.6, 4.6)
-_TICKS: Final = 6
-"""Largest number of intervals between the labels of an axis of a map, so that four digits and a sign fit."""
 
 
 @styled
@@ -202,7 +200,7 @@ def _field(name: str, step: StepResult) -> NodalField:
 
 def _prepare(axes: Any, picture: Picture, what: str, title: str) -> None:
     axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
-    axes.locator_params(nbins=_TICKS)
+    axes.locator_params(nbins=MAP_TICKS)
     for side in ("top", "right"):
         axes.spines[side].set_visible(True)
     head(axes, what, title)

@@ -255,6 +255,13 @@ def test_map_of_stick_and_slip(synthetic):
     assert np.abs(stick).max() == pytest.approx(0.5)
 
 
+def test_contact_edge_is_inside_the_map_of_few_nodes(synthetic):
+    """Three nodes across the contact, whose edge lies half way to the next ones."""
+    (axes,) = figures(synthetic.result(synthetic.step(1e-6)))["stick_slip"].axes
+    outline = np.concatenate([path.vertices for path in axes.collections[0].get_paths()])
+    assert np.abs(outline).max() < 0.9 * max(axes.get_xlim())
+
+
 def test_boundary_of_the_stick_region(synthetic):
     """A strip sticks across the whole contact; pressures of its nodes differ by orders of magnitude."""
     step = synthetic.step(1e-6)
@@ -398,7 +405,7 @@ def test_attraction_across_the_gap_is_drawn(synthetic, touches):
     axes, bar = drawn["pressure"].axes
     assert not axes.texts
     assert bar.get_ylabel() == "contact pressure [MPa]"
-    np.testing.assert_allclose([axes.get_xlim(), axes.get_ylim()], 1.5 * np.array([[-1.0, 1.0]] * 2))
+    np.testing.assert_allclose([axes.get_xlim(), axes.get_ylim()], 2.0 * np.array([[-1.0, 1.0]] * 2))
     words = [text.get_text() for text in drawn["stick_slip"].axes[0].texts]
     assert words == ([] if touches else ["no contact"])
 
