@@ -13,7 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, 
 
 from meeframe.common.errors import CaseError, MeeframeError, listed
 from meeframe.fields.units import Quantity
-from meeframe.plugin.aliases import names_for
+from meeframe.plugin.aliases import ALIASES, names_for
 from meeframe.plugin.sources import faults_of_plugins
 
 Converters = Callable[[Any], Callable[[Any], Any] | None]
@@ -284,7 +284,10 @@ def choices(name: str, names: Collection[str]) -> str:
     if RENAMED_KEYS.get(str(name)) in names:
         return f"it is now called {RENAMED_KEYS[str(name)]!r}"
     close = names_for(str(name), names) or [other for other in names if str(name) in other.split("-")]
-    close = close or difflib.get_close_matches(str(name), names, n=1, cutoff=_SIMILAR)
+    if not close:
+        terms = [*names, *(term for term in ALIASES if names_for(term, names))]
+        for similar in difflib.get_close_matches(str(name), terms, n=1, cutoff=_SIMILAR):
+            close = [similar] if similar in names else names_for(similar, names)
     hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
     return f"{hint}allowed: {', '.join(names) or 'none'}"
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
 from meeframe.results import schema
-from meeframe.results.canvas import LINE_COLOURS, head, house_style, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import LINE_COLOURS, MAP_TICKS, head, house_style, label_panels, prefixed, sheet, styled
 from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
@@ -200,6 +200,7 @@ def _field(name: str, step: StepResult) -> NodalField:
 
 def _prepare(axes: Any, picture: Picture, what: str, title: str) -> None:
     axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
+    axes.locator_params(nbins=MAP_TICKS)
     for side in ("top", "right"):
         axes.spines[side].set_visible(True)
     head(axes, what, title)
@@ -237,7 +238,7 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
     shown = ((slip, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
-        axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
+        axes.fill([], [], color=colour, linewidth=0, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
         drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
         if not step.touching.all():
             _clip_to_contact(axes, drawn, picture, step, slip)

@@ -80,10 +80,10 @@ def curves(result: Result) -> list[Curve]:
     dissipated = np.cumsum([total.dissipated_energy for total in totals])[:, None]
     if dissipated.any():
         words = "dissipated energy\nsince the beginning"
-        drawn.append(Curve("dissipated energy", _numbers("increments", steps), (words, "J", dissipated)))
+        drawn.append(Curve("dissipated energy", _numbers("increment", steps), (words, "J", dissipated)))
     volumes = _column([total.worn_volume for total in totals])
     if volumes.any():
-        drawn.append(Curve("worn volume", _numbers("increments", steps), ("worn volume", "m³", volumes)))
+        drawn.append(Curve("worn volume", _numbers("increment", steps), ("worn volume", "m³", volumes)))
     return drawn
 
 
@@ -98,7 +98,7 @@ def _rolling_curves(result: Result, steps: Sequence[StepResult]) -> Iterator[Cur
     distance = _column([each["rolled_distance"] for each in numbers])
     across = ("rolled distance", "m", distance)
     if not np.ptp(distance):
-        across = _numbers("steady increments", steps)
+        across = _numbers("steady increment", steps)
     for name, unit in (("creep_force", "N"), ("creepage", "")):
         values = np.array([each[name] for each in numbers])
         words = name.replace("_", " ")
