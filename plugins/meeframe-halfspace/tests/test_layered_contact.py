@@ -8,7 +8,7 @@ import pytest
 from meeframe_halfspace import HalfSpace
 
 import meeframe
-from meeframe.material import Material
+from meeframe.material import Material, library_material, rotation_about
 
 UM = 1e-6
 GLASS = Material.isotropic(7e10, 0.2)
@@ -53,6 +53,22 @@ def test_nearly_degenerate_layers() -> None:
     assert abs(slope) > 1e-3 * exact
     assert force(1e-6) - exact == pytest.approx(slope * 1e-6, rel=2e-2)
     assert force(1e-10) == pytest.approx(exact, rel=1e-9)
+
+
+def test_contact_on_layers_of_the_substrate() -> None:
+    """With friction and conduction, a turned stack of one material has the contact of a half space."""
+    perfect = meeframe.StepConductivity(np.inf)
+    keys = {
+        "contact": meeframe.IsotropicCoulomb(0.3),
+        "conductivity": {"electric": perfect, "magnetic": perfect},
+    }
+    step = meeframe.Step(approach=40e-9, translation=[8e-9, 0.0])
+    material = library_material("batio3-cofe2o4").rotated(rotation_about([1, 2, 3], np.radians(40.0)))
+    layers = [meeframe.Layer(material, thickness * UM) for thickness in (0.3, 0.5)]
+    one, other = (pressed(stack, step, 1.6 * UM, 16, material, **keys)[-1] for stack in ([], layers))
+    for name in ("traction", "fluxes"):
+        expected = getattr(one, name)
+        np.testing.assert_allclose(getattr(other, name), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_isolated_and_periodic_contact_on_a_rigid_base() -> None:
