@@ -63,23 +63,18 @@ class Symbol:
     def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, Mapping[int, int]]:
         """Return all entries computed so far, (n, ...), these included, and the index of each nonzero one.
 
-        Computing others later stores all of them in another array, at the same indices.
+        There is room for all of them from the beginning; memory that is never written is never taken.
         """
         with _MAKING:
             wanted, indices = set(numbers), self._indices.setdefault(precision, {})
             missing = [number for number in self.numbers if number in wanted and number not in indices]
-            known = result = self._values.get(precision, np.empty((0, 0, 0), precision))
-            if missing:
-                made: dict[int, int] = {}
-                for index, (number, entry) in enumerate(self._made(missing, precision), len(known)):
-                    if result is known:  # the first one shows their size
-                        result = np.empty((len(known) + len(missing), *entry.shape), precision)
-                        if len(known):
-                            result[: len(known)] = known
-                    result[index], made[number] = entry, index
-                self._values[precision] = result  # together with their indices: all, or none after an interruption
-                indices.update(made)
-            return result, indices
+            made: dict[int, int] = {}
+            for index, (number, entry) in enumerate(self._made(missing, precision) if missing else (), len(indices)):
+                if not indices and not made:  # the first one shows their size
+                    self._values[precision] = np.empty((len(self.numbers), *entry.shape), precision)
+                self._values[precision][index], made[number] = entry, index
+            indices.update(made)  # all, or none after an interruption
+            return self._values.get(precision, np.empty((0, 0, 0), precision))[: len(indices)], indices
 
     def _made(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterable[tuple[int, Array]]:
         """Return these entries; in single precision they are rounded from double precision if available."""
@@ -130,7 +125,7 @@ class Convolution:
     source: int | None = None
     library: ArrayLibrary | None = None
     _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
-    _copies: dict[np.dtype[Any], tuple[Array, Any]] = field(default_factory=dict, init=False, repr=False)
+    _copies: dict[np.dtype[Any], Any] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
         # products hold indices of entries, and the library copies of entries, that are not pickled
@@ -168,9 +163,9 @@ class Convolution:
         assert self.library is not None
         entries, _ = self.symbol.entries((), precision)
         known = self._copies.get(precision)
-        if known is None or known[0] is not entries:
-            known = self._copies[precision] = entries, self.library.xp.asarray(entries)
-        return known[1]
+        if known is None or len(known) < len(entries):
+            known = self._copies[precision] = self.library.xp.asarray(entries)
+        return known
 
     def _answer(self, load: Array, product: _Product) -> Array:
         """Return the response (k, nx, ny) in the fields that respond."""

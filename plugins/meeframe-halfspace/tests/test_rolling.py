@@ -222,7 +222,7 @@ def hertz_curvatures(a: float, b: float, force: float, shear: float, poisson: fl
 @cache
 def creep_coefficients(across: int, poisson: float = 0.25) -> np.ndarray:
     """Return C11, C22, C23, C32 and C33 of a circle on a grid with so many nodes across."""
-    shear, radius, small = 1e9, 1e-3, 1e-8
+    shear, radius, small = 1e9, 1e-3, 1e-3  # tractions as large as pressures, to whose magnitude they are solved
     motions = ((small, 0.0), 0.0), ((0.0, small), 0.0), ((0.0, 0.0), small / radius)
     spacing = 2.0 * radius / across
     case = equal_bodies(

@@ -41,7 +41,7 @@ def run_python(*arguments: object, path: Path, cwd: Path | None = None) -> "subp
         env={**os.environ, "PYTHONPATH": str(path)},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
         cwd=cwd,
     )
 
