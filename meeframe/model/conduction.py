@@ -29,7 +29,7 @@ class LawEvaluation:
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Watch:
     """Conductivity of a law that records invalid values under finite tractions, gaps and drops.
 
@@ -47,7 +47,7 @@ class _Watch:
         if wrong.any() and not _tried(normal_traction, gap):
             finite = np.isfinite(normal_traction) & np.isfinite(gap) & np.isfinite(drop)
             result = _evaluations(kappa, normal_traction, gap, drop, wrong & finite)
-            self.evaluations[:] = sorted([*self.evaluations, *result], key=lambda answer: -answer.traction)[:1]
+            self.evaluations = sorted([*self.evaluations, *result], key=lambda answer: -answer.traction)[:1]
         return kappa
 
 
