@@ -43,7 +43,7 @@ _NEGLIGIBLE_RATIO: Final = 1e-3
 """Ratio of tangential to normal tractions, and of gaps to displacements, below which they count as zero."""
 _COARSE: Final = 0.1
 """Relative uncertainty of the contact area above which a diagnostic is reported."""
-_OF_RIM: Final = 0.5
+_AREA_UNCERTAINTY: Final = 0.5
 """Factor on the fraction of a contact's nodes at its boundary, to the power 3/2, in the error estimate of the area.
 
 It is an upper bound of the error for circles six or more spacings across.
@@ -213,24 +213,24 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     """
     if step.status is not Status.CONVERGED or not step.touching.any():
         return
-    count, rim = int(step.touching.sum()), _rim(zone, step)
+    count, at_edge = int(step.touching.sum()), count_edge_nodes(zone, step)
     new = np.bincount(onsets.number, minlength=2)[1:]
     late = onsets.number == 1 + new.argmax()
     shear, pressure = (np.linalg.norm(traction) for traction in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes equidistant nodes come into contact together, whatever the increments
-    much = new.max() > max(_LARGEST_ONSET * count, rim / 2) and step.loading.rolling is None
+    much = new.max() > max(_LARGEST_ONSET * count, at_edge / 2) and step.loading.rolling is None
     if law.tangential_scaling().any() and much and shear > _NEGLIGIBLE_RATIO * pressure:
         yield (
             f"{new.max() / count:.0%} of the contact formed in one increment, and its slip includes motion before it "
             "touched: use more `increments`"
         )
-    uncertain = _OF_RIM * (rim / count) ** 1.5
+    uncertain = _AREA_UNCERTAINTY * (at_edge / count) ** 1.5
     if uncertain > _COARSE:
-        nodes = "one node" if count == 1 else f"{count} nodes, {rim} of them at its edge"
+        nodes = "one node" if count == 1 else f"{count} nodes, {at_edge} of them at its edge"
         yield f"the contact has {nodes}: its area is uncertain by about {uncertain:.0%}; use more divisions"
 
 
-def _rim(zone: Zone, step: StepResult) -> int:
+def count_edge_nodes(zone: Zone, step: StepResult) -> int:
     """Return the number of nodes in contact that share an element with a node out of contact."""
     touching = step.touching
     at_open_node = np.zeros(len(touching), bool)

@@ -113,17 +113,17 @@ class IndenterKinematics:
         return initial_gap(self.case.indenter, zone, placement, float(height_difference))
 
     @cached_property
-    def _touching_rim(self) -> IndenterEdge | None:
+    def _touching_edge(self) -> IndenterEdge | None:
         if self.case.indenter.pointwise:
             return None
         search_distance = _RELATIVE_SEARCH_DISTANCE * longest_side(self.system.points, self.system.cells)
-        rim = find_indenter_edge(self.gaps, self.system.points, self.system.frames, search_distance)
-        return rim and replace(rim, gap=self._with_law_gap(rim.gap))
+        edge = find_indenter_edge(self.gaps, self.system.points, self.system.frames, search_distance)
+        return edge and replace(edge, gap=self._with_law_gap(edge.gap))
 
-    def rim(self, increment: Increment) -> IndenterEdge | None:
+    def indenter_edge(self, increment: Increment) -> IndenterEdge | None:
         """Return the edge of the indenter in an increment."""
-        rim = self._touching_rim
-        return rim and replace(rim, gap=rim.gap + self._mode_displacement(increment.base, 2))
+        edge = self._touching_edge
+        return edge and replace(edge, gap=edge.gap + self._mode_displacement(increment.base, 2))
 
     @cached_property
     def modes(self) -> MotionModes:

@@ -98,7 +98,7 @@ def second_displacement(system: ReducedSystem, load: Array) -> Array | None:
 
 
 def interior_of_second(system: ReducedSystem, load: Array, points: Array, progress: Progress = silent) -> PointFields:
-    """Return the fields inside the second body for a load (n, 5) on the first.
+    """Return the fields inside the second body for a load (n, fields) on the first.
 
     Parameters
     ----------
