@@ -44,10 +44,20 @@ class Unbalance:
 def unbalance(boundary: NodalFields | ZoneFields | None, contact_fluxes: Array | None = None) -> Unbalance | None:
     """Return the unbalance of the fields on a boundary; None where it is not defined.
 
-    contact_fluxes: fluxes (n, scalars) at the nodes of the contact; without them all fluxes count as passing through.
-
     It is None without fields, for elements of plugins, and for boundaries that are not closed, as those of half spaces,
     which bear the rest at infinity.
+
+    Parameters
+    ----------
+    boundary : NodalFields, ZoneFields or None
+        Fields on the boundary.
+    contact_fluxes : Array, optional
+        Fluxes (n, scalars) at the nodes of the contact; without them all fluxes count as passing through.
+
+    Returns
+    -------
+    Unbalance or None
+        The unbalance.
     """
     if boundary is None or isinstance(boundary, ZoneFields) or any(name not in _BY_TYPE for name, _ in boundary.cells):
         return None
