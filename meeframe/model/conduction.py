@@ -14,7 +14,7 @@ from meeframe.contact.scales import problem_scales
 from meeframe.fields import N_MECHANICAL, Array
 from meeframe.laws.base import GAPS, PRESSURES, ConductivityLaw, contact_traction
 
-_ASTRAY: Final = 10.0
+_FAILED_PRESSURE_RATIO: Final = 10.0
 """Multiple of the characteristic pressure from which on an iteration is known to have failed earlier."""
 
 
@@ -86,7 +86,7 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
     """
     state = solution.state
     finite = bool(np.isfinite(state.load).all() and np.isfinite(state.displacement).all())
-    most = _ASTRAY * problem_scales(problem).pressure
+    most = _FAILED_PRESSURE_RATIO * problem_scales(problem).pressure
     for column, channel in enumerate(problem.channels, N_MECHANICAL):
         law, field = channel.law, channel.field
         if finite:

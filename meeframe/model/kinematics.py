@@ -33,7 +33,7 @@ from meeframe.system.capabilities import IndenterEdge
 from meeframe.system.reduced import ReducedSystem
 from meeframe.system.rolling import SteadyRollingSystem
 
-_ACROSS: Final = 1e-9
+_MAX_PERPENDICULAR_COSINE: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they count as perpendicular."""
 _RELATIVE_SEARCH_DISTANCE: Final = 2.0
 """Distance around the edge of the indenter that is considered, in the longest sides of cells."""
@@ -96,7 +96,7 @@ class IndenterKinematics:
         gap = self.gaps(self.system.points, self.system.frames) + added
         nearing = -self.modes[0][:, 2]  # change of the gap per metre of approach
         # a tilted indenter may lie above nodes whose normals are across its axis: approach never closes their gaps
-        closing = np.isfinite(gap) & (nearing > _ACROSS)
+        closing = np.isfinite(gap) & (nearing > _MAX_PERPENDICULAR_COSINE)
         way = (gap[closing] / nearing[closing]).min() if closing.any() else 0.0
         return np.asarray(added - way * nearing)
 

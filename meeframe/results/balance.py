@@ -17,7 +17,7 @@ from meeframe.system.reduced import NodalFields
 _BY_TYPE: Final = {element.meshio_type: element for element in ELEMENTS.values()}
 _ORDER: Final = 3
 """Number of Gauss points per direction, exact for quadratic fields on plane elements."""
-_CLOSED: Final = 1e-6
+_MAX_OPENING: Final = 1e-6
 """Largest integral of the normal over a closed surface, as a fraction of its area."""
 _ROUNDING: Final = 1e-10
 """Fraction of the largest work of a field below which a field is zero but for rounding."""
@@ -93,7 +93,7 @@ def _closed(boundary: NodalFields) -> bool:
     """Return whether the integral of the normal vanishes, by the straight sides of the elements."""
     outlines = [np.zeros((0, 3)), *(vector_areas(boundary.points[outline]) for outline in corners(boundary.cells))]
     area = np.concatenate(outlines)
-    return bool(np.linalg.norm(area.sum(axis=0)) <= _CLOSED * np.linalg.norm(area, axis=1).sum())
+    return bool(np.linalg.norm(area.sum(axis=0)) <= _MAX_OPENING * np.linalg.norm(area, axis=1).sum())
 
 
 def balanced_names(fields: FieldSet) -> tuple[str, ...]:

@@ -27,9 +27,9 @@ FORMATS: Final = ("png", "pdf", "svg")
 """Formats of figure files."""
 PRESSURE: Final = "pressure"
 TANGENTIAL: Final = "tangential traction"
-_BETWEEN: Final = (0.1, 2.0)
+_WEIGHT_BOUNDS: Final = (0.1, 2.0)
 """Bounds of the weights that locate the contact edge between two nodes."""
-_SEEN: Final = 0.01
+_MIN_SHOWN_ATTRACTION: Final = 0.01
 """Least attraction that is shown, as a fraction of the largest traction; it decays with the distance without end."""
 _ROUND_OFF: Final = 1e-9
 """Fraction of the largest value over all increments below which a field is drawn as zero."""
@@ -142,7 +142,7 @@ def contact_edge(zone: Zone, touching: NDArray[np.bool_], pressure: Array, gap: 
         known = side & adjacent & np.isfinite(level)
         mean = level[known].mean() if known.any() else 0.0
         level[side] = np.clip(
-            np.where(np.isfinite(level[side]) & (mean > 0), level[side] / (mean or 1.0), 1.0), *_BETWEEN
+            np.where(np.isfinite(level[side]) & (mean > 0), level[side] / (mean or 1.0), 1.0), *_WEIGHT_BOUNDS
         )
     return np.where(touching, level, -level)
 
@@ -217,7 +217,7 @@ def _prepare(axes: Any, picture: Picture, what: str, title: str) -> None:
 def _felt(step: StepResult) -> NDArray[np.bool_]:
     """Return the nodes (n,) in contact, and those whose attraction across the gap is visible in a figure."""
     size = np.abs(step.traction[:, 2])
-    return np.asarray(step.touching | (size > _SEEN * size.max()))
+    return np.asarray(step.touching | (size > _MIN_SHOWN_ATTRACTION * size.max()))
 
 
 def _zoom(axes: Any, picture: Picture, touching: NDArray[np.bool_]) -> None:
@@ -247,7 +247,7 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     shown = ((slip, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
         axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
-        drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
+        drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _WEIGHT_BOUNDS[1]], colors=[colour])
         if not step.touching.all():
             clip_to_contact(axes, drawn, picture, step.touching, slip)
     _zoom(axes, picture, step.touching)

@@ -264,7 +264,7 @@ def _map(
     picture = Picture.of(zone, scale)
     modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
     touching = np.ones(len(modulus), bool) if pressure is None else pressure > 0.0
-    if touching.all() or not touching.any():
+    if pressure is None or touching.all() or not touching.any():
         image = picture.shade(axes, modulus, vmin=limits[0], vmax=limits[1])
     else:
         image = picture.shade(axes, picture.extended(modulus, touching), touching, vmin=limits[0], vmax=limits[1])
