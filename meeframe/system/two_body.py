@@ -159,7 +159,7 @@ def match_nodes(first: ZoneGeometry, second_body: ZoneGeometry) -> Indices | Non
     Returns
     -------
     Indices or None
-        (n,) numbers of nodes; None unless all nodes coincide (COINCIDENCE_TOLERANCE) with equal weights (SAME_DIVISION).
+        (n,) numbers of nodes; None unless all coincide (COINCIDENCE_TOLERANCE) and have equal weights (SAME_DIVISION).
 
     Raises
     ------
