@@ -71,7 +71,7 @@ def residual(problem: ContactProblem, state: ContactState, scales: Scales | None
     """Return the dimensionless violation of the problem by a state; inf if it is not finite.
 
     It is computed by the laws from the load, the displacement and the contact fraction, without the solver, in units of
-    magnitudes characteristic of the problem's data (`scales`, computed if not given). It is the largest of five parts:
+    magnitudes characteristic of the problem's data (`scales`). It is the largest of five parts:
 
     - consistency, displacement = offset + compliance(load);
     - the contact law as a fixed point of its projection (eqs. 27, 28 with r the inverse of a characteristic
@@ -79,6 +79,20 @@ def residual(problem: ContactProblem, state: ContactState, scales: Scales | None
     - the flux laws with the conductivity of the state's traction and contact fraction;
     - the contact fraction itself (see meeframe.contact.conduction);
     - the balance of the prescribed resultants, by summation of the load.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    state : ContactState
+        State of the contact zone.
+    scales : Scales, optional
+        Characteristic magnitudes; computed if not given.
+
+    Returns
+    -------
+    float
+        The residual; inf if the state is not finite.
     """
     scales = scales or problem_scales(problem)
     expected = problem.system.offset + problem.system.apply(state.load)

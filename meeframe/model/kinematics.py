@@ -33,7 +33,7 @@ from meeframe.system.capabilities import IndenterEdge
 from meeframe.system.reduced import ReducedSystem
 from meeframe.system.rolling import SteadyRollingSystem
 
-_ACROSS: Final = 1e-9
+_MAX_PERPENDICULAR_COSINE: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they count as perpendicular."""
 _RELATIVE_SEARCH_DISTANCE: Final = 2.0
 """Distance around the edge of the indenter that is considered, in the longest sides of cells."""
@@ -96,7 +96,7 @@ class IndenterKinematics:
         gap = self.gaps(self.system.points, self.system.frames) + added
         nearing = -self.modes[0][:, 2]  # change of the gap per metre of approach
         # a tilted indenter may lie above nodes whose normals are across its axis: approach never closes their gaps
-        closing = np.isfinite(gap) & (nearing > _ACROSS)
+        closing = np.isfinite(gap) & (nearing > _MAX_PERPENDICULAR_COSINE)
         way = (gap[closing] / nearing[closing]).min() if closing.any() else 0.0
         return np.asarray(added - way * nearing)
 
@@ -135,17 +135,17 @@ class IndenterKinematics:
         return initial_gap(self.case.indenter, zone, placement, float(height_difference))
 
     @cached_property
-    def _touching_rim(self) -> IndenterEdge | None:
+    def _touching_edge(self) -> IndenterEdge | None:
         if self.case.indenter.pointwise:
             return None
         search_distance = _RELATIVE_SEARCH_DISTANCE * longest_side(self.system.points, self.system.cells)
-        rim = find_indenter_edge(self.gaps, self.system.points, self.system.frames, search_distance)
-        return rim and replace(rim, gap=self._with_law_gap(rim.gap))
+        edge = find_indenter_edge(self.gaps, self.system.points, self.system.frames, search_distance)
+        return edge and replace(edge, gap=self._with_law_gap(edge.gap))
 
-    def rim(self, increment: Increment) -> IndenterEdge | None:
+    def indenter_edge(self, increment: Increment) -> IndenterEdge | None:
         """Return the edge of the indenter in an increment."""
-        rim = self._touching_rim
-        return rim and replace(rim, gap=rim.gap + self._mode_displacement(increment.base, 2))
+        edge = self._touching_edge
+        return edge and replace(edge, gap=edge.gap + self._mode_displacement(increment.base, 2))
 
     @cached_property
     def modes(self) -> MotionModes:

@@ -18,7 +18,7 @@ MAX_CELLS: Final = 10_000
 """Largest number of cells over which one load step rolls."""
 SLIDING: Final = (1.0, 0.0)
 """Creepages of an indenter that moves over the body as far as the contact."""
-_ACROSS: Final = 1e-9
+_MAX_NORMAL_COMPONENT: Final = 1e-9
 """Largest component across the zone of a direction in it."""
 _FINITE: Final = {"gt": -math.inf, "lt": math.inf}
 Number = Annotated[float, Quantity("", **_FINITE)]
@@ -112,7 +112,7 @@ class Rolling:
         CaseError
             If the zone is no grid with an axis along the direction, or the axis of the indenter is not normal to it.
         """
-        if np.abs(frames @ base[2] - [0.0, 0.0, 1.0]).max() > _ACROSS:
+        if np.abs(frames @ base[2] - [0.0, 0.0, 1.0]).max() > _MAX_NORMAL_COMPONENT:
             raise CaseError("the axis of the indenter is not normal to the contact zone; allowed: a flat zone below it")
         try:
             shift = CellShift.of(points, frames, self.axes[0] @ base[:2], is_periodic)

@@ -345,8 +345,8 @@ def _solve(
     """
     case = kinematics.case
     if case.wear is None:
-        rim = partial(kinematics.rim, increment)
-        solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, rim)
+        edge = partial(kinematics.indenter_edge, increment)
+        solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, edge)
     else:  # the contact edge lies at nodes
         solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
     problem, depth = without_wear(problem, solution.state)

@@ -54,9 +54,9 @@ _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
 _LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
 _ROLLING_UNITS: Final = {"direction": "1", "creepage": "1", "spin": "1/m", "cell": "m", "distance": "m", "cycles": "1"}
-_SMALL: Final = 4096
+_MIN_COMPRESSED_BYTES: Final = 4096
 """Size in bytes below which arrays are not compressed."""
-_LARGE: Final = 1 << 20
+_MAX_TRIED_BYTES: Final = 1 << 20
 """Size in bytes above which arrays that hardly shrink are not compressed, which takes longer than all else."""
 _GRID: Final = "grid"
 """Dataset with the numbers of nodes along both axes of a grid, in place of its cells."""
@@ -66,7 +66,7 @@ _ZONE: Final = "zone"
 """Attribute `boundary` of increments whose fields on the whole boundary are those of the contact zone."""
 _BOUNDARY_FILE: Final = "boundary.h5"
 SomeResult = TypeVar("SomeResult", bound=Result)
-_LATER: Final = ("wear",)
+_ZERO_IF_ABSENT: Final = ("wear",)
 """Fields that files of this format by earlier versions lack, and which are zero there."""
 _SURFACE: Final = ("displacement", "potentials")
 """Attributes of StepResult that the surface of a second body has, too."""
@@ -323,11 +323,11 @@ def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) ->
 def _put(group: Any, name: str, values: Any) -> Any:
     """Write an array, compressed if that halves it; one chunk for the whole array compresses best."""
     array = np.asarray(values)
-    if array.nbytes < _SMALL:
+    if array.nbytes < _MIN_COMPRESSED_BYTES:
         return group.create_dataset(name, data=array)
     options: dict[str, Any] = {}
     rows = min(len(array), max(1, _CHUNK * len(array) // array.nbytes))
-    if array.nbytes <= _LARGE or is_compressible(array):
+    if array.nbytes <= _MAX_TRIED_BYTES or is_compressible(array):
         options = {"chunks": (rows, *array.shape[1:]), "shuffle": True, "compression": "gzip", "compression_opts": 1}
     dataset = group.create_dataset(name, array.shape, array.dtype, **options)
     for first in range(0, len(array), rows):  # HDF5 copies what it converts
@@ -460,7 +460,7 @@ def _slips(
 
 def _get_fields(group: Any, fields: Sequence[NodalField], n: int) -> dict[str, Any]:
     """Return the attributes of records that nodal fields are read from, by name."""
-    zero = [*text_of(group, "zero").split(), *(name for name in _LATER if name not in group)]
+    zero = [*text_of(group, "zero").split(), *(name for name in _ZERO_IF_ABSENT if name not in group)]
     arrays: dict[str, Any] = {}
     columns = 1 + max((field.column for field in fields if field.column is not None), default=-1)
     for nodal_field in fields:

@@ -19,7 +19,7 @@ from meeframe.system.reduced import NodalFields, ReducedSystem
 
 _BLOCK: Final = 2**16
 """Number of nodes whose forces are summed at once."""
-_ALIKE: Final = 1e-12
+_WEIGHT_ROUND_OFF: Final = 1e-12
 """Difference of nodal weights that counts as round-off, as a fraction of the largest weight."""
 
 
@@ -428,7 +428,11 @@ def _areas(zone: Zone) -> Array:
     """Return the areas of the elements, distributed evenly over their nodes, (n,) [m^2]."""
     # rectangles share their areas evenly
     # nodes alone for test systems and plugins, and for a periodic surface, whose elements lack the last row and column
-    if not zone.cells or isinstance(zone.cells, GridCells) or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
+    if (
+        not zone.cells
+        or isinstance(zone.cells, GridCells)
+        or np.ptp(zone.weights) <= _WEIGHT_ROUND_OFF * np.max(zone.weights)
+    ):
         return zone.weights
     areas = np.zeros(len(zone.points))
     for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):

@@ -149,6 +149,11 @@ class ContactResidual:
         )
 
     @cached_property
+    def load_units(self) -> Array:
+        """Characteristic magnitudes (fields + 1,) of the loads and the contact fraction."""
+        return np.append(self.scales.load, 1.0)
+
+    @cached_property
     def largest_entries(self) -> Array:
         """Magnitudes (fields, fields) of the largest entries of the blocks."""
         return np.asarray(np.maximum(self.blocks.max(axis=0, initial=0.0), -self.blocks.min(axis=0, initial=0.0)))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from meeframe.study.reports.validation import BAD
+from meeframe.study.reports.validation import FAILING_VERDICTS
 from meeframe.study.validate import known_cases, validate
 
 FOLDER = Path(__file__).parents[3] / "validation"
@@ -29,4 +29,4 @@ def test_quick_validation(name, tmp_path):
     assert case.rows
     assert case.figures or any(row.item.verdict == "skipped" for row in case.rows)
     for row in case.rows:
-        assert row.item.verdict not in BAD, row.item
+        assert row.item.verdict not in FAILING_VERDICTS, row.item

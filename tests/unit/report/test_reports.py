@@ -381,7 +381,7 @@ def test_table_shows_negligible_components_as_zero(synthetic):
     assert (rows["force x"], rows["force y"], rows["force z"]) == ("0", "0.009", "-9")
 
 
-def test_missing_contact_is_stated(synthetic):
+def test_missing_contact_is_reported(synthetic):
     step_in_contact, step = synthetic.step(1e-6), synthetic.step(0.0)
     separated = dataclasses.replace(step, region=np.zeros_like(step.region))
     assert not separated.traction.any()
