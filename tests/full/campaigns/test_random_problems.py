@@ -76,7 +76,7 @@ def test_faults_are_found(solved, tmp_path, name):
 
 @pytest.mark.parametrize("seed", [*range(5001, 5005), 6513, 6650, 6959, 7266])
 def test_random_problems(seed):
-    """The last four once failed: power laws of conduction that almost insulate, floating potentials, poor conductors."""
+    """The last four once failed: laws of conduction that almost insulate, floating potentials, poor conductors."""
     answer = random_problems.answer(seed, "auto")
     assert answer.outcomes
     assert set(answer.outcomes) <= {"converged", "rejected", "stalled, with a reason"}, answer.notes
