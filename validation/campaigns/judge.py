@@ -9,6 +9,7 @@ import math
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,6 +28,8 @@ FLUXES: Final = {"electric": "electric_flux", "magnetic": "magnetic_flux"}
 TOTALS: Final = {"electric": "charge", "magnetic": "magnetic_flux"}
 NOISE: Final = 1e-7
 """Potentials and fluxes below this fraction of those that would do the work of the mechanical loads are noise."""
+CANCELLED: Final = 1e-3
+"""Potentials below this fraction of those that tractions or fluxes alone would cause cancel: they are no unit."""
 PAST: Final = 0.1
 """Least unit of a quantity, as a fraction of its largest value in the run: an unloaded body holds round-off."""
 
@@ -107,8 +110,8 @@ def judge(file: File, compliances: tuple[Compliance, ...]) -> list[dict[str, flo
         if increment.status != "converged":
             verdicts.append({})
             continue
-        state = _State(file, increment, slip, path)
-        verdicts.append(state.violations(compliances))
+        state = _State(file, increment, slip, path, compliances)
+        verdicts.append(state.violations())
         path = path + np.where(state.nodes.pressure > 0.0, np.linalg.norm(state.nodes.slip, axis=1), 0.0)
         slip = state.total_slip
     return verdicts
@@ -117,8 +120,11 @@ def judge(file: File, compliances: tuple[Compliance, ...]) -> list[dict[str, flo
 class _State:
     """State of one increment with its units; slip, path: total slip and slip path at its beginning."""
 
-    def __init__(self, file: File, increment: Increment, slip: Array, path: Array) -> None:
+    def __init__(
+        self, file: File, increment: Increment, slip: Array, path: Array, compliances: tuple[Compliance, ...]
+    ) -> None:
         self.file, self.increment, self.law = file, increment, _table(file.case["contact"]["law"])
+        self.compliances = compliances
         fields, second = increment.fields, increment.second
         self.displacement = fields["displacement"] - (0.0 if second is None else second["displacement"])
         self.drop = {name: self._drop(name) for name in SCALARS}
@@ -168,10 +174,10 @@ class _State:
         turn = loading["tilt"][0] * e1 + loading["tilt"][1] * e2 + float(loading["twist"]) * axis
         return np.asarray(shift + np.cross(turn, self.file.points - loading["reference"]))
 
-    def violations(self, compliances: tuple[Compliance, ...]) -> dict[str, float]:
+    def violations(self) -> dict[str, float]:
         """Return the largest violation of each statement."""
         violations = {name: values.max(initial=0.0) for name, values in self._laws().items()}
-        violations |= self._compliance(compliances)
+        violations |= self._compliance()
         violations |= self._balance()
         violations |= self._history()
         violations["position"] = self._position()
@@ -203,16 +209,32 @@ class _State:
         flux, potential = (self._largest(key) for key in (FLUXES[name], f"{name}_potential"))
         loading = abs(float(self.increment.loading[f"{name}_potential"]))
         second = 0.0 if self.increment.second is None else np.abs(self.increment.second[f"{name}_potential"]).max()
-        potential = max(float(potential), loading, float(second))
+        potential = max(float(potential), loading, float(second), CANCELLED * self._caused[name])
         noise = max(NOISE * work / max(flux, 1e-300) if flux > 0.0 else 0.0, 1e-300)
         return max(potential, min(noise, potential or noise)), max(flux, NOISE * work / max(potential, 1e-300))
 
-    def _compliance(self, compliances: tuple[Compliance, ...]) -> dict[str, float]:
+    @cached_property
+    def _caused(self) -> dict[str, float]:
+        """Largest potentials that the tractions alone or the fluxes alone would cause, in any of the bodies."""
+        fields = self.increment.fields
+        load = self._global(fields["traction"], fields["electric_flux"], fields["magnetic_flux"])
+        caused = np.zeros(len(SCALARS))
+        for number, compliance in enumerate(self.compliances):
+            turn = np.ones(5) if number == 0 else np.array([*TURN_OVER, 1, 1])
+            unloaded = compliance(self.file.points * turn[:3], 0.0 * load)
+            for chosen in (slice(3), slice(3, 5)):
+                part = np.zeros_like(load)
+                part[:, chosen] = load[:, chosen]
+                response = compliance(self.file.points * turn[:3], turn * part) - unloaded
+                caused = np.maximum(caused, np.abs(response[:, 3:]).max(axis=0))
+        return dict(zip(SCALARS, caused.tolist(), strict=True))
+
+    def _compliance(self) -> dict[str, float]:
         fields, units = self.increment.fields, [self.length_unit] * 3 + [self._flux_units(name)[0] for name in SCALARS]
         plain = (fields["area_fraction"] == 1.0) & ~_near(self.file.points, fields["area_fraction"] < 1.0)
         load = self._global(fields["traction"], fields["electric_flux"], fields["magnetic_flux"])
         worst = {}
-        for number, compliance in enumerate(compliances):
+        for number, compliance in enumerate(self.compliances):
             stored = fields if number == 0 else self.increment.second
             assert stored is not None
             displacement = self._global(
