@@ -65,10 +65,10 @@ if TYPE_CHECKING:
     from meeframe.model.solve import solve_case as solve_case
     from meeframe.results.canvas import STYLE as STYLE
     from meeframe.results.interior import PointGrid as PointGrid
-    from meeframe.results.records import resultants as resultants
     from meeframe.results.result import Interrupted as Interrupted
     from meeframe.results.result import Result as Result
     from meeframe.results.result import read_result as read_result
+    from meeframe.results.resultants import resultants as resultants
     from meeframe.solvers import Auto as Auto
     from meeframe.solvers import BarzilaiBorwein as BarzilaiBorwein
     from meeframe.solvers import Nesterov as Nesterov
@@ -124,7 +124,7 @@ _HOMES = {
     "load_case": "meeframe.model.load",
     "solve_case": "meeframe.model.solve",
     "STYLE": "meeframe.results.canvas",
-    "resultants": "meeframe.results.records",
+    "resultants": "meeframe.results.resultants",
     "PointGrid": "meeframe.results.interior",
     "Interrupted": "meeframe.results.result",
     "Result": "meeframe.results.result",

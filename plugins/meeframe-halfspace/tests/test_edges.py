@@ -26,7 +26,7 @@ from meeframe.model.history import at_rest
 from meeframe.model.kinematics import IndenterKinematics
 from meeframe.model.solve import reduce, solve_case
 from meeframe.model.step import Step
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 from meeframe.solvers import Auto, Nesterov, ProjectedCG, SemismoothNewton, StoppingCriteria, solve_to_edges
 from meeframe.system.capabilities import EdgeResolution
 from meeframe.system.rotated import rotate_frames

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meeframe import Case
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 
 CASE = """
 [material]
