@@ -156,6 +156,7 @@ def test_outline_of_an_elliptic_contact():
 # contact
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", [Nesterov, SemismoothNewton])
 @pytest.mark.parametrize("name", ["sphere", "cone"])
 def test_attractive_conduction_converges_to_closed_forms(name, solver, monkeypatch):
