@@ -47,6 +47,7 @@ MODULES: Final = (
     "results.plots",
     "results.files",
     "results.records",
+    "results.resultants",
     "results.schema",
     "results.summary",
     "results.figures",

@@ -30,15 +30,15 @@ if TYPE_CHECKING:
     from meeframe.api.named import law as law
     from meeframe.api.named import solver as solver
     from meeframe.api.named import wear as wear
-    from meeframe.api.parts import Base as Base
-    from meeframe.api.parts import Boundary as Boundary
-    from meeframe.api.parts import Contact as Contact
-    from meeframe.api.parts import Interface as Interface
-    from meeframe.api.parts import Layer as Layer
-    from meeframe.api.parts import SecondBody as SecondBody
-    from meeframe.api.parts import Step as Step
     from meeframe.api.rough import rough as rough
     from meeframe.api.sweep import sweep as sweep
+    from meeframe.api.tables import Base as Base
+    from meeframe.api.tables import Boundary as Boundary
+    from meeframe.api.tables import Contact as Contact
+    from meeframe.api.tables import Interface as Interface
+    from meeframe.api.tables import Layer as Layer
+    from meeframe.api.tables import SecondBody as SecondBody
+    from meeframe.api.tables import Step as Step
     from meeframe.common.errors import CaseError as CaseError
     from meeframe.common.errors import MeeframeError as MeeframeError
     from meeframe.formulations.dense_bem import DenseBEM as DenseBEM
@@ -65,10 +65,10 @@ if TYPE_CHECKING:
     from meeframe.model.solve import solve_case as solve_case
     from meeframe.results.canvas import STYLE as STYLE
     from meeframe.results.interior import PointGrid as PointGrid
-    from meeframe.results.records import resultants as resultants
     from meeframe.results.result import Interrupted as Interrupted
     from meeframe.results.result import Result as Result
     from meeframe.results.result import read_result as read_result
+    from meeframe.results.resultants import resultants as resultants
     from meeframe.solvers import Auto as Auto
     from meeframe.solvers import BarzilaiBorwein as BarzilaiBorwein
     from meeframe.solvers import Nesterov as Nesterov
@@ -90,13 +90,13 @@ _HOMES = {
     "law": "meeframe.api.named",
     "solver": "meeframe.api.named",
     "wear": "meeframe.api.named",
-    "Base": "meeframe.api.parts",
-    "Boundary": "meeframe.api.parts",
-    "Contact": "meeframe.api.parts",
-    "Interface": "meeframe.api.parts",
-    "Layer": "meeframe.api.parts",
-    "SecondBody": "meeframe.api.parts",
-    "Step": "meeframe.api.parts",
+    "Base": "meeframe.api.tables",
+    "Boundary": "meeframe.api.tables",
+    "Contact": "meeframe.api.tables",
+    "Interface": "meeframe.api.tables",
+    "Layer": "meeframe.api.tables",
+    "SecondBody": "meeframe.api.tables",
+    "Step": "meeframe.api.tables",
     "rough": "meeframe.api.rough",
     "sweep": "meeframe.api.sweep",
     "CaseError": "meeframe.common.errors",
@@ -124,7 +124,7 @@ _HOMES = {
     "load_case": "meeframe.model.load",
     "solve_case": "meeframe.model.solve",
     "STYLE": "meeframe.results.canvas",
-    "resultants": "meeframe.results.records",
+    "resultants": "meeframe.results.resultants",
     "PointGrid": "meeframe.results.interior",
     "Interrupted": "meeframe.results.result",
     "Result": "meeframe.results.result",

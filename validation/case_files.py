@@ -5,7 +5,7 @@ from pathlib import Path
 
 from meeframe.model.load import load_case
 from meeframe.model.solve import solve_case
-from meeframe.results.records import Resultants, resultants
+from meeframe.results.resultants import Resultants, resultants
 from meeframe.study.quantities import totals
 from meeframe.study.validate import Check
 

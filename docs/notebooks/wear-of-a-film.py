@@ -33,7 +33,7 @@ plt.style.use(meeframe.STYLE)
 # ## The case
 #
 # Nothing wears while the sphere is pressed on: `sliding=0`. Each of the other steps slides a distance, and is divided so that at most 15 % of the
-# pressure changes in each part. `wear` is the depth that both surfaces lose; here it belongs to the film, which stays
+# pressure changes in each subincrement. `wear` is the depth that both surfaces lose; here it belongs to the film, which stays
 # under the contact, as in a test with a reciprocating ball of a much harder material.
 
 # %%

@@ -9,7 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.api.named import described, keys_of, relative
-from meeframe.api.parts import (
+from meeframe.api.progress import Show, shown
+from meeframe.api.tables import (
     Amount,
     Base,
     Boundary,
@@ -21,7 +22,6 @@ from meeframe.api.parts import (
     entries,
     from_zero,
 )
-from meeframe.api.progress import Show, shown
 from meeframe.common.errors import CaseError
 from meeframe.common.toml import read_toml, toml_tables, toml_text
 from meeframe.contact.problem import Solver
@@ -257,14 +257,14 @@ class Case:
             "title": self.title,
             "material": _material(self.material),
             "mesh": _mesh(self.mesh),
-            "boundary": [entries(part) for part in self.boundary],
+            "boundary": [entries(record) for record in self.boundary],
             **_layers(self),
             "contact": entries(contact),
             "conductivity": dict(self.conductivity),
             "indenter": {"name": self.indenter, **keys_of(self.placement, registry), **self.potentials},
             "formulation": self.formulation,
             "solver": {"name": self.solver, **keys_of(self.stopping, registry)},
-            "steps": [entries(part) for part in self.steps],
+            "steps": [entries(record) for record in self.steps],
             "output": keys_of(self.output, registry),
         }
         if self.restart is not None:
@@ -274,7 +274,7 @@ class Case:
             tables["second_body"] = {
                 "material": _material(other.material),
                 "mesh": _mesh(other.mesh),
-                "boundary": [entries(part) for part in other.boundary],
+                "boundary": [entries(record) for record in other.boundary],
                 **_layers(other),
                 "zone": other.zone,
                 "formulation": other.formulation,
@@ -442,9 +442,9 @@ def _boundary(tables: Mapping[str, Any]) -> tuple[Boundary, ...]:
     return tuple(Boundary(**_with_scalars(table, Boundary)) for table in tables.get("boundary", ()))
 
 
-def _with_scalars(table: Mapping[str, Any], part: type[Step | Boundary | Interface | Base]) -> dict[str, Any]:
-    """Return the arguments of a part: keys of fields that plugins add go into `scalars`."""
-    known = {key: value for key, value in table.items() if key in part.__dataclass_fields__}
+def _with_scalars(table: Mapping[str, Any], record: type[Step | Boundary | Interface | Base]) -> dict[str, Any]:
+    """Return the arguments of a record: keys of fields that plugins add go into `scalars`."""
+    known = {key: value for key, value in table.items() if key in record.__dataclass_fields__}
     return {**known, "scalars": {key: value for key, value in table.items() if key not in known}}
 
 

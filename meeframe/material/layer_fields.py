@@ -11,7 +11,8 @@ import numpy as np
 
 from meeframe.fields import ELECTRIC, Array
 from meeframe.material.layers import locate_depth
-from meeframe.material.surface_symbol import Complex, Medium, SurfaceSymbol, exponential, reflection
+from meeframe.material.medium import Complex, Medium, exponential, reflection
+from meeframe.material.surface_symbol import SurfaceSymbol
 
 
 class Amplitudes(NamedTuple):

@@ -28,7 +28,7 @@ from meeframe.model.restart import check_same_body
 from meeframe.model.rolling import RollingIncrement
 from meeframe.model.steady import solve_steady
 from meeframe.model.step import Step
-from meeframe.model.subdivision import solve_in_parts
+from meeframe.model.subdivision import solve_subdivided
 from meeframe.model.systems import checked
 from meeframe.model.wear import without_wear
 from meeframe.model.wear_cycles import WearOfCycles, solve_cycles
@@ -202,14 +202,15 @@ def solve_steps(
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
             with faults_of_plugins():
-                part = _Part(kinematics, step, prescribed, before, begin, (number, increment), last, rolling, share)
+                numbers = number, increment
+                subincrement = _Subincrement(kinematics, step, prescribed, before, begin, numbers, last, rolling, share)
                 if rolling is not None and rolling.is_steady:
-                    planned, end, result = _solve_steady(replace(part, last=None), here, rolling)
+                    planned, end, result = _solve_steady(replace(subincrement, last=None), here, rolling)
                 elif step.max_pressure_change is None:
-                    planned, end, result = part(0.0, 1.0, here)
+                    planned, end, result = subincrement(0.0, 1.0, here)
                 else:
                     bounds = step.max_pressure_change, case.solver.stall_window
-                    planned, end, result = solve_in_parts(part, here, system.weights, *bounds)
+                    planned, end, result = solve_subdivided(subincrement, here, system.weights, *bounds)
                 last, here = here if end is not here else None, end
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)
@@ -232,13 +233,13 @@ def solve_steps(
 
 
 def _solve_steady(
-    part: "_Part", here: ConvergedState, rolling: RollingIncrement
+    subincrement: "_Subincrement", here: ConvergedState, rolling: RollingIncrement
 ) -> tuple[Increment, ConvergedState, StepResult]:
-    """Return an increment of steady rolling as a _Part does, after the cycles in which it wears surfaces."""
-    case, step, shift = part.kinematics.case, part.step, rolling.cell_shift
+    """Return an increment of steady rolling as a _Subincrement does, after the cycles in which it wears surfaces."""
+    case, step, shift = subincrement.kinematics.case, subincrement.step, rolling.cell_shift
 
     def steady(state: ConvergedState) -> tuple[Increment, ConvergedState, StepResult]:
-        return solve_steady(partial(part, 0.0, 1.0), state, shift, has_memory(case.contact_law))
+        return solve_steady(partial(subincrement, 0.0, 1.0), state, shift, has_memory(case.contact_law))
 
     cycles = rolling.rolling.cycles
     if case.wear is None or cycles is None:
@@ -257,7 +258,7 @@ def rolling_increment(kinematics: IndenterKinematics, step: Step) -> RollingIncr
 
 def _boundary(system: ReducedSystem, step: StepResult) -> NodalFields | ZoneFields:
     """Return the fields on the whole boundary at the end of an increment."""
-    # with a contact edge between nodes, displacements of the zone have a part that `recover` leaves out
+    # with a contact edge between nodes, displacements of the zone have a share that `recover` leaves out
     if system.capability(ZoneRecovery) is None or step.area_fraction is not None:
         return system.recover(step.state.load)
     return ZoneFields(zone_of(system), step.displacement, step.potentials, step.traction, step.fluxes)
@@ -293,8 +294,8 @@ def _start(increment: Increment, last: ConvergedState | None, here: ConvergedSta
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """Solution of parts of an increment.
+class _Subincrement:
+    """Solution of an increment or of its subincrements.
 
     step: load step; prescribed: its quantities; controls, begin: those before it, and the state in which it begins;
     numbers: of the step and the increment; last: converged state one increment of the same load step before, None if
@@ -314,9 +315,9 @@ class _Part:
     def __call__(
         self, first: float, end: float, here: ConvergedState, stall_window: int | None = None
     ) -> tuple[Increment, ConvergedState, StepResult]:
-        """Return the part between two fractions of the increment, the state after it, and its result.
+        """Return the subincrement between two fractions of the increment, the state after it, and its result.
 
-        stall_window: that of the solver in this part; by default that of the case.
+        stall_window: that of the solver in this subincrement; by default that of the case.
         """
         step, share = self.step, end - first
         controls = ramp(self.controls, self.begin, self.prescribed, (self.numbers[1] - 1 + end) / step.increments)

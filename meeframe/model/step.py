@@ -20,7 +20,7 @@ from meeframe.model.rolling import Rolling
 from meeframe.plugin.validation import Problem, TableError, choices
 
 _LEAST_FRACTION: Final = 1e-9
-"""Least part of a motion along the normal; smaller parts are round-off of the frames."""
+"""Least component of a motion along the normal; smaller ones are round-off of the frames."""
 
 _FURTHER_UNITS: Final = {"sliding": "m", "max_pressure_change": "1", "duration": "s"}
 """Units of the quantities of a step that are no motions or resultants."""
@@ -55,7 +55,7 @@ class Step:
         while the contact zone stays; it wears surfaces in place of the slip that the motions cause.
     max_pressure_change : float, optional
         Largest change of the pressure, its modulus integrated over the contact, as a fraction of the normal force, > 0
-        and <= 1: increments in which surfaces wear are divided until it holds in each part.
+        and <= 1: increments in which surfaces wear are divided until it holds in each.
     duration : float, optional
         Time of the whole step [s] > 0, for laws that need it.
     rolling : Rolling, optional

@@ -1,4 +1,4 @@
-"""Division of an increment in which surfaces wear, so that the pressure changes little in each part."""
+"""Division of an increment in which surfaces wear, so that the pressure changes little in each subincrement."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,27 +13,27 @@ from meeframe.model.kinematics import Increment
 from meeframe.results.records import StepResult
 
 Solve = Callable[[float, float, ConvergedState, int | None], tuple[Increment, ConvergedState, StepResult]]
-"""Solves the part of an increment between two fractions of it, from a converged state, with a window of stagnation."""
+"""Solves a subincrement between two fractions of an increment, from a converged state, with a window of stagnation."""
 
-_MIN_PART: Final = 2.0**-8
-"""Smallest part of an increment, at which any change is accepted: the pressure may jump where a node begins to slip."""
+_MIN_FRACTION: Final = 2.0**-8
+"""Smallest fraction of an increment, where any change is accepted: the pressure may jump as a node begins to slip."""
 _SAFETY: Final = 0.8
-"""Change of the pressure at which a part aims, in units of the largest one allowed."""
+"""Change of the pressure at which a subincrement aims, in units of the largest one allowed."""
 _FACTORS: Final = (0.1, 2.0)
-"""Smallest and largest ratio of the sizes of successive parts."""
+"""Smallest and largest ratio of the sizes of successive subincrements."""
 
 
-def solve_in_parts(
+def solve_subdivided(
     solve: Solve, here: ConvergedState, weights: Array, max_change: float, stall_window: int
 ) -> tuple[Increment, ConvergedState, StepResult]:
-    """Solve an increment in parts, in each of which the pressure changes by a fraction at most.
+    """Solve an increment in subincrements, in each of which the pressure changes by a fraction at most.
 
-    Parts that do not converge are divided, too.
+    Subincrements that do not converge are divided, too.
 
     Parameters
     ----------
     solve : callable
-        Solves a part.
+        Solves a subincrement.
     here : ConvergedState
         State at the beginning of the increment.
     weights : Array
@@ -41,36 +41,36 @@ def solve_in_parts(
     max_change : float
         Largest integral of the change of the pressure over that of the pressure, > 0.
     stall_window : int
-        That of the solver. Parts that can be divided end after an eighth of it.
+        That of the solver. Subincrements that can be divided end after an eighth of it.
 
     Returns
     -------
     Increment
-        Last part.
+        Last subincrement.
     ConvergedState
-        State at the end; `here` if a part did not converge.
+        State at the end; `here` if a subincrement did not converge.
     StepResult
-        Result of the last part, with the slip, the work of friction and the iterations of all parts.
+        Result of the last subincrement, with the slip, the work of friction and the iterations of all of them.
     """
     done, size, begin, results = 0.0, 1.0, here, list[StepResult]()
     while True:
-        last = 1.0 if done + size > 1.0 - _MIN_PART else done + size
-        divisible = last - done > _MIN_PART
-        part, end, result = solve(done, last, begin, max(1, stall_window // 8) if divisible else None)
+        last = 1.0 if done + size > 1.0 - _MIN_FRACTION else done + size
+        divisible = last - done > _MIN_FRACTION
+        planned, end, result = solve(done, last, begin, max(1, stall_window // 8) if divisible else None)
         converged = result.status is Status.CONVERGED
         change = _change(weights, begin, result) if converged else np.inf
         factor = float(np.clip(_SAFETY * max_change / max(change, 1e-300), *_FACTORS))
         if change > max_change and divisible:
-            size = max(factor * (last - done), _MIN_PART)
+            size = max(factor * (last - done), _MIN_FRACTION)
             continue
         results.append(result)
         if not converged or last == 1.0:
-            return part, end if converged else here, _combined(results)
-        done, begin, size = last, end, max(factor * (last - done), _MIN_PART)
+            return planned, end if converged else here, _combined(results)
+        done, begin, size = last, end, max(factor * (last - done), _MIN_FRACTION)
 
 
 def _change(weights: Array, begin: ConvergedState, result: StepResult) -> float:
-    """Return the change of the pressure in a part, its modulus integrated, over the larger integral of the pressure."""
+    """Return the integral of the modulus of the change of the pressure, over the larger integral of the pressure."""
     if begin.state is None:
         return 0.0
     before, after = begin.state.load[:, 2], result.traction[:, 2]
@@ -79,7 +79,7 @@ def _change(weights: Array, begin: ConvergedState, result: StepResult) -> float:
 
 
 def _combined(results: Sequence[StepResult]) -> StepResult:
-    """Return the result of an increment from those of its parts."""
+    """Return the result of an increment from those of its subincrements."""
     last = results[-1]
     if len(results) == 1:
         return last
@@ -91,5 +91,5 @@ def _combined(results: Sequence[StepResult]) -> StepResult:
         slip=np.sum([result.slip for result in results], axis=0),
         dissipation=np.sum([result.dissipation for result in results], axis=0),
         iterations=sum(result.iterations for result in results),
-        message=f"{last.message}; in {len(results)} parts, for the pressure to change little in each",
+        message=f"{last.message}; in {len(results)} subincrements, for the pressure to change little in each",
     )

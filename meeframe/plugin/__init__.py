@@ -77,7 +77,7 @@ if TYPE_CHECKING:
     from meeframe.material.layer_fields import wave_amplitudes as wave_amplitudes
     from meeframe.material.layer_fields import wave_fields as wave_fields
     from meeframe.material.layers import LayerStack as LayerStack
-    from meeframe.material.surface_symbol import Medium as Medium
+    from meeframe.material.medium import Medium as Medium
     from meeframe.material.surface_symbol import SurfaceSymbol as SurfaceSymbol
     from meeframe.material.thermal_half_space import thermal_response as thermal_response
     from meeframe.mesh.body import Body as Body
@@ -188,7 +188,7 @@ _HOMES = {
     "uniform_in_layers": "meeframe.material.layer_fields",
     "wave_amplitudes": "meeframe.material.layer_fields",
     "wave_fields": "meeframe.material.layer_fields",
-    "Medium": "meeframe.material.surface_symbol",
+    "Medium": "meeframe.material.medium",
     "SurfaceSymbol": "meeframe.material.surface_symbol",
     "Body": "meeframe.mesh.body",
     "BoundaryCondition": "meeframe.mesh.body",

@@ -15,7 +15,8 @@ from meeframe.results.canvas import LINE_COLOURS, MAP_TICKS, head, house_style, 
 from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
-from meeframe.results.records import Region, Result, StepResult, Zone, resultants
+from meeframe.results.records import Region, Result, StepResult, Zone
+from meeframe.results.resultants import resultants
 from meeframe.results.schema import NodalField
 from meeframe.results.selection import Which, select
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from meeframe.contact.problem import Status
 from meeframe.fields import Array
 from meeframe.results.canvas import LINE_COLOURS, head, label_panels, prefixed, sheet, styled
-from meeframe.results.records import Result, StepResult, resultants
+from meeframe.results.records import Result, StepResult
+from meeframe.results.resultants import resultants
 from meeframe.results.schema import rolling_totals
 
 if TYPE_CHECKING:

@@ -99,8 +99,8 @@ def interface_maxima(
 
     found, offsets = [], np.arange(-_REFINED, _REFINED + 1) / _REFINED
     for number, depth in enumerate(depths.tolist(), 1):
-        reach = half_width + _DEPTHS_AROUND * depth
-        first, last = np.maximum(low, -reach), np.minimum(high, reach)
+        extent = half_width + _DEPTHS_AROUND * depth
+        first, last = np.maximum(low, -extent), np.minimum(high, extent)
         finest = max(depth / _SAMPLES_PER_DEPTH, 0.5 * spacing)
         counts = np.clip(np.ceil((last - first) / finest) + 1.0, _MIN_SAMPLES, _MAX_SAMPLES).astype(int)
         steps = (last - first) / (counts - 1)

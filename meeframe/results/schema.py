@@ -14,7 +14,8 @@ import numpy as np
 
 from meeframe.fields import ELECTRIC_FIELD, MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet, ScalarField
 from meeframe.indenters.base import IndenterMotions
-from meeframe.results.records import Region, Resultants, RollingMotion, StepResult, Zone, resultants
+from meeframe.results.records import Region, RollingMotion, StepResult, Zone
+from meeframe.results.resultants import Resultants, resultants
 
 
 class StorageCondition(StrEnum):

@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import ResultError
-from meeframe.results.records import Result, StepResult, resultants
+from meeframe.results.records import Result, StepResult
+from meeframe.results.resultants import resultants
 
 Which = int | tuple[int, int] | str | StepResult | None
 """Increment of a result, see `select`."""

@@ -16,7 +16,8 @@ from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
 from meeframe.results import schema
 from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
-from meeframe.results.records import Result, RunStatus, StepResult, Zone, resultants
+from meeframe.results.records import Result, RunStatus, StepResult, Zone
+from meeframe.results.resultants import resultants
 from meeframe.results.selection import Which, select
 
 AT_BOUNDARY: Final = (

@@ -7,7 +7,8 @@ import numpy as np
 
 from meeframe.fields import MEE, Array, FieldSet
 from meeframe.results import schema
-from meeframe.results.records import Resultants, StepResult, Zone
+from meeframe.results.records import StepResult, Zone
+from meeframe.results.resultants import Resultants
 
 
 def _scalar(name: str) -> Callable[[Resultants], float]:

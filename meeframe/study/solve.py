@@ -11,7 +11,8 @@ from meeframe.common.errors import CaseError
 from meeframe.fields import Array
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
-from meeframe.results.records import StepResult, Zone, resultants
+from meeframe.results.records import StepResult, Zone
+from meeframe.results.resultants import resultants
 from meeframe.study.declare import Changes, PanelTable, StudyTable, changed, load_study
 from meeframe.study.quantities import largest, nodal, totals
 from meeframe.study.reports.study import Panel, Study

@@ -23,7 +23,8 @@ from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.results.figures import save_figure
 from meeframe.results.output import open_output, replacing, rewriting
-from meeframe.results.records import StepResult, Zone, resultants, zone_of
+from meeframe.results.records import StepResult, Zone, zone_of
+from meeframe.results.resultants import resultants
 from meeframe.study.choices import Choice, enter
 from meeframe.study.quantities import totals
 from meeframe.study.refinement import coarsen, element_size

@@ -44,7 +44,7 @@ def run_installed(tmp_path_factory, distributions):
     run(sys.executable, "-m", "venv", environment)
     wheels = [next(distributions.glob(f"{name}-*.whl")) for name in NAMES]
     pip = (environment / "bin" / "python", "-m", "pip", "--quiet", "--disable-pip-version-check")
-    run(*pip, "install", *wheels, cwd=folder)
+    run(*pip, "install", "--no-compile", *wheels, cwd=folder)
     outside = {"PATH": f"{environment / 'bin'}{os.pathsep}{os.defpath}", "PYTHONPATH": "", "VIRTUAL_ENV": ""}
     outside |= {"NUMBA_CACHE_DIR": str(folder / "kernels"), "PYTHONDONTWRITEBYTECODE": ""}
     assert shutil.which("uv", path=outside["PATH"]) is None

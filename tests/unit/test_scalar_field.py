@@ -34,7 +34,7 @@ from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin import registry as plugins
 from meeframe.results.figures import figures
 from meeframe.results.files import read_result, write_result
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 from meeframe.results.summary import summary, summary_table
 from meeframe.results.sweep_files import dataset
 from meeframe.results.vtk import write_fields

@@ -14,7 +14,8 @@ from meeframe.laws import Signorini
 from meeframe.mesh import half_space_mesh
 from meeframe.model.case import Case
 from meeframe.model.solve import reduce, solve_steps
-from meeframe.results.records import StepResult, Zone, resultants, zone_of
+from meeframe.results.records import StepResult, Zone, zone_of
+from meeframe.results.resultants import resultants
 from meeframe.testing.closed_forms_friction import (
     HertzContact,
     PartialSlip,

@@ -8,7 +8,8 @@ import numpy as np
 
 from meeframe.model.load import case_from_tables
 from meeframe.model.solve import solve_case
-from meeframe.results.records import Result, RunStatus, resultants
+from meeframe.results.records import Result, RunStatus
+from meeframe.results.resultants import resultants
 from meeframe.study.validate import Check, Claim, Curve, Item, Plot
 
 TITLE = "Hysteresis loop on a magneto-electro-elastic block, boundary elements"

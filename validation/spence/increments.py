@@ -8,7 +8,8 @@ from pathlib import Path
 
 import meeframe
 from meeframe.model.solve import reduce, solve_steps
-from meeframe.results.records import resultants, zone_of
+from meeframe.results.records import zone_of
+from meeframe.results.resultants import resultants
 
 INCREMENTS = (1, 2, 5, 10, 20, 40, 80)
 

@@ -14,7 +14,8 @@ from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.mesh import block_mesh, half_space_mesh
 from meeframe.model.case import Case
 from meeframe.model.solve import solve_steps
-from meeframe.results.records import Resultants, StepResult, Zone, resultants, zone_of
+from meeframe.results.records import StepResult, Zone, zone_of
+from meeframe.results.resultants import Resultants, resultants
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
 

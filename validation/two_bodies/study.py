@@ -13,7 +13,8 @@ from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.model.case import Case
 from meeframe.model.second_body import SecondBody
 from meeframe.model.solve import reduce, solve_steps
-from meeframe.results.records import Region, Resultants, StepResult, Zone, resultants, zone_of
+from meeframe.results.records import Region, StepResult, Zone, zone_of
+from meeframe.results.resultants import Resultants, resultants
 from meeframe.system.reduced import ReducedSystem
 from meeframe.system.two_body import match_nodes
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent

@@ -19,7 +19,7 @@ from meeframe.model.case import Case
 from meeframe.model.load import load_case
 from meeframe.model.solve import solve_case
 from meeframe.plugin import registry as plugins
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 from meeframe.study import quantities
 from meeframe.study.choices import Choice
 from meeframe.study.reports.extrapolation import of_order, richardson

@@ -150,7 +150,7 @@ class ProjectedCG(Solver):
         """Raise CaseError unless the contact is frictionless, unilateral and insulating, or as NormalModes.of."""
         law = problem.contact_law
         unilateral = is_pure_projection(law) and not law.tangential_scaling().any()
-        if not unilateral or not _projects_on_compression(law, len(problem.gap)):
+        if not unilateral or not on_sample(law, len(problem.gap), partial(_returns_expected, law)):
             raise CaseError(
                 f"solver 'projected-cg' takes frictionless contact only, rigid and without attraction, not "
                 f"{type(law).__name__}; allowed contact law: signorini, or friction with mu = 0. Use 'newton', "
@@ -323,11 +323,6 @@ def _scatter(values: Array, free: Indices, n: int) -> Array:
     scattered = np.zeros(n, values.dtype)
     scattered[free] = values
     return scattered
-
-
-def _projects_on_compression(law: ContactLaw, n: int) -> bool:
-    """Return true if a law is p_nu = min(0, p_nu*) without friction, at all n nodes if it has nodal data."""
-    return on_sample(law, n, partial(_returns_expected, law))
 
 
 def _returns_expected(law: ContactLaw, n: int) -> bool:

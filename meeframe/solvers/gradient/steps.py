@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meeframe.contact.conduction import Mask, Switches, depends_on_gap, resistances, unloaded
 from meeframe.contact.free_motion import balanced_projection, motions
@@ -47,12 +46,6 @@ class Spectrum:
         grown = (exposure > self.exposure + MAX_GROWTH).any()
         shrunk = (exposure.sum(axis=0) < MIN_REMAINING * self.exposure.sum(axis=0)).any()
         return not (grown or shrunk)
-
-
-def contact_exposure(touching: NDArray[np.bool_], resistance: Array, scales: Scales) -> Array:
-    """Return the exposure (n, 1 + channels) of nodes touching (n,) with resistances (n, channels)."""
-    compliance = np.diag(scales.compliance)[POTENTIALS]
-    return np.column_stack([touching, compliance / (compliance + resistance)])
 
 
 def largest_eigenvalue(
@@ -218,7 +211,8 @@ class GradientStepper:
         """Return the largest eigenvalue where nodes touch (n,); the previous one if it still holds or none touch."""
         if not touching.any():
             return previous
-        exposure = contact_exposure(touching, conductors.resistance, self.scales)
+        compliance = np.diag(self.scales.compliance)[POTENTIALS]
+        exposure = np.column_stack([touching, compliance / (compliance + conductors.resistance)])
         if previous is not None and previous.is_valid(exposure):
             return previous
         scaling = self.problem.contact_law.tangential_scaling()

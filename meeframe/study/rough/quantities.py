@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from meeframe.fields import ELECTRIC, N_MECHANICAL, Array
-from meeframe.results.records import StepResult, Zone, resultants
+from meeframe.results.records import StepResult, Zone
+from meeframe.results.resultants import resultants
 
 CHARGE: Final = ELECTRIC - N_MECHANICAL
 """Column of the electric field among the scalar fields."""

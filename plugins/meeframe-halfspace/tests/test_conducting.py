@@ -35,7 +35,7 @@ def test_many_biactive_nodes(n: int, potentials: tuple[float, float]):
     assert ((solution.state.contact_fraction > 0.0) & (solution.state.contact_fraction < 1.0)).sum() >= 20
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("kappa", "potentials", "material", "has_biactive"),
     [

@@ -23,7 +23,7 @@ from meeframe.model.load import load_case
 from meeframe.model.second_body import SecondBody
 from meeframe.model.solve import reduce, solve_case, solve_steps
 from meeframe.model.step import Step
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.testing.closed_forms import CONDITIONS, Cone, FlatPunch, Sphere, indent
 from meeframe.testing.half_space import indentation_problem

@@ -11,7 +11,7 @@ from meeframe.mesh import half_space_mesh
 from meeframe.model.case import Case
 from meeframe.model.solve import solve_case
 from meeframe.model.step import Step
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 
 FORCE, FRICTION, WAY = 100.0, 0.3, 1e-3
 

@@ -24,7 +24,8 @@ from meeframe.model.diagnostics import boundary_sides, count_edge_nodes
 from meeframe.model.solve import solve_case
 from meeframe.model.step import Step
 from meeframe.results.files import read_result, write_result
-from meeframe.results.records import Region, Result, ZoneFields, resultants
+from meeframe.results.records import Region, Result, ZoneFields
+from meeframe.results.resultants import resultants
 
 WIDTHS, DIVISIONS = (4e-3, 3e-3), (22, 17)
 GRID = half_space_mesh((8e-3, 9e-3), WIDTHS, DIVISIONS, 2, Quad4())

@@ -22,7 +22,7 @@ from meeframe.material.thermal_half_space import thermal_response
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.model.heat_diagnostics import CRITICAL
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 from meeframe.solvers import Auto, BarzilaiBorwein, SemismoothNewton, StoppingCriteria, Uzawa, solve_to_edges
 from meeframe.system.two_body import combine_bodies
 from meeframe.testing.closed_forms import FlatPunch, Sphere

@@ -107,7 +107,7 @@ def test_layers_of_the_substrate_change_nothing(periodic: bool) -> None:
     assert formulation.undetermined_levels(body(layers)) == formulation.undetermined_levels(body(LayerStack()))
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("base", [None, RigidBase(2 * UM)], ids=["half space", "base"])
 @pytest.mark.parametrize("periodic", [False, True])
 def test_splitting_a_layer_changes_nothing(base: RigidBase | None, periodic: bool) -> None:
@@ -119,7 +119,7 @@ def test_splitting_a_layer_changes_nothing(base: RigidBase | None, periodic: boo
     assert_close(other.apply(heat), system.apply(heat), 1e-9)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(("base", "periodic"), [(None, False), (RigidBase(2 * UM), False), (None, True)])
 def test_capabilities_agree(base: RigidBase | None, periodic: bool) -> None:
     layers = LayerStack((Layer(UPPER, UM, SPRINGS),), base)

@@ -60,6 +60,7 @@ def polar_rule(k_max, n_k, n_angles, finest=0.01 / UM):
     return k, (half[:, None] * w).ravel(), np.pi * np.arange(n_angles) / n_angles
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("layers", [TRICLINIC, FILM, LayerStack(FILM.layers, RigidBase(2 * UM))])
 def test_difference_in_space_is_the_double_integral_over_waves(layers):
     one = body(layers)
@@ -91,6 +92,7 @@ def test_layers_of_the_substrate_change_nothing(periodic):
     assert_close(system.apply(load), expected, 1e-11)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("periodic", [False, True])
 def test_splitting_a_layer_changes_nothing(periodic):
     first, second = TRICLINIC.layers

@@ -16,7 +16,7 @@ from meeframe.mesh import half_space_mesh
 from meeframe.model.case import Case
 from meeframe.model.solve import solve_case
 from meeframe.model.step import Step
-from meeframe.results.records import Resultants, resultants
+from meeframe.results.resultants import Resultants, resultants
 
 PERIOD, AMPLITUDE, NODES = 1e-3, 1e-6, 32
 MEDIUM = library_material("orthotropic-mee").rotated(rotation_about([1, 2, 3], 0.7))

@@ -25,7 +25,8 @@ from meeframe.model.solve import reduce, solve_case
 from meeframe.model.step import Step
 from meeframe.results.files import read_result, write_result
 from meeframe.results.history import curves
-from meeframe.results.records import Region, Result, StepResult, resultants
+from meeframe.results.records import Region, Result, StepResult
+from meeframe.results.resultants import resultants
 from meeframe.results.schema import rolling_totals
 from meeframe.results.summary import summary
 from meeframe.system.edge_correction import correct_edge

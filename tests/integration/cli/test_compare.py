@@ -20,7 +20,7 @@ from meeframe.laws.base import ConductivityLaw
 from meeframe.model.load import load_case
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 from meeframe.study.choices import Choice
 from meeframe.study.compare import compare
 from meeframe.study.reports.compare import Comparison, comparison_table

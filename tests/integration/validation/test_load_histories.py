@@ -8,7 +8,8 @@ import pytest
 
 from meeframe.model.load import case_from_tables
 from meeframe.model.solve import solve_case
-from meeframe.results.records import RunStatus, resultants
+from meeframe.results.records import RunStatus
+from meeframe.results.resultants import resultants
 
 CASE = Path(__file__).parents[3] / "validation" / "load_histories" / "loop.toml"
 

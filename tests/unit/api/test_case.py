@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.api.parts import BUILT_IN
+from meeframe.api.tables import BUILT_IN
 from meeframe.model.body_tables import BlockTable, BoundaryTable, FileTable, HalfSpaceTable, SecondBodyTable
 from meeframe.model.layer_tables import BaseTable, InterfaceTable
 from meeframe.model.schema import StepTable

@@ -12,7 +12,8 @@ from meeframe.indenters.base import RESULTANTS
 from meeframe.laws import IsotropicCoulomb
 from meeframe.model.load import load_case
 from meeframe.model.solve import solve_steps
-from meeframe.results.records import Zone, resultants
+from meeframe.results.records import Zone
+from meeframe.results.resultants import resultants
 from meeframe.testing.elastic_half_space import elastic_half_space
 
 YOUNG, POISSON, RADIUS, SIDE = 100e9, 0.3, 0.1, 4e-3

@@ -73,14 +73,14 @@ def test_increments_are_divided_for_the_pressure_to_change_little(write_case, re
         result = solve(write_case, registry, slide(increments=2) + f"max_pressure_change = {change}\n")
         assert result.status == "converged"
         _, first, last = result.steps
-        assert "parts, for the pressure to change little" in first.message
+        assert "subincrements, for the pressure to change little" in first.message
         np.testing.assert_allclose(last.slip_path[last.touching], 0.2, rtol=1e-12)
         errors.append(abs(last.wear.max() - exact))
     assert errors[0] < 0.05 * exact
     np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 1.0, atol=0.25)
 
 
-def test_parts_of_an_increment_add_up(write_case, registry):
+def test_subincrements_add_up(write_case, registry):
     """In full slip the pressure falls by exp(-k K s), and the work of friction is its integral times mu."""
     law = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.2}\n' + WEAR
     drag = '\n[[steps]]\ntranslation = ["0.2 m", 0]\nduration = "2 s"\nmax_pressure_change = 0.1\n'

@@ -9,7 +9,8 @@ from meeframe.common.errors import CaseError
 from meeframe.material import Material, library_material, rotation_about
 from meeframe.material.grading import Grading
 from meeframe.material.layers import Interface, LayerStack, RigidBase
-from meeframe.material.surface_symbol import Medium, SurfaceSymbol
+from meeframe.material.medium import Medium
+from meeframe.material.surface_symbol import SurfaceSymbol
 
 PZT = library_material("pzt-4").rotated(rotation_about([1.0, 2.0, 3.0], 0.7))
 H = 1e-6

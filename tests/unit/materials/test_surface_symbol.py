@@ -8,7 +8,8 @@ import pytest
 from meeframe.fields import MEE, FieldScaling
 from meeframe.material import Material, library_material, rotation_about
 from meeframe.material.layers import Interface, Layer, LayerStack, RigidBase
-from meeframe.material.surface_symbol import SurfaceSymbol, exponential
+from meeframe.material.medium import exponential
+from meeframe.material.surface_symbol import SurfaceSymbol
 from meeframe.testing.closed_forms_layers import collocated_compliance, isotropic_layer_compliance
 
 FRAME = np.eye(3)

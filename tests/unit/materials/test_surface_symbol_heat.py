@@ -10,7 +10,8 @@ from meeframe.fields import Array, FieldScaling
 from meeframe.material import Material, library_material, rotation_about
 from meeframe.material.grading import Grading
 from meeframe.material.layers import Interface, Layer, LayerStack, RigidBase
-from meeframe.material.surface_symbol import Complex, Expansion, Medium, SurfaceSymbol
+from meeframe.material.medium import Complex, Expansion, Medium
+from meeframe.material.surface_symbol import SurfaceSymbol
 from meeframe.material.thermal_half_space import thermal_response
 from meeframe.testing.closed_forms_layers import collocated_compliance
 

@@ -14,7 +14,8 @@ from meeframe.elements import ELEMENTS
 from meeframe.results.canvas import NO_CONTACT
 from meeframe.results.figures import figures, save_figure
 from meeframe.results.picture import Picture
-from meeframe.results.records import Loading, Region, Zone, resultants
+from meeframe.results.records import Loading, Region, Zone
+from meeframe.results.resultants import resultants
 from meeframe.results.summary import summary, summary_json, summary_table
 from meeframe.study.reports.compare import ComparedRun, Comparison, comparison_table
 

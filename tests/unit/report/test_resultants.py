@@ -8,7 +8,8 @@ import pytest
 from meeframe.elements import ELEMENTS
 from meeframe.indenters.base import RESULTANTS, motion_measures, motion_modes
 from meeframe.mesh import find_contact_zone, half_space_mesh
-from meeframe.results.records import Region, Zone, resultants
+from meeframe.results.records import Region, Zone
+from meeframe.results.resultants import resultants
 
 EVERY = pytest.mark.parametrize("name", sorted(ELEMENTS))
 DIVISIONS = 20

@@ -14,7 +14,8 @@ from meeframe.results import schema
 from meeframe.results.figures import figures
 from meeframe.results.files import read_result, write_result
 from meeframe.results.output import output_files
-from meeframe.results.records import StepResult, resultants
+from meeframe.results.records import StepResult
+from meeframe.results.resultants import resultants
 from meeframe.results.schema import NodalField, StorageCondition, Total
 from meeframe.results.summary import summary, summary_table
 from meeframe.results.vtk import write_fields

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 from meeframe.study.quantities import largest, nodal, totals
 
 

@@ -18,7 +18,7 @@ from meeframe.model import solve
 from meeframe.model.cache import case_key, code_key, system_key
 from meeframe.model.load import load_case
 from meeframe.model.solve import bodies_of, reduce, solve_case
-from meeframe.results.records import resultants
+from meeframe.results.resultants import resultants
 from meeframe.study.declare import changed
 from meeframe.study.sweep import dask as sweep_dask
 from meeframe.study.sweep.dask import PickledObject, reduced, solve_in_worker

@@ -1,4 +1,4 @@
-"""Parts of a case built in Python, each with the keys of its table in a case file."""
+"""Tables of a case built in Python, each with the keys of the table in a case file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -29,11 +29,11 @@ BUILT_IN: Final = FieldSet((*MEE.scalars, *OPTIONAL_FIELDS))
 """Scalar fields whose keys are arguments; those of fields that plugins add go into `scalars`."""
 
 
-def entries(part: Any) -> dict[str, Any]:
-    """Return the entries of the table that a part of a case stands for: its fields that differ from their defaults."""
-    table = {entry.name: getattr(part, entry.name) for entry in fields(part) if entry.name != "scalars"}
-    defaults = {entry.name: entry.default for entry in fields(part)}
-    scalars = getattr(part, "scalars", {})
+def entries(record: Any) -> dict[str, Any]:
+    """Return the entries of a table: the fields of its record that differ from their defaults."""
+    table = {entry.name: getattr(record, entry.name) for entry in fields(record) if entry.name != "scalars"}
+    defaults = {entry.name: entry.default for entry in fields(record)}
+    scalars = getattr(record, "scalars", {})
     non_default = {key: value for key, value in table.items() if value is not None and not _same(value, defaults[key])}
     return non_default | dict(scalars)
 
@@ -42,13 +42,13 @@ def _same(value: Any, default: Any) -> bool:
     return type(value) is type(default) and bool(value == default)
 
 
-def _check(part: "Step | Boundary | Interface | Base", model: type[Table]) -> None:
-    """Raise CaseError unless the entries of a part are valid; fields that plugins add are checked by the case."""
-    table = {key: value for key, value in entries(part).items() if key not in part.scalars}
+def _check(record: "Step | Boundary | Interface | Base", model: type[Table]) -> None:
+    """Raise CaseError unless the entries of a table are valid; fields that plugins add are checked by the case."""
+    table = {key: value for key, value in entries(record).items() if key not in record.scalars}
     try:
         model.model_validate(table)
     except ValidationError as error:
-        lines = (f"{type(part).__name__}: {from_zero(problem)}" for problem in problems_of(error, model))
+        lines = (f"{type(record).__name__}: {from_zero(problem)}" for problem in problems_of(error, model))
         raise CaseError("\n".join(lines)) from None
 
 
@@ -57,8 +57,8 @@ def from_zero(problem: Problem) -> Problem:
     return replace(problem, location=tuple(key - 1 if isinstance(key, int) else key for key in problem.location))
 
 
-def _brief(part: Any) -> str:
-    return f"{type(part).__name__}({', '.join(f'{key}={value!r}' for key, value in entries(part).items())})"
+def _brief(record: Any) -> str:
+    return f"{type(record).__name__}({', '.join(f'{key}={value!r}' for key, value in entries(record).items())})"
 
 
 @dataclass(frozen=True, kw_only=True)
