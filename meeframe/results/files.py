@@ -479,8 +479,8 @@ def _get_fields(group: Any, fields: Sequence[NodalField], n: int) -> dict[str, A
 def _get_loading(group: Any, fields: FieldSet) -> Loading:
     motions = IndenterMotions(fields)
     motion = np.concatenate([np.atleast_1d(group[name][()]) for name in motions.motions])
-    if motion.shape != (motions.size,):
-        raise ValueError(f"{group.name} has {len(motion)} motions instead of {motions.size}")
+    if motion.shape != (motions.size,) or motion.dtype.kind not in "biuf":
+        raise ValueError(f"{group.name} has {len(motion)} motions of {motion.dtype} instead of {motions.size} numbers")
     shapes = {key: (columns.stop - columns.start,) for key, columns in motions.columns.items()}
     prescribed = {key: numbers_of(group["prescribed"], key, shapes[key]) for key in group["prescribed"]}
     duration = float(group["duration"][()]) if "duration" in group else None
