@@ -159,13 +159,13 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
     """Return the largest R f + (-phi + phi_o) over a characteristic potential, and f alone where insulated.
 
-    f is the conducted flux, without heat that friction generates.
+    f is the conducted flux, without heat that friction generates; for the potential see Scales.transmitted_drop.
 
     The violation is one where a law returns NaN: the law is not satisfied there, but the iteration may still proceed.
     """
-    compliance, potential = np.diag(scales.compliance)[POTENTIALS], scales.drop
+    compliance = np.diag(scales.compliance)[POTENTIALS]
     if not conducting(problem):
-        insulated = zip(state.load.T[POTENTIALS], compliance, potential, strict=True)
+        insulated = zip(state.load.T[POTENTIALS], compliance, scales.drop, strict=True)
         return [largest(flux) * c / scale for flux, c, scale in insulated]
     relative_displacement = indenter_position(problem, state.motion)
     relative_displacement -= state.displacement
@@ -179,5 +179,5 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     drop = np.where(weight > 0.0, difference, 0.0) * weight + (1.0 - weight) * compliance * flux
     return [
         largest(np.where(np.isnan(values), scale, values)) / scale
-        for values, scale in zip(drop.T, potential, strict=True)
+        for values, scale in zip(drop.T, scales.transmitted_drop(weight, flux), strict=True)
     ]

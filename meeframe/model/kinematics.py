@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import (
     ContactProblem,
     ContactSolution,
@@ -14,6 +15,7 @@ from meeframe.contact.problem import (
     PrescribedResultant,
     contact_gap,
     indenter_field,
+    indenter_position,
 )
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
@@ -278,12 +280,15 @@ class IndenterKinematics:
         """Return the state with motions that nothing resists, for lack of nodes (n,) in contact, left unchanged.
 
         Exceptions are motions along normals, which must not bring the indenter into the body or away from what it
-        attracts, and potentials of an indenter that charges reach across the gap.
+        attracts, and potentials of an indenter that conducts across the gap.
         """
         if touches.any():
             return state
-        modes = [self.modes[number] for number in increment.free]
-        is_resisted = [mode[:, 2].any() or (mode * state.load)[:, POTENTIALS].any() for mode in modes]
+        problem, modes = increment.problem, [self.modes[number] for number in increment.free]
+        position = indenter_position(problem, state.motion) - state.displacement
+        normal_traction, self_compliance = np.zeros(len(touches)), potential_diagonal(problem)
+        resistance = resistances(problem, normal_traction, state.contact_fraction, self_compliance, position)
+        is_resisted = [mode[:, 2].any() or mode[:, POTENTIALS][np.isfinite(resistance)].any() for mode in modes]
         return replace(state, motion=np.where(is_resisted, state.motion, 0.0))
 
     def converged_state(self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]) -> ConvergedState:
