@@ -441,7 +441,10 @@ def _get_field_set(group: Any) -> FieldSet:
     """Return the field set of an increment, the default one for files of earlier versions, which do not name it."""
     if "scalar_fields" not in group.attrs:
         return MEE
-    return FieldSet(tuple(ScalarField(**entry) for entry in json.loads(text_of(group, "scalar_fields"))))
+    fields = FieldSet(tuple(ScalarField(**entry) for entry in json.loads(text_of(group, "scalar_fields"))))
+    if fields.scalars[: len(MEE.scalars)] != MEE.scalars:
+        raise ValueError(f"attribute 'scalar_fields' of {group.name} lacks the electric or the magnetic field")
+    return fields
 
 
 def _slips(

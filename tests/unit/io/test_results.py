@@ -247,6 +247,9 @@ DAMAGES = {
     "versions are numbers": replace_attribute("versions", '{"numpy": 2}'),
     "timings are a number": replace_attribute("timings", "3"),
     "timings are texts": replace_attribute("timings", '{"solve": "long"}'),
+    "resultant of a scalar field": lambda file: file["steps/0001"].attrs.create(
+        "scalar_fields", file["steps/0001"].attrs["scalar_fields"].replace('"magnetic_flux"', '"oagnetic_flux"')
+    ),
     "title is a number": replace_attribute("title", 3.0),
 }
 
