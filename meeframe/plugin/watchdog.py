@@ -5,6 +5,7 @@ it ends.
 """
 
 import ctypes
+import math
 import signal
 import sys
 import threading
@@ -68,12 +69,10 @@ class _Watchdog(threading.Thread):
         """Look at the stack until the block ends."""
         call, begin, attempts = None, 0.0, 0
         while not self.ended.wait(INTERVAL):
-            last, call = call, self._call()
+            last, (call, limit) = call, self._call()
             if call is None or call is not last:  # as the last frame is still referenced, no other has its place
                 begin, attempts = time.monotonic(), 0
-                continue
-            limit = call.f_locals[call.f_code.co_varnames[0]].time_limit
-            if time.monotonic() - begin >= limit:
+            elif time.monotonic() - begin >= limit:
                 with self._lock:
                     if not self.ended.is_set():
                         self.message = self.message or _describe(call, limit)
@@ -84,18 +83,20 @@ class _Watchdog(threading.Thread):
         """Stop watching; afterwards the thread is not interrupted any more."""
         with self._lock:
             self.ended.set()
-        _raise_in(self._thread, None)
+        if self.message:
+            _raise_in(self._thread, None)
 
-    def _call(self) -> FrameType | None:
-        """Return the outermost frame of a method of a plugin with a time limit."""
+    def _call(self) -> tuple[FrameType | None, float]:
+        """Return the outermost frame of a method of a plugin with a time limit, and the limit."""
         frame = sys._current_frames().get(self._thread.ident or 0)
-        outermost = None
+        outermost, limit = None, math.inf
         while frame is not None:
             if self._is_plugin_code(frame) and frame.f_code.co_argcount:
                 first = frame.f_locals.get(frame.f_code.co_varnames[0])
-                outermost = frame if isinstance(first, TimeLimited) else outermost
+                if isinstance(first, TimeLimited):
+                    outermost, limit = frame, first.time_limit
             frame = frame.f_back
-        return outermost
+        return outermost, limit
 
     def _interrupt(self, attempts: int) -> None:
         """Interrupt the call by Ctrl-C, which also ends waiting, where that is possible, else by an exception."""

@@ -91,7 +91,7 @@ def test_without_a_home(write_case, tmp_path):
 
 @pytest.mark.full
 def test_a_limit_of_memory(write_case, tmp_path):
-    """As after `ulimit -v`: matrices that do not fit are invalid input, with one message."""
+    """Matrices that do not fit, after `ulimit -v`, are invalid input, with one message."""
     path = write_case((WINKLER, 'name = "dense-bem"'), ("divisions = 4", "divisions = 80"), more=BARE)
     gigabytes = 3 << 30
 
