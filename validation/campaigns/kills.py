@@ -233,7 +233,7 @@ def main() -> int:
         os.execve(sys.executable, [sys.executable, *sys.argv], environment)
     counts: Counter[str] = Counter()
     defects = 0
-    with tempfile.TemporaryDirectory() as temporary:
+    with tempfile.TemporaryDirectory() as temporary, suppress(KeyboardInterrupt):
         campaign = Campaign(Path(temporary), options.kind or KINDS)
         for seed in range(options.seed, options.seed + options.number):
             words, problems = campaign.trial(seed)
@@ -243,7 +243,7 @@ def main() -> int:
                 print(f"{seed}: {words}: {problem}", flush=True)
     for words, count in sorted(counts.items()):
         print(f"{words:40} {count}")
-    print(f"{options.number} trials, {defects} with a violation")
+    print(f"{counts.total()} trials, {defects} with a violation")
     return int(defects > 0)
 
 
