@@ -4,13 +4,17 @@ import gc
 import sys
 
 try:
-    from meeframe.cli import cases, doctor, examples, extensions, fclib, materials, rough, studies
+    from meeframe.cli import cases, console, doctor, examples, extensions, fclib, materials, rough, studies
     from meeframe.cli.app import app
 except KeyboardInterrupt:  # while modules are imported
     print("interrupted", file=sys.stderr)
     sys.exit(130)
 
 __all__ = ["app", "cases", "doctor", "examples", "extensions", "fclib", "main", "materials", "rough", "studies"]
+
+
+def _ignore(_: object) -> None:
+    """Ignore an error in the finalization of an object."""
 
 
 def main() -> None:
@@ -20,5 +24,9 @@ def main() -> None:
     """
     try:
         app()
+    except SystemExit as ended:
+        if ended.code == console.INTERRUPTED:
+            sys.unraisablehook = _ignore  # files that two interruptions left half open cannot be closed properly
+        raise
     finally:
         gc.freeze()  # saves the garbage collection of a third of a second at exit

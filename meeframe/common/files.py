@@ -4,6 +4,7 @@ import errno
 import math
 import os
 import stat
+from io import BytesIO
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any, Final
@@ -14,6 +15,8 @@ MAX_TEXT_BYTES: Final = 2**26
 """Largest size of a case file, study file or plugin file."""
 MAX_DATA_BYTES: Final = 2**30
 """Largest size of a file of heights."""
+_MAX_HEADER_BYTES: Final = 2**16
+"""Largest size of a header of a .npy file."""
 
 
 def check_file(path: str | Path, max_bytes: int) -> None:
@@ -62,13 +65,14 @@ def read_npy(path: str | Path) -> Any:
     """
     check_file(path, MAX_DATA_BYTES)
     with open(path, "rb") as file:
+        head = BytesIO(file.read(_MAX_HEADER_BYTES))  # the length that it declares may be gigabytes
         try:
-            version = np.lib.format.read_magic(file)
+            version = np.lib.format.read_magic(head)
             reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-            shape, _, dtype = reader(file)
+            shape, _, dtype = reader(head)
         except (TokenError, SyntaxError, RecursionError, OverflowError, TypeError, LookupError) as error:
             raise ValueError(f"its header is damaged: {error}") from None
-        size, left = math.prod(shape) * dtype.itemsize, os.fstat(file.fileno()).st_size - file.tell()
+        size, left = math.prod(shape) * dtype.itemsize, os.fstat(file.fileno()).st_size - head.tell()
         if not dtype.hasobject and not 0 <= size <= left:
             raise ValueError(f"its header declares an array of shape {shape}, {size} bytes; {left} follow")
         file.seek(0)

@@ -47,7 +47,7 @@ def open_hdf5(path: Path, is_result_link: Callable[[str, str], bool] = lambda na
         try:
             _check_heaps(path, file.id.get_create_plist().get_sizes()[1])
             _check(file, path.stat().st_size, is_result_link)
-        except RuntimeError as error:
+        except (RuntimeError, LookupError, TypeError) as error:  # as h5py names errors of HDF5
             raise OSError(f"is damaged: {error}") from None
         yield file
 

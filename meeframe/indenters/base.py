@@ -8,6 +8,7 @@ from typing import Any, Final, final
 
 import numpy as np
 
+from meeframe.common.timed import TimeLimited
 from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet
 from meeframe.mesh.regular import local_components, shared_frames, shares_frame
 
@@ -98,7 +99,7 @@ N_MOTIONS: Final = IndenterMotions().size
 
 
 @dataclass(frozen=True, eq=False)
-class Indenter(ABC):
+class Indenter(TimeLimited, ABC):
     """Rigid indenter; the fields of a concrete class are its case-file keys."""
 
     @abstractmethod

@@ -8,6 +8,7 @@ from typing import ClassVar, Final, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.common.timed import TimeLimited
 from meeframe.fields import Array
 
 _WIDTH: Final = 6e-6
@@ -30,7 +31,7 @@ StepLengths = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class ContactLaw(ABC):
+class ContactLaw(TimeLimited, ABC):
     """Normal and tangential contact as a projection of augmented tractions (eqs. 11, 15), or as a resolvent of them.
 
     Notes
@@ -310,7 +311,7 @@ def _central_differences(
 
 
 @dataclass(frozen=True)
-class ConductivityLaw(ABC):
+class ConductivityLaw(TimeLimited, ABC):
     """Surface conductivity kappa of the law flux = kappa (potential - potential_o) (docs/explanation/theory.md)."""
 
     across_gap: ClassVar[bool] = False

@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Final, final
 
 import numpy as np
 
+from meeframe.common.timed import TimeLimited
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws.base import ContactLaw, StepLengths, resolve
@@ -19,7 +20,7 @@ _MAX_BISECTIONS: Final = 100
 
 
 @dataclass(frozen=True)
-class WearLaw(ABC):
+class WearLaw(TimeLimited, ABC):
     """Local wear: the depth that slip removes from the two surfaces together, per length of slip.
 
     Notes

@@ -158,6 +158,8 @@ def _convert(data: Any, elements: Iterable[SurfaceElement], length_unit: float, 
         raise MeshError("points are not three-dimensional")
     element_types = {element.meshio_type: element for element in elements}
     selected = [k for k, cells in enumerate(data.cells) if _is_surface(cells.type, element_types)]
+    if any(np.ndim(data.cells[k].data) != 2 for k in selected):
+        raise MeshError("its elements are no tables of node numbers")
     if not selected or sum(len(data.cells[k].data) for k in selected) == 0:
         available = ", ".join(sorted({cells.type for cells in data.cells})) or "none"
         raise MeshError(f"no surface elements; cells in the file: {available}; allowed: {', '.join(element_types)}")

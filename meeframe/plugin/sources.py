@@ -7,8 +7,9 @@ import linecache
 import sys
 import traceback
 from collections.abc import Iterable, Iterator, Mapping, Set
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from types import FrameType, ModuleType
@@ -19,6 +20,7 @@ from packaging.requirements import InvalidRequirement, Requirement
 from meeframe.common.errors import MeeframeError, PluginError, PluginFault
 from meeframe.common.files import MAX_TEXT_BYTES, check_file
 from meeframe.plugin.hookspecs import PROJECT
+from meeframe.plugin.watchdog import time_limit
 
 LOCAL: Final = f"{PROJECT}_file_"
 """Prefix of the names of modules from local files."""
@@ -162,19 +164,21 @@ def faults_of_plugins(*passing: type[Exception]) -> Iterator[None]:
     and KeyboardInterrupt; and those raised by the caller of the plugin in a callback. SystemExit is a fault like any
     other: it would end the run without a result.
 
+    A call of a law, of wear or of an indenter that exceeds its `time_limit` is a fault as well.
+
     Parameters
     ----------
     *passing
         Further types of exceptions that pass unchanged.
     """
+    packages = _plugin_packages(tuple(sys.path))
+    is_used = bool(packages) or any(name.startswith(LOCAL) for name in list(sys.modules))
     try:
-        yield
+        with time_limit(lambda frame: _is_plugin_code(frame, packages)) if is_used else nullcontext():
+            yield
     except BaseException as error:
         if isinstance(error, (MeeframeError, MemoryError, KeyboardInterrupt, *passing)):
             raise
-        packages = {
-            entry_point.module.partition(".")[0] for entry_point in metadata.entry_points(group=PROJECT)
-        } - BUNDLED_PACKAGES
         frames = list(traceback.walk_tb(error.__traceback__))
         last = max(
             (number for number, (frame, _) in enumerate(frames) if _is_plugin_code(frame, packages)), default=None
@@ -183,6 +187,14 @@ def faults_of_plugins(*passing: type[Exception]) -> Iterator[None]:
             raise
         inner = f"; raised in {_where(*frames[-1])}" if last + 1 < len(frames) else ""
         raise PluginFault(f"plugin file {_where(*frames[last])}: {reason(error)}{inner}") from error
+
+
+@lru_cache(maxsize=1)
+def _plugin_packages(_path: tuple[str, ...]) -> Set[str]:
+    """Return the installed packages with plugins, but for those of this project, on a search path."""
+    return {
+        entry_point.module.partition(".")[0] for entry_point in metadata.entry_points(group=PROJECT)
+    } - BUNDLED_PACKAGES
 
 
 def _is_plugin_code(frame: FrameType, packages: Set[str]) -> bool:

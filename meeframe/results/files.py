@@ -441,7 +441,10 @@ def _get_field_set(group: Any) -> FieldSet:
     """Return the field set of an increment, the default one for files of earlier versions, which do not name it."""
     if "scalar_fields" not in group.attrs:
         return MEE
-    return FieldSet(tuple(ScalarField(**entry) for entry in json.loads(text_of(group, "scalar_fields"))))
+    fields = FieldSet(tuple(ScalarField(**entry) for entry in json.loads(text_of(group, "scalar_fields"))))
+    if fields.scalars[: len(MEE.scalars)] != MEE.scalars:
+        raise ValueError(f"attribute 'scalar_fields' of {group.name} lacks the electric or the magnetic field")
+    return fields
 
 
 def _slips(
@@ -479,8 +482,8 @@ def _get_fields(group: Any, fields: Sequence[NodalField], n: int) -> dict[str, A
 def _get_loading(group: Any, fields: FieldSet) -> Loading:
     motions = IndenterMotions(fields)
     motion = np.concatenate([np.atleast_1d(group[name][()]) for name in motions.motions])
-    if motion.shape != (motions.size,):
-        raise ValueError(f"{group.name} has {len(motion)} motions instead of {motions.size}")
+    if motion.shape != (motions.size,) or motion.dtype.kind not in "biuf":
+        raise ValueError(f"{group.name} has {len(motion)} motions of {motion.dtype} instead of {motions.size} numbers")
     shapes = {key: (columns.stop - columns.start,) for key, columns in motions.columns.items()}
     prescribed = {key: numbers_of(group["prescribed"], key, shapes[key]) for key in group["prescribed"]}
     duration = float(group["duration"][()]) if "duration" in group else None

@@ -28,6 +28,8 @@ INTERIOR_PICTURE: Final = "interior.png"
 INCREMENTS: Final = "result.increments"
 """Folder of the increments of an unfinished run, one file each."""
 LOCK_FILE: Final = ".lock"
+_MAX_REMOVALS: Final = 100
+"""Number of times that a folder is created again while other processes remove it."""
 _DRAWN: Final = ("sections.png", "stick_slip.png", "history.png")
 
 
@@ -67,7 +69,6 @@ def locked(folder: Path) -> Iterator[None]:
         if folder.is_file():
             raise NotADirectoryError("it is a file")
         absent = [path for path in (folder, *folder.parents) if not path.exists()]
-        folder.mkdir(parents=True, exist_ok=True)
         file = _lock(folder)
     except OSError as error:
         _remove_empty(absent)
@@ -82,9 +83,20 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _lock(folder: Path) -> int:
-    """Return the descriptor of the locked lock file. Raises ResultError if another process holds it."""
+    """Create a folder and return the descriptor of its locked lock file.
+
+    Raises ResultError if another process holds it.
+    """
+    removed = 0
     while True:
-        file = os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            file = os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
+        except (FileNotFoundError, FileExistsError):
+            removed += 1  # its last holder removed the folder in between, or it cannot be created at all
+            if removed < _MAX_REMOVALS:
+                continue
+            raise
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -10,6 +10,7 @@ import numpy as np
 from meeframe.common.errors import ResultError
 from meeframe.common.hdf5 import open_hdf5
 from meeframe.fields import Array
+from meeframe.mesh.regular import GridCells
 from meeframe.results.hdf5 import changed_file
 from meeframe.results.output import replacing
 from meeframe.system.capabilities import AnyArray
@@ -22,6 +23,8 @@ FORMAT: Final = "meeframe-system 1"
 ARRAYS: Final = "meeframe-kept-system 1"
 """Format of systems without a matrix, stored as the arrays of `Persistence.to_arrays`."""
 
+_GRID: Final = "grid"
+"""Dataset with the numbers of nodes along both axes of a grid, in place of its cells."""
 _UNITS: Final = {
     "points": "m",
     "frames": "1",
@@ -49,6 +52,9 @@ def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> 
     with _written(path, FORMAT, key) as file:
         for name, unit in _UNITS.items():
             _put(file, name, arrays[name]).attrs["units"] = unit
+        if isinstance(system.cells, GridCells):  # areas of its elements are equal to the last bit
+            _put(file, _GRID, np.array(system.cells.shape)).attrs["units"] = "1"
+            return
         for number, (cell_type, connectivity) in enumerate(system.cells):
             _put(file, f"cells/{number}", connectivity).attrs.update({"type": cell_type, "units": "1"})
 
@@ -72,9 +78,12 @@ def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) 
     """
 
     def system(file: Any) -> DenseSystem:
+        arrays = {name: file[name][()] for name in _UNITS}
+        if _GRID in file:
+            return DenseSystem(**arrays, cells=GridCells((int(file[_GRID][0]), int(file[_GRID][1]))), recovery=recovery)
         blocks = [file["cells"][name] for name in sorted(file["cells"], key=int)]
         cells = tuple((str(block.attrs["type"]), block[()]) for block in blocks)
-        return DenseSystem(**{name: file[name][()] for name in _UNITS}, cells=cells, recovery=recovery)
+        return DenseSystem(**arrays, cells=cells, recovery=recovery)
 
     return _read(path, FORMAT, key, system)
 

@@ -314,7 +314,9 @@ def _highest_harmonic(sampling: Sampling, depth: float) -> tuple[int, float]:
         if highest <= count // 2:
             return highest, scale
         count *= 2
-    raise MaterialError(f"the response of the layers needs more than {_MAX_ANGLES} directions: nearly inadmissible")
+    raise MaterialError(
+        f"the response of the layers needs more than {_MAX_ANGLES} directions: a material is nearly inadmissible"
+    )
 
 
 def _edges(sampling: Sampling, symbol: SurfaceSymbol, directions: Directions, depth: float, negligible: float) -> Array:

@@ -82,7 +82,9 @@ class PointResponse:
                 break
             y = np.stack([y, _over_half(stiffness, frame, half, 0.5)], axis=1).reshape(-1, *y.shape[1:])
             count *= 2
-        raise MaterialError(f"the surface compliance needs more than {_MAX_ANGLES} directions: nearly inadmissible")
+        raise MaterialError(
+            f"the surface compliance needs more than {_MAX_ANGLES} directions: the material is nearly inadmissible"
+        )
 
     def evaluate(self, offset: Array) -> Array:
         """Return displacement and potentials per unit of a point force, charge and flux at offsets (n, 2) [m].

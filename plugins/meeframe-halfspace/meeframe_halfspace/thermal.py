@@ -84,7 +84,9 @@ class ThermalResponse:
                 retained = int(np.flatnonzero(size[: half // 2] > _NEGLIGIBLE * size.max()).max(initial=0)) + 1
                 return cls(_series(even[:retained:2], 0), _series(odd[1:retained:2], 1), source)
             count *= 2
-        raise MaterialError(f"the thermal response needs more than {_MAX_ANGLES} directions: nearly inadmissible")
+        raise MaterialError(
+            f"the thermal response needs more than {_MAX_ANGLES} directions: the material is nearly inadmissible"
+        )
 
     def entry(self, number: int) -> tuple[Array, bool]:
         """Return the series (n, 2) of an entry of ENTRIES without zeros at its end; True if its harmonics are odd."""

@@ -19,3 +19,12 @@ def test_answers_to_damaged_files(name):
     assert len(outcomes) == count
     assert [each for each in outcomes if each[1] not in damaged_files.GOOD] == []
     assert any(outcome == "refused" for _, outcome, _ in outcomes)
+
+
+KEPT = {"fclib-bytes": [30023, 30087, 30357], "mesh-hdf5": [30241], "heights-npy": [10240, 11115]}
+"""Variants that once ended with a traceback or allocated gigabytes."""
+
+
+@pytest.mark.parametrize(("name", "seeds"), KEPT.items())
+def test_variants_that_once_failed(name, seeds):
+    assert [outcome for _, outcome, _ in damaged_files.campaign(name, seeds)] == ["refused"] * len(seeds)

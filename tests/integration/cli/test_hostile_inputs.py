@@ -1,6 +1,7 @@
 """Inputs that are damaged, endless or beyond anything physical: one clear message and exit status 2, at once."""
 
 import os
+import tracemalloc
 from contextlib import suppress
 
 import numpy as np
@@ -130,6 +131,19 @@ def test_arrays_larger_than_their_file(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"(25, 3), }       ", b"(99999999999, 3),}"[:17].ljust(17)))
     with pytest.raises(CaseError, match=r"a\.npy: its header"):
         Heights(path).height(np.zeros(1), np.zeros(1))
+
+
+def test_headers_longer_than_their_file(tmp_path):
+    """Nothing of the declared length, here 2 GiB, is allocated."""
+    path = tmp_path / "a.npy"
+    path.write_bytes(b"\x93NUMPY\x02\x00" + (2**31).to_bytes(4, "little") + b"{'descr': '<f8'}")
+    tracemalloc.start()
+    try:
+        with pytest.raises(CaseError, match=r"a\.npy: .*array header"):
+            Heights(path).height(np.zeros(1), np.zeros(1))
+        assert tracemalloc.get_traced_memory()[1] < 2**24
+    finally:
+        tracemalloc.stop()
 
 
 def test_infinite_entries_of_fclib_files(tmp_path):

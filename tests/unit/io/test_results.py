@@ -229,6 +229,7 @@ DAMAGES = {
     "prescribed is a number": replace_values("loading/prescribed", 1.0),
     "prescribed twice": replace_values("loading/prescribed/tangential_force", [1.0, 2.0, 3.0]),
     "motions": replace_values("loading/tilt", [0.0]),
+    "complex motion": replace_values("loading/approach", 1.0 + 2.0j),
     "axes": replace_values("loading/axes", [1.0, 0.0, 0.0]),
     "infinite step": replace_values("step", np.inf),
     "step is a group": lambda file: [file["steps/0001"].pop("step"), file.create_group("steps/0001/step")],
@@ -246,6 +247,9 @@ DAMAGES = {
     "versions are numbers": replace_attribute("versions", '{"numpy": 2}'),
     "timings are a number": replace_attribute("timings", "3"),
     "timings are texts": replace_attribute("timings", '{"solve": "long"}'),
+    "resultant of a scalar field": lambda file: file["steps/0001"].attrs.create(
+        "scalar_fields", file["steps/0001"].attrs["scalar_fields"].replace('"magnetic_flux"', '"oagnetic_flux"')
+    ),
     "title is a number": replace_attribute("title", 3.0),
 }
 
