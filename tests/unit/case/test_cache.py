@@ -22,7 +22,8 @@ from meeframe.model import cache, solve
 from meeframe.model.cache import cached_reduce, system_key
 from meeframe.model.load import load_case
 from meeframe.model.solve import provenance, reduce, solve_steps
-from meeframe.results.records import Result, resultants, zone_of
+from meeframe.results.records import Result, zone_of
+from meeframe.results.resultants import resultants
 from meeframe.results.systems import read_arrays, write_arrays
 from meeframe.solvers import Auto, StoppingCriteria
 from meeframe.system.capabilities import Persistence
