@@ -266,12 +266,9 @@ def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance:
 
 
 def _overlap_depth(overlap: Array) -> float:
-    """Return the deepest overlap, or else what round-off leaves of the largest distance, or else one.
-
-    Without overlap loads come only from potentials and attraction across the gap.
-    """
+    """Return the deepest overlap, or else the largest distance, or else one, as every state is then exactly zero."""
     finite = overlap[np.isfinite(overlap)]
-    return float(finite.max(initial=0.0)) or MIN_DEPTH_RATIO * float(np.abs(finite).max(initial=0.0)) or 1.0
+    return float(finite.max(initial=0.0)) or float(np.abs(finite).max(initial=0.0)) or 1.0
 
 
 def coarse_representative(system: ReducedSystem, loaded: Mask) -> tuple[ReducedSystem, Mask]:
