@@ -173,6 +173,8 @@ def _plugin_page(config: MkDocsConfig) -> Iterator[str]:
             getattr(module, name) for name in dir(module) if name.startswith("meeframe_") and name in module.__all__
         ]
         registered = [record.factory for hook in hooks for record in hook()]
-        paths = {f"{found.__module__}.{found.__qualname__}" for found in exported + registered}
+        # what a plugin exports of meeframe is on the page of the package that defines it
+        defined = [found for found in exported + registered if found.__module__.split(".")[0] == package]
+        paths = {f"{found.__module__}.{found.__qualname__}" for found in defined}
         yield f"## `{package}`\n\n{module.__doc__}\n"
         yield from (f"::: {path}\n    options:\n      heading_level: 3\n" for path in sorted(paths))

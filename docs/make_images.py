@@ -181,7 +181,7 @@ def indenters(system: ReducedSystem) -> Figure:
             sphere, indenter=RectangularPunch(half, half), placement=Placement(tilt_1=0.004), steps=approach
         ),
     }
-    figure = sheet((10.6, 6.2))
+    figure = sheet((10.6, 5.2))
     axes = figure.subplots(2, 3).ravel()
     for panel, (name, case) in zip(axes, cases.items(), strict=False):
         draw_map(panel, solve(case, system), PRESSURE.name)

@@ -186,8 +186,22 @@ class Case:
     def to_toml(self, file: str | Path | None = None) -> str:
         """Return the text of the case file, and write it if a file is given.
 
-        Paths in it are relative to the folder of the file, or to the working directory. Raises CaseError if an object
-        has no name in case files, or the file cannot be written.
+        Paths in it are relative to the folder of the file, or to the working directory.
+
+        Parameters
+        ----------
+        file : str or Path, optional
+            File to write.
+
+        Returns
+        -------
+        str
+            Text of the case file.
+
+        Raises
+        ------
+        CaseError
+            If an object has no name in case files, or the file cannot be written.
         """
         folder = Path() if file is None else Path(file).parent
         text = toml_text(relative(described(self._tables(), self._registry), folder))
@@ -208,6 +222,11 @@ class Case:
             Path of the file, or its text.
         plugins : sequence of str or Path, optional
             Local plugin files whose names it uses.
+
+        Returns
+        -------
+        Case
+            The case.
 
         Raises
         ------
@@ -270,7 +289,25 @@ def _is_empty(value: Any) -> bool:
 def run(
     case: Case | CheckedCase | str | Path, out: str | Path, overwrite: bool = False, progress: Show = False
 ) -> Result:
-    """Solve a case, or a case file, and write its results into a folder; see `Case.solve`."""
+    """Solve a case, or a case file, and write its results into a folder.
+
+    Parameters
+    ----------
+    case : Case, str or Path
+        Case, or path of a case file.
+    out, overwrite, progress
+        As for `Case.solve`.
+
+    Returns
+    -------
+    Result
+        Results of all increments.
+
+    Raises
+    ------
+    Interrupted, MeeframeError
+        As `Case.solve`.
+    """
     with shown(progress) as report:
         return study.run(case.checked if isinstance(case, Case) else case, out, overwrite, report)
 
@@ -369,6 +406,7 @@ def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequenc
             checked.friction_heat,
             checked.joule_heat,
             checked.wear,
+            checked.surface,
         ),
         conductivity={name: law for name, law in checked.conductivity.items() if name in tables["conductivity"]}
         if "conductivity" in tables

@@ -30,6 +30,11 @@ def law(name: str, **keys: Any) -> ContactLaw:
     **keys
         Its keys in case files; quantities are SI numbers or texts with units.
 
+    Returns
+    -------
+    ContactLaw
+        The law.
+
     Raises
     ------
     CaseError
@@ -39,27 +44,117 @@ def law(name: str, **keys: Any) -> ContactLaw:
 
 
 def conductivity(name: str, **keys: Any) -> ConductivityLaw:
-    """Return a registered conductivity law by its name in case files; as `law`."""
+    """Return a registered conductivity law by its name in case files.
+
+    Parameters
+    ----------
+    name : str
+        Its name; `meeframe plugins --kind conductivity-law` lists all.
+    **keys
+        Its keys in case files, as for `law`.
+
+    Returns
+    -------
+    ConductivityLaw
+        The law.
+
+    Raises
+    ------
+    CaseError
+        As `law`.
+    """
     return _create(ConductivityLaw, name, keys)
 
 
 def wear(name: str, **keys: Any) -> WearLaw:
-    """Return a registered wear law by its name in case files; as `law`."""
+    """Return a registered wear law by its name in case files.
+
+    Parameters
+    ----------
+    name : str
+        Its name; `meeframe plugins --kind wear-law` lists all.
+    **keys
+        Its keys in case files, as for `law`.
+
+    Returns
+    -------
+    WearLaw
+        The law.
+
+    Raises
+    ------
+    CaseError
+        As `law`.
+    """
     return _create(WearLaw, name, keys)
 
 
 def indenter(name: str, **keys: Any) -> Indenter:
-    """Return a registered indenter by its name in case files, without its placement; as `law`."""
+    """Return a registered indenter by its name in case files, without its placement.
+
+    Parameters
+    ----------
+    name : str
+        Its name; `meeframe plugins --kind indenter` lists all.
+    **keys
+        Its keys in case files, as for `law`.
+
+    Returns
+    -------
+    Indenter
+        The indenter.
+
+    Raises
+    ------
+    CaseError
+        As `law`.
+    """
     return _create(Indenter, name, keys)
 
 
 def solver(name: str, **keys: Any) -> Solver:
-    """Return a registered solver by its name in case files, without its stopping criteria; as `law`."""
+    """Return a registered solver by its name in case files, without its stopping criteria.
+
+    Parameters
+    ----------
+    name : str
+        Its name; `meeframe plugins --kind solver` lists all.
+    **keys
+        Its keys in case files, as for `law`.
+
+    Returns
+    -------
+    Solver
+        The solver.
+
+    Raises
+    ------
+    CaseError
+        As `law`.
+    """
     return _create(Solver, name, keys)
 
 
 def formulation(name: str, **keys: Any) -> Formulation:
-    """Return a registered formulation by its name in case files; as `law`."""
+    """Return a registered formulation by its name in case files.
+
+    Parameters
+    ----------
+    name : str
+        Its name; `meeframe plugins --kind formulation` lists all.
+    **keys
+        Its keys in case files, as for `law`.
+
+    Returns
+    -------
+    Formulation
+        The formulation.
+
+    Raises
+    ------
+    CaseError
+        As `law`.
+    """
     return _create(Formulation, name, keys)
 
 

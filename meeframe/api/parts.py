@@ -10,6 +10,7 @@ from meeframe.common.errors import CaseError
 from meeframe.fields import MEE, OPTIONAL_FIELDS, FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.indenters.base import Indenter
 from meeframe.laws import Signorini
 from meeframe.laws.base import ContactLaw
 from meeframe.laws.wear import WearLaw
@@ -198,6 +199,9 @@ class Contact:
         Fraction of the electric power in the contact that flows into the body as heat.
     wear : WearLaw, optional
         Law of the depth that slip wears off, such as `meeframe.Archard`; none by default.
+    surface : Indenter, optional
+        Heights of the surface that moves with the material, as the distance from a plane on its highest point; by
+        default a plane.
     """
 
     law: ContactLaw = field(default_factory=Signorini)
@@ -206,6 +210,7 @@ class Contact:
     friction_heat: float = 0.0
     joule_heat: float = 0.0
     wear: WearLaw | None = None
+    surface: Indenter | None = None
 
 
 @dataclass(frozen=True)

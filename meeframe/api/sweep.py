@@ -40,8 +40,8 @@ def sweep(
         {"mu": {"contact.law.mu": [0.1, 0.3]}}; or by a name and labels, the changes. Keys and values are those of
         [axes] in a study file (docs/howto/sweep.md).
     out : str or Path, optional
-        Folder that keeps the results of all points, from which an interrupted sweep is resumed; by default nothing is
-        kept but the dataset.
+        Folder that stores the results of all points, from which an interrupted sweep is resumed; by default nothing is
+        stored but the dataset.
     fields : sequence of str, optional
         Nodal fields in the dataset, such as "pressure".
     every_increment : bool, optional
@@ -51,7 +51,7 @@ def sweep(
     scheduler : str, optional
         Address of the scheduler of a Dask cluster that solves the points instead, such as "tcp://host:8786".
     systems : str or Path, optional
-        Folder of reduced systems that other sweeps use too; by default they are kept with the results.
+        Folder of reduced systems that other sweeps use too; by default they are stored with the results.
     overwrite : bool, optional
         True to replace another sweep in the folder.
     progress : bool or callable, optional

@@ -17,6 +17,7 @@ def compare(
     ],
     contact_law: Choices = None,
     conductivity_law: Choices = None,
+    wear_law: Choices = None,
     solver: Choices = None,
     formulation: Choices = None,
     fundamental_solution: Choices = None,
@@ -38,6 +39,7 @@ def compare(
         options = {
             "contact-law": contact_law or [],
             "conductivity-law": conductivity_law or [],
+            "wear-law": wear_law or [],
             "solver": solver or [],
             "formulation": formulation or [],
             "fundamental-solution": fundamental_solution or [],

@@ -266,7 +266,7 @@ def _conductivity_at_root(
     (Illinois), which converges slowly where a flat piece meets a steep one: every third iteration halves the bracket.
     Where kappa jumps there, the value returned is the one in between for which x is the root.
     """
-    kappa = law.conductivity(normal_traction, gap, drop)
+    kappa = law.conductivity(normal_traction, gap, drop) + 0.0  # laws may return -0.0
     if not law.across_gap:
         return kappa
 

@@ -252,7 +252,23 @@ class Iterate:
     estimate: float | None = None
 
     def memory_as(self, kind: type[Memory]) -> Memory:
-        """Return the memory; raise TypeError unless it is of this kind, which the solver's `init` makes."""
+        """Return the memory of the solver.
+
+        Parameters
+        ----------
+        kind : type
+            Class of the memory, which the `init` of the solver makes.
+
+        Returns
+        -------
+        object
+            The memory.
+
+        Raises
+        ------
+        TypeError
+            If the memory is of another class: another solver made the iterate.
+        """
         if not isinstance(self.memory, kind):
             raise TypeError("the iterate was not made by the init of this solver")
         return self.memory

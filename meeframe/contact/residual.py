@@ -71,7 +71,7 @@ def residual(problem: ContactProblem, state: ContactState, scales: Scales | None
     """Return the dimensionless violation of the problem by a state; inf if it is not finite.
 
     It is computed by the laws from the load, the displacement and the contact fraction, without the solver, in units of
-    magnitudes characteristic of the problem's data (`scales`, computed if not given). It is the largest of five parts:
+    magnitudes characteristic of the problem's data (`scales`). It is the largest of five parts:
 
     - consistency, displacement = offset + compliance(load);
     - the contact law as a fixed point of its projection (eqs. 27, 28 with r the inverse of a characteristic
@@ -79,6 +79,20 @@ def residual(problem: ContactProblem, state: ContactState, scales: Scales | None
     - the flux laws with the conductivity of the state's traction and contact fraction;
     - the contact fraction itself (see meeframe.contact.conduction);
     - the balance of the prescribed resultants, by summation of the load.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    state : ContactState
+        State of the contact zone.
+    scales : Scales, optional
+        Characteristic magnitudes; computed if not given.
+
+    Returns
+    -------
+    float
+        The residual; inf if the state is not finite.
     """
     scales = scales or problem_scales(problem)
     expected = problem.system.offset + problem.system.apply(state.load)
@@ -145,13 +159,13 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
     """Return the largest R f + (-phi + phi_o) over a characteristic potential, and f alone where insulated.
 
-    f is the conducted flux, without heat that friction generates.
+    f is the conducted flux, without heat that friction generates; for the potential see Scales.transmitted_drop.
 
     The violation is one where a law returns NaN: the law is not satisfied there, but the iteration may still proceed.
     """
-    compliance, potential = np.diag(scales.compliance)[POTENTIALS], scales.drop
+    compliance = np.diag(scales.compliance)[POTENTIALS]
     if not conducting(problem):
-        insulated = zip(state.load.T[POTENTIALS], compliance, potential, strict=True)
+        insulated = zip(state.load.T[POTENTIALS], compliance, scales.drop, strict=True)
         return [largest(flux) * c / scale for flux, c, scale in insulated]
     relative_displacement = indenter_position(problem, state.motion)
     relative_displacement -= state.displacement
@@ -165,5 +179,5 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     drop = np.where(weight > 0.0, difference, 0.0) * weight + (1.0 - weight) * compliance * flux
     return [
         largest(np.where(np.isnan(values), scale, values)) / scale
-        for values, scale in zip(drop.T, potential, strict=True)
+        for values, scale in zip(drop.T, scales.transmitted_drop(weight, flux), strict=True)
     ]

@@ -64,6 +64,28 @@ class Scales:
         """Characteristic contact pressure [Pa]."""
         return float(self.load[2])
 
+    def transmitted_drop(self, share: Array, flux: Array) -> Array:
+        """Return the unit (channels,) in which violations of the flux laws by a state count.
+
+        It is the drop that the contact is expected to transmit, or less if the state transmits less: its fluxes then
+        count in units of the largest of them.
+
+        Parameters
+        ----------
+        share : Array
+            (n, channels), share of a drop that each node transmits in series with the body.
+        flux : Array
+            (n, channels), conducted flux densities.
+
+        Returns
+        -------
+        Array
+            Positive potentials.
+        """
+        compliance = np.diag(self.compliance)[POTENTIALS]
+        transmitted = np.fmax(share * self.displacement[POTENTIALS], compliance * np.abs(flux)).max(axis=0, initial=0.0)
+        return np.where((share > 0.0).any(axis=0), np.fmin(self.drop, transmitted), self.drop)
+
 
 @memoize_by_identity
 def problem_scales(problem: ContactProblem) -> Scales:

@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from meeframe.common.errors import MaterialError
-from meeframe.fields import MECHANICAL, POTENTIALS, Array
+from meeframe.fields import MECHANICAL, N_FIELDS, POTENTIALS, Array
 from meeframe.greens._kernels.modulation import displacement_and_traction, displacement_gradient, triads
 from meeframe.greens.base import Kernel
 from meeframe.greens.directions import spread_directions
@@ -56,8 +56,8 @@ def validate_stiffness(stiffness: Array) -> Array:
         have a positive definite mechanical and a negative definite electromagnetic block.
     """
     tensor = np.array(stiffness, dtype=float, order="C")
-    if tensor.shape != (3, 5, 5, 3):
-        raise MaterialError(f"extended stiffness has shape {tensor.shape}; allowed: (3, 5, 5, 3)")
+    if tensor.shape != (3, N_FIELDS, N_FIELDS, 3):
+        raise MaterialError(f"extended stiffness has shape {tensor.shape}; allowed: (3, {N_FIELDS}, {N_FIELDS}, 3)")
     if not np.isfinite(tensor).all():
         raise MaterialError("extended stiffness has entries that are not finite")
     asymmetry = np.abs(tensor - tensor.transpose(3, 2, 1, 0)).max() / np.abs(tensor).max()

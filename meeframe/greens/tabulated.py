@@ -6,9 +6,9 @@ from typing import Annotated, final
 import numpy as np
 
 from meeframe.common.errors import CaseError, MaterialError
-from meeframe.fields import Array, Indices
+from meeframe.fields import N_FIELDS, Array, Indices
 from meeframe.fields.units import Quantity, check_quantities
-from meeframe.greens._kernels.modulation import triads
+from meeframe.greens._kernels.modulation import N_PAIRS, triads
 from meeframe.greens._kernels.tabulated import DEGREE, evaluate, gradient
 from meeframe.greens._kernels.tabulated_sums import integrate
 from meeframe.greens.base import FundamentalSolution, Kernel
@@ -48,14 +48,14 @@ class TabulatedKernel(Kernel):
         """Return U and T, (n, 5, 5) each, for offsets (n, 3) and unit normals (n, 3)."""
         offset = np.ascontiguousarray(offset, dtype=float)
         normal = np.ascontiguousarray(normal, dtype=float)
-        u, t = _uninitialised(2 * len(offset) * 25).reshape(2, -1, 25)
+        u, t = _uninitialised(2 * len(offset) * N_PAIRS).reshape(2, -1, N_PAIRS)
         evaluate(self.table, self.cells, self.coefficients, offset, normal, u, t)
-        return u.reshape(-1, 5, 5), t.reshape(-1, 5, 5)
+        return u.reshape(-1, N_FIELDS, N_FIELDS), t.reshape(-1, N_FIELDS, N_FIELDS)
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array]:
         """Return weighted sums of U and T over the points of plane pieces; see `Kernel.integrate`."""
         offset, weights, normals = (np.ascontiguousarray(array, dtype=float) for array in (offset, weights, normals))
-        u, t = np.empty((2, len(normals), weights.shape[1], 25))
+        u, t = np.empty((2, len(normals), weights.shape[1], N_PAIRS))
         integrate(self.table, self.cells, self.coefficients, offset, weights, starts, normals, u, t)
         return u, t
 

@@ -76,6 +76,11 @@ def longest_side(points: Array, cells: Sequence[tuple[str, Indices]]) -> float:
         Positions, (n, 3) [m].
     cells : sequence of tuple
         meshio cell type and connectivity of each block.
+
+    Returns
+    -------
+    float
+        Length [m].
     """
     if isinstance(cells, GridCells):
         return float(max(np.linalg.norm(points[number] - points[0]) for number in (1, cells.shape[1])))

@@ -88,7 +88,18 @@ class Placement:
         return np.array([self.x, self.y, np.max(points @ self.base[2])])
 
     def reference(self, points: Array) -> Array:
-        """Return the point of `lowest` in global axes, (3,) [m]."""
+        """Return the point of `lowest` in global axes.
+
+        Parameters
+        ----------
+        points : Array
+            Positions (n, 3) of the contact zone [m].
+
+        Returns
+        -------
+        Array
+            (3,) [m].
+        """
         reference: Array = self.lowest(points) @ self.base
         return reference
 

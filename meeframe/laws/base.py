@@ -318,7 +318,20 @@ class ConductivityLaw(ABC):
 
 
 def contact_conductivity(law: ConductivityLaw, normal_traction: Array) -> Array:
-    """Return the conductivity (n,) of surfaces in contact under normal tractions (n,) [Pa], without a drop."""
+    """Return the conductivity of surfaces in contact without a drop.
+
+    Parameters
+    ----------
+    law : ConductivityLaw
+        The law.
+    normal_traction : Array
+        Normal tractions, (n,) [Pa].
+
+    Returns
+    -------
+    Array
+        (n,) [F/m^2], [H/m^2].
+    """
     zero = np.zeros_like(normal_traction)
     return law.conductivity(normal_traction, zero, zero)
 

@@ -81,7 +81,18 @@ class Grading:
             raise CaseError(f"grading: factors = {list(factors)}; allowed: {allowed}")
 
     def values(self, depths: Array) -> Array:
-        """Return f at depths from 0 to 1."""
+        """Return the factor f on the constants.
+
+        Parameters
+        ----------
+        depths : Array
+            Relative depths from 0 at the upper to 1 at the lower side.
+
+        Returns
+        -------
+        Array
+            The factors, of the same shape.
+        """
         if self.law == "exponential":
             assert self.ratio is not None
             return np.asarray(self.ratio**depths)
@@ -92,6 +103,20 @@ class Grading:
 
     def sublayers(self, material: Material, thickness: float, interface: Interface) -> tuple[Layer, ...]:
         """Return homogeneous sublayers of a layer, with the constants at the middle of each.
+
+        Parameters
+        ----------
+        material : Material
+            Material at the upper side.
+        thickness : float
+            Thickness of the layer [m].
+        interface : Interface
+            Interface below the layer.
+
+        Returns
+        -------
+        tuple of Layer
+            The sublayers from the surface down.
 
         Raises
         ------

@@ -40,6 +40,11 @@ def wave_amplitudes(symbol: SurfaceSymbol, k: Array, traction: Complex) -> list[
         Wave numbers > 0, (w,) [1/m].
     traction
         Surface tractions and fluxes of the waves, (w, fields), scaled by `symbol.factors`.
+
+    Returns
+    -------
+    list of Amplitudes
+        Amplitudes in each medium.
     """
     state, pairs = (traction / k[:, None])[..., None], k[None, :]
     below, found = list(symbol.ascend(pairs))[::-1], []

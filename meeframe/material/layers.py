@@ -58,9 +58,19 @@ class Interface:
             )
 
     def compliance(self, fields: FieldSet) -> Array:
-        """Return the jumps (fields.size,) per unit of traction and flux, positive for displacements.
+        """Return the jumps per unit of traction and flux, positive for displacements.
 
         Those of potentials are negative, because the outward flux drives the potential above the interface down.
+
+        Parameters
+        ----------
+        fields : FieldSet
+            Fields of the body.
+
+        Returns
+        -------
+        Array
+            (fields.size,) jumps.
         """
         scalars = [-1.0 / self.conductances.get(name, np.inf) for name in fields.names]
         return np.array(
@@ -165,11 +175,33 @@ class LayerStack:
         return self.bottoms[ends + [True] * (self.base is not None)]
 
     def numbers_at(self, depths: Array) -> Indices:
-        """Return the numbers of the layers at depths [m], from 0; on an interface that of the layer above it."""
+        """Return the numbers of the layers at depths, from 0; on an interface that of the layer above it.
+
+        Parameters
+        ----------
+        depths : Array
+            Depths below the surface [m].
+
+        Returns
+        -------
+        Indices
+            Number of the layer at each depth; that of the half space follows those of the layers.
+        """
         return layer_numbers(self.bottoms, depths)
 
     def locate(self, depth: float) -> tuple[int, float, float]:
-        """Return the number of the layer at a depth [m] and the distances from its upper and lower side [m]."""
+        """Return the number of the layer at a depth [m] and the distances from its upper and lower side [m].
+
+        Parameters
+        ----------
+        depth : float
+            Depth below the surface [m].
+
+        Returns
+        -------
+        tuple of int, float and float
+            Number of the layer, and both distances; the second one is inf below the last layer.
+        """
         return locate_depth(self.bottoms, depth)
 
     @property

@@ -67,6 +67,11 @@ def orthotropic_mee(magnetoelectric_scale: float = 1e-8) -> Material:
     magnetoelectric_scale : float
         Factor [s/m] on the printed lambda_11, lambda_22, lambda_33 = 0.60, 0.80, 0.10.
 
+    Returns
+    -------
+    Material
+        The material.
+
     Raises
     ------
     MaterialError
@@ -97,6 +102,11 @@ def library_material(name: str, *, thermal: bool = False, **options: float) -> M
         Whether the material has a temperature, with the thermal constants of the library.
     **options : float
         Options of the entry in SI units.
+
+    Returns
+    -------
+    Material
+        The material.
 
     Raises
     ------
@@ -149,11 +159,16 @@ def material_from_table(
         Further scalar fields whose coefficients the table may contain, as one number, three on the diagonal, or three
         rows of three.
 
+    Returns
+    -------
+    Material
+        The material.
+
     Raises
     ------
     MaterialError
         If the table is not valid; the message names key, value and what is allowed.
-    """  # fmt: skip
+    """
     coefficients = {field: table[field.coefficient] for field in scalar_fields if field.coefficient in table}
     if coefficients:
         return rotate_by_table(_with_fields(table, coefficients, directory), table)

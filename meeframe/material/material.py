@@ -121,6 +121,11 @@ class Material:
         source : str
             Where the constants come from.
 
+        Returns
+        -------
+        Material
+            The material.
+
         Raises
         ------
         MaterialError
@@ -157,6 +162,11 @@ class Material:
         name, source : str
             Name of the material and where its constants come from.
 
+        Returns
+        -------
+        Material
+            The material.
+
         Raises
         ------
         MaterialError
@@ -186,6 +196,11 @@ class Material:
             The field.
         coefficient : array_like
             Its coefficient, (3, 3), three numbers on the diagonal, or one number if it is isotropic, in SI units.
+
+        Returns
+        -------
+        Material
+            The new material; this one is unchanged.
 
         Raises
         ------
@@ -219,6 +234,11 @@ class Material:
             p [C/(m^2 K)] and m [N/(A m K)], (3,).
         pyro_constraint : {'strain', 'stress'}, optional
             Quantity that is constant where p and m are measured; required if one of them is given.
+
+        Returns
+        -------
+        Material
+            The new material; this one is unchanged.
 
         Raises
         ------
@@ -272,6 +292,11 @@ class Material:
         rotation : array_like
             Proper orthogonal matrix R, (3, 3), whose columns are the axes of the material in the global frame. Tensors
             transform as T'_ij = R_ia R_jb T_ab.
+
+        Returns
+        -------
+        Material
+            The new material; this one is unchanged.
 
         Raises
         ------

@@ -44,6 +44,11 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
     angle : float
         Angle [rad].
 
+    Returns
+    -------
+    Array
+        (3, 3), proper orthogonal.
+
     Raises
     ------
     MaterialError
@@ -69,6 +74,11 @@ def rotation_from_euler(angles: ArrayLike, sequence: str = "ZXZ") -> Array:
         Euler angles, (3,) [rad].
     sequence : str
         Axes as in SciPy: 'ZXZ' (Bunge) with capitals for rotating axes, 'xyz' with small letters for fixed axes.
+
+    Returns
+    -------
+    Array
+        (3, 3), proper orthogonal.
 
     Raises
     ------

@@ -82,9 +82,25 @@ class Medium:
         plus: Complex | None = None,
         expansion: "Expansion | None" = None,
     ) -> "Medium":
-        """Return the medium of a stiffness [SI] for directions at angles (directions,) in a frame (3, 3).
+        """Return the medium of a stiffness.
 
-        plus: the scaled compliance of a half space if it is known; expansion: action of the temperature.
+        Parameters
+        ----------
+        stiffness : Array
+            Extended stiffness (3, fields, fields, 3) [SI].
+        frame : Array
+            Rows e1, e2 and the outward normal, (3, 3).
+        angles : Array
+            Directions m = cos(angle) e1 + sin(angle) e2, (directions,).
+        plus : Array, optional
+            Scaled compliance of a half space of the material, if it is known.
+        expansion : Expansion, optional
+            Action of the temperature on the other fields.
+
+        Returns
+        -------
+        Medium
+            The medium.
         """
         local = _in_frame(stiffness, frame)
         scaling = FieldScaling.of(stiffness)  # the same in all frames
@@ -115,7 +131,18 @@ class Medium:
         return cls(scaling.factors, plus, -_conjugate(plus, signs), descent, state, t_inverse, signs)
 
     def conjugate(self, matrices: Complex) -> Complex:
-        """Return the matrices (..., fields, fields) of the solutions that decay upwards from those downwards."""
+        """Return the matrices of the solutions that decay upwards from those downwards.
+
+        Parameters
+        ----------
+        matrices : Array
+            (..., fields, fields).
+
+        Returns
+        -------
+        Array
+            (..., fields, fields).
+        """
         return _conjugate(matrices, self.signs)
 
 
@@ -197,6 +224,11 @@ class SurfaceSymbol:
             Thermal moduli (3, N_FIELDS) [SI] of the layers and the material below them, whose action on the other
             fields the compliance then includes. Without them heat acts on the temperature alone.
 
+        Returns
+        -------
+        SurfaceSymbol
+            The symbol.
+
         Raises
         ------
         MaterialError
@@ -255,11 +287,33 @@ class SurfaceSymbol:
         return np.cumsum(self.thicknesses)
 
     def evaluate(self, k: Array) -> Complex:
-        """Return Y(k, m) for wave numbers k > 0 [1/m], (n,), as (n, directions, fields, fields), scaled."""
+        """Return Y(k, m) at wave numbers k.
+
+        Parameters
+        ----------
+        k : Array
+            Wave numbers > 0, (n,) [1/m].
+
+        Returns
+        -------
+        Array
+            (n, directions, fields, fields), scaled.
+        """
         return self._symmetrized(_divide(*self._above(np.asarray(k, float)[:, None], 0, MAX_SERIES_DEPTH)))
 
     def difference(self, k: Array) -> Complex:
-        """Return Y(k, m) less that of the top material, without cancellation; as `evaluate`."""
+        """Return Y(k, m) less that of the top material, without cancellation.
+
+        Parameters
+        ----------
+        k : Array
+            As for `evaluate`.
+
+        Returns
+        -------
+        Array
+            As of `evaluate`.
+        """
         if not self.thicknesses:
             return np.zeros((len(k), *self.top.shape), complex)
         k = np.asarray(k, float)[:, None]
@@ -277,8 +331,17 @@ class SurfaceSymbol:
     def ascend(self, k: Array, series_depth: float = 0.0) -> Iterator[tuple[Complex, Complex]]:
         """Yield the subspaces u = U c, t / k = V c at the lower sides of all layers, in their scaled fields, upwards.
 
-        k: wave numbers (n, 1) for all directions, or (1, directions) for one each; series_depth: k times thickness up
-        to which layers are crossed by series.
+        Parameters
+        ----------
+        k : Array
+            Wave numbers (n, 1) for all directions, or (1, directions) for one each [1/m].
+        series_depth : float, optional
+            Wave number times thickness up to which layers are crossed by series.
+
+        Yields
+        ------
+        tuple of Array and Array
+            U and V, (n, directions, fields, fields) each.
         """
         if not self.thicknesses:
             return
@@ -296,7 +359,20 @@ class SurfaceSymbol:
             yield u, v
 
     def below(self, k: Array, number: int, series_depth: float = 0.0) -> tuple[Complex, Complex]:
-        """Return the subspace at the lower side of a layer, as `ascend`."""
+        """Return the subspace at the lower side of a layer.
+
+        Parameters
+        ----------
+        k, series_depth
+            As for `ascend`.
+        number : int
+            Number of the layer, from 0 at the surface.
+
+        Returns
+        -------
+        tuple of Array and Array
+            U and V, as of `ascend`.
+        """
         subspaces = self.ascend(k, series_depth)
         for _ in range(len(self.thicknesses) - 1 - number):
             next(subspaces)
@@ -332,9 +408,19 @@ class SurfaceSymbol:
         return u, v
 
     def compliance_at(self, k: Array, number: int) -> Complex:
-        """Return Y at the upper side of a medium, (directions, fields, fields), in its scaled fields.
+        """Return Y at the upper side of a medium, in its scaled fields.
 
-        k: wave numbers (1, directions), one for each direction, or (1, 1) for all.
+        Parameters
+        ----------
+        k : Array
+            Wave numbers (1, directions), one for each direction, or (1, 1) for all [1/m].
+        number : int
+            Number of the medium, from 0 at the surface.
+
+        Returns
+        -------
+        Array
+            (directions, fields, fields).
         """
         compliance: Complex = _divide(*self._above(k, number, MAX_SERIES_DEPTH))[0]
         return compliance
@@ -354,6 +440,11 @@ class SurfaceSymbol:
         mean
             Function that returns the mean over all directions, (fields, fields), of compliances in the directions of
             this symbol, (directions, fields, fields).
+
+        Returns
+        -------
+        dict of int to Array
+            Response (fields, fields) by the number of the medium.
         """
         interfaces = (replace(one, electrode=None) if one.electrode == "floating" else one for one in self.interfaces)
         to_waves = replace(self, interfaces=tuple(interfaces))
@@ -406,7 +497,18 @@ class SurfaceSymbol:
         return np.diag(interface.compliance(self.fields) / self.factors**2)
 
     def normal_compliance(self, number: int) -> Array:
-        """Return the derivative (fields, fields) along the normal per uniform load in a medium, scaled."""
+        """Return the derivative along the normal per uniform load in a medium.
+
+        Parameters
+        ----------
+        number : int
+            Number of the medium, from 0 at the surface.
+
+        Returns
+        -------
+        Array
+            (fields, fields), scaled.
+        """
         return self._from_medium(self.media[number].normal_compliance, number)
 
     def _from_medium(self, compliance: Array, number: int) -> Array:

@@ -56,6 +56,16 @@ def material_table(material: Material) -> dict[str, Any]:
     """Return the table of a material, with numbers in SI units.
 
     `inline_material` makes the same material from the table, to the last digit.
+
+    Parameters
+    ----------
+    material : Material
+        The material.
+
+    Returns
+    -------
+    dict
+        Table with `name`, `source`, `symmetry`, `components` and, with thermal moduli, `pyro_constraint`.
     """
     head = {"name": material.name, "source": material.source, "symmetry": "triclinic"}
     if material.thermal_moduli is not None:
@@ -65,6 +75,16 @@ def material_table(material: Material) -> dict[str, Any]:
 
 def read_material(path: Path) -> Material:
     """Read a material from a TOML file that holds the table of `inline_material`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Material
+        The material.
 
     Raises
     ------
@@ -83,6 +103,13 @@ def read_material(path: Path) -> Material:
 
 def write_material(material: Material, path: Path) -> None:
     """Write a material to a new TOML file.
+
+    Parameters
+    ----------
+    material : Material
+        The material.
+    path : Path
+        The file, which must not exist.
 
     Raises
     ------

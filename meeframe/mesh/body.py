@@ -75,7 +75,20 @@ class Body:
         contact_group: str | None,
         layers: LayerStack | None = None,
     ) -> "Body":
-        """Return the body of a material, with its fields; the arguments are those of `Body`."""
+        """Return the body of a material, with its fields.
+
+        Parameters
+        ----------
+        material : Material
+            Its material.
+        mesh, conditions, contact_group, layers
+            As for `Body`.
+
+        Returns
+        -------
+        Body
+            The body.
+        """
         geometry = mesh, conditions, contact_group
         return cls(material.stiffness, *geometry, material.fields, layers or LayerStack(), material.thermal_moduli)
 

@@ -59,6 +59,16 @@ def check_mesh(mesh: SurfaceMesh) -> None:
 def orient_outward(mesh: SurfaceMesh) -> SurfaceMesh:
     """Return the mesh with all closed surfaces oriented outwards.
 
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        The mesh.
+
+    Returns
+    -------
+    SurfaceMesh
+        The oriented mesh.
+
     Raises
     ------
     MeshError
@@ -85,6 +95,11 @@ def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
         The mesh.
     tolerance : float
         Points closer than this [m], or linked by a chain of such points, become the first one of them.
+
+    Returns
+    -------
+    SurfaceMesh
+        The mesh of the remaining points.
 
     Raises
     ------

@@ -131,7 +131,15 @@ def area(mesh: SurfaceMesh, group: str | None = None) -> float:
 def volume(mesh: SurfaceMesh) -> float:
     """Return the enclosed volume [m^3] by the divergence theorem, int x.n dS / 3.
 
-    It is negative if the mesh is inside out.
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        Closed mesh.
+
+    Returns
+    -------
+    float
+        Volume [m^3], negative if the mesh is inside out.
     """
     return float(volume_shares(mesh, mesh.points.mean(axis=0)).sum())
 

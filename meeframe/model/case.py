@@ -25,7 +25,7 @@ from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law,
 from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
-from meeframe.model.rolling_steps import check_rolling, divide_steps
+from meeframe.model.rolling_steps import check_profiles, check_rolling, check_surface, divide_steps
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
 from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
 from meeframe.model.wear import check_sliding, check_wear
@@ -58,6 +58,9 @@ class Case(CaseData):
         Position and axis of the indenter.
     potentials : mapping of str to float, optional
         Initial potentials of the indenter by name, such as {"electric_potential": 5.0} [V]; zero if not given.
+    surface : Indenter, optional
+        Heights of the surface that moves with the material, as the distance from a plane on its highest point, which
+        adds to the height of the indenter; by default a plane.
     restart : Restart, optional
         State to continue, with its own potentials, in place of the undeformed body.
     zone : str, optional
@@ -100,11 +103,11 @@ class Case(CaseData):
         If the parts do not fit together. The message names the problem: a face group that does not exist; a condition
         on the contact zone; a body that the formulation refuses (a rigid motion or a potential that nothing fixes); an
         indenter that is nowhere above the zone; a grid that needs more memory than the machine has; a contact law whose
-        initial gap is not finite or that has not one traction for each node; a conductivity law likewise; a second body
-        whose zone does not match; a first step that neither moves nor presses the indenter; a step without the duration
-        that the contact law needs; a step that rolls where material cannot move; a resultant that the laws cannot
-        resist; a solver that does not accept the contact law or the prescribed quantities; an earlier run with another
-        contact zone or other axes.
+        initial gap is not finite or that has not one traction for each node; a conductivity law likewise; a surface
+        that does not cover the zone; a second body whose zone does not match; a first step that neither moves nor
+        presses the indenter; a step without the duration that the contact law needs; a step that rolls where material
+        cannot move; a resultant that the laws cannot resist; a solver that does not accept the contact law or the
+        prescribed quantities; an earlier run with another contact zone or other axes.
     """
 
     def __post_init__(self) -> None:
@@ -133,15 +136,17 @@ class Case(CaseData):
         generated = max(self.friction_heat, self.joule_heat)
         check_levels(self.steps, self.channels, generated, self._undetermined_levels)
         check_wear(self.wear, self.contact_law)
-        check_alike(self.second_body, self.formulation)
-        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, generated)
-        steps = divide_steps(self.steps, contact_zone, self.placement, self.formulation.is_periodic())
-        object.__setattr__(self, "steps", steps)  # as frozen dataclasses set fields that follow from others
-        check_match(self.second_body, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])
         else:
             check_same_zone(self.restart, contact_zone, self.axes)
+        check_alike(self.second_body, self.formulation)
+        check_rolling(self.steps, self.indenter, self.formulations, self.contact_law, generated)
+        check_surface(self.surface, self.steps, contact_zone, self.placement, self.restart)
+        check_profiles(self.steps, self.wear, contact_zone, self.placement, self.restart)
+        steps = divide_steps(self.steps, contact_zone, self.placement, self.formulation.is_periodic())
+        object.__setattr__(self, "steps", steps)  # as frozen dataclasses set fields that follow from others
+        check_match(self.second_body, self.mesh, self.zone)
         resists = resistance(self.placement, self.mesh, self.zone, self.axes, self.contact_law, self.channels)
         for number, step in enumerate(self.steps, 1):
             check_names(step, self.motions)

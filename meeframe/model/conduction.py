@@ -14,7 +14,7 @@ from meeframe.contact.scales import problem_scales
 from meeframe.fields import N_MECHANICAL, Array
 from meeframe.laws.base import GAPS, PRESSURES, ConductivityLaw, contact_traction
 
-_ASTRAY: Final = 10.0
+_FAILED_PRESSURE_RATIO: Final = 10.0
 """Multiple of the characteristic pressure from which on an iteration is known to have failed earlier."""
 
 
@@ -29,7 +29,7 @@ class LawEvaluation:
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Watch:
     """Conductivity of a law that records invalid values under finite tractions, gaps and drops.
 
@@ -47,7 +47,7 @@ class _Watch:
         if wrong.any() and not _tried(normal_traction, gap):
             finite = np.isfinite(normal_traction) & np.isfinite(gap) & np.isfinite(drop)
             result = _evaluations(kappa, normal_traction, gap, drop, wrong & finite)
-            self.evaluations[:] = sorted([*self.evaluations, *result], key=lambda answer: -answer.traction)[:1]
+            self.evaluations = sorted([*self.evaluations, *result], key=lambda answer: -answer.traction)[:1]
         return kappa
 
 
@@ -86,7 +86,7 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
     """
     state = solution.state
     finite = bool(np.isfinite(state.load).all() and np.isfinite(state.displacement).all())
-    most = _ASTRAY * problem_scales(problem).pressure
+    most = _FAILED_PRESSURE_RATIO * problem_scales(problem).pressure
     for column, channel in enumerate(problem.channels, N_MECHANICAL):
         law, field = channel.law, channel.field
         if finite:

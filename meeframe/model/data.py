@@ -70,6 +70,7 @@ class CaseData:
     steps: tuple[Step, ...]
     placement: Placement = field(default_factory=Placement)
     potentials: Mapping[str, float] = field(default_factory=dict)
+    surface: Indenter | None = None
     restart: Restart | None = None
     zone: str = "contact"
     contact_law: ContactLaw = field(default_factory=Signorini)

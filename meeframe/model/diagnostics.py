@@ -27,12 +27,12 @@ from meeframe.system.reduced import ReducedSystem
 
 _LARGEST_ANGLE: Final = 0.1
 """Largest rotation [rad] that counts as small; its cosine differs from one by half a per cent."""
-_SAME: Final = 1e-6
+_TRACTION_TOLERANCE: Final = 1e-6
 """Relative change of tractions below which they count as equal."""
-_UNCERTAIN: Final = 10.0
+_RESIDUAL_FACTOR: Final = 10.0
 """Change of tractions, in multiples of the residual, below which they count as equal."""
-_SLIGHT: Final = 1e-12
-_JUMP: Final = 1e-6
+_NEGLIGIBLE_PRESSURE: Final = 1e-12
+_MIN_JUMP: Final = 1e-6
 """Relative pressure that is hardly any, and relative friction under it that is considerable."""
 _LARGEST_ONSET: Final = 0.25
 """Fraction of the nodes in contact that may come into contact within one increment.
@@ -41,9 +41,9 @@ For a sphere, tangential tractions are then accurate to some per cent (docs/refe
 """
 _NEGLIGIBLE_RATIO: Final = 1e-3
 """Ratio of tangential to normal tractions, and of gaps to displacements, below which they count as zero."""
-_COARSE: Final = 0.1
+_MAX_AREA_UNCERTAINTY: Final = 0.1
 """Relative uncertainty of the contact area above which a diagnostic is reported."""
-_OF_RIM: Final = 0.5
+_AREA_UNCERTAINTY: Final = 0.5
 """Factor on the fraction of a contact's nodes at its boundary, to the power 3/2, in the error estimate of the area.
 
 It is an upper bound of the error for circles six or more spacings across.
@@ -52,9 +52,9 @@ _NOTICED_ATTRACTION: Final = 1e-3
 """Attraction that does not matter, as a fraction of the largest pressure."""
 _TRIAL_GAPS: Final = np.concatenate([[0.0], np.logspace(-15, 1, 1601)])
 """Gaps [m] among which the steepest decrease of the attraction is sought."""
-_GAPS_PER_LOOK: Final = 100
+_GAPS_PER_REFINEMENT: Final = 100
 """Number of gaps for a refinement in the interval with the steepest decrease and in its neighbours."""
-_LOOKS: Final = 3
+_REFINEMENTS: Final = 3
 """Number of refinements of the steepest decrease."""
 _BEFORE_AND_AFTER: Final = slice(None, -1), slice(1, None)
 """Nodes before and after each cell along an axis of a grid."""
@@ -89,7 +89,8 @@ class Diagnostics:
         case = self.kinematics.case
         if case.formulation.is_periodic():
             return np.zeros((0, 2), np.int64)
-        return open_sides(self.zone, None if case.indenter.pointwise else self.kinematics.gaps)
+        pointwise = case.indenter.pointwise or (case.surface is not None and case.surface.pointwise)
+        return open_sides(self.zone, None if pointwise else self.kinematics.gaps)
 
     @cached_property
     def _body(self) -> Body:
@@ -171,8 +172,8 @@ def limit_jumps(law: ContactLaw, traction: Array) -> bool:
     size = float(np.abs(traction).max(initial=0.0))
     if not 0.0 < size < np.inf:
         return False
-    trial = np.tile([size, 0.0, -_SLIGHT * size], (len(traction), 1))
-    return bool(np.abs(law.project(trial)[:, :2]).max() > _JUMP * size)
+    trial = np.tile([size, 0.0, -_NEGLIGIBLE_PRESSURE * size], (len(traction), 1))
+    return bool(np.abs(law.project(trial)[:, :2]).max() > _MIN_JUMP * size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,24 +214,24 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     """
     if step.status is not Status.CONVERGED or not step.touching.any():
         return
-    count, rim = int(step.touching.sum()), _rim(zone, step)
+    count, at_edge = int(step.touching.sum()), count_edge_nodes(zone, step)
     new = np.bincount(onsets.number, minlength=2)[1:]
     late = onsets.number == 1 + new.argmax()
     shear, pressure = (np.linalg.norm(traction) for traction in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes equidistant nodes come into contact together, whatever the increments
-    much = new.max() > max(_LARGEST_ONSET * count, rim / 2) and step.loading.rolling is None
+    much = new.max() > max(_LARGEST_ONSET * count, at_edge / 2) and step.loading.rolling is None
     if law.tangential_scaling().any() and much and shear > _NEGLIGIBLE_RATIO * pressure:
         yield (
             f"{new.max() / count:.0%} of the contact formed in one increment, and its slip includes motion before it "
             "touched: use more `increments`"
         )
-    uncertain = _OF_RIM * (rim / count) ** 1.5
-    if uncertain > _COARSE:
-        nodes = "one node" if count == 1 else f"{count} nodes, {rim} of them at its edge"
+    uncertain = _AREA_UNCERTAINTY * (at_edge / count) ** 1.5
+    if uncertain > _MAX_AREA_UNCERTAINTY:
+        nodes = "one node" if count == 1 else f"{count} nodes, {at_edge} of them at its edge"
         yield f"the contact has {nodes}: its area is uncertain by about {uncertain:.0%}; use more divisions"
 
 
-def _rim(zone: Zone, step: StepResult) -> int:
+def count_edge_nodes(zone: Zone, step: StepResult) -> int:
     """Return the number of nodes in contact that share an element with a node out of contact."""
     touching = step.touching
     at_open_node = np.zeros(len(touching), bool)
@@ -285,16 +286,19 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     gap = np.column_stack([step.slip + distance * motion, step.gap])
     further = fixed_point_map(law, augmented_traction(law, step.traction, gap, r), gap, r)
     change = np.linalg.norm((further - step.traction)[step.touching])
-    return bool(change <= max(_SAME, _UNCERTAIN * step.residual) * np.linalg.norm(step.traction[step.touching, :2]))
+    return bool(
+        change
+        <= max(_TRACTION_TOLERANCE, _RESIDUAL_FACTOR * step.residual) * np.linalg.norm(step.traction[step.touching, :2])
+    )
 
 
 def steepest_fall(law: ContactLaw) -> float:
     """Return the steepest decrease of the attraction with the gap [Pa/m], >= 0, by successively shorter chords."""
     gaps = _TRIAL_GAPS
-    for _ in range(1 + _LOOKS):
+    for _ in range(1 + _REFINEMENTS):
         fall = -np.diff(attraction(law, gaps)) / np.diff(gaps)
         index = int(fall.argmax())
-        gaps = np.linspace(gaps[max(index - 1, 0)], gaps[min(index + 2, len(gaps) - 1)], _GAPS_PER_LOOK)
+        gaps = np.linspace(gaps[max(index - 1, 0)], gaps[min(index + 2, len(gaps) - 1)], _GAPS_PER_REFINEMENT)
     return max(float(fall.max()), 0.0)
 
 

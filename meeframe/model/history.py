@@ -1,7 +1,7 @@
 """Load histories: the controls between one converged state and the next."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +20,9 @@ class ConvergedState:
 
     motions: names and indices of the indenter's motions; motion, resultants: (motions.size,) of the indenter, at these
     indices; total_slip: (n, 2), slip_path and wear: (n,) [m] as in StepResult; state: of the contact zone, None for the
-    undeformed body; rolled: distance over which the contact has rolled [m].
+    undeformed body; rolled, travel: distance over which the contact has rolled, and its displacement
+    (2,) over the material along e1 and e2 of the indenter's axes [m]; cycles: of steady rolling, in which the
+    surfaces have worn.
     """
 
     motions: IndenterMotions
@@ -32,6 +34,8 @@ class ConvergedState:
     wear: Array
     state: ContactState | None
     rolled: float = 0.0
+    travel: Array = field(default_factory=lambda: np.zeros(2))
+    cycles: float = 0.0
 
     def value(self, key: str) -> Array:
         """Return the value of a control that would reproduce this state, (1,) or (2,)."""

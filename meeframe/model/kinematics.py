@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import (
     ContactProblem,
     ContactSolution,
@@ -14,6 +15,7 @@ from meeframe.contact.problem import (
     PrescribedResultant,
     contact_gap,
     indenter_field,
+    indenter_position,
 )
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
@@ -33,7 +35,7 @@ from meeframe.system.capabilities import IndenterEdge
 from meeframe.system.reduced import ReducedSystem
 from meeframe.system.rolling import SteadyRollingSystem
 
-_ACROSS: Final = 1e-9
+_MAX_PERPENDICULAR_COSINE: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they count as perpendicular."""
 _RELATIVE_SEARCH_DISTANCE: Final = 2.0
 """Distance around the edge of the indenter that is considered, in the longest sides of cells."""
@@ -96,7 +98,7 @@ class IndenterKinematics:
         gap = self.gaps(self.system.points, self.system.frames) + added
         nearing = -self.modes[0][:, 2]  # change of the gap per metre of approach
         # a tilted indenter may lie above nodes whose normals are across its axis: approach never closes their gaps
-        closing = np.isfinite(gap) & (nearing > _ACROSS)
+        closing = np.isfinite(gap) & (nearing > _MAX_PERPENDICULAR_COSINE)
         way = (gap[closing] / nearing[closing]).min() if closing.any() else 0.0
         return np.asarray(added - way * nearing)
 
@@ -106,6 +108,28 @@ class IndenterKinematics:
 
     def gaps(self, points: Array, frames: Array) -> Array:
         """Return the gap (m,) [m] at points (m, 3) with frames (m, 3, 3), of the indenter just touching the zone."""
+        return self._gaps_after(np.zeros(2), points, frames)
+
+    def _gaps_after(self, travel: Array, points: Array, frames: Array) -> Array:
+        """Return the gaps where the contact has moved by `travel` (2,) [m] over the material."""
+        gap = self._gaps_of_indenter(points, frames)
+        if self.case.surface is None:
+            return gap
+        return gap + self._distance_to_surface(travel, points) - self._lowest_sum
+
+    def _distance_to_surface(self, travel: Array, points: Array) -> Array:
+        """Return the distance (m,) [m] of the surface that moves with the material from a plane on its top."""
+        surface, (x, y) = self.case.surface, (points @ self.case.placement.base[:2].T + travel).T
+        return np.zeros(len(points)) if surface is None else surface.height(x, y)
+
+    @cached_property
+    def _lowest_sum(self) -> float:
+        """Distance that indenter and surface may approach each other at the beginning until they touch at a node."""
+        gap = self._gaps_of_indenter(self.system.points, self.system.frames)
+        return float((gap + self._distance_to_surface(np.zeros(2), self.system.points)).min())
+
+    def _gaps_of_indenter(self, points: Array, frames: Array) -> Array:
+        """Return the gaps without heights of the surface."""
         cells, placement = self.system.cells, self.case.placement
         zone = ContactZone(points, frames, np.ones(len(points)), cells, np.arange(len(points)))
         # its height refers to the highest point of the system's zone, whichever points are evaluated
@@ -113,17 +137,17 @@ class IndenterKinematics:
         return initial_gap(self.case.indenter, zone, placement, float(height_difference))
 
     @cached_property
-    def _touching_rim(self) -> IndenterEdge | None:
+    def _touching_edge(self) -> IndenterEdge | None:
         if self.case.indenter.pointwise:
             return None
         search_distance = _RELATIVE_SEARCH_DISTANCE * longest_side(self.system.points, self.system.cells)
-        rim = find_indenter_edge(self.gaps, self.system.points, self.system.frames, search_distance)
-        return rim and replace(rim, gap=self._with_law_gap(rim.gap))
+        edge = find_indenter_edge(self.gaps, self.system.points, self.system.frames, search_distance)
+        return edge and replace(edge, gap=self._with_law_gap(edge.gap))
 
-    def rim(self, increment: Increment) -> IndenterEdge | None:
+    def indenter_edge(self, increment: Increment) -> IndenterEdge | None:
         """Return the edge of the indenter in an increment."""
-        rim = self._touching_rim
-        return rim and replace(rim, gap=rim.gap + self._mode_displacement(increment.base, 2))
+        edge = self._touching_edge
+        return edge and replace(edge, gap=edge.gap + self._mode_displacement(increment.base, 2))
 
     @cached_property
     def modes(self) -> MotionModes:
@@ -186,7 +210,11 @@ class IndenterKinematics:
         prescribed = {key: value for key, value in controls.items() if key not in self.case.motions.motions}
         prescribed_resultants = self._prescribed_resultants(prescribed)
         shift = self._mode_displacement(base, 2)
-        gap = self.touching_gap + shift if shift.any() else self.touching_gap
+        gap = self.touching_gap
+        if self.case.surface is not None and start.travel.any():
+            gap = self._gaps_after(start.travel, system.points, system.frames) + self._lowering
+        if shift.any():
+            gap = gap + shift
         if start.wear.any():
             gap = gap + start.wear
         translation = np.zeros((2, len(gap))).T  # columns of zeros are never written, and take no memory
@@ -196,7 +224,7 @@ class IndenterKinematics:
                 translation[:, column] = shift
         potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
-        if self.case.wear is not None:
+        if self.case.wear is not None and not (rolling is not None and rolling.is_steady):
             contact_law = WearingContact(contact_law, self.case.wear, start.wear, sliding, duration)
         channels = tuple(replace(channel, law=watched(channel.law)) for channel in self.case.channels)
         problem = ContactProblem(
@@ -252,12 +280,15 @@ class IndenterKinematics:
         """Return the state with motions that nothing resists, for lack of nodes (n,) in contact, left unchanged.
 
         Exceptions are motions along normals, which must not bring the indenter into the body or away from what it
-        attracts, and potentials of an indenter that charges reach across the gap.
+        attracts, and potentials of an indenter that conducts across the gap.
         """
         if touches.any():
             return state
-        modes = [self.modes[number] for number in increment.free]
-        is_resisted = [mode[:, 2].any() or (mode * state.load)[:, POTENTIALS].any() for mode in modes]
+        problem, modes = increment.problem, [self.modes[number] for number in increment.free]
+        position = indenter_position(problem, state.motion) - state.displacement
+        normal_traction, self_compliance = np.zeros(len(touches)), potential_diagonal(problem)
+        resistance = resistances(problem, normal_traction, state.contact_fraction, self_compliance, position)
+        is_resisted = [mode[:, 2].any() or mode[:, POTENTIALS][np.isfinite(resistance)].any() for mode in modes]
         return replace(state, motion=np.where(is_resisted, state.motion, 0.0))
 
     def converged_state(self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]) -> ConvergedState:
@@ -318,9 +349,10 @@ def beginning(kinematics: IndenterKinematics) -> tuple[ConvergedState, Controls]
         return here, hold_motions(here, {})
     step = case.restart.step
     totals = kinematics.resultants(step.state)
-    rolled = 0.0 if step.loading.rolling is None else step.loading.rolling.distance
+    rolled = step.loading.rolling
+    distances = (0.0, step.loading.travel) if rolled is None else (rolled.distance, step.loading.travel, rolled.cycles)
     memory = step.total_slip, step.slip_path, step.wear
-    here = ConvergedState(case.motions, step.loading.motion, totals, *memory, step.state, rolled)
+    here = ConvergedState(case.motions, step.loading.motion, totals, *memory, step.state, *distances)
     return here, hold_motions(here, step.loading.prescribed)
 
 

@@ -220,6 +220,7 @@ def _assemble(
         friction_heat=table.contact.friction_heat,
         joule_heat=table.contact.joule_heat,
         wear=table.contact.wear,
+        surface=table.contact.surface,
         conductivity=table.conductivity.laws,
         formulation=table.formulation,
         solver=solver,

@@ -23,7 +23,7 @@ from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law,
 from meeframe.model.memory import check_memory
 from meeframe.model.preflight import check_solver
 from meeframe.model.restart import Restart, check_same_zone
-from meeframe.model.rolling_steps import check_rolling, divide_steps
+from meeframe.model.rolling_steps import check_profiles, check_rolling, check_surface, divide_steps
 from meeframe.model.schema import CaseTable
 from meeframe.model.second_body import SecondBody, check_alike, check_fields, check_match
 from meeframe.model.step import Step, check_duration, check_first, check_pull, check_resisted
@@ -140,6 +140,9 @@ def _case_checks(
     formulations = (table.formulation, *(() if second_body is None else (second_body.formulation,)))
     heat, current, periodic = table.contact.friction_heat, table.contact.joule_heat, table.formulation.is_periodic()
     yield Problem((), ""), partial(check_rolling, steps, table.indenter.named, formulations, law, max(heat, current))
+    surface = table.contact.surface
+    yield Problem(("contact", "surface"), ""), partial(check_surface, surface, steps, contact_zone, placement, restart)
+    yield Problem((), ""), partial(check_profiles, steps, table.contact.wear, contact_zone, placement, restart)
     yield Problem((), ""), partial(divide_steps, steps, contact_zone, placement, periodic)
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)

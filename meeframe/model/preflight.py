@@ -17,7 +17,7 @@ from meeframe.model.history import Controls, ConvergedState, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
-_FLAT: Final = 1e-6
+_OVERLAP_TOLERANCE: Final = 1e-6
 """Relative difference of overlaps up to which they count as equal."""
 
 
@@ -146,4 +146,4 @@ def _outside_zone(case: CaseData) -> str:
 
 def overlaps_evenly(gap: Array) -> bool:
     """Return whether the overlap is the same at all nodes, as in intended full contact; gap: (n,) [m]."""
-    return bool(np.ptp(gap) <= _FLAT * -gap.min())
+    return bool(np.ptp(gap) <= _OVERLAP_TOLERANCE * -gap.min())

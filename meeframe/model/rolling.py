@@ -18,7 +18,7 @@ MAX_CELLS: Final = 10_000
 """Largest number of cells over which one load step rolls."""
 SLIDING: Final = (1.0, 0.0)
 """Creepages of an indenter that moves over the body as far as the contact."""
-_ACROSS: Final = 1e-9
+_MAX_NORMAL_COMPONENT: Final = 1e-9
 """Largest component across the zone of a direction in it."""
 _FINITE: Final = {"gt": -math.inf, "lt": math.inf}
 Number = Annotated[float, Quantity("", **_FINITE)]
@@ -45,11 +45,17 @@ class Rolling:
         Rolling speed [m/s], in place of the duration of the load step.
     steady : bool, optional
         True for the state that repeats from cell to cell.
+    cycles : float, optional
+        Number of times that every particle of the surfaces passes through the steady contact, which wears them in each
+        passage. By default nothing wears in steady rolling.
+    wear_tolerance : float, optional
+        Largest estimated error in the extrapolation of wear over many cycles, as a fraction of the worn depth.
 
     Raises
     ------
     CaseError
-        If a number is not finite, the direction is zero, or not exactly one of distance and steady is given.
+        If a number is not finite, the direction is zero, not exactly one of distance and steady is given, or
+        cycles are given without steady.
     """
 
     direction: tuple[Number, Number] = (1.0, 0.0)
@@ -58,6 +64,8 @@ class Rolling:
     spin: Annotated[float, Quantity("1/m", **_FINITE)] = 0.0
     speed: Annotated[float, Quantity("m/s", gt=0, lt=math.inf)] | None = None
     steady: bool = False
+    cycles: Annotated[float, Quantity("", gt=0, lt=math.inf)] | None = None
+    wear_tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 0.05
 
     def __post_init__(self) -> None:
         check_quantities(self)
@@ -71,6 +79,8 @@ class Rolling:
             raise CaseError(f"steady = {self.steady!r}; allowed: true or false")
         if self.steady and self.distance is not None:
             raise CaseError("distance and steady are both given; allowed: one of them, steady rolling has no length")
+        if self.cycles is not None and not self.steady:
+            raise CaseError(f"cycles = {self.cycles:g} without steady = true; allowed: cycles of steady rolling")
         if not self.steady and self.distance is None:
             raise CaseError("distance is missing; allowed: a distance > 0 [m], or steady = true")
 
@@ -102,7 +112,7 @@ class Rolling:
         CaseError
             If the zone is no grid with an axis along the direction, or the axis of the indenter is not normal to it.
         """
-        if np.abs(frames @ base[2] - [0.0, 0.0, 1.0]).max() > _ACROSS:
+        if np.abs(frames @ base[2] - [0.0, 0.0, 1.0]).max() > _MAX_NORMAL_COMPONENT:
             raise CaseError("the axis of the indenter is not normal to the contact zone; allowed: a flat zone below it")
         try:
             shift = CellShift.of(points, frames, self.axes[0] @ base[:2], is_periodic)
@@ -183,10 +193,18 @@ class RollingIncrement:
             shifted = shift.values(state.displacement)
             shifted[:, :2] = shift.tangential(state.displacement[:, :2])
             state = replace(state, load=shift.load(state.load), displacement=shifted)
-        if self.is_steady:  # no length, after which there would be a slip path
-            return replace(start, total_slip=slip, slip_path=np.zeros_like(start.slip_path), state=state)
+        if self.is_steady:
+            return replace(start, total_slip=slip, state=state)
         path = np.where(shift.entering, 0.0, shift.values(start.slip_path))
-        return replace(start, total_slip=slip, slip_path=path, state=state, rolled=start.rolled + shift.length)
+        return replace(
+            start,
+            total_slip=slip,
+            slip_path=path,
+            wear=shift.values(start.wear),
+            state=state,
+            rolled=start.rolled + shift.length,
+            travel=start.travel + shift.length * self.rolling.axes[0],
+        )
 
     def motion(self, start: ConvergedState, end: ConvergedState) -> RollingMotion:
         """Return the rolling of an increment between two states."""
@@ -197,6 +215,7 @@ class RollingIncrement:
             spin=float(change[RIGID_MOTIONS["twist"]][0]) / length,
             cell=length,
             distance=end.rolled,
+            cycles=end.cycles,
         )
 
 

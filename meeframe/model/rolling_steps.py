@@ -2,6 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
+from typing import Final
+
+import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.formulations.base import Formulation
@@ -9,10 +13,18 @@ from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.topography.height_map import has_topography
 from meeframe.laws.base import ContactLaw, has_memory
+from meeframe.laws.wear import WearLaw
 from meeframe.mesh import ContactZone
+from meeframe.model.restart import Restart
 from meeframe.model.rolling import Rolling
 from meeframe.model.step import Step
 from meeframe.plugin.validation import Problem, TableError
+
+_ACROSS: Final = 1e-9
+"""Largest component along a flat zone of its normals."""
+_SAME_DEPTH: Final = 1e-9
+"""Difference of worn depths that counts as none, as a fraction of the largest."""
+_EVEN: Final = "allowed: before it, steps with sliding = 0 and steady rolling alone"
 
 
 def check_rolling(
@@ -59,21 +71,114 @@ def _problems(
             )
         if rolling.spin and formulation.is_periodic():
             yield f"spin = {rolling.spin:g} 1/m on a periodic surface; allowed: 0, as the slip of spin is not periodic"
+        if rolling.steady and formulation.is_periodic() and has_memory(law) and not law.needs_duration:
+            yield (
+                f"steady rolling on a periodic surface with the contact law {type(law).__name__}, which depends on the "
+                "path slipped before: it grows in each period; allowed: a distance"
+            )
     if has_topography(indenter) and not (rolling.is_sliding and len(formulations) == 1):
         yield (
             f"the heights of the indenter {type(indenter).__name__} do not move with a body that rolls; allowed: a "
             "smooth indenter, or one that slides over a single body, with creepage = [1, 0]"
-        )
-    if rolling.steady and has_memory(law) and not law.needs_duration:
-        yield (
-            f"steady rolling with the contact law {type(law).__name__}, which depends on the path slipped before; "
-            "allowed: a distance, over which the state becomes steady"
         )
     if generated:
         yield (
             f"friction_heat or joule_heat = {generated:g} with rolling: heat that material carries through the contact "
             "is not supported; allowed: 0"
         )
+
+
+def check_surface(
+    surface: Indenter | None,
+    steps: Sequence[Step],
+    zone: ContactZone,
+    placement: Placement,
+    restart: Restart | None = None,
+) -> None:
+    """Raise CaseError unless heights that move with the material cover the zone, which is flat, during all steps.
+
+    Parameters
+    ----------
+    surface : Indenter or None
+        Heights; None for a plane.
+    steps : sequence of Step
+        Load steps.
+    zone : ContactZone
+        Contact zone.
+    placement : Placement
+        Placement of the indenter.
+    restart : Restart, optional
+        State to continue, with the way of the contact over the material.
+    """
+    if surface is None:
+        return
+    base = placement.base
+    if np.abs(zone.frames @ base[2] - [0.0, 0.0, 1.0]).max() > _ACROSS:
+        raise CaseError(
+            "heights on a zone that is not flat and normal to the axis of the indenter; allowed: a flat zone"
+        )
+    at = zone.points @ base[:2].T
+    travel = np.zeros(2) if restart is None else restart.step.loading.travel
+    corners = np.array(list(product(*zip(at.min(axis=0), at.max(axis=0), strict=True))))
+    for number, step in enumerate(steps, 1):
+        if step.rolling is not None:
+            if step.rolling.steady:
+                raise CaseError(
+                    f"load step {number} rolls steadily over a surface with heights, which is never steady; allowed: a "
+                    "distance"
+                )
+            travel = travel + (step.rolling.distance or 0.0) * step.rolling.axes[0]
+        positions = (at if number == 1 else corners) + travel
+        missing = ~np.isfinite(surface.height(*positions.T))
+        if missing.any():
+            x, y = positions[missing][0]
+            raise CaseError(
+                f"no height at x = {x:.6g} m, y = {y:.6g} m, which is in the contact zone in load step {number}; "
+                "allowed: heights below the whole zone along its way"
+            )
+
+
+def check_profiles(
+    steps: Sequence[Step], wear: WearLaw | None, zone: ContactZone, placement: Placement, restart: Restart | None = None
+) -> None:
+    """Raise TableError if surfaces that wear roll steadily with a depth that varies along the rolling direction.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+        Load steps.
+    wear : WearLaw or None
+        Wear law.
+    zone : ContactZone
+        Contact zone.
+    placement : Placement
+        Placement of the indenter.
+    restart : Restart, optional
+        State to continue, with the depth worn before.
+    """
+    if wear is None:
+        return
+    varying, axes = "", None
+    start = np.zeros(len(zone.points)) if restart is None else restart.step.wear
+    for number, step in enumerate(steps):
+        rolling = step.rolling
+        if rolling is None or not rolling.steady:
+            if step.sliding != 0.0:
+                varying = varying or f"load step {number + 1} wears them in place or in one passage"
+            continue
+        location = "steps", number, "rolling"
+        if start.any() and not varying:
+            grid = rolling.increment(zone.points, zone.frames, placement.base, False).cell_shift.grid
+            if np.ptp(start[grid], axis=0).max() > _SAME_DEPTH * start.max():
+                varying = "the earlier run wore them in place or in one passage"
+        if varying:
+            raise TableError(
+                Problem(location, f"steady rolling of surfaces whose worn depth varies along them: {varying}; {_EVEN}")
+            )
+        if axes is not None and abs(rolling.axes[0] @ axes[0]) < 0.5:
+            raise TableError(Problem(location, "a direction across that of earlier cycles; allowed: the same axis"))
+        if rolling.cycles is not None:
+            axes = rolling.axes
 
 
 def divide_steps(steps: Sequence[Step], zone: ContactZone, placement: Placement, is_periodic: bool) -> tuple[Step, ...]:
@@ -111,7 +216,7 @@ def _divide(
 ) -> Step:
     try:
         length = rolling.increment(zone.points, zone.frames, placement.base, is_periodic).cell_shift.length
-        count = rolling.cells(length)
+        count = rolling.cells(length) if rolling.cycles is None else step.increments
     except CaseError as error:
         raise TableError(Problem(("steps", number, "rolling"), str(error))) from None
     duration = step.duration if rolling.speed is None else count * length / rolling.speed

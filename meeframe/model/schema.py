@@ -77,6 +77,7 @@ class ContactTable(Table):
     friction_heat: Annotated[float, Quantity("", ge=0, le=1)] = 0.0
     joule_heat: Annotated[float, Quantity("", ge=0, le=1)] = 0.0
     wear: Annotated[WearLaw | None, by_name(WearLaw)] = None
+    surface: Annotated[Indenter | None, by_name(Indenter)] = None
 
 
 _INSULATING: Final = Field(default="insulating", validate_default=True)
@@ -199,7 +200,9 @@ class StepTable(Table):
         """Convert magnitudes along `direction` to components."""
         if not isinstance(value, Mapping):
             return value
-        if value.get("rolling") is not None and "increments" in value:
+        rolling = value.get("rolling")
+        has_cycles = isinstance(rolling, Mapping) and "cycles" in rolling
+        if rolling is not None and "increments" in value and not has_cycles:
             text = "is not allowed with rolling, which has one increment for each cell of its distance"
             raise TableError(Problem(("increments",), text, value["increments"]))
         sizes = {

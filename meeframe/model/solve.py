@@ -16,7 +16,7 @@ from meeframe.contact.problem import ContactSolution, ContactState, Status, inde
 from meeframe.contact.scales import largest, problem_scales
 from meeframe.fields import POTENTIALS, Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
-from meeframe.laws.base import is_pure_projection
+from meeframe.laws.base import has_memory, is_pure_projection
 from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
@@ -26,10 +26,12 @@ from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
 from meeframe.model.rolling import RollingIncrement
+from meeframe.model.steady import solve_steady
 from meeframe.model.step import Step
 from meeframe.model.subdivision import solve_in_parts
 from meeframe.model.systems import checked
 from meeframe.model.wear import without_wear
+from meeframe.model.wear_cycles import WearOfCycles, solve_cycles
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.sources import faults_of_plugins, local_files
 from meeframe.results.balance import unbalance_warning
@@ -201,7 +203,9 @@ def solve_steps(
             share("contact", 0.0)
             with faults_of_plugins():
                 part = _Part(kinematics, step, prescribed, before, begin, (number, increment), last, rolling, share)
-                if step.max_pressure_change is None:
+                if rolling is not None and rolling.is_steady:
+                    planned, end, result = _solve_steady(replace(part, last=None), here, rolling)
+                elif step.max_pressure_change is None:
                     planned, end, result = part(0.0, 1.0, here)
                 else:
                     bounds = step.max_pressure_change, case.solver.stall_window
@@ -225,6 +229,22 @@ def solve_steps(
                     yield result  # the increment is solved all the same
                     raise
             yield result
+
+
+def _solve_steady(
+    part: "_Part", here: ConvergedState, rolling: RollingIncrement
+) -> tuple[Increment, ConvergedState, StepResult]:
+    """Return an increment of steady rolling as a _Part does, after the cycles in which it wears surfaces."""
+    case, step, shift = part.kinematics.case, part.step, rolling.cell_shift
+
+    def steady(state: ConvergedState) -> tuple[Increment, ConvergedState, StepResult]:
+        return solve_steady(partial(part, 0.0, 1.0), state, shift, has_memory(case.contact_law))
+
+    cycles = rolling.rolling.cycles
+    if case.wear is None or cycles is None:
+        return steady(here)
+    tolerance = rolling.rolling.wear_tolerance
+    return solve_cycles(steady, here, WearOfCycles(case.wear, shift), cycles / step.increments, tolerance)
 
 
 def rolling_increment(kinematics: IndenterKinematics, step: Step) -> RollingIncrement | None:
@@ -325,8 +345,8 @@ def _solve(
     """
     case = kinematics.case
     if case.wear is None:
-        rim = partial(kinematics.rim, increment)
-        solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, rim)
+        edge = partial(kinematics.indenter_edge, increment)
+        solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, edge)
     else:  # the contact edge lies at nodes
         solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
     problem, depth = without_wear(problem, solution.state)
@@ -379,6 +399,7 @@ def _step_result(
             increment.duration,
             kinematics.case.fields,
             None if increment.rolling is None else increment.rolling.motion(increment.start, end),
+            end.travel,
         ),
         step=numbers[0],
         increment=numbers[1],

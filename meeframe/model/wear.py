@@ -55,14 +55,14 @@ def check_sliding(step: Step, number: int, contact_law: ContactLaw, law: WearLaw
             f"load step {number} has no duration, which the wear law {type(law).__name__} needs; "
             "allowed: a duration > 0 [s]"
         )
-    if law is not None and step.rolling is not None:
-        raise CaseError(
-            f"load step {number} rolls with a wear law, which is not available: worn depths stay in the contact zone; "
-            "allowed: rolling without [contact.wear]"
-        )
-    if law is None and (step.sliding or step.max_pressure_change):
-        what = "sliding distance" if step.sliding else "max_pressure_change"
-        raise CaseError(f"load step {number} has a {what}, which concerns wear alone; allowed: with [contact.wear]")
+    extent = "sliding distance" if step.sliding else "max_pressure_change" if step.max_pressure_change else ""
+    if step.rolling is not None:
+        if extent:
+            raise CaseError(f"load step {number} has a {extent} and rolls; allowed: one of both, or sliding = 0")
+        if step.rolling.cycles is not None:
+            extent = "number of cycles"
+    if law is None and extent:
+        raise CaseError(f"load step {number} has a {extent}, which concerns wear alone; allowed: with [contact.wear]")
     if step.sliding and contact_law.tangential_scaling().any():
         raise CaseError(
             f"load step {number} has a sliding distance, which has no direction, under friction, which needs one; "

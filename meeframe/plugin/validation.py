@@ -13,15 +13,15 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, 
 
 from meeframe.common.errors import CaseError, MeeframeError, listed
 from meeframe.fields.units import Quantity
-from meeframe.plugin.aliases import names_for
+from meeframe.plugin.aliases import ALIASES, names_for
 from meeframe.plugin.sources import faults_of_plugins
 
 Converters = Callable[[Any], Callable[[Any], Any] | None]
 """Function that returns, for a type hint, the converter of table values to it; None if pydantic needs no converter."""
 
 _MISSING = object()
-_HUGE: Final = 10**300  # larger integers cannot be converted to float
-_SIMILAR: Final = 0.7  # cutoff of difflib: 'form' is similar to 'from', 'friction' is not to 'rotation'
+_MAX_INTEGER: Final = 10**300  # larger integers cannot be converted to float
+_SIMILARITY_CUTOFF: Final = 0.7  # cutoff of difflib: 'form' is similar to 'from', 'friction' is not to 'rotation'
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
 RENAMED_KEYS: Final = {"counter_body": "second_body", "reaches_edge": "contact_at_zone_boundary"}
@@ -284,7 +284,10 @@ def choices(name: str, names: Collection[str]) -> str:
     if RENAMED_KEYS.get(str(name)) in names:
         return f"it is now called {RENAMED_KEYS[str(name)]!r}"
     close = names_for(str(name), names) or [other for other in names if str(name) in other.split("-")]
-    close = close or difflib.get_close_matches(str(name), names, n=1, cutoff=_SIMILAR)
+    if not close:
+        terms = [*names, *(term for term in ALIASES if names_for(term, names))]
+        for similar in difflib.get_close_matches(str(name), terms, n=1, cutoff=_SIMILARITY_CUTOFF):
+            close = [similar] if similar in names else names_for(similar, names)
     hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
     return f"{hint}allowed: {', '.join(names) or 'none'}"
 
@@ -308,7 +311,7 @@ def _model_in(hint: Any) -> type[BaseModel] | None:
 def _brief(value: Any) -> str:
     if isinstance(value, date | time):
         return value.isoformat()  # as in TOML
-    if isinstance(value, float | int) and not isinstance(value, bool) and abs(value) < _HUGE:
+    if isinstance(value, float | int) and not isinstance(value, bool) and abs(value) < _MAX_INTEGER:
         text = f"{value:.12g}"
         return f"{text}.0" if isinstance(value, float) and text.lstrip("-").isdigit() else text
     text = str(value).lower() if isinstance(value, bool) else repr(value)

@@ -17,7 +17,7 @@ from meeframe.system.reduced import NodalFields
 _BY_TYPE: Final = {element.meshio_type: element for element in ELEMENTS.values()}
 _ORDER: Final = 3
 """Number of Gauss points per direction, exact for quadratic fields on plane elements."""
-_CLOSED: Final = 1e-6
+_MAX_OPENING: Final = 1e-6
 """Largest integral of the normal over a closed surface, as a fraction of its area."""
 _ROUNDING: Final = 1e-10
 """Fraction of the largest work of a field below which a field is zero but for rounding."""
@@ -44,10 +44,20 @@ class Unbalance:
 def unbalance(boundary: NodalFields | ZoneFields | None, contact_fluxes: Array | None = None) -> Unbalance | None:
     """Return the unbalance of the fields on a boundary; None where it is not defined.
 
-    contact_fluxes: fluxes (n, scalars) at the nodes of the contact; without them all fluxes count as passing through.
-
     It is None without fields, for elements of plugins, and for boundaries that are not closed, as those of half spaces,
     which bear the rest at infinity.
+
+    Parameters
+    ----------
+    boundary : NodalFields, ZoneFields or None
+        Fields on the boundary.
+    contact_fluxes : Array, optional
+        Fluxes (n, scalars) at the nodes of the contact; without them all fluxes count as passing through.
+
+    Returns
+    -------
+    Unbalance or None
+        The unbalance.
     """
     if boundary is None or isinstance(boundary, ZoneFields) or any(name not in _BY_TYPE for name, _ in boundary.cells):
         return None
@@ -83,7 +93,7 @@ def _closed(boundary: NodalFields) -> bool:
     """Return whether the integral of the normal vanishes, by the straight sides of the elements."""
     outlines = [np.zeros((0, 3)), *(vector_areas(boundary.points[outline]) for outline in corners(boundary.cells))]
     area = np.concatenate(outlines)
-    return bool(np.linalg.norm(area.sum(axis=0)) <= _CLOSED * np.linalg.norm(area, axis=1).sum())
+    return bool(np.linalg.norm(area.sum(axis=0)) <= _MAX_OPENING * np.linalg.norm(area, axis=1).sum())
 
 
 def balanced_names(fields: FieldSet) -> tuple[str, ...]:

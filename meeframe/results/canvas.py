@@ -19,6 +19,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 MAP_COLOURS: Final = "cividis"  # perceptually uniform, the same to colour-blind readers
+MAP_TICKS: Final = 6
+"""Largest number of intervals between the labels along an axis of a map, so that four digits and a sign fit."""
 LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
 """Colours of curves: the Okabe-Ito palette, which colour-blind readers can tell apart, with grey for yellow."""
 LINE_DASHES: Final = ("-", "--", ":", "-.")
@@ -97,8 +99,17 @@ def sheet(size: tuple[float, float]) -> "Figure":
 
 def head(axes: Any, what: str, title: str) -> None:
     """Put the heading of a figure over its first axes, in lines that fit."""
-    lines = [textwrap.fill(line, _LETTERS) for line in (*title.split("\n"), what) if line]
-    axes.set_title("\n".join(lines), fontsize=10)
+    axes.set_title("\n".join(_folded(line) for line in (*title.split("\n"), what) if line), fontsize=10)
+
+
+def _folded(text: str) -> str:
+    """Return a text in as few lines as fit, of similar length: no single word is left for the last one."""
+    lines = textwrap.wrap(text, _LETTERS)
+    for width in range(len(text) // max(len(lines), 1), _LETTERS):
+        narrower = textwrap.wrap(text, max(width, 1), break_long_words=False)
+        if len(narrower) == len(lines):
+            return "\n".join(narrower)
+    return "\n".join(lines)
 
 
 def label_panels(panels: Any) -> None:

@@ -41,7 +41,7 @@ from meeframe.results.hdf5 import changed_file
 from meeframe.results.output import replacing
 
 PER_CONTACT: Final = 3
-LARGEST: Final = 5_000
+MAX_CONTACTS: Final = 5_000
 """Largest number of contacts of a problem.
 
 Its matrix is held in full, 1.8 GB at this size; solvers need four times that in addition (Newton's method six times).
@@ -109,8 +109,10 @@ class LocalSolution:
 
 def check_size(contacts: int) -> None:
     """Raise CaseError if a problem has no contacts or more of them than are allowed."""
-    if not 1 <= contacts <= LARGEST:
-        raise CaseError(f"FCLIB problem with {contacts} contacts; allowed: 1 to {LARGEST}, because its matrix is dense")
+    if not 1 <= contacts <= MAX_CONTACTS:
+        raise CaseError(
+            f"FCLIB problem with {contacts} contacts; allowed: 1 to {MAX_CONTACTS}, because its matrix is dense"
+        )
 
 
 def natural_residual(problem: LocalProblem, reaction: Array) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
 from meeframe.results import schema
-from meeframe.results.canvas import LINE_COLOURS, head, house_style, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import LINE_COLOURS, MAP_TICKS, head, house_style, label_panels, prefixed, sheet, styled
 from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
@@ -27,9 +27,9 @@ FORMATS: Final = ("png", "pdf", "svg")
 """Formats of figure files."""
 PRESSURE: Final = "pressure"
 TANGENTIAL: Final = "tangential traction"
-_BETWEEN: Final = (0.1, 2.0)
+_WEIGHT_BOUNDS: Final = (0.1, 2.0)
 """Bounds of the weights that locate the contact edge between two nodes."""
-_SEEN: Final = 0.01
+_MIN_SHOWN_ATTRACTION: Final = 0.01
 """Least attraction that is shown, as a fraction of the largest traction; it decays with the distance without end."""
 _ROUND_OFF: Final = 1e-9
 """Fraction of the largest value over all increments below which a field is drawn as zero."""
@@ -127,24 +127,29 @@ def title_of(result: Result, step: StepResult) -> str:
     return "\n".join(filter(None, [result.provenance.title, words if result.planned_steps > 1 else ""]))
 
 
-def _contact_edge(zone: Zone, step: StepResult) -> Array:
+def contact_edge(zone: Zone, touching: NDArray[np.bool_], pressure: Array, gap: Array) -> Array:
     """Return a level at the nodes, (n,), that is positive in contact, negative elsewhere, zero at the contact edge.
 
     Along a smooth contact edge p^2 grows linearly inwards, and gap^(2/3) outwards. Each is divided by its mean at the
     nodes next to the contact edge: on average the line lies half way between two nodes, but close to a node that hardly
-    touches.
+    touches. Arguments are nodal values (n,); gaps that are not known are inf.
     """
-    touching, adjacent = step.touching, np.zeros(len(step.touching), bool)
+    adjacent = np.zeros(len(touching), bool)
     for _, nodes in zone.cells:
         adjacent[nodes[touching[nodes].any(axis=1) & ~touching[nodes].all(axis=1)]] = True
-    level = np.where(touching, np.maximum(-step.traction[:, 2], 0.0) ** 2, np.maximum(step.gap, 0.0) ** (2 / 3))
+    level = np.where(touching, np.maximum(pressure, 0.0) ** 2, np.maximum(gap, 0.0) ** (2 / 3))
     for side in (touching, ~touching):
         known = side & adjacent & np.isfinite(level)
         mean = level[known].mean() if known.any() else 0.0
         level[side] = np.clip(
-            np.where(np.isfinite(level[side]) & (mean > 0), level[side] / (mean or 1.0), 1.0), *_BETWEEN
+            np.where(np.isfinite(level[side]) & (mean > 0), level[side] / (mean or 1.0), 1.0), *_WEIGHT_BOUNDS
         )
     return np.where(touching, level, -level)
+
+
+def _contact_edge(zone: Zone, step: StepResult) -> Array:
+    """Return the level of `contact_edge` of an increment."""
+    return contact_edge(zone, step.touching, -step.traction[:, 2], step.gap)
 
 
 @styled
@@ -174,16 +179,20 @@ def draw_map(axes: Any, result: Result, name: str, which: Which = None, title: s
     if step.touching.any() and not step.touching.all():
         level = picture.values(_contact_edge(zone, step))
         if of_contact and not (felt & ~step.touching).any():
-            _clip_to_contact(axes, drawn, picture, step, level)
+            clip_to_contact(axes, drawn, picture, step.touching, level)
         across = picture.triangles_at(step.touching, ~step.touching)
         axes.tricontour(across, level, [0.0], colors="#D55E00" if of_contact else "white", linewidths=1.2)
     if of_contact:
         _zoom(axes, picture, felt)
 
 
-def _clip_to_contact(axes: Any, drawn: Any, picture: Picture, step: StepResult, level: Array) -> None:
-    """Clip what is drawn at the contact edge, where `level` at the points of the triangulation is zero."""
-    region = axes.tricontourf(picture.triangles_at(step.touching), level, [0.0, 2.0 * _BETWEEN[1]])
+def clip_to_contact(axes: Any, drawn: Any, picture: Picture, touching: NDArray[np.bool_], level: Array) -> None:
+    """Clip what is drawn at the contact edge.
+
+    touching: (n,) nodes in contact; level: at the points of the triangulation, zero at the contact edge and positive
+    inside.
+    """
+    region = axes.tricontourf(picture.triangles_at(touching), level, [0.0, 2.0 * level.max()])
     (outline,) = region.get_paths()
     region.remove()
     drawn.set_clip_path(outline, axes.transData)
@@ -200,6 +209,7 @@ def _field(name: str, step: StepResult) -> NodalField:
 
 def _prepare(axes: Any, picture: Picture, what: str, title: str) -> None:
     axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
+    axes.locator_params(nbins=MAP_TICKS)
     for side in ("top", "right"):
         axes.spines[side].set_visible(True)
     head(axes, what, title)
@@ -208,7 +218,7 @@ def _prepare(axes: Any, picture: Picture, what: str, title: str) -> None:
 def _felt(step: StepResult) -> NDArray[np.bool_]:
     """Return the nodes (n,) in contact, and those whose attraction across the gap is visible in a figure."""
     size = np.abs(step.traction[:, 2])
-    return np.asarray(step.touching | (size > _SEEN * size.max()))
+    return np.asarray(step.touching | (size > _MIN_SHOWN_ATTRACTION * size.max()))
 
 
 def _zoom(axes: Any, picture: Picture, touching: NDArray[np.bool_]) -> None:
@@ -237,10 +247,10 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
     shown = ((slip, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
-        axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
-        drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
+        axes.fill([], [], color=colour, linewidth=0, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
+        drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _WEIGHT_BOUNDS[1]], colors=[colour])
         if not step.touching.all():
-            _clip_to_contact(axes, drawn, picture, step, slip)
+            clip_to_contact(axes, drawn, picture, step.touching, slip)
     _zoom(axes, picture, step.touching)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 

@@ -53,10 +53,10 @@ _RENAMED: Final = {"meeframe-result 5": "reaches_edge is now called contact_at_z
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
 _LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
-_ROLLING_UNITS: Final = {"direction": "1", "creepage": "1", "spin": "1/m", "cell": "m", "distance": "m"}
-_SMALL: Final = 4096
+_ROLLING_UNITS: Final = {"direction": "1", "creepage": "1", "spin": "1/m", "cell": "m", "distance": "m", "cycles": "1"}
+_MIN_COMPRESSED_BYTES: Final = 4096
 """Size in bytes below which arrays are not compressed."""
-_LARGE: Final = 1 << 20
+_MAX_TRIED_BYTES: Final = 1 << 20
 """Size in bytes above which arrays that hardly shrink are not compressed, which takes longer than all else."""
 _GRID: Final = "grid"
 """Dataset with the numbers of nodes along both axes of a grid, in place of its cells."""
@@ -66,7 +66,7 @@ _ZONE: Final = "zone"
 """Attribute `boundary` of increments whose fields on the whole boundary are those of the contact zone."""
 _BOUNDARY_FILE: Final = "boundary.h5"
 SomeResult = TypeVar("SomeResult", bound=Result)
-_LATER: Final = ("wear",)
+_ZERO_IF_ABSENT: Final = ("wear",)
 """Fields that files of this format by earlier versions lack, and which are zero there."""
 _SURFACE: Final = ("displacement", "potentials")
 """Attributes of StepResult that the surface of a second body has, too."""
@@ -270,6 +270,8 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
     _put_all(loading, units, {name: getattr(step.loading, name) for name in units})
     if step.loading.duration is not None:
         _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
+    if step.loading.travel.any():
+        _put_all(loading, {"travel": "m"}, {"travel": step.loading.travel})
     rolling, prescribed = step.loading.rolling, step.loading.prescribed
     if rolling is not None:
         values = {name: getattr(rolling, name) for name in _ROLLING_UNITS}
@@ -321,11 +323,11 @@ def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) ->
 def _put(group: Any, name: str, values: Any) -> Any:
     """Write an array, compressed if that halves it; one chunk for the whole array compresses best."""
     array = np.asarray(values)
-    if array.nbytes < _SMALL:
+    if array.nbytes < _MIN_COMPRESSED_BYTES:
         return group.create_dataset(name, data=array)
     options: dict[str, Any] = {}
     rows = min(len(array), max(1, _CHUNK * len(array) // array.nbytes))
-    if array.nbytes <= _LARGE or is_compressible(array):
+    if array.nbytes <= _MAX_TRIED_BYTES or is_compressible(array):
         options = {"chunks": (rows, *array.shape[1:]), "shuffle": True, "compression": "gzip", "compression_opts": 1}
     dataset = group.create_dataset(name, array.shape, array.dtype, **options)
     for first in range(0, len(array), rows):  # HDF5 copies what it converts
@@ -458,7 +460,7 @@ def _slips(
 
 def _get_fields(group: Any, fields: Sequence[NodalField], n: int) -> dict[str, Any]:
     """Return the attributes of records that nodal fields are read from, by name."""
-    zero = [*text_of(group, "zero").split(), *(name for name in _LATER if name not in group)]
+    zero = [*text_of(group, "zero").split(), *(name for name in _ZERO_IF_ABSENT if name not in group)]
     arrays: dict[str, Any] = {}
     columns = 1 + max((field.column for field in fields if field.column is not None), default=-1)
     for nodal_field in fields:
@@ -486,9 +488,11 @@ def _get_loading(group: Any, fields: FieldSet) -> Loading:
     rolling = None
     if "rolling" in group:
         entries = group["rolling"]
-        numbers = (float(entries[name][()]) for name in ("spin", "cell", "distance"))
+        names = ("spin", "cell", "distance", *(["cycles"] if "cycles" in entries else []))  # not in earlier versions
+        numbers = (float(entries[name][()]) for name in names)
         rolling = RollingMotion(numbers_of(entries, "direction", (3,)), numbers_of(entries, "creepage", (2,)), *numbers)
-    return Loading.of(motion, prescribed, reference, axes, duration, fields, rolling)
+    travel = numbers_of(group, "travel", (2,)) if "travel" in group else None
+    return Loading.of(motion, prescribed, reference, axes, duration, fields, rolling, travel)
 
 
 def _get_cells(group: Any, n: int) -> Cells:

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_NONE: Final = 1e-6
+_ZERO_RATIO: Final = 1e-6
 """Motion or force that counts as zero, as a fraction of that along the other axis, or of the normal force."""
 _ROUND_OFF: Final = 1e-12
 """Total flux over capacity that counts as zero."""
-_SAME: Final = 1e-6
-"""Range that counts as constant, as a fraction of the largest value; pictures show it with a margin `_ROOM`."""
-_ROOM: Final = 0.05
+_CONSTANT_RANGE: Final = 1e-6
+"""Range that counts as constant, as a fraction of the largest value; pictures show it with a margin `_MARGIN`."""
+_MARGIN: Final = 0.05
 _POWERS: Final = {"²": 2, "³": 3}
 _WIDTH: Final = 5.6
 _RING: Final = 7.5
@@ -63,9 +63,9 @@ def curves(result: Result) -> list[Curve]:
     area = _column([total.contact_area for total in totals])
     drawn = [Curve("normal force", ("approach", "m", approach), ("normal force", "N", forces))]
     # rounding of a vanishing force is no curve
-    if np.abs(tangential).max() > _NONE * np.abs(forces).max():
+    if np.abs(tangential).max() > _ZERO_RATIO * np.abs(forces).max():
         components: tuple[str, ...] = ("along e1", "along e2")
-        if all(np.abs(v[:, 1]).max() <= _NONE * np.abs(v[:, 0]).max() for v in (translation, tangential)):
+        if all(np.abs(v[:, 1]).max() <= _ZERO_RATIO * np.abs(v[:, 0]).max() for v in (translation, tangential)):
             components = components[:1]
         curve = ("translation", "m", translation), ("tangential force", "N", tangential)
         drawn.append(Curve("tangential force", *curve, components))
@@ -80,10 +80,10 @@ def curves(result: Result) -> list[Curve]:
     dissipated = np.cumsum([total.dissipated_energy for total in totals])[:, None]
     if dissipated.any():
         words = "dissipated energy\nsince the beginning"
-        drawn.append(Curve("dissipated energy", _numbers("increments", steps), (words, "J", dissipated)))
+        drawn.append(Curve("dissipated energy", _numbers("increment", steps), (words, "J", dissipated)))
     volumes = _column([total.worn_volume for total in totals])
     if volumes.any():
-        drawn.append(Curve("worn volume", _numbers("increments", steps), ("worn volume", "m³", volumes)))
+        drawn.append(Curve("worn volume", _numbers("increment", steps), ("worn volume", "m³", volumes)))
     return drawn
 
 
@@ -98,12 +98,23 @@ def _rolling_curves(result: Result, steps: Sequence[StepResult]) -> Iterator[Cur
     distance = _column([each["rolled_distance"] for each in numbers])
     across = ("rolled distance", "m", distance)
     if not np.ptp(distance):
-        across = _numbers("steady increments", steps)
+        across = _numbers("steady increment", steps)
     for name, unit in (("creep_force", "N"), ("creepage", "")):
         values = np.array([each[name] for each in numbers])
         words = name.replace("_", " ")
         yield Curve(words, across, (words, unit, values), ("longitudinal", "lateral"), covers_all=False)
-    sticking = _column([resultants(result.zone, step).stick_area for step in steps])
+    totals = [resultants(result.zone, step) for step in steps]
+    for scalar in steps[0].fields.scalars:
+        signals: tuple[tuple[str, str, Sequence[Any]], ...] = (
+            (scalar.resultant, scalar.resultant_unit, totals),
+            (scalar.value_name, scalar.value_unit, [step.loading for step in steps]),
+        )
+        for name, unit, records in signals:
+            values = _column([getattr(record, name) for record in records])
+            if np.ptp(values) > _CONSTANT_RANGE * np.abs(values).max():
+                words = name.replace("_", " ")
+                yield Curve(f"{words} in rolling", across, (words, unit, values), covers_all=False)
+    sticking = _column([total.stick_area for total in totals])
     yield Curve("sticking area", across, ("sticking area", "m²", sticking), covers_all=False)
 
 
@@ -129,7 +140,7 @@ def unloading(result: Result, curve: Curve) -> NDArray[np.bool_]:
 
 
 def _falls(values: Sequence[float]) -> NDArray[np.bool_]:
-    return np.asarray(np.diff(values, prepend=0.0) < -_SAME * np.max(np.abs(values), initial=0.0))
+    return np.asarray(np.diff(values, prepend=0.0) < -_CONSTANT_RANGE * np.max(np.abs(values), initial=0.0))
 
 
 @styled
@@ -163,9 +174,9 @@ def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
     if not x_unit:
         axes.xaxis.get_major_locator().set_params(integer=True)
     for values, limits in ((x / x_factor, axes.set_xlim), (y / y_factor, axes.set_ylim)):
-        if np.ptp(values) < _SAME * np.abs(values).max():  # constant: its last digits are no curve
+        if np.ptp(values) < _CONSTANT_RANGE * np.abs(values).max():  # constant: its last digits are no curve
             middle = values.mean()
-            limits(middle - _ROOM * abs(middle), middle + _ROOM * abs(middle))
+            limits(middle - _MARGIN * abs(middle), middle + _MARGIN * abs(middle))
     axes.grid(visible=True)
     if y.shape[1] == 2 or falls.any():
         axes.legend()

@@ -102,7 +102,18 @@ class PointGrid:
 
     @classmethod
     def along_global_axes(cls, x: Array | float, y: Array | float, z: Array | float) -> "PointGrid":
-        """Return the grid of coordinates along the global axes [m]."""
+        """Return the grid of coordinates along the global axes.
+
+        Parameters
+        ----------
+        x, y, z : Array or float
+            Coordinates along each axis [m].
+
+        Returns
+        -------
+        PointGrid
+            The grid.
+        """
         x, y, z = (np.atleast_1d(np.asarray(values, float)) for values in (x, y, z))
         return cls(np.zeros(3), np.eye(3), (x, y, z))
 
@@ -114,6 +125,20 @@ class PointGrid:
 
         It is 1.5 times as wide as the contact and 1.25 times as deep as the contact is wide; points are denser near the
         surface.
+
+        Parameters
+        ----------
+        zone : Zone
+            Contact zone.
+        step : StepResult
+            Increment.
+        body : {'first', 'second'}, optional
+            Body in which the points lie.
+
+        Returns
+        -------
+        PointGrid
+            The grid.
 
         Raises
         ------
@@ -359,6 +384,11 @@ def interior(
         supports and grounds, wherever a load step has moved them; positions are in the coordinates of the first.
     progress
         Function that receives the stage and the fraction of the points that is done.
+
+    Returns
+    -------
+    InteriorResult
+        Fields at the points.
 
     Raises
     ------

@@ -62,10 +62,14 @@ class Picture:
     def around(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the limits along x and y of a square around these nodes (n,), half as large again.
 
-        The square is cut at the zone's edges.
+        It holds the elements at these nodes, into which the contact edge extends, and is cut at the border of the zone.
         """
         low, high = self.points[chosen].min(axis=0), self.points[chosen].max(axis=0)
         half_width = 0.75 * (high - low).max() or np.ptp(self.points, axis=0).max()
+        if self.pixels is None:
+            beside = np.unique(self.triangles_at(chosen).triangles)
+            flat = np.column_stack([self.triangulation.x, self.triangulation.y])[beside]
+            half_width = max(half_width, np.abs(flat - (low + high) / 2).max())
         begin = np.maximum((low + high) / 2 - half_width, self.points.min(axis=0))
         end = np.minimum((low + high) / 2 + half_width, self.points.max(axis=0))
         return (float(begin[0]), float(end[0])), (float(begin[1]), float(end[1]))

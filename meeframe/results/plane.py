@@ -7,12 +7,19 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from meeframe.fields import Array
-from meeframe.results.canvas import MAP_COLOURS, head, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import MAP_COLOURS, MAP_TICKS, head, label_panels, prefixed, sheet, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_PANEL: Final = (5.2, 3.6)
+_WIDTH: Final = 5.2
+_MAP_WIDTH: Final = 3.4
+"""Width of a map without the bar of colours and the labels [inches]."""
+_LABELS: Final = 0.9
+"""Height of the labels of a map [inches]."""
+_MIN_HEIGHT: Final = 1.6
+_MAX_HEIGHT: Final = 6.0
+"""Bounds of the height of a map, for the label of the bar of colours and for the screen [inches]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,16 +64,23 @@ def draw_plane(axes: Any, field: PlaneField) -> None:
     drawn = axes.pcolormesh(x, y, field.values.T / factor, shading="gouraud", cmap=MAP_COLOURS)
     axes.figure.colorbar(drawn, ax=axes, label=f"{field.name} [{unit}]")
     axes.set(aspect="equal", xlabel=f"{field.axes[0]} [{metre}]", ylabel=f"{field.axes[1]} [{metre}]")
+    axes.locator_params(nbins=MAP_TICKS)
     axes.set_title(field.title)
 
 
 @styled
 def planes_figure(fields: Sequence[PlaneField], title: str = "") -> "Figure":
     """Return the figure of fields on a plane section, one below the other."""
-    figure = sheet((_PANEL[0], _PANEL[1] * len(fields)))
+    figure = sheet((_WIDTH, _height(fields[0]) * len(fields)))
     rows = figure.subplots(len(fields), squeeze=False)[:, 0]
     for axes, field in zip(rows, fields, strict=True):
         draw_plane(axes, field)
     head(rows[0], fields[0].title, title)
     label_panels(rows)
     return figure
+
+
+def _height(field: PlaneField) -> float:
+    """Return the height of a map with its labels [inches], so that the bar of colours is as high as the map."""
+    along, up = (float(np.ptp(values)) for values in field.coordinates)
+    return _LABELS + min(max(_MAP_WIDTH * up / along, _MIN_HEIGHT), _MAX_HEIGHT)

@@ -19,7 +19,7 @@ from meeframe.system.reduced import NodalFields, ReducedSystem
 
 _BLOCK: Final = 2**16
 """Number of nodes whose forces are summed at once."""
-_ALIKE: Final = 1e-12
+_WEIGHT_ROUND_OFF: Final = 1e-12
 """Difference of nodal weights that counts as round-off, as a fraction of the largest weight."""
 
 
@@ -106,7 +106,7 @@ class RollingMotion:
 
     direction: unit vector in global axes, (3,), along which the contact moves relative to the material; creepage: (2,)
     longitudinal and lateral; spin: [1/m]; cell: rolled distance of the increment [m]; distance: that of all increments
-    since the beginning [m].
+    since the beginning [m]; cycles: of steady rolling since the beginning, in which the surfaces have worn.
     """
 
     direction: Array
@@ -114,6 +114,7 @@ class RollingMotion:
     spin: float
     cell: float
     distance: float
+    cycles: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +128,8 @@ class Loading:
     prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
     reference: its lowest point where it just touched, about which it rotates, (3,) in global axes [m]; axes: rows e1,
     e2, axis of the indenter, (3, 3); duration: of the increment, None if its load step names none [s]; rolling: that of
-    the increment, None if the contact stays in place.
+    the increment, None if the contact stays in place; travel: (2,) way of the contact over the material since the
+    beginning, along e1 and e2 [m].
     """
 
     approach: float
@@ -140,6 +142,7 @@ class Loading:
     axes: Array = field(default_factory=lambda: np.eye(3))
     duration: float | None = None
     rolling: RollingMotion | None = None
+    travel: Array = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
     def of(
@@ -151,13 +154,15 @@ class Loading:
         duration: float | None = None,
         fields: FieldSet = MEE,
         rolling: RollingMotion | None = None,
+        travel: Array | None = None,
     ) -> "Loading":
         """Return the loading of all motions of an indenter, (motions,), in the order of IndenterMotions."""
         approach, translation, tilt, twist = (motion[columns] for columns in RIGID_MOTIONS.values())
         potentials = zip(fields.scalars, motion[N_RIGID:].tolist(), strict=True)
         scalars = {scalar.value_name: value for scalar, value in potentials}
         rigid = float(approach[0]), translation, tilt, float(twist[0])
-        return cls(*rigid, scalars, prescribed, reference, axes, duration, rolling)
+        travel = np.zeros(2) if travel is None else travel
+        return cls(*rigid, scalars, prescribed, reference, axes, duration, rolling, travel)
 
     def __getattr__(self, name: str) -> float:
         return _named_scalar(self, name)
@@ -423,7 +428,11 @@ def _areas(zone: Zone) -> Array:
     """Return the areas of the elements, distributed evenly over their nodes, (n,) [m^2]."""
     # rectangles share their areas evenly
     # nodes alone for test systems and plugins, and for a periodic surface, whose elements lack the last row and column
-    if not zone.cells or isinstance(zone.cells, GridCells) or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
+    if (
+        not zone.cells
+        or isinstance(zone.cells, GridCells)
+        or np.ptp(zone.weights) <= _WEIGHT_ROUND_OFF * np.max(zone.weights)
+    ):
         return zone.weights
     areas = np.zeros(len(zone.points))
     for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):

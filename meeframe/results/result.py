@@ -38,13 +38,37 @@ class Result(records.Result):
     def load(cls, folder: str | Path) -> "Result":
         """Read the result in an output folder, of a run that is finished, in progress or stopped.
 
-        Raises ResultError if there is none or it cannot be read.
+        Parameters
+        ----------
+        folder : str or Path
+            Output folder.
+
+        Returns
+        -------
+        Result
+            The finished increments.
+
+        Raises
+        ------
+        ResultError
+            If there is no result or it cannot be read.
         """
         return cls.of(read_records(folder))
 
     @classmethod
     def of(cls, result: records.Result) -> "Result":
-        """Return a result with the data of another one."""
+        """Return a result with the data of another one.
+
+        Parameters
+        ----------
+        result : meeframe.results.records.Result
+            The other result.
+
+        Returns
+        -------
+        Result
+            The same data.
+        """
         return cls(**{entry.name: getattr(result, entry.name) for entry in fields(records.Result)})
 
     def __len__(self) -> int:
@@ -66,7 +90,25 @@ class Result(records.Result):
         return Plots(self)
 
     def select(self, step: Which = None) -> StepResult:
-        """Return an increment: that of the peak load, or of a load step; see `meeframe.results.selection.select`."""
+        """Return an increment: that of the peak load, or of a load step.
+
+        Parameters
+        ----------
+        step : int, tuple of int, str or StepResult, optional
+            Number of a load step, from 1, for its last finished increment; (step, increment), also as a text such as
+            '2.5'; 'last' for the last finished increment; 'peak', the default, for the last one of those with the
+            largest normal force; or the increment itself.
+
+        Returns
+        -------
+        StepResult
+            The increment.
+
+        Raises
+        ------
+        ResultError
+            If there is no such increment; the message names those that exist.
+        """
         return select(self, step)
 
     def to_dataframe(self) -> Any:
@@ -101,6 +143,11 @@ class Result(records.Result):
             Factor on the displacement that is added to the points; by default the largest displacement appears as a
             tenth of the extent of the contact zone.
 
+        Returns
+        -------
+        pyvista.MultiBlock
+            Blocks 'body' and 'zone'.
+
         Raises
         ------
         ResultError
@@ -113,7 +160,23 @@ class Result(records.Result):
 
 
 def read_result(folder: str | Path) -> Result:
-    """Return the result in an output folder; see `Result.load`."""
+    """Return the result in an output folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Output folder of a run.
+
+    Returns
+    -------
+    Result
+        The finished increments.
+
+    Raises
+    ------
+    ResultError
+        As `Result.load`.
+    """
     return Result.load(folder)
 
 

@@ -9,7 +9,7 @@ from meeframe.results.records import Result, StepResult
 from meeframe.results.tables import library
 from meeframe.results.vtk import boundary_mesh, zone_mesh
 
-_SHOWN: Final = 0.1
+_WARP_FRACTION: Final = 0.1
 """Largest displacement in the default warp, as a fraction of the extent of the contact zone."""
 
 
@@ -20,7 +20,7 @@ def scene(result: Result, step: StepResult, warp: float | None = None) -> Any:
     surface = np.einsum("nk,nki->ni", step.displacement, zone.frames)
     largest = float(np.linalg.norm(surface, axis=1).max())
     extent = float(np.ptp(zone.points, axis=0).max())
-    factor = (_SHOWN * extent / largest if largest else 0.0) if warp is None else warp
+    factor = (_WARP_FRACTION * extent / largest if largest else 0.0) if warp is None else warp
     blocks = pyvista.MultiBlock()
     if step.boundary is not None:
         blocks["body"] = _warped(pyvista, boundary_mesh(result, step), factor * step.boundary.values[:, MECHANICAL])

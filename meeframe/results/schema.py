@@ -146,7 +146,7 @@ NODAL_FIELDS: tuple[NodalField, ...] = (
     _state("traction", "Pa", "traction", 3),
     _state("displacement", "m", "displacement", 3),
     _state("contact_fraction", "1", "contact fraction"),
-    _state("wear", "m", "worn depth", views=frozenset({View.MAP, View.VTK, View.STUDY})),
+    _state("wear", "m", "worn depth", views=frozenset({View.MAP, View.VTK, View.STUDY, View.COMPARISON})),
     _state("dissipation", "J/m^2", "dissipation"),
     _state("region", "1", "region", views=frozenset({View.VTK}), integer=True),
     _state("slip", "m", "slip", 2, StorageCondition.WITH_FRICTION, frozenset({View.VTK})),
@@ -296,7 +296,7 @@ TOTALS: tuple[Total, ...] = (
     Total("stick_area", "m^2", "sticking area", phenomenon="friction", views=_SUMMARY),
     Total("slip_area", "m^2", "slipping area", views=NOWHERE),
     Total("dissipated_energy", "J", "dissipated energy", phenomenon="friction", views=_SUMMARY),
-    Total("worn_volume", "m^3", "worn volume", phenomenon="wear", views=_SUMMARY),
+    Total("worn_volume", "m^3", "worn volume", phenomenon="wear", views=_SUMMARY | {View.COMPARISON}),
     Total("max_pressure", "Pa", "largest pressure"),
     Total("max_tension", "Pa", "largest tension", phenomenon="attraction"),
 )
@@ -379,6 +379,7 @@ ROLLING_TOTALS: Final[tuple[Total, ...]] = (
     Total("creepage", "1", "creepage", _IN_ROLLING, _of_rolling(lambda rolling, *_: rolling.creepage)),
     Total("spin", "1/m", "spin", value=_of_rolling(lambda rolling, *_: rolling.spin)),
     Total("rolled_distance", "m", "rolled distance", value=_of_rolling(lambda rolling, *_: rolling.distance)),
+    Total("cycles", "1", "cycles of wear", value=_of_rolling(lambda rolling, *_: rolling.cycles or math.nan)),
     Total("creep_force", "N", "creep force", _IN_ROLLING, _of_rolling(_creep_force)),
     Total("creep_work", "J/m", "work of creepage per distance", value=_of_rolling(_creep_work)),
     Total(

@@ -14,7 +14,7 @@ from meeframe.results.records import Region, Result, StepResult, Zone
 
 _ROTATIONS: Final = {"tilt": "moment", "twist": "torque"}
 """Motions, with their resultants, that tables show only where they are free or not zero."""
-_SAME: Final = 1e-6
+_COORDINATE_TOLERANCE: Final = 1e-6
 """Distance of coordinates that count as the same, as a fraction of the extent of the zone."""
 _FURTHER: Final = (
     "gap",
@@ -225,9 +225,11 @@ def _fields(fields: FieldSet, absent: Sequence[ScalarField]) -> list[schema.Noda
 def _grid(zone: Zone) -> tuple[Array, Array, Any] | None:
     """Return x (nx,), y (ny,) and the order (nx * ny,) of the nodes, x first, if they are a plane rectangular grid."""
     extent = np.ptp(zone.points, axis=0)
-    if extent[2] > _SAME * extent.max():
+    if extent[2] > _COORDINATE_TOLERANCE * extent.max():
         return None
-    numbers, lines = zip(*(_lines(zone.points[:, i], _SAME * extent.max()) for i in (0, 1)), strict=True)
+    numbers, lines = zip(
+        *(_lines(zone.points[:, i], _COORDINATE_TOLERANCE * extent.max()) for i in (0, 1)), strict=True
+    )
     if len(lines[0]) * len(lines[1]) != len(zone.points):
         return None
     order = np.lexsort((numbers[1], numbers[0]))

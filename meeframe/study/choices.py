@@ -26,6 +26,7 @@ OPTIONS: Final = {
     "fundamental-solution": Kind.FUNDAMENTAL_SOLUTION,
     "contact-law": Kind.CONTACT_LAW,
     "conductivity-law": Kind.CONDUCTIVITY_LAW,
+    "wear-law": Kind.WEAR_LAW,
     "solver": Kind.SOLVER,
 }
 """Kinds that can be varied, by option of the command line."""
@@ -35,6 +36,8 @@ NOTHING: Final = "-"
 
 _SOLUTION: Final = "fundamental_solution"
 _BODIES: Final = ("body", "second_body")
+_CONTACT_KEYS: Final = {"contact-law": "law", "wear-law": "wear"}
+"""Keys of the table [contact] that options set."""
 
 
 @dataclass(frozen=True)
@@ -177,9 +180,9 @@ def enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], r
     elif option == "fundamental-solution":
         results = [_enter_solution(body, value, registry) for body in bodies_of(tables).values()]
         return any(results)
-    elif option == "contact-law":
-        contact = tables.setdefault("contact", {})
-        contact["law"] = _fit(value, contact.get("law"), OPTIONS[option], registry)
+    elif option in _CONTACT_KEYS:
+        contact, key = tables.setdefault("contact", {}), _CONTACT_KEYS[option]
+        contact[key] = _fit(value, contact.get(key), OPTIONS[option], registry)
     elif option == "conductivity-law":
         _enter_conductivity(tables, value, registry)
     else:

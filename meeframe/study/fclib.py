@@ -127,22 +127,22 @@ def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, regis
     if previous is None or overwrite:
         check_writable(path)
     solution, outcome = solve_local(problem, chosen, limits)
-    remarks = [
+    messages = [
         f"{len(problem.mu)} contacts",
         f"{outcome.status} in {outcome.iterations} iterations: {outcome.message}",
         f"natural residual {natural_residual(problem, solution.r):.1e}",
     ]
     if previous is not None:
         largest = float(np.abs(previous.r).max()) or 1.0
-        remarks.append(
+        messages.append(
             f"reactions differ from those in the file by {np.abs(solution.r - previous.r).max() / largest:.1e}"
         )
     if outcome.status is Status.CONVERGED and (previous is None or overwrite):
         write_solution(path, solution)
-        remarks.append("solution written")
+        messages.append("solution written")
     elif previous is not None:
-        remarks.append("the solution in the file is unchanged")
-    return SolvedFile(outcome.status, "; ".join(remarks))
+        messages.append("the solution in the file is unchanged")
+    return SolvedFile(outcome.status, "; ".join(messages))
 
 
 def exchange_increment(case: Case, system: ReducedSystem, step: StepResult) -> tuple[LocalProblem, LocalSolution]:

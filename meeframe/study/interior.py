@@ -116,6 +116,11 @@ def interior(
     progress
         Function that receives a stage and the fraction done.
 
+    Returns
+    -------
+    InteriorResult
+        Fields at the points.
+
     Raises
     ------
     ResultError

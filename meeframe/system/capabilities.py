@@ -221,7 +221,22 @@ class PointFields:
 
     @classmethod
     def of(cls, points: Array, values: Array, gradients: Array, stiffness: Array) -> "PointFields":
-        """Return the fields of a homogeneous body with the extended stiffness C_iJKm, (3, f, f, 3) in SI units."""
+        """Return the fields of a homogeneous body.
+
+        Parameters
+        ----------
+        points : Array
+            Positions, (m, 3) [m].
+        values, gradients : Array
+            Displacement and potentials, (m, f), and their gradients, (m, f, 3), in SI units.
+        stiffness : Array
+            Extended stiffness C_iJKm, (3, f, f, 3), in SI units.
+
+        Returns
+        -------
+        PointFields
+            The fields, with stress and flux densities.
+        """
         fluxes = np.einsum("ijkm,pkm->pij", stiffness, gradients, optimize=True)
         return cls(points, values, gradients, fluxes)
 
@@ -234,6 +249,11 @@ class PointFields:
             Thermal moduli (3, N_FIELDS) [SI].
         column
             Column of the temperature.
+
+        Returns
+        -------
+        PointFields
+            The fields.
         """
         fluxes = self.fluxes.copy()
         fluxes[:, :, :N_FIELDS] -= moduli * self.values[:, column, None, None]

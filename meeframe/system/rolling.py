@@ -18,7 +18,7 @@ C = TypeVar("C")
 TANGENTIAL: Final = (0, 1)
 MAX_ASPECT_RATIO: Final = 9.0
 """Largest ratio of the sides of a zone with which approximate inverses save products; at 10 they take more."""
-_SAME: Final = 1e-3
+_POSITION_TOLERANCE: Final = 1e-3
 """Largest distance of a node from its position on the grid, in spacings."""
 
 
@@ -124,12 +124,12 @@ def _positions(coordinates: Array) -> tuple[Indices, float]:
     """
     levels = np.sort(coordinates)
     steps = np.diff(levels)
-    count = 1 + int((steps > _SAME * steps.max(initial=0.0)).sum())
+    count = 1 + int((steps > _POSITION_TOLERANCE * steps.max(initial=0.0)).sum())
     spacing = float(levels[-1] - levels[0]) / max(count - 1, 1)
     if spacing > 0.0:
         positions = (coordinates - levels[0]) / spacing
         nearest = np.rint(positions).astype(np.int64)
-        if np.abs(positions - nearest).max() <= _SAME * count:
+        if np.abs(positions - nearest).max() <= _POSITION_TOLERANCE * count:
             return nearest, spacing
     return np.zeros(len(coordinates), np.int64), 0.0
 

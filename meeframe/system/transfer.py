@@ -84,7 +84,7 @@ class Transfer:
         return self.first.change(self.project_displacement(in_axes), common, target)
 
     def matrix(self, compliance: Array) -> Array:
-        """Return the compliance (n, 5, n, 5) on the first surface for that of the second body, (m, 5, m, 5)."""
+        """Return the compliance (n, f, n, f) on the first surface for that of the second body, (m, f, m, f)."""
         second, first = self._blocks(self.second), self._blocks(self.first)
         in_axes = np.einsum("bji,bjck,ckl->bicl", second, compliance, second, optimize=True)
         n, size = len(first), compliance.shape[1]
@@ -117,10 +117,10 @@ class TransferredSystem(ReducedSystem, FieldwiseApply):
     transfer
         The transfer to these.
     matrix
-        (n, 5, n, 5), the compliance if the body has its own as a matrix.
+        (n, fields, n, fields), the compliance if the body has its own as a matrix.
     self_compliance
-        (n, 5, 5), response of each node to its own load; an estimate if the body has no matrix: of the nearest node of
-        the body, in proportion to the sizes of elements.
+        (n, fields, fields), response of each node to its own load; an estimate if the body has no matrix: of the
+        nearest node of the body, in proportion to the sizes of elements.
     """
 
     body: ReducedSystem
@@ -129,7 +129,7 @@ class TransferredSystem(ReducedSystem, FieldwiseApply):
     self_compliance: Array
 
     def apply(self, load: Array) -> Array:
-        """Return compliance(load), (n, 5), for a load (n, 5)."""
+        """Return compliance(load), (n, fields), for a load (n, fields)."""
         if self.matrix is not None:
             response: Array = self.matrix.reshape(load.size, load.size) @ np.ravel(load)
             return response.reshape(load.shape)
@@ -146,7 +146,7 @@ class TransferredSystem(ReducedSystem, FieldwiseApply):
         return self.transfer.from_body(response, inner_fields, fields)
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, 5, 5); see `self_compliance`."""
+        """Return the response of each node to its own load, (n, fields, fields); see `self_compliance`."""
         return self.self_compliance
 
     def diagonal(self, fields: Sequence[int]) -> Array:
@@ -154,7 +154,7 @@ class TransferredSystem(ReducedSystem, FieldwiseApply):
         return self.self_compliance[:, list(fields), list(fields)]
 
     def dense(self) -> Array | None:
-        """Return the compliance, (n, 5, n, 5), if the body has its own as a matrix."""
+        """Return the compliance, (n, fields, n, fields), if the body has its own as a matrix."""
         return self.matrix
 
     def recover(self, load: Array) -> NodalFields:

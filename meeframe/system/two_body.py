@@ -25,7 +25,7 @@ from meeframe.system.reduced import Progress, ReducedSystem, silent
 from meeframe.system.transfer import TransferredSystem, transfer_body
 
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
-COINCIDENT: Final = 1e-6
+COINCIDENCE_TOLERANCE: Final = 1e-6
 """Largest distance of coinciding nodes, relative to the extent of the zone."""
 SAME_DIVISION: Final = 1e-3
 """Largest difference of normals [rad] and of weights (relative to the largest) on zones with the same division."""
@@ -98,7 +98,7 @@ def second_displacement(system: ReducedSystem, load: Array) -> Array | None:
 
 
 def interior_of_second(system: ReducedSystem, load: Array, points: Array, progress: Progress = silent) -> PointFields:
-    """Return the fields inside the second body for a load (n, 5) on the first.
+    """Return the fields inside the second body for a load (n, fields) on the first.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def match_nodes(first: ZoneGeometry, second_body: ZoneGeometry) -> Indices | Non
     Returns
     -------
     Indices or None
-        (n,) numbers of nodes; None unless all nodes coincide (COINCIDENT) and have equal weights (SAME_DIVISION).
+        (n,) numbers of nodes; None unless all coincide (COINCIDENCE_TOLERANCE) and have equal weights (SAME_DIVISION).
 
     Raises
     ------
@@ -171,7 +171,7 @@ def match_nodes(first: ZoneGeometry, second_body: ZoneGeometry) -> Indices | Non
     extent = float(np.linalg.norm(np.ptp(first.points, axis=0)))
     distances, nearest = scipy.spatial.cKDTree(second_body.points * TURN_OVER).query(first.points)
     partners: Indices = np.asarray(nearest, np.int64)
-    if not (distances <= COINCIDENT * extent).all() or len(np.unique(partners)) != len(partners):
+    if not (distances <= COINCIDENCE_TOLERANCE * extent).all() or len(np.unique(partners)) != len(partners):
         return None
     normals = first.frames[:, 2] + second_body.frames[partners, 2] * TURN_OVER
     askew = np.flatnonzero(np.linalg.norm(normals, axis=1) > SAME_DIVISION)

@@ -37,7 +37,7 @@ BOUNDS: Final = {"float64": ROUND_OFF, "float32": 1e-5}
 """Largest relative errors of displacements, by the precision of the load."""
 RECTANGLES: Final = ((-0.2, 0.2), (-0.3, 0.5), (-1.0, -0.7), (-0.1, 0.1))
 """Tested parts of the zone, in half widths along both axes; one of them is at a corner."""
-CANCELLED: Final = 0.1
+CANCELLATION_RATIO: Final = 0.1
 """Displacements below this fraction of a typical one may be sums that cancel, as couplings of two similar bodies."""
 CONTACT: Final = 0.6
 """Half axes of the elliptic contact with which edge corrections are tested, in half widths of the zone."""
@@ -352,8 +352,8 @@ def _surface_error(system: ReducedSystem, interior: InteriorFields, load: Array,
 
 
 def _error(system: ReducedSystem, result: Array, expected: Array, fields: Sequence[int]) -> float:
-    """Return the largest error in a field, relative to its largest displacement or to CANCELLED of a typical one."""
-    least = CANCELLED / typical_load(system)[list(fields)]
+    """Return the largest error of a field relative to its largest value, or to CANCELLATION_RATIO of a typical one."""
+    least = CANCELLATION_RATIO / typical_load(system)[list(fields)]
     return float((np.abs(result - expected).max(axis=0) / np.maximum(np.abs(expected).max(axis=0), least)).max())
 
 

@@ -29,9 +29,9 @@ PRESS: Final = np.array([0.0, 0.0, -1.0, 0.0, 0.0])
 SLIDE: Final = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
 SLIDE_2: Final = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
 VOLTAGE, MAGNETOMOTIVE = -np.eye(5)[[ELECTRIC, MAGNETIC]]
-TIGHT: Final = StoppingCriteria(tolerance=1e-11, max_iterations=5000)
-BALANCED: Final = 1e-11
-SAME: Final = 1e-8
+TIGHT_CRITERIA: Final = StoppingCriteria(tolerance=1e-11, max_iterations=5000)
+BALANCE_TOLERANCE: Final = 1e-11
+LOAD_TOLERANCE: Final = 1e-8
 
 
 def prescribe_resultant(
@@ -124,7 +124,10 @@ def released(problem: ContactProblem, state: ContactState, *prescribed: str) -> 
 
 
 def balanced_solution(
-    problem: ContactProblem, solver: Solver, limits: StoppingCriteria = TIGHT, start: ContactState | None = None
+    problem: ContactProblem,
+    solver: Solver,
+    limits: StoppingCriteria = TIGHT_CRITERIA,
+    start: ContactState | None = None,
 ) -> ContactSolution:
     """Return the solution of a problem. Raises AssertionError unless it converged to the prescribed resultants."""
     solution = solve(problem, solver, limits, start)
@@ -139,11 +142,13 @@ def balanced_solution(
     )
     for error, free in zip(unbalance(problem, state.load), problem.prescribed_resultants, strict=True):
         size = max(abs(free.total), float(np.abs(free.measure * state.load).sum()))
-        require(abs(error) <= BALANCED * size, f"{solver}: resultant off by", error)
+        require(abs(error) <= BALANCE_TOLERANCE * size, f"{solver}: resultant off by", error)
     return solution
 
 
 def check_same(state: ContactState, expected: ContactState) -> None:
     """Raise AssertionError unless tractions and fluxes agree to 1e-8 of the largest."""
     error = np.abs(state.load - expected.load).max(axis=0)
-    require((error <= SAME * np.abs(expected.load).max(axis=0)).all(), "tractions and fluxes differ by", error)
+    require(
+        (error <= LOAD_TOLERANCE * np.abs(expected.load).max(axis=0)).all(), "tractions and fluxes differ by", error
+    )

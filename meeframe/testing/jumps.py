@@ -10,7 +10,7 @@ from meeframe.fields import Array
 
 _HALVINGS: Final = 46
 """Number of bisections; the remaining interval is hardly wider than round-off."""
-_JUMP: Final = 1e-6
+_MIN_JUMP: Final = 1e-6
 """Smallest jump of a function whose values are of order one."""
 
 
@@ -39,4 +39,4 @@ def steepest(function: Callable[[Array], Array], start: Array, end: Array) -> tu
         nearer = first.reshape(-1, *[1] * (start.ndim - 1))
         start, before = np.where(nearer, start, middle), np.where(first, before, between)
         end, after = np.where(nearer, middle, end), np.where(first, between, after)
-    return start, end, np.asarray(np.abs(after - before) > _JUMP)
+    return start, end, np.asarray(np.abs(after - before) > _MIN_JUMP)

@@ -18,15 +18,15 @@ SAMPLES: Final = 400
 STEPS: Final = (1e2, 1e4)
 """Lengths r of the steps to a state at rest, in units of the largest friction limit if that exceeds the pressure."""
 _REST_STEPS: Final = 300
-_SETTLED: Final = 1e-8
+_REST_TOLERANCE: Final = 1e-8
 """Relative change of a traction per step below which it is at rest."""
 _LARGE_TRIAL: Final = 1e9
 """Trials beyond any friction limit, in units of the pressure."""
 _WIDTH: Final = 1e-5
 """Width of finite differences relative to the argument."""
-_KINK: Final = 0.02
+_KINK_DIFFERENCE: Final = 0.02
 """Relative difference of one-sided differences beyond which the law has a kink."""
-_SOLVED: Final = 1e-9
+_EQUATION_TOLERANCE: Final = 1e-9
 """Tolerance, in units of the pressure, of laws that solve an equation."""
 _LENGTHS: Final = ((1.0, 1.0), (0.1, 5.0), (20.0, 0.3))
 """Steps r, normal and tangential, in units of pressure / gap."""
@@ -135,14 +135,14 @@ def _check_resolve(
         traction_without,
     )
     admissible = law.project(traction)
-    valid = np.abs(admissible - traction).max(axis=1) <= _SOLVED * units.pressure
+    valid = np.abs(admissible - traction).max(axis=1) <= _EQUATION_TOLERANCE * units.pressure
     each(valid, "resolve gives tractions that project does not admit", states, traction)
     sample = random.permutation(SAMPLES)[: SAMPLES // 3]
     restricted = resolve(restriction(sample), trial[sample], gap[sample], r)
     close(restricted, traction[sample], units.pressure, "resolve depends on other nodes")
     lift = units.pressure * 10.0 ** random.uniform(-3.0, 0.0, SAMPLES)
     rise = resolve(law, trial + np.outer(lift, [0.0, 0.0, 1.0]), gap, r)[:, 2] - traction[:, 2]
-    monotone = (rise >= -_SOLVED * units.pressure) & (rise <= lift + _SOLVED * units.pressure)
+    monotone = (rise >= -_EQUATION_TOLERANCE * units.pressure) & (rise <= lift + _EQUATION_TOLERANCE * units.pressure)
     each(monotone, "normal traction is not monotone in its trial", states, traction)
 
 
@@ -231,7 +231,7 @@ def rest(law: ContactLaw, units: Units, random: np.random.Generator, step: float
     traction = history[-1]
     last, halfway = (np.linalg.norm(history[k] - history[k - 1], axis=1) for k in (-1, _REST_STEPS // 2))
     size, size_halfway = (np.linalg.norm(history[k][:, :2], axis=1) for k in (-1, _REST_STEPS // 2))
-    settled = last <= _SETTLED * (size + ROUND_OFF * units.pressure)
+    settled = last <= _REST_TOLERANCE * (size + ROUND_OFF * units.pressure)
     sticks = (last >= 0.99 * halfway) & (size > size_halfway)
     each(settled | sticks, "traction under slip does not become stationary", gap, traction)
     return Rest(slip, normal, traction, settled)
@@ -259,7 +259,7 @@ def _check_steps(law: ContactLaw, trial: Array, gap: Array, units: Units) -> Non
             scale = np.array([other[1] / r[1], other[1] / r[1], other[0] / r[0]])
             argument = traction + scale * (trial - traction)
             again = resolve(law, argument, gap, other)
-            valid = np.abs(again - traction).max(axis=1) <= _SOLVED * np.maximum(
+            valid = np.abs(again - traction).max(axis=1) <= _EQUATION_TOLERANCE * np.maximum(
                 np.abs(argument).max(axis=1), units.pressure
             )
             each(valid, "solutions depend on the step r", trial, np.hstack([traction, again]))
@@ -302,7 +302,7 @@ def _check_derivative(
         forward[:, :, column] = (function(at + width * axis) - value) / width
         backward[:, :, column] = (value - function(at - width * axis)) / width
     largest = np.maximum(np.abs(forward).max(axis=(1, 2)), unit)
-    smooth: NDArray[np.bool_] = np.abs(forward - backward).max(axis=(1, 2)) <= _KINK * largest
+    smooth: NDArray[np.bool_] = np.abs(forward - backward).max(axis=(1, 2)) <= _KINK_DIFFERENCE * largest
     error = np.abs(derivative - 0.5 * (forward + backward)).max(axis=(1, 2)) / largest
     each(~smooth | (error <= 1e-3), message, at, derivative)
     return smooth

@@ -19,11 +19,11 @@ from meeframe.laws.base import ConductivityLaw, ContactLaw, attraction, resolve
 _DIRECTIONS: Final = 36
 _ROUNDS: Final = 5
 """Number of refinements in the search for the admissible traction of largest work, each 18 times finer."""
-_LARGE: Final = 1e3
+_LARGE_FACTOR: Final = 1e3
 """Factor of the pressure for trials outside every friction limit with smaller coefficients."""
 _HALVINGS: Final = 40
 _BISECTIONS: Final = 60
-_BAND: Final = 1e-9
+_EQUAL_GAPS: Final = 1e-9
 """Gaps of pressures within this fraction of the characteristic pressure are equivalent."""
 _RELATIVE_STEP: Final = 1e-6
 """Relative step of the drop for the derivative of the flux."""
@@ -123,7 +123,7 @@ def _traction_violations(
     """Return violations of eqs. (10) to (12) and of `contact_fraction`; contact: tractions (n, 3)."""
     law, r = problem.contact_law, 1.0 / scales.normal_compliance
     gap = np.where(np.isfinite(relative[:, MECHANICAL]), relative[:, MECHANICAL], 0.0)
-    band = _BAND * scales.pressure
+    band = _EQUAL_GAPS * scales.pressure
     least = (_normal_trial(law, contact[:, 2] - band, gap, r) - (contact[:, 2] - band)) / scales.pressure
     most = (_normal_trial(law, contact[:, 2] + band, gap, r) - (contact[:, 2] + band)) / scales.pressure
     pressure, distance = -contact[:, 2] / scales.pressure, relative[:, 2] * r / scales.pressure
@@ -173,7 +173,7 @@ def _check_tangential_compliance(tractions: _AdmissibleTractions, contact: Array
     for push in _PUSHES:
         once = tractions.project(contact[:, :2] + push * size)
         change = np.abs(tractions.project(once[:, :2]) - once).max(initial=0.0)
-        if change > _BAND * size:
+        if change > _EQUAL_GAPS * size:
             raise ValueError(
                 f"violations cannot be computed for {type(tractions.law).__name__}, which has tangential compliance; "
                 "allowed: laws whose resolve leaves admissible tangential tractions unchanged"
@@ -185,7 +185,7 @@ def _work_deficit(tractions: _AdmissibleTractions, contact: Array, slip: Array) 
 
     It is the maximum over many directions on the friction limit, all of which are admissible, and never too large.
     """
-    far = _LARGE * np.linalg.norm(contact, axis=1)[:, None]
+    far = _LARGE_FACTOR * np.linalg.norm(contact, axis=1)[:, None]
     middle, width = np.arctan2(slip[:, 1], slip[:, 0])[:, None], np.pi
     nodes = np.arange(len(contact))
     for _ in range(_ROUNDS):
@@ -206,7 +206,7 @@ def _distance_from_limit(tractions: _AdmissibleTractions, contact: Array, slip: 
     size = np.linalg.norm(contact[:, :2], axis=1)[:, None]
     direction = np.divide(contact[:, :2], size, out=slip.copy(), where=size > 0.0)
     inner = np.zeros_like(size)
-    outer = _LARGE * np.linalg.norm(contact, axis=1)[:, None]
+    outer = _LARGE_FACTOR * np.linalg.norm(contact, axis=1)[:, None]
     for _ in range(_HALVINGS):
         middle = 0.5 * (inner + outer)
         trial = contact[:, :2] + middle * direction

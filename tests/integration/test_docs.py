@@ -54,6 +54,13 @@ def test_links_have_targets(page):
         assert not anchor or anchor in anchors(file), target
 
 
+@each_page
+def test_tables_follow_a_blank_line(page):
+    """Without one, the site shows a table as text with bars."""
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert not re.findall(r"^(?! *\|).*\S.*\n *\|.*\|\n *\|[ :|-]+\|$", text, flags=re.MULTILINE)
+
+
 def names(page: Path, pattern: str) -> Iterator[str]:
     """Yield the matches of a pattern in code of a page, in blocks or inline."""
     for code in re.findall(r"```.*?```|`[^`\n]+`|^    .*$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):

@@ -16,7 +16,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -115,12 +115,16 @@ def compliance(formulation: Formulation, body: Body) -> judge.Compliance:
 
 
 def answers(seeds: list[int], solver: str, workers: int) -> Iterator[Answer]:
-    """Yield the answers to problems in the order of their seeds."""
+    """Yield the answers to problems, those of several workers as they come."""
     if workers == 1:
         yield from (answer(seed, solver) for seed in seeds)
         return
     with ProcessPoolExecutor(workers) as pool:
-        yield from pool.map(answer, seeds, [solver] * len(seeds))
+        try:
+            for future in as_completed([pool.submit(answer, seed, solver) for seed in seeds]):
+                yield future.result()
+        finally:  # after an interruption too
+            pool.shutdown(cancel_futures=True)
 
 
 def main() -> int:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from study import APPROACH, FRICTION, RADIUS, YOUNG, BondedRow, Loop, Pressed, SlipRow, SlipState
 
 from meeframe.fields import Array
+from meeframe.results.canvas import label_panels
 from meeframe.testing.closed_forms_friction import (
     HertzContact,
     PartialSlip,
@@ -31,7 +32,7 @@ def partial_slip_picture(result: list[tuple[SlipRow, SlipState]], wanted: Sequen
     exact = PartialSlip(HertzContact(YOUNG, row.poisson, RADIUS, APPROACH), FRICTION)
     _tractions(axes[0], result, wanted, lambda r, share: exact.traction(r, share * exact.limit_force))
     fine = np.linspace(0.0, 1.0, 201)
-    axes[1].plot(fine, (1.0 - fine) ** (1 / 3), color="0.4", lw=1, label="Cattaneo, Mindlin")
+    axes[1].plot(fine, (1.0 - fine) ** (1 / 3), "-", color="0.4", lw=1, label="Cattaneo, Mindlin")
     radii = [(1.0 + r.stick_radius) * s.stick_radius / s.contact_radius for r, s in result]
     axes[1].plot([r.share for r, _ in result], radii, "o", color=COLOURS[0], label=f"{row.cells} x {row.cells} cells")
     axes[1].set(xlabel="Q / μP", ylabel="stick radius / a")
@@ -48,7 +49,7 @@ def torsion_picture(result: list[tuple[SlipRow, SlipState]], wanted: Sequence[fl
     unit = exact.limit_torque / exact.initial_stiffness
     twists = np.array([exact.twist(k) for k in np.linspace(0.1, 1.0, 100)])
     axes[1].plot(
-        twists / unit, [exact.torque(t) / exact.limit_torque for t in twists], color="0.4", lw=1, label="Lubkin"
+        twists / unit, [exact.torque(t) / exact.limit_torque for t in twists], "-", color="0.4", lw=1, label="Lubkin"
     )
     axes[1].plot(twists / unit, np.minimum(twists / unit, 1.0), ":", color="0.6", label="without slip")
     places = [exact.twist(r.share) for r, _ in result]
@@ -65,7 +66,7 @@ def _tractions(
     for (row, state), colour in zip([f for f in result if f[0].share in wanted], COLOURS, strict=False):
         scale = FRICTION * HertzContact(YOUNG, row.poisson, RADIUS, APPROACH).peak_pressure
         fine = np.linspace(0.0, 1.1, 441) * state.contact_radius
-        axis.plot(fine / state.contact_radius, exact(fine, row.share) / scale, color=colour, lw=1)
+        axis.plot(fine / state.contact_radius, exact(fine, row.share) / scale, "-", color=colour, lw=1)
         axis.plot(state.r / state.contact_radius, state.along / scale, ".", ms=3, color=colour, label=f"{row.share:g}")
     axis.set(xlabel="r / a", ylabel="traction / μ p0", xlim=(0, 1.1))
 
@@ -82,7 +83,7 @@ def loop_picture(loop: Loop, coarser: list[Loop]) -> Figure:
     first = [exact.force(x * exact.limit_displacement) for x in fine[fine >= 0]]
     axes[0].plot(fine[fine >= 0], np.array(first) / exact.limit_force, ":", color="0.4", lw=1, label="first loading")
     for sign in (1.0, -1.0):
-        axes[0].plot(sign * fine, sign * back / exact.limit_force, color="0.4", lw=1)
+        axes[0].plot(sign * fine, sign * back / exact.limit_force, "-", color="0.4", lw=1)
     axes[0].plot(loop.displacement, loop.force, "o", ms=4, color=COLOURS[0], label=f"{loop.cells} x {loop.cells} cells")
     axes[0].set(xlabel="displacement / limit", ylabel="Q / μP")
     cells = [result.cells for result in coarser]
@@ -111,7 +112,7 @@ def full_stick_picture(pressed: list[Pressed], punches: list[BondedRow]) -> Figu
         radius: Array = np.array([result.exact.contact_radius(g) for g in approach])
         name = "sphere" if result.exact.power == 2 else "cone"
         factor = stiffness / (2.0 * contact_modulus(YOUNG, result.exact.poisson) * radius)
-        style = {"marker": "o" if name == "sphere" else "^", "ms": 4, "ls": "", "color": colour}
+        style = {"marker": "o" if name == "sphere" else "^", "ms": 4, "ls": "none", "color": colour}
         axes[0].plot(radius, factor, **style, label=f"{name}, ν = {result.exact.poisson:g}")
         axes[0].axhline(bonding_factor(result.exact.poisson), color=colour, lw=1)
     axes[0].set(xlabel="contact radius / largest", ylabel="dP/dg / 2 E* a", xlim=(0, 1), ylim=(0.95, 1.25))
@@ -126,7 +127,8 @@ def full_stick_picture(pressed: list[Pressed], punches: list[BondedRow]) -> Figu
 
 
 def _finish(axes: Sequence[Axes]) -> None:
+    label_panels(axes)
     for axis in axes:
-        axis.grid(alpha=0.3)
+        axis.grid(visible=True)
         if not axis.get_legend():
             axis.legend(fontsize=8, ncols=1 + (len(axis.get_legend_handles_labels()[0]) > 6))

@@ -1,10 +1,16 @@
 """Read reproduced figures and measure quantities on them."""
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
+
+_BETWEEN_MESSAGES: Final = re.compile(r"; (?!use )")
+"""Between messages of a run, the first of which says that it converged; advice belongs to the message before it."""
+_NUMBER: Final = re.compile(r"\d+(?:\.\d+)?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +70,7 @@ class Figure:
     title: str
     paper: str
     panels: tuple[Panel, ...]
-    remarks: tuple[str, ...]
+    messages: tuple[str, ...]
 
     def panel(self, start: str) -> Panel:
         """Return the panel whose title starts with this text."""
@@ -93,10 +99,30 @@ def read_figure(file: Path) -> Figure:
         )
         for panel in data["panels"]
     )
-    remarks = tuple(
-        f"{panel['title']}, {run}: {message.split('; ', 1)[1]}"
-        for panel in data["panels"]
-        for run, message in zip(panel["runs"], panel["messages"], strict=True)
-        if "; " in message
-    )
-    return Figure(data["name"], data["title"], data["paper"], panels, remarks)
+    return Figure(data["name"], data["title"], data["paper"], panels, _messages(data["panels"]))
+
+
+def _messages(panels: list[dict]) -> tuple[str, ...]:
+    """Return the messages of the runs, one for all runs of which the messages differ in numbers only."""
+    runs: dict[str, dict[str, list[str]]] = {}
+    numbers: dict[str, list[list[str]]] = {}
+    for panel in panels:
+        for run, text in zip(panel["runs"], panel["messages"], strict=True):
+            for message in _BETWEEN_MESSAGES.split(text)[1:]:
+                kind = _NUMBER.sub("{}", message)
+                runs.setdefault(kind, {}).setdefault(panel["title"], []).append(run)
+                numbers.setdefault(kind, []).append(_NUMBER.findall(message))
+    every = {panel["title"]: panel["runs"] for panel in panels}
+    result = []
+    for kind, by_title in runs.items():
+        named = {
+            title: "all" if len(of) > 1 and of == every[title] else "; ".join(of) for title, of in by_title.items()
+        }
+        text = kind.format(*map(_range, zip(*numbers[kind], strict=True)))
+        result.append(", ".join(f"{title} ({names})" for title, names in named.items()) + f": {text}")
+    return tuple(result)
+
+
+def _range(values: tuple[str, ...]) -> str:
+    low, high = min(values, key=float), max(values, key=float)
+    return low if low == high else f"{low} to {high}"

@@ -87,7 +87,8 @@ def _section(figure: Figure, result: list[Claim]) -> list[str]:
     for claim in result:
         verdict = claim.verdict if claim.verdict is Verdict.HOLDS else f"**{claim.verdict}**"
         lines.append(f"| {claim.paper} | {claim.observed} | {claim.criterion} | {verdict} |")
-    return [*lines, "", *(f"Message of the run: {remark}." for remark in figure.remarks), ""]
+    messages = [f"- {message}." for message in figure.messages]
+    return [*lines, "", *(["Messages of the runs:", "", *messages, ""] if messages else [])]
 
 
 if __name__ == "__main__":

@@ -26,6 +26,8 @@ import numpy as np
 from checks import PERIOD, PRESSURES, SLOPE, Density, heights_of, ours, reduced, surface
 from isotropic import MODULUS
 
+from meeframe.results.canvas import label_panels
+
 NAME: Final = "rough_density"
 DOCS: Final = Path(__file__).parents[2] / "docs" / "validation"
 WAVES: Final = 8
@@ -120,8 +122,10 @@ def picture(rows: list[Row], limits: dict[float, dict[str, tuple[float, float]]]
         ax.set(xscale="log", xlabel="samples in the shortest wave", ylabel=f"error of the {label} [%]")
         ax.set_xticks([row.samples for row in chosen], [str(row.samples) for row in chosen])
         ax.minorticks_off()
+        ax.grid(visible=True)
     axes[-1].set_ylim(-5, 15)
     axes[0].legend(title="density, mean pressure / E* h'", fontsize=7, title_fontsize=7)
+    label_panels(axes)
     return figure
 
 

@@ -11,6 +11,7 @@ from matplotlib.ticker import NullFormatter
 from study import Refinement, Sweep, closed_form, exact_totals
 
 from meeframe.model.case import Case
+from meeframe.results.canvas import label_panels
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 CURVES = [("EMII", "force"), ("ECMII", "charge"), ("EIMCI", "magnetic_flux"), ("EMCI", "force")]
@@ -31,8 +32,9 @@ def sweep_picture(case: Case, sweeps: list[Sweep]) -> Figure:
         axis.axhline(result.limit.force / insulated, color=COLOURS[0], ls="--", lw=1)
         axis.axhline(1.0, color=COLOURS[1], ls="--", lw=1)
         axis.set(xlabel=f"{name} conductivity, times |ξ_cc| a", title=result.condition)
-        axis.grid(alpha=0.3)
+        axis.grid(visible=True)
         axis.legend()
+    label_panels(axes)
     return figure
 
 
@@ -54,10 +56,11 @@ def section_picture(case: Case, sections: list[Sweep]) -> Figure:
                 values = pressure if row == 0 else potentials[:, row - 1]
                 axis.plot(x / a, values / scale, "o", ms=4, color=colour, label=f"{kappa:g}")
             axis.set_ylabel(f"{name.replace('_', ' ')} / insulated")
-            axis.grid(alpha=0.3)
+            axis.grid(visible=True)
         axes[0, column].set_title(result.condition)
         axes[2, column].set_xlabel("x / a")
     axes[0, 0].legend(title="conductivity × |ξ_cc| a", fontsize=8)
+    label_panels(axes.ravel())
     return figure
 
 
@@ -80,10 +83,11 @@ def convergence_picture(case: Case, meshes: list[Refinement]) -> Figure:
             axis.loglog(x, y, "o-", color=colour, label=f"{condition}, {key.replace('_', ' ')}")
         start = max(line.get_ydata()[0] for line in axis.lines)
         axis.loglog(x, [1.5 * start * x[0] / v for v in x], ":", color="0.5", label="first order")
-        axis.grid(alpha=0.3, which="both")
+        axis.grid(visible=True)
         axis.xaxis.set_major_formatter("{x:g}")
         axis.xaxis.set_minor_formatter(NullFormatter())
     axes[0].set(xlabel="L / a", ylabel="difference [%]", title="block to half space, 16 x 16 elements")
     axes[1].set(xlabel="a / h", title="half space to closed form")
     axes[0].legend(fontsize=8)
+    label_panels(axes)
     return figure

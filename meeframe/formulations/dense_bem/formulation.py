@@ -110,6 +110,18 @@ class DenseBEM(Formulation):
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
         """Return the fields on the boundary of a body without contact zone.
 
+        Parameters
+        ----------
+        body : Body
+            Body without contact zone.
+        progress : callable, optional
+            Function that receives the stage and the fraction of it that is done.
+
+        Returns
+        -------
+        NodalFields
+            Extended displacements and tractions in SI units and global axes.
+
         Raises
         ------
         CaseError

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from meeframe.greens._kernels.modulation import PACKED
+from meeframe.greens._kernels.modulation import N_PACKED, PACKED
 
 
 @njit(cache=True, nogil=True)
@@ -16,7 +16,7 @@ def isotropic_modulation(constants, triad):
     p_wave, shear, electric, magnetic = constants
     alpha = 0.5 / shear + 0.5 / p_wave
     beta = 0.5 / shear - 0.5 / p_wave
-    modulation = np.zeros((triad.shape[0], 3, 15))
+    modulation = np.zeros((triad.shape[0], 3, N_PACKED))
     for point in range(triad.shape[0]):
         e = triad[point, 2]
         for i in range(3):

@@ -11,12 +11,15 @@ import math
 import numpy as np
 from numba import njit
 
+from meeframe.fields import N_FIELDS
+from meeframe.greens._kernels.modulation import N_PACKED, N_PAIRS
+
 LANES = 32
-MATRIX = 25 * LANES
+MATRIX = N_PAIRS * LANES
 """Length of a group of 5x5 matrices."""
 FORM_AXES = np.array([[0, 0], [0, 1], [1, 1], [0, 2], [1, 2]])
 """Axes of a triad (n, m, e) of each form."""
-UPPER_ENTRIES = np.flatnonzero(np.triu(np.ones((5, 5))))
+UPPER_ENTRIES = np.flatnonzero(np.triu(np.ones((N_FIELDS, N_FIELDS))))
 """Entries of a 5x5 matrix in its packed upper triangle."""
 
 
@@ -32,12 +35,12 @@ def _form(stiffness, a, b, products, form):
         products[p], products[LANES + p], products[2 * LANES + p] = 2.0 * ax * bx, 2.0 * ay * by, 2.0 * az * bz
         products[3 * LANES + p], products[4 * LANES + p] = ax * by + bx * ay, ay * bz + by * az
         products[5 * LANES + p] = az * bx + bz * ax
-    for j in range(5):
-        for k in range(5):
+    for j in range(N_FIELDS):
+        for k in range(N_FIELDS):
             c = stiffness[:, j, k, :]
             xx, yy, zz = c[0, 0], c[1, 1], c[2, 2]
             xy, yz, zx = c[0, 1] + c[1, 0], c[1, 2] + c[2, 1], c[2, 0] + c[0, 2]
-            first = (5 * j + k) * LANES
+            first = (N_FIELDS * j + k) * LANES
             for p in range(LANES):
                 form[first + p] = (
                     xx * products[p]
@@ -122,13 +125,13 @@ def _invert(f, c, s, inverse):
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _multiply(a, b, product):
     """Fill product (MATRIX,) with the products of matrices a and b (MATRIX,)."""
-    for i in range(5):
-        for j in range(5):
+    for i in range(N_FIELDS):
+        for j in range(N_FIELDS):
             for p in range(LANES):
                 value = 0.0
-                for k in range(5):
-                    value += a[(5 * i + k) * LANES + p] * b[(5 * k + j) * LANES + p]
-                product[(5 * i + j) * LANES + p] = value
+                for k in range(N_FIELDS):
+                    value += a[(N_FIELDS * i + k) * LANES + p] * b[(N_FIELDS * k + j) * LANES + p]
+                product[(N_FIELDS * i + j) * LANES + p] = value
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -158,14 +161,14 @@ def _compare(total, previous, change, scale):
     An entry i, j is relative to the root of H_ii H_jj, so that each field counts alike, whatever its units and whether
     or not it is coupled to others. scale (5 LANES,) is scratch.
     """
-    for i in range(5):
+    for i in range(N_FIELDS):
         for p in range(LANES):
-            scale[i * LANES + p] = 1.0 / math.sqrt(abs(total[6 * i * LANES + p]))
+            scale[i * LANES + p] = 1.0 / math.sqrt(abs(total[(N_FIELDS + 1) * i * LANES + p]))
     change[:] = 0.0
     for first in range(0, len(total), MATRIX):
-        for i in range(5):
-            for j in range(5):
-                entry = first + (5 * i + j) * LANES
+        for i in range(N_FIELDS):
+            for j in range(N_FIELDS):
+                entry = first + (N_FIELDS * i + j) * LANES
                 for p in range(LANES):
                     difference = abs(total[entry + p] - 2.0 * previous[entry + p])
                     change[p] = max(change[p], difference * scale[i * LANES + p] * scale[j * LANES + p])
@@ -182,11 +185,11 @@ def line_integrals(stiffness, triad, points, max_points, tolerance, with_tangent
     cos(n p) = 0, the change vanishes by accident, however large r is; there the square of the change before is r^n / 2.
     """
     n = triad.shape[0]
-    axes, products, forms = np.empty((3, 3 * LANES)), np.empty(6 * LANES), np.empty(5 * MATRIX)
+    axes, products, forms = np.empty((3, 3 * LANES)), np.empty(6 * LANES), np.empty(len(FORM_AXES) * MATRIX)
     work = (np.empty(MATRIX), np.empty(MATRIX), np.empty(MATRIX))
-    change, change_before, scale = np.empty(LANES), np.empty(LANES), np.empty(5 * LANES)
+    change, change_before, scale = np.empty(LANES), np.empty(LANES), np.empty(N_FIELDS * LANES)
     n_functions = 3 if with_tangents else 1
-    modulation = np.zeros((n, n_functions, 15))
+    modulation = np.zeros((n, n_functions, N_PACKED))
     total = np.empty(n_functions * MATRIX)
     for first in range(0, n, LANES):
         n_used = min(LANES, n - first)
@@ -194,7 +197,7 @@ def line_integrals(stiffness, triad, points, max_points, tolerance, with_tangent
             for axis in range(3):
                 for i in range(3):
                     axes[axis, i * LANES + p] = triad[first + min(p, n_used - 1), axis, i]
-        for form in range(5 if with_tangents else 3):
+        for form in range(len(FORM_AXES) if with_tangents else 3):
             a, b = FORM_AXES[form]
             _form(stiffness, axes[a], axes[b], products, forms[form * MATRIX : (form + 1) * MATRIX])
         total[:] = 0.0
@@ -216,7 +219,7 @@ def line_integrals(stiffness, triad, points, max_points, tolerance, with_tangent
                 if not converged[p] and max(change[p], change_before[p] ** 2) <= tolerance:
                     converged[p] = True
                     for function in range(n_functions):
-                        for entry in range(15):
+                        for entry in range(N_PACKED):
                             source = function * MATRIX + UPPER_ENTRIES[entry] * LANES + p
                             modulation[first + p, function, entry] = total[source] / count
     return modulation, bool(np.isfinite(modulation).all())

@@ -4,6 +4,8 @@ At x = r e, with (n, m, e) a right-handed orthonormal triad, every fundamental s
     4 pi r U = H,    4 pi r^2 U,q = n_q A + m_q B - e_q H,
 with symmetric 5x5 matrices H, A, B that depend on the direction alone: A and B are the tangential derivatives of H
 (eqs. 42, 48, 49). They are packed as the 15 entries of the upper triangle, row by row.
+
+The number of fields is that of the default field set, for which some inner loops of these kernels are written out.
 """
 
 import math
@@ -11,8 +13,12 @@ import math
 import numpy as np
 from numba import njit
 
+from meeframe.fields import N_FIELDS
+
+N_PAIRS, N_PACKED = N_FIELDS**2, N_FIELDS * (N_FIELDS + 1) // 2
 # Module constants of NumPy types are compiled in as constants.
-PACKED = np.array([[0, 1, 2, 3, 4], [1, 5, 6, 7, 8], [2, 6, 9, 10, 11], [3, 7, 10, 12, 13], [4, 8, 11, 13, 14]])
+PACKED = np.empty((N_FIELDS, N_FIELDS), np.int64)
+PACKED[np.triu_indices(N_FIELDS)] = PACKED.T[np.triu_indices(N_FIELDS)] = np.arange(N_PACKED)
 
 
 @njit(cache=True, nogil=True)
@@ -46,8 +52,8 @@ def triads(offset):
 @njit(cache=True, nogil=True)
 def contract(stiffness, a, b, out):
     """Fill out (5, 5) with C_iJKm a_i b_m, for stiffness (3, 5, 5, 3)."""
-    for j in range(5):
-        for k in range(5):
+    for j in range(N_FIELDS):
+        for k in range(N_FIELDS):
             total = 0.0
             for i in range(3):
                 for m in range(3):
@@ -59,19 +65,19 @@ def contract(stiffness, a, b, out):
 def displacement_and_traction(stiffness, normal, distance, triad, modulation):
     """Return U and T, (n, 5, 5) each, from the modulation (n, 3, 15) = H, A, B (eqs. 42, 47)."""
     count = distance.shape[0]
-    u = np.empty((count, 5, 5))
-    t = np.empty((count, 5, 5))
-    row = np.empty((3, 5, 5))
+    u = np.empty((count, N_FIELDS, N_FIELDS))
+    t = np.empty((count, N_FIELDS, N_FIELDS))
+    row = np.empty((3, N_FIELDS, N_FIELDS))
     for point in range(count):
         r = distance[point]
         frame = triad[point]
         h, a, b = modulation[point]
         for axis in range(3):
             contract(stiffness, normal[point], frame[axis], row[axis])
-        for j in range(5):
-            for k in range(5):
+        for j in range(N_FIELDS):
+            for k in range(N_FIELDS):
                 total = 0.0
-                for m in range(5):
+                for m in range(N_FIELDS):
                     entry = PACKED[m, k]
                     total += row[0, j, m] * a[entry] + row[1, j, m] * b[entry] - row[2, j, m] * h[entry]
                 t[point, j, k] = total / (4.0 * math.pi * r * r)
@@ -82,13 +88,13 @@ def displacement_and_traction(stiffness, normal, distance, triad, modulation):
 @njit(cache=True, nogil=True)
 def displacement_gradient(distance, triad, modulation):
     """Return U,q, (n, 5, 5, 3), from the modulation (n, 3, 15) = H, A, B (eq. 48)."""
-    gradient = np.empty((distance.shape[0], 5, 5, 3))
+    gradient = np.empty((distance.shape[0], N_FIELDS, N_FIELDS, 3))
     for point in range(distance.shape[0]):
         r = distance[point]
         n, m, e = triad[point]
         h, a, b = modulation[point]
-        for j in range(5):
-            for k in range(5):
+        for j in range(N_FIELDS):
+            for k in range(N_FIELDS):
                 entry = PACKED[j, k]
                 for q in range(3):
                     value = n[q] * a[entry] + m[q] * b[entry] - e[q] * h[entry]

@@ -5,19 +5,20 @@ import math
 import numpy as np
 from numba import njit
 
-from meeframe.greens._kernels.modulation import PACKED, contract
+from meeframe.fields import N_FIELDS
+from meeframe.greens._kernels.modulation import N_PACKED, PACKED, contract
 
 N_SAMPLES = 16
 N_TERMS = 9
 ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(N_SAMPLES) / N_SAMPLES)
-COMPLEMENT = np.array([[j for j in range(5) if j != i] for i in range(5)])
+COMPLEMENT = np.array([[j for j in range(N_FIELDS) if j != i] for i in range(N_FIELDS)])
 
 
 @njit(cache=True, nogil=True)
 def characteristic_forms(stiffness, triad):
     """Return Q, R + R^T and T of eqs. 44-45, (n, 3, 5, 5), on triads (n, 3, 3)."""
     n = triad.shape[0]
-    forms = np.empty((n, 3, 5, 5))
+    forms = np.empty((n, 3, N_FIELDS, N_FIELDS))
     for point in range(n):
         contract(stiffness, triad[point, 0], triad[point, 0], forms[point, 0])
         contract(stiffness, triad[point, 0], triad[point, 1], forms[point, 1])
@@ -56,8 +57,8 @@ def _adjugate(forms, roots, coefficients):
         c, s = math.cos(angle), math.sin(angle)
         matrix = (c * c) * forms[0] + (c * s) * forms[1] + (s * s) * forms[2]
         determinant = 0.0
-        for i in range(5):
-            for j in range(i, 5):
+        for i in range(N_FIELDS):
+            for j in range(i, N_FIELDS):
                 value = _cofactor(matrix, i, j)
                 for k in range(N_TERMS):
                     coefficients[PACKED[i, j], k] += value * ROOTS_OF_UNITY[((4 - k) * sample) % N_SAMPLES] / N_SAMPLES
@@ -100,7 +101,7 @@ def _double_residues(adjugate, moments, double):
     (eqs. 53, 54).
     """
     weighted = np.empty((3, N_TERMS), np.complex128)
-    for pk in range(15):
+    for pk in range(N_PACKED):
         for b in range(N_TERMS):
             x0, x1, x2 = 0.0j, 0.0j, 0.0j
             for a in range(N_TERMS):
@@ -111,7 +112,7 @@ def _double_residues(adjugate, moments, double):
             weighted[0, b] = 0.25 * (x2 + 2.0 * x1 + x0)
             weighted[1, b] = -0.25j * (x2 - x0)
             weighted[2, b] = 0.25 * (-x2 + 2.0 * x1 - x0)
-        for mn in range(pk, 15):
+        for mn in range(pk, N_PACKED):
             for form in range(3):
                 total = 0.0
                 for b in range(N_TERMS):
@@ -122,17 +123,17 @@ def _double_residues(adjugate, moments, double):
 @njit(cache=True, nogil=True)
 def _tangents(stiffness, triad, double, scale, modulation):
     """Fill modulation[1:] with A and B (15,) from M (eq. 49 without its first term, along n and m)."""
-    along_n, along_m = np.empty((5, 5)), np.empty((5, 5))
+    along_n, along_m = np.empty((2, N_FIELDS, N_FIELDS))
     contract(stiffness, triad[0], triad[2], along_n)
     contract(stiffness, triad[1], triad[2], along_m)
     along_n += along_n.T.copy()
     along_m += along_m.T.copy()
-    for p in range(5):
-        for j in range(p, 5):
+    for p in range(N_FIELDS):
+        for j in range(p, N_FIELDS):
             for tangent in range(2):
                 total = 0.0
-                for k in range(5):
-                    for m in range(5):
+                for k in range(N_FIELDS):
+                    for m in range(N_FIELDS):
                         pk, mj = PACKED[p, k], PACKED[m, j]
                         total += along_n[k, m] * double[tangent, pk, mj] + along_m[k, m] * double[tangent + 1, pk, mj]
                 modulation[1 + tangent, PACKED[p, j]] = scale * total
@@ -142,21 +143,21 @@ def _tangents(stiffness, triad, double, scale, modulation):
 def residue_modulation(stiffness, triad, forms, eigenvalues):
     """Return H, A, B (n, 3, 15) on triads (n, 3, 3) from forms (n, 3, 5, 5) and upper eigenvalues (n, 5)."""
     n = triad.shape[0]
-    modulation = np.empty((n, 3, 15))
-    adjugate = np.empty((15, N_TERMS), np.complex128)
-    double = np.empty((3, 15, 15))
-    nodes, vector = np.empty(10, np.complex128), np.empty(10, np.complex128)
+    modulation = np.empty((n, 3, N_PACKED))
+    adjugate = np.empty((N_PACKED, N_TERMS), np.complex128)
+    double = np.empty((3, N_PACKED, N_PACKED))
+    nodes, vector = np.empty(2 * N_FIELDS, np.complex128), np.empty(2 * N_FIELDS, np.complex128)
     single_moments, double_moments = np.empty(N_TERMS, np.complex128), np.empty(2 * N_TERMS + 1, np.complex128)
     for point in range(n):
         roots = (1j - eigenvalues[point]) / (1j + eigenvalues[point])
         constant = _adjugate(forms[point], roots, adjugate)
         _moments(roots, roots, 1, vector, single_moments)
-        for entry in range(15):
+        for entry in range(N_PACKED):
             total = 0.0
             for k in range(N_TERMS):
                 total += (adjugate[entry, k] * single_moments[k]).real
             modulation[point, 0, entry] = total / constant
-        for k in range(5):
+        for k in range(N_FIELDS):
             nodes[2 * k] = nodes[2 * k + 1] = roots[k]
         _moments(nodes, roots, 2, vector, double_moments)
         _double_residues(adjugate, double_moments, double)

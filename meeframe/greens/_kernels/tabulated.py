@@ -14,7 +14,8 @@ import math
 import numpy as np
 from numba import njit
 
-from meeframe.greens._kernels.modulation import PACKED
+from meeframe.fields import N_FIELDS
+from meeframe.greens._kernels.modulation import N_PACKED, N_PAIRS, PACKED
 from meeframe.greens._kernels.prefetch import prefetch
 
 DEGREE = 8
@@ -28,10 +29,9 @@ PADDED_BLOCK = BLOCK + LANES
 # to stay in a second-level cache of 1 MiB until they are written in order.
 CHUNK = 2048
 PACKED_FLAT = PACKED.ravel()
-N_PACKED = 15
 # Doubles of U, packed, and T of one point (five cache lines), doubles of a cache line, and the number of points by
 # which results are prefetched.
-POINT_WIDTH, CACHE_LINE, PREFETCH_DISTANCE = N_PACKED + 25, 8, 8
+POINT_WIDTH, CACHE_LINE, PREFETCH_DISTANCE = N_PACKED + N_PAIRS, 8, 8
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -176,7 +176,7 @@ def tractions(coefficients, point_data, values, traction):
     coefficients (225,): C_iJMl as [J, M, 3 k + i] with l = a, b, c for k = 0, 1, 2; point_data (7, BLOCK): normal, u,
     v, 1 / (4 pi s) and that times cells; values: see _block. The compiler vectorises only without an inner loop.
     """
-    for j in range(5):
+    for j in range(N_FIELDS):
         o = 45 * j
         out = traction[j]
         for p in range(BLOCK):
@@ -252,8 +252,8 @@ def _pack(points, coordinates, values, traction, packed):
         scale = 0.25 / (math.pi * abs(coordinates[0, points[p]]))
         for q in range(N_PACKED):
             packed[p, q] = scale * values[q, p]
-        for q in range(25):
-            packed[p, N_PACKED + q] = traction[q // 5, BLOCK * (q % 5) + p]
+        for q in range(N_PAIRS):
+            packed[p, N_PACKED + q] = traction[q // N_FIELDS, BLOCK * (q % N_FIELDS) + p]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -262,10 +262,10 @@ def _write(points, coordinates, values, traction, u_out, t_out):
     for p in range(len(points)):
         point = points[p]
         scale = 0.25 / (math.pi * abs(coordinates[0, point]))
-        for q in range(25):
+        for q in range(N_PAIRS):
             u_out[point, q] = scale * values[PACKED_FLAT[q], p]
-        for q in range(25):
-            t_out[point, q] = traction[q // 5, BLOCK * (q % 5) + p]
+        for q in range(N_PAIRS):
+            t_out[point, q] = traction[q // N_FIELDS, BLOCK * (q % N_FIELDS) + p]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -282,9 +282,9 @@ def _write_in_order(packed, order, row_number, u_out, t_out):
         upcoming = POINT_WIDTH * row_number[min(point + PREFETCH_DISTANCE, n - 1)]
         _prefetch(packed, upcoming, upcoming + POINT_WIDTH)
         result = packed[row_number[point]]
-        for q in range(25):
+        for q in range(N_PAIRS):
             u_out[point, q] = result[PACKED_FLAT[q]]
-        for q in range(25):
+        for q in range(N_PAIRS):
             t_out[point, q] = result[N_PACKED + q]
 
 
@@ -299,7 +299,11 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
         np.empty((capacity if n > capacity else 0, POINT_WIDTH)),
     )
     order, row_number = np.empty((2, capacity), np.int32)
-    point_data, values, traction = np.zeros((7, BLOCK)), np.zeros((WIDTH, 3 * PADDED_BLOCK)), np.empty((5, 5 * BLOCK))
+    point_data, values, traction = (
+        np.zeros((7, BLOCK)),
+        np.zeros((WIDTH, 3 * PADDED_BLOCK)),
+        np.empty((N_FIELDS, N_FIELDS * BLOCK)),
+    )
     work = np.zeros((2, PADDED_BLOCK)), point_data, values, np.empty(3 * WIDTH)
     for begin in range(0, n, CHUNK):
         chunk = slice(begin, min(begin + CHUNK, n))
@@ -325,14 +329,14 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
 def gradient(table, cells, offset):
     """Return U,q, (n, 5, 5, 3), for offset (n, 3)."""
     n = offset.shape[0]
-    out = np.empty((n, 5, 5, 3))
+    out = np.empty((n, N_FIELDS, N_FIELDS, 3))
     value = np.empty(3 * WIDTH)
     for point in range(n):
         face, xa, u, v, cell, s, t = locate(offset[point, 0], offset[point, 1], offset[point, 2], cells)
         _interpolate(table, cell, s, t, value)
         scale = 0.25 / (math.pi * abs(xa) * xa)
-        for j in range(5):
-            for k in range(5):
+        for j in range(N_FIELDS):
+            for k in range(N_FIELDS):
                 entry = PACKED[j, k]
                 gu, gv = cells * value[entry + 16], cells * value[entry + 32]
                 out[point, j, k, face] = -scale * (value[entry] + u * gu + v * gv)

@@ -5,6 +5,8 @@ import math
 import numpy as np
 from numba import njit
 
+from meeframe.fields import N_FIELDS
+from meeframe.greens._kernels.modulation import N_PAIRS
 from meeframe.greens._kernels.tabulated import PACKED_FLAT, WIDTH, horner, locate
 
 
@@ -38,10 +40,10 @@ def _at_point(table, cells, offset, field):
 def _contract_normal(coefficients, normal, contracted):
     """Fill contracted (75,) with C_iJMl n_i as [l, J, M], for coefficients (225,) as in tabulated.tractions."""
     x, y, z = normal
-    for q in range(25):
+    for q in range(N_PAIRS):
         for axis in range(3):
             o = 9 * q + 3 * axis
-            contracted[25 * axis + q] = coefficients[o] * x + coefficients[o + 1] * y + coefficients[o + 2] * z
+            contracted[N_PAIRS * axis + q] = coefficients[o] * x + coefficients[o + 1] * y + coefficients[o + 2] * z
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -54,12 +56,12 @@ def _add_tractions(contracted, sums, spread, line, t_out):
     n_nodes = len(sums)
     for node in range(n_nodes):
         for axis in range(3):
-            for q in range(25):
-                spread[axis, q // 5, 8 * node + q % 5] = sums[node, WIDTH * (1 + axis) + PACKED_FLAT[q]]
-    for j in range(5):
+            for q in range(N_PAIRS):
+                spread[axis, q // N_FIELDS, 8 * node + q % N_FIELDS] = sums[node, WIDTH * (1 + axis) + PACKED_FLAT[q]]
+    for j in range(N_FIELDS):
         line[:] = 0.0
         for axis in range(3):
-            o = 25 * axis + 5 * j
+            o = N_PAIRS * axis + N_FIELDS * j
             c0, c1, c2, c3, c4 = (
                 contracted[o],
                 contracted[o + 1],
@@ -71,8 +73,8 @@ def _add_tractions(contracted, sums, spread, line, t_out):
             for i in range(len(line)):
                 line[i] += c0 * r[0, i] + c1 * r[1, i] + c2 * r[2, i] + c3 * r[3, i] + c4 * r[4, i]
         for node in range(n_nodes):
-            for k in range(5):
-                t_out[node, 5 * j + k] += line[8 * node + k]
+            for k in range(N_FIELDS):
+                t_out[node, N_FIELDS * j + k] += line[8 * node + k]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -84,8 +86,8 @@ def integrate(table, cells, coefficients, offset, weights, starts, normals, u_ou
     not at every point.
     """
     n_nodes = weights.shape[1]
-    field, contracted = np.empty(4 * WIDTH), np.empty((3, 75))
-    sums, spread, line = np.empty((3, n_nodes, 4 * WIDTH)), np.zeros((3, 5, 8 * n_nodes)), np.empty(8 * n_nodes)
+    field, contracted = np.empty(4 * WIDTH), np.empty((3, 3 * N_PAIRS))
+    sums, spread, line = np.empty((3, n_nodes, 4 * WIDTH)), np.zeros((3, N_FIELDS, 8 * n_nodes)), np.empty(8 * n_nodes)
     used = np.zeros(3, np.bool_)
     for piece in range(len(normals)):
         u_out[piece] = 0.0
@@ -108,6 +110,6 @@ def integrate(table, cells, coefficients, offset, weights, starts, normals, u_ou
             if used[face]:
                 used[face] = False
                 for node in range(n_nodes):
-                    for q in range(25):
+                    for q in range(N_PAIRS):
                         u_out[piece, node, q] += sums[face, node, PACKED_FLAT[q]]
                 _add_tractions(contracted[face], sums[face], spread, line, t_out[piece])

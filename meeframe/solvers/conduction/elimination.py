@@ -27,6 +27,11 @@ from meeframe.system.capabilities import ApproximateInverse, apply_fields
 
 TOLERANCE: Final = 1e-13
 """Relative tolerance of iterations for the flux equations."""
+MAX_RESISTANCE_RATIO: Final = 1e100
+"""Multiple of its self-compliance from which a resistance insulates: prescribed totals would need infinite potentials.
+
+Power laws have such resistances under the smallest pressures.
+"""
 Solve = Callable[[Array, Array, float], Array]
 """Type of functions (difference (a,), guess (a,), reduction) -> flux (a,)."""
 
@@ -181,7 +186,7 @@ class Elimination:
         """Return the conductors of resistances (n, channels); `previous` where these have not changed."""
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
-        conducts = np.isfinite(resistance)
+        conducts = resistance < MAX_RESISTANCE_RATIO * self.self_compliance
         make = self._iterate if self.matrix is None else self._factorise
         solve = make(conducts, resistance)
         return Conductors(resistance, conducts, Floating.of(self.problem, conducts, solve), solve)

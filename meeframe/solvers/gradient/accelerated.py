@@ -16,9 +16,9 @@ import numpy as np
 from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.generated_heat import check_no_generated_heat
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
-from meeframe.fields import POTENTIALS, Array
+from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.solvers.conduction.elimination import Conductors
-from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Slope, Spectrum, traction_of
+from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Slope, Spectrum
 
 PLAIN_STEP: Final = 1.6
 """Plain step times the largest eigenvalue; the limit of stability is 2."""
@@ -114,7 +114,7 @@ class BarzilaiBorwein(Solver):
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Take one projected step; its length is the ratio of the last changes of tractions and gap."""
-        memory, traction = iterate.memory_as(_Memory), traction_of(iterate.load)
+        memory, traction = iterate.memory_as(_Memory), iterate.load[:, MECHANICAL]
         memory, slope, plain_step, violation = _evaluate(memory, iterate, traction)
         guard = memory.guard.next(violation)
         r = plain_step * guard.shortening
@@ -122,7 +122,7 @@ class BarzilaiBorwein(Solver):
             change = traction - memory.base, memory.gap - slope.gap
             r = _secant_step(problem.contact_law.tangential_scaling(), *change, memory.iteration % 2 == 1, r)
         memory = replace(memory, guard=guard, base=traction, gap=slope.gap, iteration=memory.iteration + 1)
-        return _take_step(memory, traction, traction, slope, r)[0]
+        return _take_step(memory, traction, traction, slope, r)
 
 
 @final
@@ -146,13 +146,14 @@ class Nesterov(Solver):
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Take one projected step from the extrapolated tractions."""
-        memory, traction = iterate.memory_as(_Memory), traction_of(iterate.load)
+        memory, traction = iterate.memory_as(_Memory), iterate.load[:, MECHANICAL]
         extrapolated = memory.base
         memory, slope, plain_step, violation = _evaluate(memory, iterate, extrapolated)
         rises = bool(memory.guard.violations) and violation > memory.guard.violations[-1]
         guard = memory.guard.next(violation)
         r = guard.shortening * plain_step / PLAIN_STEP
-        next_iterate, next_traction = _take_step(replace(memory, guard=guard), traction, extrapolated, slope, r)
+        next_iterate = _take_step(replace(memory, guard=guard), traction, extrapolated, slope, r)
+        next_traction = next_iterate.load[:, MECHANICAL]
         momentum, weight = 1.0, 0.0
         overshoots = float(((extrapolated - next_traction) * (next_traction - traction)).sum()) > 0.0
         if guard.plain_steps == 0 and not overshoots and not rises:
@@ -168,7 +169,7 @@ def _init(problem: ContactProblem, start: ContactState | None, lengthens_on_rise
     n = len(problem.gap)
     conduction, load = Conduction.of(start, n), start_load(problem, start)
     memory = _Memory(
-        GradientStepper.of(problem), conduction, traction_of(load), guard=_Guard(lengthens_on_rise=lengthens_on_rise)
+        GradientStepper.of(problem), conduction, load[:, MECHANICAL], guard=_Guard(lengthens_on_rise=lengthens_on_rise)
     )
     return Iterate(load, conduction.contact_fraction, memory, start_motion(problem, start))
 
@@ -191,14 +192,10 @@ def _evaluate(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memo
     return memory, step.slope, plain_step, violation
 
 
-def _take_step(memory: _Memory, traction: Array, base: Array, slope: Slope, r: float) -> tuple[Iterate, Array]:
-    """Return the iterate after a step of length r from a base (n, 3) with its slope, and its tractions (n, 3)."""
-    step = memory.stepper.project(base, slope, (r, r))
-    next_traction = step.traction
-    conduction = memory.stepper.update_conduction(memory.conduction, traction, slope, step)
-    load = np.concatenate([next_traction, slope.flux], axis=1)
-    iterate = Iterate(load, conduction.contact_fraction, replace(memory, conduction=conduction), step.slope.motion)
-    return iterate, next_traction
+def _take_step(memory: _Memory, traction: Array, base: Array, slope: Slope, r: float) -> Iterate:
+    """Return the iterate after a step of length r from tractions (n, 3) by way of a base (n, 3) with its slope."""
+    iterate, conduction = memory.stepper.take_step(traction, base, slope, (r, r), memory.conduction)
+    return replace(iterate, memory=replace(memory, conduction=conduction))
 
 
 def _secant_step(scaling: Array, change: Array, response: Array, short: bool, plain_step: float) -> float:

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.contact.conduction import Mask, Switches, depends_on_gap, potential_diagonal, resistances, unloaded
+from meeframe.contact.conduction import Mask, Switches, depends_on_gap, resistances, unloaded
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
 from meeframe.contact.scales import Scales, problem_scales
@@ -138,41 +138,37 @@ class GradientStepper:
         Contact problem of n nodes.
     elimination : Elimination
         Elimination of the potentials.
-    self_compliance : Array
-        (n, channels), response of each node's potentials to their own flux.
     scales : Scales
         Characteristic magnitudes of the problem.
     """
 
     problem: ContactProblem
     elimination: Elimination
-    self_compliance: Array
     scales: Scales
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "GradientStepper":
         """Return the data of a problem."""
-        return cls(problem, Elimination.of(problem), potential_diagonal(problem), problem_scales(problem))
+        return cls(problem, Elimination.of(problem), problem_scales(problem))
 
     def conductors(
         self, iterate: Iterate, conduction: "Conduction", previous: Conductors | None
     ) -> tuple["Conduction", Conductors]:
         """Return the conduction at the gap and the drop of an iterate, and the conductors."""
         problem, normal_traction, relative_displacement = self.problem, iterate.load[:, 2], None
+        self_compliance = self.elimination.self_compliance
         if depends_on_gap(problem) or is_adhesive(problem.contact_law):
             displacement = problem.system.offset + problem.system.apply(iterate.load)
             relative_displacement = indenter_position(problem, iterate.motion) - displacement
             normal_traction = contact_traction(problem.contact_law, normal_traction, relative_displacement[:, 2])
-            relative_displacement = unloaded(relative_displacement, iterate.load[:, POTENTIALS], self.self_compliance)
+            relative_displacement = unloaded(relative_displacement, iterate.load[:, POTENTIALS], self_compliance)
         resistance = resistances(
-            problem, normal_traction, conduction.contact_fraction, self.self_compliance, relative_displacement
+            problem, normal_traction, conduction.contact_fraction, self_compliance, relative_displacement
         )
         if depends_on_gap(problem):
-            conduction, transmissivity = conduction.relax(self.self_compliance / (self.self_compliance + resistance))
+            conduction, transmissivity = conduction.relax(self_compliance / (self_compliance + resistance))
             with np.errstate(divide="ignore"):
-                resistance = np.where(
-                    np.isfinite(resistance), self.self_compliance * (1.0 / transmissivity - 1.0), np.inf
-                )
+                resistance = np.where(np.isfinite(resistance), self_compliance * (1.0 / transmissivity - 1.0), np.inf)
         return conduction, self.elimination.prepare(resistance, previous)
 
     def touching(self, traction: Array, gap: Array) -> Mask:
@@ -180,11 +176,18 @@ class GradientStepper:
         attracted = attraction(self.problem.contact_law, gap[:, 2]) > 0.0
         return np.asarray((traction[:, 2] < 0.0) | (gap[:, 2] < 0.0) | attracted)
 
-    def update_conduction(self, conduction: "Conduction", before: Array, slope: "Slope", step: "Step") -> "Conduction":
-        """Return the conduction after a step from tractions (n, 3) with a slope."""
-        law, gap = self.problem.contact_law, slope.gap[:, 2]
-        earlier, later = (contact_traction(law, traction[:, 2], gap) for traction in (before, step.traction))
-        return conduction.next(earlier, later, step.trial[:, 2], self.scales)
+    def take_step(
+        self, traction: Array, base: Array, slope: Slope, r: tuple[float, float], conduction: "Conduction"
+    ) -> tuple[Iterate, "Conduction"]:
+        """Return the iterate, without memory, and the conduction after a step from tractions (n, 3).
+
+        The step r, as in `project`, begins at a base (n, 3) with its slope.
+        """
+        step, law, gap = self.project(base, slope, r), self.problem.contact_law, slope.gap[:, 2]
+        earlier, later = (contact_traction(law, values[:, 2], gap) for values in (traction, step.traction))
+        conduction = conduction.next(earlier, later, step.trial[:, 2], self.scales)
+        load = np.concatenate([step.traction, slope.flux], axis=1)
+        return Iterate(load, conduction.contact_fraction, None, step.slope.motion), conduction
 
     def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array) -> Slope:
         """Return the gap at tractions (n, 3) and motion (m,); flux: (n, channels), an initial guess."""
@@ -276,8 +279,3 @@ class Conduction:
         switches = self.switches.next(before < 0.0, touching, trial)
         contact_fraction = switches.contact_fraction(self.contact_fraction, touching, trial, scales.pressure)
         return replace(self, contact_fraction=contact_fraction, switches=switches)
-
-
-def traction_of(load: Array) -> Array:
-    """Return the tractions (n, 3) of a load (n, fields)."""
-    return load[:, MECHANICAL]

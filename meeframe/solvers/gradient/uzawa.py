@@ -9,10 +9,10 @@ from meeframe.common.errors import CaseError
 from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.generated_heat import check_no_generated_heat
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
-from meeframe.fields import POTENTIALS, Array
+from meeframe.fields import MECHANICAL, POTENTIALS, Array
 from meeframe.fields.units import Quantity
 from meeframe.solvers.conduction.elimination import Conductors
-from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Spectrum, traction_of
+from meeframe.solvers.gradient.steps import Conduction, GradientStepper, Spectrum
 
 STEP_FRACTION: Final = 1.6
 """Automatic step times the largest eigenvalue; the limit of stability is 2."""
@@ -90,7 +90,7 @@ class Uzawa(Solver):
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Apply eq. (30) for the displacement, then eqs. (31), (32) for the tractions."""
-        memory, traction = iterate.memory_as(_Memory), traction_of(iterate.load)
+        memory, traction = iterate.memory_as(_Memory), iterate.load[:, MECHANICAL]
         stepper = memory.stepper
         conduction, conductors = stepper.conductors(iterate, memory.conduction, memory.conductors)
         slope = stepper.slope(traction, conductors, iterate.load[:, POTENTIALS], iterate.motion)
@@ -98,11 +98,9 @@ class Uzawa(Solver):
         if "auto" in (self.step_normal, self.step_tangential):
             touching = stepper.touching(traction, slope.gap)
             memory = replace(memory, spectrum=stepper.spectrum(touching, conductors, memory.spectrum))
-        step = stepper.project(traction, slope, self._steps(memory))
-        conduction = stepper.update_conduction(conduction, traction, slope, step)
-        memory = _monitor_change(replace(memory, conduction=conduction), step.traction - traction)
-        load = np.concatenate([step.traction, slope.flux], axis=1)
-        return Iterate(load, conduction.contact_fraction, memory, step.slope.motion)
+        next_iterate, conduction = stepper.take_step(traction, traction, slope, self._steps(memory), conduction)
+        memory = _monitor_change(replace(memory, conduction=conduction), next_iterate.load[:, MECHANICAL] - traction)
+        return replace(next_iterate, memory=memory)
 
     def _steps(self, memory: _Memory) -> tuple[float, float]:
         auto = STEP_FRACTION * memory.damping / memory.stepper.largest(memory.spectrum)

@@ -64,7 +64,7 @@ class ReducedJacobian:
         )
         a = _entries(blocks.a, components, components, nodes, selected)
         b = _entries(blocks.b, components, displacement_fields, nodes, selected)
-        units = np.append(equation.scales.load, 1.0)[components].tolist()
+        units = equation.load_units[components].tolist()
         for (_, column), entry in a.items():
             entry *= units[column]
         of_unknowns, of_displacement = (NodeBlocks.of(entries, selected.shape) for entries in (a, b))
@@ -73,7 +73,7 @@ class ReducedJacobian:
     @property
     def units(self) -> Array:
         """Characteristic units of the unknowns, (r,)."""
-        return np.append(self.equation.scales.load, 1.0)[self.components]
+        return self.equation.load_units[self.components]
 
     @property
     def fields(self) -> list[int]:

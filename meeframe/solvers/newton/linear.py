@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 from meeframe.contact.conduction import Mask
-from meeframe.fields import Array, Indices
+from meeframe.fields import Array
 from meeframe.solvers.krylov import gmres
 from meeframe.solvers.newton.jacobian import ReducedJacobian
 from meeframe.solvers.newton.preconditioner import preconditioner
@@ -58,9 +58,7 @@ class Step:
 def newton_step(equation: ContactResidual, blocks: Linearization, tolerance: float = DEFAULT_TOLERANCE) -> Step:
     """Return the step that solves the linearised equations; it is not finite if they are singular.
 
-    Rows that determine one unknown of a single node (open nodes, insulated potentials, contact fractions of nodes that
-    are not biactive) are eliminated beforehand: the remaining system has the size of the contact. A motion without
-    resistance is left unchanged.
+    A motion without resistance is left unchanged.
 
     Parameters
     ----------
@@ -154,11 +152,6 @@ def decoupled_rows(blocks: Linearization, coupled: Mask) -> Array:
     return step
 
 
-def _unit(equation: ContactResidual, unknown: Indices) -> Array:
-    """Return the characteristic magnitudes of unknowns, given their numbers; they make the equations dimensionless."""
-    return np.append(equation.scales.load, 1.0)[unknown]
-
-
 def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rights: Array, matrix: Array) -> Array:
     """Return the solutions by LU factorisation; matrix: (n fields, n fields) compliance."""
     # loads before contact fractions, so that the compliance fills a block
@@ -179,7 +172,7 @@ def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rig
     for unknown in range(n_fields + 1):
         rows = np.flatnonzero(coupled[node, unknown])
         jacobian[rows, number[node[rows], unknown]] += by_unknown[node[rows], row[rows], unknown]
-    unit = _unit(equation, row)
+    unit = equation.load_units[row]  # makes the equations dimensionless
     solved = np.empty_like(rights)
     try:
         factors = lu_factor(jacobian * unit, overwrite_a=True, check_finite=False)
@@ -201,9 +194,9 @@ def _krylov_step(
     blocks : Linearization
         Its linearisation.
     coupled : Mask
-        (n, fields + 1), coupled jacobian.
+        (n, fields + 1), coupled rows.
     prescribed : Array
-        (n, fields + 1), step in the decoupled jacobian.
+        (n, fields + 1), step in the decoupled rows.
     tolerance : float
         Fraction of the residual that may be left.
 

@@ -80,7 +80,7 @@ class _Memory:
     burst: int = FIRST_BURST
     neighbourhood: ContactNeighbourhood | None = None
     restrictions: int = 0
-    sufficient_residual: float = SUFFICIENT_FRACTION * StoppingCriteria().tolerance
+    sufficient_residual: float = 0.0
 
 
 @final
@@ -103,10 +103,7 @@ class SemismoothNewton(Solver):
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, that of a coarser system, or one without load."""
-        iterate = _begin(problem, start)
-        return replace(
-            iterate, memory=replace(iterate.memory_as(_Memory), sufficient_residual=SUFFICIENT_FRACTION * tolerance)
-        )
+        return _begin(problem, start, tolerance)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Make one Newton step, a fraction of it, or a burst of gradient steps; none if no law is violated."""
@@ -138,7 +135,9 @@ def estimated_residual(iterate: Iterate) -> float | None:
     return iterate.memory.state.law_residual if isinstance(iterate.memory, _Memory) else None
 
 
-def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
+def _begin(
+    problem: ContactProblem, start: ContactState | None, tolerance: float = StoppingCriteria.tolerance
+) -> Iterate:
     """Return the start of an iteration; see SemismoothNewton.init."""
     n, restrictions = len(problem.gap), MAX_RESTRICTIONS if _is_matrix_free(problem) else 0
     prolonged = nested_start(problem, _coarse_solution) if start is None and restrictions else None
@@ -156,9 +155,9 @@ def _begin(problem: ContactProblem, start: ContactState | None) -> Iterate:
     if not keeps_motion and (np.abs(state.balance) > BALANCE_TOLERANCE).any():
         state = equation.at(state.load, contact_fraction, state.biactive, _balanced_motion(problem, state))
     rise = 1.0 if prolonged is None else MAX_START_GROWTH
-    memory = _Memory(
-        state, (rise * state.merit,), np.zeros(len(state.load)), neighbourhood=neighbourhood, restrictions=restrictions
-    )
+    sufficient = SUFFICIENT_FRACTION * tolerance
+    flips = np.zeros(len(state.load))
+    memory = _Memory(state, (rise * state.merit,), flips, np.inf, FIRST_BURST, neighbourhood, restrictions, sufficient)
     return _iterate(memory)
 
 

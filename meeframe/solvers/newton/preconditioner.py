@@ -226,14 +226,10 @@ def _node_compliance(jacobian: ReducedJacobian) -> NodeBlocks:
 
     They are almost the same in all tangential directions, so that the axes do not matter. Round-off is omitted.
     """
-    blocks, units, largest = (
-        jacobian.equation.blocks.transpose(1, 2, 0),
-        jacobian.units,
-        jacobian.equation.largest_entries,
-    )
+    blocks, largest = jacobian.equation.blocks.transpose(1, 2, 0), jacobian.equation.largest_entries
     least = SINGLE_ROUND_OFF * np.sqrt(np.outer(np.diagonal(largest), np.diagonal(largest)))
     entries = {
-        (row, position): units[position] * blocks[field, loaded].take(jacobian.nodes)
+        (row, position): jacobian.units[position] * blocks[field, loaded].take(jacobian.nodes)
         for row, field in enumerate(jacobian.displacement_fields)
         for position, loaded in enumerate(jacobian.fields)
         if largest[field, loaded] > least[field, loaded]

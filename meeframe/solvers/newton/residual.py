@@ -149,6 +149,11 @@ class ContactResidual:
         )
 
     @cached_property
+    def load_units(self) -> Array:
+        """Characteristic magnitudes (fields + 1,) of the loads and the contact fraction."""
+        return np.append(self.scales.load, 1.0)
+
+    @cached_property
     def largest_entries(self) -> Array:
         """Magnitudes (fields, fields) of the largest entries of the blocks."""
         return np.asarray(np.maximum(self.blocks.max(axis=0, initial=0.0), -self.blocks.min(axis=0, initial=0.0)))
@@ -339,6 +344,8 @@ class ResidualState:
         scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.biactive)
         compliance = np.diag(scales.compliance)[POTENTIALS]
         conducted = compliance / (compliance * share + self.equation.self_compliance * (1.0 - share))
+        flux = conducted_flux(self.equation.problem, self.load, self.relative_displacement)
+        conducted *= scales.drop / scales.transmitted_drop(share * conducted, flux)
         violation: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
         contact_fraction = np.clip(self.contact_fraction[at], 0.0, 1.0)
         violation[at] = np.maximum(

@@ -18,7 +18,7 @@ _BOUNDS: Final = (0.75, 1.1)
 
 Below, the meshes are too coarse for any order and extrapolation would exaggerate; above, the order is a coincidence and
 would underestimate errors."""
-_SAME: Final = 1e-9
+_ROUND_OFF: Final = 1e-9
 """Relative differences below are round-off."""
 
 
@@ -109,7 +109,7 @@ def richardson(
     spread = max(f) - min(f)
     if noise > 0.0:
         return Extrapolation(f[2], max(abs(last), noise), f[2], None, Basis.FINEST)
-    if spread <= _SAME * max(map(abs, f)):
+    if spread <= _ROUND_OFF * max(map(abs, f)):
         return Extrapolation(f[2], spread, f[2], None, Basis.CONSTANT)
     if before * last <= 0.0:
         return Extrapolation(f[2], spread, f[2], None, Basis.FINEST)

@@ -10,6 +10,7 @@ import numpy as np
 
 from meeframe.fields import Array
 from meeframe.results.canvas import line_style, sheet, styled
+from meeframe.results.figures import PRESSURE, clip_to_contact, contact_edge
 from meeframe.results.picture import Picture, lengths
 from meeframe.results.records import Zone
 
@@ -20,6 +21,8 @@ _MAX_ARROWS: Final = 9
 """Maximal number of arrows along a side of a map."""
 _MIN_MODULUS: Final = 1e-3
 """Relative modulus below which no arrow is drawn."""
+_IN_CONTACT: Final = (PRESSURE, "tangential_traction")
+"""Fields that are drawn in contact alone, which the pressure shows."""
 _TINY: Final = np.finfo(float).tiny
 
 
@@ -148,8 +151,10 @@ def _names(study: Study) -> list[str]:
     return list(dict.fromkeys(name for panel in study.panels for name in panel.quantities))
 
 
-def _label(name: str) -> str:
-    return name.replace("_", " ")
+def _label(study: Study, name: str) -> str:
+    """Return the label of a quantity, which is relative to its reference unless that is one."""
+    relative = any(panel.references.get(name, 1.0) != 1.0 for panel in study.panels)
+    return name.replace("_", " ") + (" / reference" if relative else "")
 
 
 def _curves(figure: "Figure", study: Study) -> None:
@@ -160,7 +165,7 @@ def _curves(figure: "Figure", study: Study) -> None:
         x = np.arange(len(panel.runs)) if by_label else panel.values
         for name, values in panel.quantities.items():
             style = line_style(names.index(name), len(names))
-            axes.plot(x, np.array(values), label=_label(name), **style)
+            axes.plot(x, np.array(values), label=name.replace("_", " "), **style)
         axes.set(title=panel.title, xlabel=panel.axis)
         axes.set(xticks=x, xticklabels=panel.runs) if by_label else axes.set(xscale=study.scale)
         axes.grid(visible=True)
@@ -181,7 +186,7 @@ def _sections(figure: "Figure", study: Study) -> None:
                 axes.plot(x / factor, values[nodes], label=panel.runs[run], **style)
             axes.grid(visible=True)
             if column == 0:
-                axes.set_ylabel(_label(name))
+                axes.set_ylabel(_label(study, name))
         grid[0, column].set_title(panel.title)
         grid[0, column].legend(title=panel.axis or None, fontsize=7, title_fontsize=7)
         grid[-1, column].set_xlabel(f"x [{unit}]")
@@ -222,8 +227,11 @@ def _maps(figure: "Figure", study: Study) -> None:
         low, high = min(v.min() for v in fields), max(v.max() for v in fields)
         image: Any = None
         for axes, (panel, run) in zip(grid[row], columns, strict=True):
-            image = _map(axes, panel.zones[run], panel.quantities[name][run], (low, high), scale)
-        figure.colorbar(image, ax=list(grid[row]), label=_label(name), shrink=0.9)
+            values = panel.quantities[name][run]
+            in_contact = name in _IN_CONTACT and PRESSURE in panel.quantities
+            pressure = panel.quantities[PRESSURE][run] if in_contact else None
+            image = _map(axes, panel.zones[run], values, (low, high), scale, pressure)
+        figure.colorbar(image, ax=list(grid[row]), label=_label(study, name), shrink=0.9)
         grid[row, 0].set_ylabel(f"y [{scale[1]}]")
     for column, (panel, run) in enumerate(columns):
         several = len(panel.runs) > 1 or len(study.panels) == 1
@@ -244,11 +252,24 @@ def _each(study: Study, name: str) -> Iterator[Array]:
     return (values for panel in study.panels for values in panel.quantities[name])
 
 
-def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float], scale: tuple[float, str]) -> Any:
-    """Draw one map; a tangential field by its modulus and by arrows for its direction."""
+def _map(
+    axes: Any,
+    zone: Zone,
+    values: Array,
+    limits: tuple[float, float],
+    scale: tuple[float, str],
+    pressure: Array | None,
+) -> Any:
+    """Draw one map, in contact alone if the pressure (n,) is given; a tangential field by modulus and direction."""
     picture = Picture.of(zone, scale)
     modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
-    image = picture.shade(axes, modulus, vmin=limits[0], vmax=limits[1])
+    touching = np.ones(len(modulus), bool) if pressure is None else pressure > 0.0
+    if pressure is None or touching.all() or not touching.any():
+        image = picture.shade(axes, modulus, vmin=limits[0], vmax=limits[1])
+    else:
+        image = picture.shade(axes, picture.extended(modulus, touching), touching, vmin=limits[0], vmax=limits[1])
+        level = contact_edge(zone, touching, pressure, np.full(len(modulus), np.inf))
+        clip_to_contact(axes, image, picture, touching, picture.values(level))
     if values.ndim == 2:
         nodes = _sample(picture.points, modulus > _MIN_MODULUS * max(limits[1], _TINY))
         direction = values[nodes] / modulus[nodes, None]

@@ -28,7 +28,7 @@ class Verdict(StrEnum):
     ERROR = "error"
 
 
-BAD: Final = (Verdict.FAIL, Verdict.ERROR)
+FAILING_VERDICTS: Final = (Verdict.FAIL, Verdict.ERROR)
 """Outcomes that make a validation fail."""
 
 
@@ -364,7 +364,7 @@ class Validation:
     @property
     def failed(self) -> bool:
         """True if any check or case has failed so far."""
-        return any(verdict in BAD for case in self.cases for verdict in case.verdicts)
+        return any(verdict in FAILING_VERDICTS for case in self.cases for verdict in case.verdicts)
 
     @property
     def passed(self) -> bool:

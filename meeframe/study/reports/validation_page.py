@@ -11,7 +11,7 @@ import numpy as np
 from meeframe.common.errors import MeeframeError
 from meeframe.fields import Array
 from meeframe.results.canvas import LINE_COLOURS
-from meeframe.study.reports.validation import BAD, CaseReport, Curve, Map, Plot, Validation, Verdict
+from meeframe.study.reports.validation import FAILING_VERDICTS, CaseReport, Curve, Map, Plot, Validation, Verdict
 from meeframe.study.reports.validation_table import reason_of, table_cells
 
 _MARKERS: Final = ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross", "star")
@@ -84,7 +84,7 @@ def _page(validation: Validation, library: str) -> Iterator[str]:
 def _overview(validation: Validation) -> Iterator[str]:
     yield "<table>\n<tr><th>case</th><th>checks</th><th>not passed</th><th>figures</th><th>time [s]</th><th></th></tr>"
     for case in validation.cases:
-        bad = [verdict for verdict in case.verdicts if verdict in BAD]
+        bad = [verdict for verdict in case.verdicts if verdict in FAILING_VERDICTS]
         other = sum(verdict is not Verdict.PASS for verdict in case.verdicts)
         worst = bad[0] if bad else Verdict.PASS
         link = f'<a href="#{escape(case.name)}">{escape(case.title)}</a>'

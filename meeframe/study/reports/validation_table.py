@@ -72,7 +72,7 @@ def validation_table(validation: Validation) -> RenderableType:
     table = LiteralTable()
     for heading in ("case", "check", "computed", "reference", "difference", "tolerance", "time [s]", ""):
         table.add_column(heading, justify="left" if heading in ("case", "check", "") else "right")
-    remarks = []
+    reasons = []
     for case in validation.cases:
         for number, row in enumerate(case.rows):
             verdict = row.item.verdict
@@ -80,13 +80,13 @@ def validation_table(validation: Validation) -> RenderableType:
             words = (shorten(word, _MAX_WIDTH, placeholder=" ...") for word in table_cells(row))
             table.add_row(name, *words, Text(str(verdict), style=_STYLES.get(verdict, "")))
             if reason_of(row.item):
-                remarks.append(Text(f"{case.name}, {row.item.name}: {reason_of(row.item)}"))
+                reasons.append(Text(f"{case.name}, {row.item.name}: {reason_of(row.item)}"))
         if case.error:
             last = shorten(case.error.strip().splitlines()[-1], _MAX_WIDTH, placeholder=" ...")
             table.add_row("" if case.rows else case.name, "", last, *[""] * 4, Text("error", style="bold red"))
         table.add_section()
     headline = Text(validation.headline, style="green" if validation.passed else "bold red")
-    return Group(table, *remarks, headline)
+    return Group(table, *reasons, headline)
 
 
 def validation_json(validation: Validation) -> str:

@@ -10,13 +10,13 @@ from meeframe.contact.problem import Status
 from meeframe.fields import MEE, FieldSet
 from meeframe.study.reports.extrapolation import SECOND, Extrapolation, richardson
 
-_CANCELLED: Final = 0.01
+_CANCELLATION_RATIO: Final = 0.01
 """Quantities below this fraction of their scale are sums that cancel, as by symmetry, and are not compared."""
 _NEGLIGIBLE: Final = 1e-6
 """Quantities below this fraction of their physical scale are noise in uncoupled fields, and are not compared."""
 _ITERATION: Final = 1e-5
 """Relative error of the iteration."""
-_RESOLVED: Final = 0.05
+_MAX_ERROR_SUM: Final = 0.05
 """Relative sum of errors up to which two formulations count as resolved."""
 
 
@@ -141,7 +141,7 @@ class Agreement:
         """DISAGREE if the difference exceeds the errors; UNRESOLVED if the errors are too large for a conclusion."""
         if abs(self.difference) > self.allowed:
             return Verdict.DISAGREE
-        return Verdict.AGREE if self.allowed <= _RESOLVED * self.scale else Verdict.UNRESOLVED
+        return Verdict.AGREE if self.allowed <= _MAX_ERROR_SUM * self.scale else Verdict.UNRESOLVED
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,5 +232,5 @@ class Verification:
 def _is_cancelled(values: Sequence[MeasuredQuantity]) -> bool:
     """Return whether a quantity cancels almost entirely, or is negligible on its physical scale."""
     largest = max(abs(value.value) for value in values)
-    cancelled = _CANCELLED * max(value.scale for value in values)
+    cancelled = _CANCELLATION_RATIO * max(value.scale for value in values)
     return largest <= max(cancelled, _NEGLIGIBLE * max(value.physical for value in values))

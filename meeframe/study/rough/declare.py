@@ -28,7 +28,7 @@ DEFAULT_RANGE: Final = (0.01, 0.3)
 """Mean pressures without a choice of the user, relative to the contact modulus times the root mean square slope."""
 DEFAULT_COUNT: Final = 8
 MAX_COUNT: Final = 10_000
-_FLAT: Final = 1e-9
+_MAX_PLANE_SLOPE: Final = 1e-9
 """Slope without the mean plane, relative to that with it, of a plane."""
 
 Pressure = Annotated[float, Quantity("Pa", gt=0, lt=float("inf"))]
@@ -219,7 +219,9 @@ def _map_of(description: Any, registry: Registry) -> HeightMap:
 def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> RoughStudy:
     statistics = SurfaceStatistics.of(surface)
     # a plane has no waves but round-off
-    if not statistics.rms_slope_spectrum > _FLAT * max(statistics.rms_slope, np.finfo(float).eps / _FLAT):
+    if not statistics.rms_slope_spectrum > _MAX_PLANE_SLOPE * max(
+        statistics.rms_slope, np.finfo(float).eps / _MAX_PLANE_SLOPE
+    ):
         raise TableError(Problem(("surface",), "is flat: its heights are those of a plane; allowed: a rough surface"))
     first = _case(table, surface, (1.0,), registry, folder)
     modulus, _ = mean_response(first.material)

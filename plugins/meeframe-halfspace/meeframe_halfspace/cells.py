@@ -20,7 +20,7 @@ MAX_GAUSS_POINTS: Final = 9
 _ANGLES: Final = 8192
 _ANGLES_PER_HARMONIC: Final = 200
 _ACCURACY: Final = 1e-13
-FAR: Final = 30.0
+FAR_DISTANCE: Final = 30.0
 """Distance from a cell, in spacings, beyond which the response at nodes suffices to integrate over the density."""
 TABLES: Final = 2**25
 """Bytes of tables that are made at once."""
@@ -54,7 +54,7 @@ def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Sha
 def near_size(spacing: tuple[float, float], size: tuple[int, int]) -> tuple[int, int]:
     """Return the numbers of nodes along both axes of a grid that are near the cell, where `far_table` does not hold."""
     widest = max(spacing)
-    nx, ny = (min(n, int(np.ceil(FAR * widest / h)) + 1) for n, h in zip(size, spacing, strict=True))
+    nx, ny = (min(n, int(np.ceil(FAR_DISTANCE * widest / h)) + 1) for n, h in zip(size, spacing, strict=True))
     return nx, ny
 
 

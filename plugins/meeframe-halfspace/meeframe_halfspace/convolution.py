@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Final, final
 
 import numba
@@ -34,9 +35,9 @@ _MAKING: Final = threading.RLock()
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Symbol:
-    """The entries of a symbol, computed on demand; threads may share it.
+    """Cache of the entries of a symbol, computed on demand; threads may share it.
 
     make: function of numbers and precision that yields real entries (px // 2 + 1, py); numbers: those of the nonzero
     entries; parities: (entries,) 1 for even, -1 for odd functions of the second wave number, whose entries are (px // 2
@@ -94,6 +95,51 @@ class _Product:
 
 
 @final
+class _Prepared:
+    """Cache of the terms of products, and of the entries in the memory of a library; it is pickled without them."""
+
+    def __init__(self, symbol: Symbol, scale: Array, source: int | None, library: ArrayLibrary | None) -> None:
+        self._arguments = self._symbol, self._scale, self._source, self._library = symbol, scale, source, library
+        self._products: dict[tuple[Any, ...], _Product] = {}
+        self._copies: dict[np.dtype[Any], Any] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _Prepared, self._arguments
+
+    def product(self, loaded: tuple[int, ...], fields: tuple[int, ...], precision: np.dtype[Any]) -> _Product:
+        """Return the terms of the product of loads of some fields, for the response in other fields."""
+        key = loaded, fields, precision
+        if key not in self._products:
+            layout = entry_layout(len(self._scale), self._source)
+            every = [
+                (answer, load, number, imaginary, self._scale[row, column] * sign)
+                for answer, row in enumerate(fields)
+                for load, column in enumerate(loaded)
+                for number, imaginary, sign in layout.entries(row, column)
+            ]
+            _, indices = self._symbol.entries([number for _, _, number, *_ in every], precision)
+            terms = sorted((term for term in every if term[2] in indices), key=lambda term: term[2])
+            answering = sorted({answer for answer, *_ in terms})
+            parities = np.zeros(layout.n_values, np.int64) if self._symbol.parities is None else self._symbol.parities
+            table = [
+                (answering.index(answer), load, indices[number], imaginary, parities[number])
+                for answer, load, number, imaginary, _ in terms
+            ]
+            factors = np.array([factor for *_, factor in terms], precision)
+            self._products[key] = _Product(np.array(table, np.int64).reshape(-1, 5), factors, answering)
+        return self._products[key]
+
+    def entries(self, precision: np.dtype[Any]) -> Any:
+        """Return the entries of the symbol in the memory of the library."""
+        assert self._library is not None
+        entries, _ = self._symbol.entries((), precision)
+        known = self._copies.get(precision)
+        if known is None or len(known) < len(entries):
+            known = self._copies[precision] = self._library.xp.asarray(entries)
+        return known
+
+
+@final
 @dataclass(frozen=True, eq=False)
 class Convolution:
     """A convolution scale (symbol * load) on a grid of `size` nodes inside a periodic one of `padded` nodes.
@@ -124,12 +170,10 @@ class Convolution:
     scale: Array
     source: int | None = None
     library: ArrayLibrary | None = None
-    _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
-    _copies: dict[np.dtype[Any], Any] = field(default_factory=dict, init=False, repr=False)
 
-    def __getstate__(self) -> dict[str, Any]:
-        # products hold indices of entries, and the library copies of entries, that are not pickled
-        return self.__dict__ | {"_products": {}, "_copies": {}}
+    @cached_property
+    def _prepared(self) -> _Prepared:
+        return _Prepared(self.symbol, self.scale, self.source, self.library)
 
     @property
     def periodic(self) -> bool:
@@ -143,29 +187,19 @@ class Convolution:
         """
         if len(load) != len(loaded):
             raise ValueError(f"loads of {len(load)} fields are given for the {len(loaded)} fields {list(loaded)}")
-        product = self._product(tuple(loaded), tuple(fields), load.dtype)
+        product = self._prepared.product(tuple(loaded), tuple(fields), load.dtype)
         if not product.answering:
             return np.zeros((len(fields), *self.size), load.dtype)
         if self.library is None or math.prod(self.padded) < MIN_PADDED_NODES:
             answer = self._answer(load, product)
         else:
-            answer = self.library.response(
-                load, self._copy(load.dtype), product.terms, product.factors, len(product.answering), self.padded
-            )
+            entries, count = self._prepared.entries(load.dtype), len(product.answering)
+            answer = self.library.response(load, entries, product.terms, product.factors, count, self.padded)
         if len(answer) == len(fields):
             return answer
         response = np.zeros((len(fields), *self.size), load.dtype)
         response[product.answering] = answer
         return response
-
-    def _copy(self, precision: np.dtype[Any]) -> Any:
-        """Return the entries of the symbol in the memory of the library."""
-        assert self.library is not None
-        entries, _ = self.symbol.entries((), precision)
-        known = self._copies.get(precision)
-        if known is None or len(known) < len(entries):
-            known = self._copies[precision] = self.library.xp.asarray(entries)
-        return known
 
     def _answer(self, load: Array, product: _Product) -> Array:
         """Return the response (k, nx, ny) in the fields that respond."""
@@ -198,28 +232,6 @@ class Convolution:
         ]
         _work(stages, numba.get_num_threads() if spectra.nbytes >= MIN_SHARED_BYTES else 1)
         return answer
-
-    def _product(self, loaded: tuple[int, ...], fields: tuple[int, ...], precision: np.dtype[Any]) -> _Product:
-        key = loaded, fields, precision
-        if key not in self._products:
-            layout = entry_layout(len(self.scale), self.source)
-            every = [
-                (answer, load, number, imaginary, self.scale[row, column] * sign)
-                for answer, row in enumerate(fields)
-                for load, column in enumerate(loaded)
-                for number, imaginary, sign in layout.entries(row, column)
-            ]
-            _, indices = self.symbol.entries([number for _, _, number, *_ in every], precision)
-            terms = sorted((term for term in every if term[2] in indices), key=lambda term: term[2])
-            answering = sorted({answer for answer, *_ in terms})
-            parities = np.zeros(layout.n_values, np.int64) if self.symbol.parities is None else self.symbol.parities
-            table = [
-                (answering.index(answer), load, indices[number], imaginary, parities[number])
-                for answer, load, number, imaginary, _ in terms
-            ]
-            factors = np.array([factor for *_, factor in terms], precision)
-            self._products[key] = _Product(np.array(table, np.int64).reshape(-1, 5), factors, answering)
-        return self._products[key]
 
 
 def _workspace(purpose: str, shape: tuple[int, ...], kind: np.dtype[Any]) -> Spectrum:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from meeframe.plugin import MECHANICAL, N_FIELDS, Array, Body, FieldScaling, Indices
 
-_SAME: Final = 1e-11
+_STIFFNESS_TOLERANCE: Final = 1e-11
 """Relative difference of stiffnesses, in scaled fields, that are the same."""
 _QUARTER: Final = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _MIRROR: Final = np.diag([1.0, -1.0, 1.0])
@@ -75,8 +75,11 @@ class PlaneSymmetry:
 
         def is_symmetry(transform: Array) -> bool:
             extended = _extended(transform, N_FIELDS)
-            return all(np.abs(_transformed(one, transform) - one).max() <= _SAME for one in stiffnesses) and all(
-                (np.abs(transform @ one @ extended.T - one) <= _SAME * np.abs(one).max(axis=0)).all() for one in moduli
+            return all(
+                np.abs(_transformed(one, transform) - one).max() <= _STIFFNESS_TOLERANCE for one in stiffnesses
+            ) and all(
+                (np.abs(transform @ one @ extended.T - one) <= _STIFFNESS_TOLERANCE * np.abs(one).max(axis=0)).all()
+                for one in moduli
             )
 
         quarters, mirrors = 4 if is_symmetry(_QUARTER) else 1, 2 if is_symmetry(_MIRROR) else 1

@@ -168,7 +168,7 @@ class HalfSpace(Formulation):
         return self.reference_radius or float(np.sqrt(grid.weights(False).sum() / np.pi))
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Return a remark on the reference radius, on which prescribed motions and potentials depend."""
+        """Return a note on the reference radius, on which prescribed motions and potentials depend."""
         if not body.expands or self.reference_radius is None:
             return ()
         return (

@@ -9,7 +9,7 @@ import numpy as np
 from meeframe.plugin import Array, GridCells, Indices, MeshError
 from meeframe_halfspace.flat_zone import FlatZone
 
-SAME: Final = 1e-6
+POSITION_TOLERANCE: Final = 1e-6
 """Tolerance of positions in spacings."""
 
 
@@ -134,17 +134,17 @@ def _no_grid(name: str, count: int, reason: str) -> MeshError:
 def _positions(coordinates: Array, others: Array, name: str) -> tuple[Indices, float]:
     """Return the position (n,) of each node along an axis, and the spacing [m]; `others` is the other axis."""
     first, extent = others.min(), float(np.ptp(coordinates))
-    edge_coordinates = np.sort(coordinates[others <= first + SAME * np.ptp(others)])
-    count = 1 + int((np.diff(edge_coordinates) > SAME * extent).sum())
+    edge_coordinates = np.sort(coordinates[others <= first + POSITION_TOLERANCE * np.ptp(others)])
+    count = 1 + int((np.diff(edge_coordinates) > POSITION_TOLERANCE * extent).sum())
     if count < 2:
         raise _no_grid(name, len(coordinates), ": only one is on the edge along an axis")
     spacing = float(edge_coordinates[-1] - edge_coordinates[0]) / (count - 1)
     positions = (coordinates - edge_coordinates[0]) / spacing
     nearest = np.rint(positions).astype(np.int64)
     deviation = float(np.abs(positions - nearest).max())
-    if deviation > SAME * count:
+    if deviation > POSITION_TOLERANCE * count:
         raise MeshError(
             f"contact zone {name!r}: its nodes are not equally spaced: one is {deviation:.2g} of the spacing "
-            f"{spacing:.3g} m away from its position; allowed: {SAME * count:.2g}"
+            f"{spacing:.3g} m away from its position; allowed: {POSITION_TOLERANCE * count:.2g}"
         )
     return nearest, spacing

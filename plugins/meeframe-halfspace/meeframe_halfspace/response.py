@@ -34,7 +34,7 @@ NORMAL: Final = 2
 """Column of the normal displacement and traction."""
 _FIRST_ANGLES, _MAX_ANGLES = 32, 2048
 _NEGLIGIBLE = 1e-14  # of the largest coefficient, in scaled fields
-_CONVERGED = 1e-13
+_TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class PointResponse:
             size = np.abs(harmonics).max(axis=(1, 2))
             half = count // 2  # rows 0 .. half are the harmonics from zero on
             lost = np.finfo(float).eps * size.max()  # round-off of a compliance large compared with C, as of rubber
-            if size[half // 2 : half + 1].max() <= max(_CONVERGED, lost) * size.max():
+            if size[half // 2 : half + 1].max() <= max(_TOLERANCE, lost) * size.max():
                 retained = int(np.flatnonzero(size[: half // 2] > max(_NEGLIGIBLE, lost) * size.max()).max())
                 return cls(*_series(harmonics[: retained + 1]), factors)
             if count == _MAX_ANGLES:

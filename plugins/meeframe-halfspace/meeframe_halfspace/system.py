@@ -1,7 +1,7 @@
 """The reduced system of a half space: a convolution on the grid of the contact zone, without a matrix."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from typing import Final, TypeVar, final
 
@@ -47,6 +47,36 @@ the one before."""
 
 
 @final
+class SubgridResponses:
+    """Cache of the responses on subgrids of the sizes that were needed last.
+
+    Parameters
+    ----------
+    response
+        Response of the whole grid.
+    library
+        Library of the convolutions; None for NumPy.
+    """
+
+    def __init__(self, response: GridResponse, library: ArrayLibrary | None) -> None:
+        self._response, self._library = response, library
+        self._stored: dict[tuple[int, int], tuple[GridResponse, Convolution]] = {}
+
+    def response(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
+        """Return the response on subgrids of a size with its convolution, or None if there is none."""
+        response = self._stored.pop(size, None)
+        if response is None:
+            restricted = self._response.restrict(size)
+            if restricted is None:
+                return None
+            response = restricted, convolution_of(restricted, self._library)
+            if len(self._stored) == STORED_SUBGRIDS:
+                del self._stored[next(iter(self._stored))]
+        self._stored[size] = response  # the last one is the one used last
+        return response
+
+
+@final
 @dataclass(frozen=True, eq=False)
 class HalfSpaceSystem(
     ReducedSystem,
@@ -82,7 +112,6 @@ class HalfSpaceSystem(
     shares: Array
     edge_waves: Array | None = None
     interior: InteriorFields | None = None
-    _subgrid_responses: list[tuple[GridResponse, Convolution]] = field(default_factory=list, init=False, repr=False)
 
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself unless the capability is absent.
@@ -220,7 +249,7 @@ class HalfSpaceSystem(
             return None
         subgrid = self.grid.nodes[box(self.grid, nodes)]
         size = subgrid.shape[0], subgrid.shape[1]
-        response = self._response_on(size) if subgrid.size <= MAX_SUBGRID_FRACTION * len(self.points) else None
+        response = self._subgrids.response(size) if subgrid.size <= MAX_SUBGRID_FRACTION * len(self.points) else None
         if response is None:
             return None
         inner, grid = subgrid.ravel(), row_major_grid(self.grid, size)
@@ -236,17 +265,9 @@ class HalfSpaceSystem(
         """Return the offset (count, fields) of that many nodes, which is zero."""
         return np.zeros((count, self.n_fields))
 
-    def _response_on(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
-        """Return the response on subgrids of a size, or None if there is none; store the latest responses."""
-        others = [response for response in self._subgrid_responses if response[1].size != size]
-        known = [response for response in self._subgrid_responses if response[1].size == size]
-        if not known:
-            response = self.grid_response.restrict(size)
-            if response is None:
-                return None
-            known = [(response, convolution_of(response, self.convolution.library))]
-        self._subgrid_responses[:] = [*others, *known][-STORED_SUBGRIDS:]
-        return known[0]
+    @cached_property
+    def _subgrids(self) -> "SubgridResponses":
+        return SubgridResponses(self.grid_response, self.convolution.library)
 
     def recover(self, load: Array) -> NodalFields:
         """Return the fields on the contact zone for a load (n, f); outside the zone the surface bears no load."""

@@ -27,7 +27,7 @@ from meeframe.plugin import (
 
 _FIRST_ANGLES, _MAX_ANGLES = 32, 2048
 _NEGLIGIBLE = 1e-14
-_CONVERGED = 1e-13
+_TOLERANCE = 1e-13
 ENTRIES: Final = 2 * N_FIELDS
 """Number of entries: even and odd functions of the offset, for each field on which heat acts."""
 
@@ -80,7 +80,7 @@ class ThermalResponse:
             even, odd = (np.fft.rfft(values, axis=0) / count for values in (y.real, y.imag))
             size = np.maximum(np.abs(even), np.abs(odd)).max(axis=1)
             half = count // 2
-            if size[half // 2 :].max() <= _CONVERGED * size.max():
+            if size[half // 2 :].max() <= _TOLERANCE * size.max():
                 retained = int(np.flatnonzero(size[: half // 2] > _NEGLIGIBLE * size.max()).max(initial=0)) + 1
                 return cls(_series(even[:retained:2], 0), _series(odd[1:retained:2], 1), source)
             count *= 2

@@ -13,7 +13,7 @@ import numpy as np
 
 from meeframe.plugin import Array
 from meeframe_halfspace.cells import (
-    FAR,
+    FAR_DISTANCE,
     MAX_GAUSS_POINTS,
     STENCIL_HALF_WIDTH,
     Shape,
@@ -64,7 +64,7 @@ def heat_table(
     level = heat.logarithmic * np.log(spacing[0] / reference_radius) * spacing[0] * spacing[1]
     chosen = slice(max(first, 1 - near_y) - first, near_y - first)
     i, j = np.arange(near_x)[:, None], np.arange(max(first, 1 - near_y), near_y)
-    inside = np.hypot(i * spacing[0], j * spacing[1]) <= FAR * max(spacing)
+    inside = np.hypot(i * spacing[0], j * spacing[1]) <= FAR_DISTANCE * max(spacing)
     cells = near * spacing[0] ** 2 + level
     table[:near_x, chosen] = np.where(inside, cells, table[:near_x, chosen])
     return table
@@ -85,7 +85,7 @@ def _near_cells(response: ThermalResponse, number: int, ratio: float, shape: Sha
     i, j = np.meshgrid(np.arange(nx), np.arange(0 if is_half else 1 - ny, ny), indexing="ij")
     distance = np.hypot(i, j * ratio) / max(spacing)
     table = np.zeros(i.shape)
-    for nodes, integral in ((distance < NEAR, _near), ((distance >= NEAR) & (distance <= FAR), _middle)):
+    for nodes, integral in ((distance < NEAR, _near), ((distance >= NEAR) & (distance <= FAR_DISTANCE), _middle)):
         table[nodes] = integral(heat, i[nodes] * 1.0, j[nodes] * ratio, spacing, shape)
     response.cells[number, ratio, shape] = table
     return table

@@ -253,9 +253,9 @@ def test_indenter_edge_on_elongated_cells():
     case = half_space_case(rigid.FlatPunch(radius), 1e-6, Placement(), (12 * length, 4.8e-3), (12, 192))
     kinematics = IndenterKinematics(case, reduce(case))
     exact = radius - np.hypot(*kinematics.system.points[:, :2].T)
-    rim = kinematics.rim(kinematics.increment({}, at_rest(case.motions, case.potentials, len(exact))))
+    edge = kinematics.indenter_edge(kinematics.increment({}, at_rest(case.motions, case.potentials, len(exact))))
     near = np.abs(exact) < MAX_EDGE_DISTANCE * length
-    assert rim.distance[near] == pytest.approx(exact[near], rel=2e-3, abs=1e-9)
+    assert edge.distance[near] == pytest.approx(exact[near], rel=2e-3, abs=1e-9)
 
 
 def test_indenter_edge_under_tilted_axis():

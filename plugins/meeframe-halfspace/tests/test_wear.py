@@ -186,9 +186,3 @@ def test_solvers_agree_and_conduction_goes_along():
     step = results[0].steps[-1]
     flux = np.where(step.touching, 1e-3 * (step.potentials[:, 0] - 10.0), 0.0)
     np.testing.assert_allclose(step.fluxes[:, 0], flux, rtol=0.0, atol=1e-8 * np.abs(flux).max())
-
-
-def test_rolling_with_wear_is_rejected():
-    steps = [meeframe.Step(normal_force=FORCE), meeframe.Step(rolling={"distance": 1e-4})]
-    with pytest.raises(meeframe.CaseError, match=r"load step 2 rolls with a wear law, .*allowed: rolling without"):
-        case(meeframe.Sphere(10e-3), steps, 1.2e-3, 11)

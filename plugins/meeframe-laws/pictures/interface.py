@@ -152,7 +152,7 @@ def hardness(formula: Any, contact: Any) -> None:
     for gigapascals, colour in zip((1.2, 0.8, 0.4), COLOURS, strict=False):
         law = Hardness(gigapascals * GPA)
         contact.plot(*_pressure(sphere(law)), ".-", color=colour, label=f"H = {gigapascals:g} GPa")
-    contact.set(xlabel="x [mm], y = 0", ylabel="pressure [GPa]")
+    contact.set(xlabel="x [mm], y = 0", ylabel="pressure [GPa]", ylim=(-0.05, 2.3))  # room for the legend
     contact.set_title("under a sphere at the same approach", fontsize=9)
 
 

@@ -23,7 +23,7 @@ from meeframe.solvers import BarzilaiBorwein, SemismoothNewton, Uzawa, solve
 from meeframe.system.two_body import combine_bodies
 from meeframe.testing.contact import check_conductivity_law, check_growing_flux
 from meeframe.testing.contact_cases import SphereCase, periodic_half_space
-from meeframe.testing.force_control import TIGHT, balanced_solution, check_same, released
+from meeframe.testing.force_control import TIGHT_CRITERIA, balanced_solution, check_same, released
 
 AIR = 8.8541878128e-12
 LAWS = [
@@ -100,7 +100,7 @@ OWN = potential_diagonal(make_problem(Insulating()))[0]
 
 
 def solve_problem(problem, solver=None, start=None):
-    solution = solve(problem, solver or SemismoothNewton(), TIGHT, start)
+    solution = solve(problem, solver or SemismoothNewton(), TIGHT_CRITERIA, start)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state
 

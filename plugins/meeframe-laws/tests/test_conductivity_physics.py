@@ -13,7 +13,7 @@ from meeframe.laws import Insulating, Signorini, StepConductivity
 from meeframe.material import library_material
 from meeframe.solvers import Auto, SemismoothNewton, solve
 from meeframe.testing.contact_cases import SphereCase
-from meeframe.testing.force_control import TIGHT
+from meeframe.testing.force_control import TIGHT_CRITERIA
 from meeframe.testing.half_space import half_space_system
 
 VOLTAGE, DISTANCE = 3e3, 2e-5
@@ -23,7 +23,7 @@ XI = np.array([[2.0e-12, 1.8e-3, 0.0], [1.8e-3, -2.4e7, 0.0], [0.0, 0.0, -1e3]])
 
 
 def solve_problem(problem, solver=None):
-    solution = solve(problem, solver or Auto(), TIGHT)
+    solution = solve(problem, solver or Auto(), TIGHT_CRITERIA)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state
 

@@ -25,7 +25,7 @@ from meeframe.testing.contact import (
     check_orthotropic,
 )
 from meeframe.testing.contact_cases import SphereCase
-from meeframe.testing.force_control import TIGHT, balanced_solution, check_same, released
+from meeframe.testing.force_control import TIGHT_CRITERIA, balanced_solution, check_same, released
 
 # for pressures near 1 MPa, as in the kit
 LAWS = {
@@ -56,7 +56,7 @@ def sphere(law, cells=10):
 
 
 def solve_problem(problem, solver):
-    solution = solve(problem, solver, TIGHT)
+    solution = solve(problem, solver, TIGHT_CRITERIA)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state
 
@@ -124,7 +124,7 @@ def test_prescribed_forces_recover_the_motion(name):
     problem = replace(problem, translation=0.3 * problem.translation)
     expected = solve_problem(problem, SemismoothNewton())
     forced, motion = released(problem, expected, "approach", "translation")
-    computed = balanced_solution(forced, SemismoothNewton(), TIGHT).state
+    computed = balanced_solution(forced, SemismoothNewton(), TIGHT_CRITERIA).state
     check_same(computed, expected)
     np.testing.assert_allclose(computed.motion, motion, rtol=1e-8)
 

@@ -11,7 +11,7 @@ from meeframe.laws import Insulating
 from meeframe.material import library_material
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing.contact_cases import SphereCase
-from meeframe.testing.force_control import TIGHT
+from meeframe.testing.force_control import TIGHT_CRITERIA
 
 ANGLE = st.floats(-3.2, 3.2)
 COEFFICIENT = st.floats(0.05, 2.0)
@@ -32,7 +32,7 @@ def slipping_nodes(law):
     """Return traction over pressure and slip, (m, 2) each, of the nodes that slip under a dragged sphere."""
     insulating = Insulating()
     problem = SphereCase(library_material("orthotropic-mee"), law, insulating, insulating, 12).problem()
-    solution = solve(problem, SemismoothNewton(), TIGHT)
+    solution = solve(problem, SemismoothNewton(), TIGHT_CRITERIA)
     assert solution.status is Status.CONVERGED, solution.message
     slip = contact_gap(problem, solution.state.displacement)[:, :2]
     slips = (solution.state.load[:, 2] < 0.0) & (np.linalg.norm(slip, axis=1) > 1e-8)

@@ -14,7 +14,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing.closed_forms_friction import HertzContact
 from meeframe.testing.elastic_half_space import elastic_half_space
-from meeframe.testing.force_control import TIGHT
+from meeframe.testing.force_control import TIGHT_CRITERIA
 
 SIDE, CELLS, YOUNG = 2e-2, 20, 1e11
 
@@ -31,7 +31,7 @@ def make_problem(law, height, approach, translation, cells=CELLS, goodman=True):
 
 
 def solution(problem):
-    computed = solve(problem, SemismoothNewton(), TIGHT)
+    computed = solve(problem, SemismoothNewton(), TIGHT_CRITERIA)
     assert computed.status is Status.CONVERGED, computed.message
     return computed.state
 

@@ -13,7 +13,7 @@ from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.testing.cells import cell_system
 from meeframe.testing.closed_forms_friction import HertzContact
 from meeframe.testing.elastic_half_space import elastic_half_space
-from meeframe.testing.force_control import TIGHT
+from meeframe.testing.force_control import TIGHT_CRITERIA
 
 PRESSURE, STIFFNESS = 1e8, 1e13
 """Pressure on the springs [Pa], and their stiffness [Pa/m]."""
@@ -35,7 +35,7 @@ def step(system, law, gap, translation, slip_path, duration=None, start=None, sl
     bound = law.for_increment(np.broadcast_to(slip_path, n), duration)
     moved = np.broadcast_to(translation, (n, 2)) - slipped
     problem = ContactProblem(system, bound, flux_channels(Insulating(), Insulating()), gap, moved, np.zeros((n, 2)))
-    solution = solve(problem, solver or SemismoothNewton(), TIGHT, start)
+    solution = solve(problem, solver or SemismoothNewton(), TIGHT_CRITERIA, start)
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state, contact_gap(problem, solution.state.displacement)[:, :2]
 

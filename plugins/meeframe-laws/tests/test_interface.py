@@ -20,7 +20,7 @@ from meeframe.solvers import Auto, SemismoothNewton, Uzawa
 from meeframe.testing.closed_forms_adhesion import quarter_half_space
 from meeframe.testing.contact import check_contact_law, check_isotropic
 from meeframe.testing.contact_cases import SphereCase
-from meeframe.testing.force_control import TIGHT, balanced_solution, check_same, released
+from meeframe.testing.force_control import TIGHT_CRITERIA, balanced_solution, check_same, released
 from meeframe.testing.matrix_free import MatrixFree
 
 NAMES = {
@@ -111,7 +111,7 @@ def test_prescribed_forces_recover_the_motion(name):
     # gradient iterations do not converge with attraction at all distances and two free slips
     gradient = () if name == "dmt" else (Uzawa(),)
     for solver in (SemismoothNewton(), Auto(), *gradient):
-        computed = balanced_solution(problem, solver, TIGHT, near).state
+        computed = balanced_solution(problem, solver, TIGHT_CRITERIA, near).state
         check_same(computed, state)
         np.testing.assert_allclose(computed.motion, motion, rtol=1e-7)
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import meeframe
 from meeframe.cli import app
-from meeframe.common.errors import CaseError, MaterialError, MeshError
+from meeframe.common.errors import CaseError, MaterialError, MeshError, PluginError
 from meeframe.fields.units import Quantity
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
@@ -332,6 +332,22 @@ def test_conductivities_across_the_gap_are_compared(write_case, laws, tmp_path):
     assert [run.status for run in runs.values()] == ["converged", "converged"]
     assert charges[0] == 0.0
     assert charges[1] < 0.0
+
+
+def test_wear_laws_are_compared(write_case, laws, tmp_path):
+    """Springs of the stiffness K wear by d (1 - 1 / (1 + k K s)); a name takes the coefficient of the case file."""
+    press = ('approach = "10 um"', 'approach = "10 um"\nsliding = 0')
+    wear = '\n[contact.wear]\nname = "archard"\ncoefficient = 1e-13\n[[steps]]\nsliding = "0.2 m"\n'
+    table = '{name = "archard", coefficient = "3e-13 1/Pa"}'
+    runs = compare_runs(write_case(press, more=wear), laws, tmp_path / "o", wear_law=["archard", table])
+    for run, coefficient in zip(runs.values(), (1e-13, 3e-13), strict=True):
+        expected = 10e-6 * (1.0 - 1.0 / (1.0 + coefficient * 1e14 * 0.2))
+        assert run.steps[-1].wear.max() == pytest.approx(expected, rel=1e-9)
+    first, second = numbers(tmp_path / "o")
+    assert second["increments"][-1]["worn_volume"] > first["increments"][-1]["worn_volume"] > 0.0
+    assert max(second["fields"]["wear"]) == pytest.approx(expected, rel=1e-9)
+    with pytest.raises(PluginError, match=r"unknown wear law 'archer'; did you mean 'archard'\?"):
+        compare(write_case(), {"wear-law": ["archer"]}, tmp_path / "p", registry=laws)
 
 
 def test_formulations_of_both_bodies_or_of_each(write_case, laws, tmp_path, second_body):

@@ -98,6 +98,7 @@ def test_misspelt_names_get_suggestions():
     assert status == 2
     assert "did you mean 'dugdale' or 'dmt'?" in err
     assert "did you mean 'dense-bem' or 'hmatrix-bem'?" in invoke("plugins", "show", "BEM")[2]
+    assert "did you mean 'isotropic-coulomb' or 'orthotropic-coulomb'?" in invoke("plugins", "show", "coulom")[2]
 
 
 def test_related_terms_suggest_registered_names():

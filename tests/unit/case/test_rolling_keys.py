@@ -94,12 +94,13 @@ CHANGES = {
         'name = "half-space"\nperiodic = true\n[[',
         "spin = 1 1/m on a periodic surface; allowed: 0",
     ),
-    "axis": ('radius = "10 cm"', 'radius = "10 cm"\naxis = [0, 0.1, 1]', "the axis of the indenter is not normal"),
-    "memory": (
-        '"isotropic-coulomb", mu = 0.3',
-        '"slip-weakening", mu_static = 0.4, mu_kinetic = 0.2, slip_distance = "1 um"',
-        "steady rolling with the contact law SlipWeakening",
+    "memory on a periodic surface": (
+        '"isotropic-coulomb", mu = 0.3}\n[formulation]\nname = "half-space"',
+        '"slip-weakening", mu_static = 0.4, mu_kinetic = 0.2, slip_distance = "1 um"}\n'
+        '[formulation]\nname = "half-space"\nperiodic = true',
+        "steady rolling on a periodic surface with the contact law SlipWeakening",
     ),
+    "axis": ('radius = "10 cm"', 'radius = "10 cm"\naxis = [0, 0.1, 1]', "the axis of the indenter is not normal"),
     "rough surface": (
         'name = "sphere"\nradius = "10 cm"',
         'name = "self-affine"\nhurst = 0.8\nrms_height = "1 um"\nperiod = "6 mm"\nshortest = "1 mm"',
@@ -112,8 +113,9 @@ CHANGES = {
 def test_refused_cases(tmp_path, what):
     old, new, message = CHANGES[what]
     assert old in CASE
+    spin = "" if "memory" in what else ", spin = 1"
     with pytest.raises(CaseError) as error:
-        load(tmp_path, "rolling = {steady = true, spin = 1}", CASE.replace(old, new))
+        load(tmp_path, f"rolling = {{steady = true{spin}}}", CASE.replace(old, new))
     assert str(error.value).startswith(f"{tmp_path / 'case.toml'}: steps[2].rolling: ")
     assert message in str(error.value)
 

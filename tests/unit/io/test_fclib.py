@@ -11,7 +11,7 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import PrescribedResultant, Status
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.results.fclib import (
-    LARGEST,
+    MAX_CONTACTS,
     LocalProblem,
     check_size,
     natural_residual,
@@ -301,7 +301,7 @@ def test_unsupported_problems_are_rejected():
     with pytest.raises(CaseError, match=r"W \(3, 3\), q \(3,\), mu \(2,\)"):
         LocalProblem(ONE, np.zeros(3), np.zeros(2))
     with pytest.raises(CaseError, match="allowed: 1 to"):
-        check_size(LARGEST + 1)
+        check_size(MAX_CONTACTS + 1)
     for diagonal in (0.0, -1.0):
         with pytest.raises(
             CaseError, match=rf"W of the FCLIB problem has {diagonal} on its diagonal at contact 1; allow"

@@ -6,7 +6,7 @@ import pytest
 from scipy import sparse
 
 from meeframe.common.errors import CaseError, ResultError
-from meeframe.results.fclib import LARGEST, LocalProblem, LocalSolution, read_local, read_solution, write_local
+from meeframe.results.fclib import MAX_CONTACTS, LocalProblem, LocalSolution, read_local, read_solution, write_local
 
 
 def test_layout_of_the_file(tmp_path):
@@ -87,8 +87,8 @@ BROKEN = {
     "negative mu": ({"vectors/mu": np.array([-0.1])}, "mu of the FCLIB problem is -0.1 at contact 0; allowed"),
     "not a number": ({"vectors/q": np.array([0, np.nan, 0])}, "q of the FCLIB problem is not finite"),
     "large": (
-        dict.fromkeys(("W/m", "W/n"), np.array([3 * LARGEST + 3])),
-        f"{LARGEST + 1} contacts; allowed: 1 to {LARGEST}",
+        dict.fromkeys(("W/m", "W/n"), np.array([3 * MAX_CONTACTS + 3])),
+        f"{MAX_CONTACTS + 1} contacts; allowed: 1 to {MAX_CONTACTS}",
     ),
     "more columns than rows": ({"W/n": np.array([2_000_000_000])}, "W has 3 rows and 2000000000 columns; allowed"),
     "no contacts": ({"W/m": np.array([-3]), "W/n": np.array([-3])}, "with -1 contacts; allowed: 1 to"),

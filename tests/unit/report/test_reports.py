@@ -224,6 +224,16 @@ def test_table_has_a_column_for_each_step_and_names_failures(synthetic):
     assert "2.4e-08" in energy, "what did not converge does not count"
 
 
+def test_table_shows_round_off_beside_other_increments_as_zero(synthetic):
+    """A prescribed force of zero is left with round-off by the solver."""
+    step = synthetic.step(1e-6)
+    released = dataclasses.replace(synthetic.step(5e-7, number=2), traction=1e-14 * step.traction)
+    console = Console(width=160, record=True, file=io.StringIO())
+    console.print(summary_table(synthetic.result(step, released)))
+    (force,) = [line.split() for line in console.export_text().splitlines() if "force z" in line]
+    assert [float(word) for word in force if word[-1:].isdigit()] == [pytest.approx(-9.0), 0.0]
+
+
 def test_summary_sums_the_energy_of_each_load_step(synthetic):
     """Eight nodes slip by 10 nm under a tenth of the pressure; unconverged increments do not count."""
     failed = synthetic.step(2e-6, Status.STALLED, 2, 1)
@@ -243,6 +253,13 @@ def test_map_of_stick_and_slip(synthetic):
     slip, stick = (np.concatenate([path.vertices for path in area.get_paths()]) for area in axes.collections)
     assert np.abs(slip).max() == pytest.approx(1.5), "half way from the nodes in contact to the next"
     assert np.abs(stick).max() == pytest.approx(0.5)
+
+
+def test_contact_edge_is_inside_the_map_of_few_nodes(synthetic):
+    """Three nodes across the contact, whose edge lies half way to the next ones."""
+    (axes,) = figures(synthetic.result(synthetic.step(1e-6)))["stick_slip"].axes
+    outline = np.concatenate([path.vertices for path in axes.collections[0].get_paths()])
+    assert np.abs(outline).max() < 0.9 * max(axes.get_xlim())
 
 
 def test_boundary_of_the_stick_region(synthetic):
@@ -364,7 +381,7 @@ def test_table_shows_negligible_components_as_zero(synthetic):
     assert (rows["force x"], rows["force y"], rows["force z"]) == ("0", "0.009", "-9")
 
 
-def test_missing_contact_is_stated(synthetic):
+def test_missing_contact_is_reported(synthetic):
     step_in_contact, step = synthetic.step(1e-6), synthetic.step(0.0)
     separated = dataclasses.replace(step, region=np.zeros_like(step.region))
     assert not separated.traction.any()
@@ -388,7 +405,7 @@ def test_attraction_across_the_gap_is_drawn(synthetic, touches):
     axes, bar = drawn["pressure"].axes
     assert not axes.texts
     assert bar.get_ylabel() == "contact pressure [MPa]"
-    np.testing.assert_allclose([axes.get_xlim(), axes.get_ylim()], 1.5 * np.array([[-1.0, 1.0]] * 2))
+    np.testing.assert_allclose([axes.get_xlim(), axes.get_ylim()], 2.0 * np.array([[-1.0, 1.0]] * 2))
     words = [text.get_text() for text in drawn["stick_slip"].axes[0].texts]
     assert words == ([] if touches else ["no contact"])
 
@@ -467,4 +484,5 @@ def test_long_titles_have_several_lines(synthetic):
     *lines, what = figures(titled)["pressure"].axes[0].get_title().split("\n")
     assert " ".join(lines) == ("words " * 30).strip()
     assert max(map(len, lines)) < 60
+    assert min(map(len, lines)) > 0.7 * max(map(len, lines)), "no line holds a single word"
     assert what == "contact pressure"
