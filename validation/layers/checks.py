@@ -2,18 +2,17 @@
 
 from collections.abc import Iterator
 
-from study import DIVISIONS, QUANTITIES, STACKS, TRACTIONS, compare
+from study import DIVISIONS, QUANTITIES, STACKS, compare
 
-from meeframe.study.validate import Check, Item
+from meeframe.study.validate import Check, Curve, Item, Plot
 
 TITLE = "Layers: half space and finite elements"
 SOURCE = (
     "No published numbers: both methods compute three stacks on rigid bases under the same pressure, drag and fluxes."
-    " Mean displacements and potentials by finite elements are extrapolated and agree within 1 %, tractions on the"
-    " first interface within 3 % of the largest one. All numbers: docs/validation/layers.md."
+    " Mean displacements and potentials by finite elements are extrapolated. All numbers: docs/validation/layers.md."
 )
-EXTRAPOLATED, TRACTION = 0.01, 0.03
-QUICK = 0.03
+EXTRAPOLATED, TRACTION = 0.01, 0.05
+QUICK = 0.05
 """Tolerance of means on the coarse mesh."""
 UNITS = ("m", "m", "V", "A")
 
@@ -27,7 +26,13 @@ def run(quick: bool) -> Iterator[Item]:
             tolerance = QUICK if quick else EXTRAPOLATED
             yield Check(f"{name}: {quantity}, {words}", float(elements), float(waves), tolerance, unit)
         if not quick:
-            shares = (found.element_tractions[-1] - found.tractions) / found.tractions[0]
-            for traction, share in zip(TRACTIONS, shares, strict=True):
-                text = f"{name}: {traction}, difference over the largest shear"
-                yield Check(text, float(share), 0.0, TRACTION, "", True)
+            text = f"{name}: tractions above the first interface, root of the mean square difference, relative"
+            yield Check(text, float(found.errors[-1]), 0.0, TRACTION, "", True)
+        x, shear, normal, element_shear, element_normal = found.profile
+        curves = (
+            Curve("shear, half space", x * 1e6, shear / 1e6),
+            Curve("shear, finite elements", x * 1e6, element_shear / 1e6, points=True),
+            Curve("normal, half space", x * 1e6, normal / 1e6),
+            Curve("normal, finite elements", x * 1e6, element_normal / 1e6, points=True),
+        )
+        yield Plot(f"{name}: tractions above the first interface", "x [µm]", "traction [MPa]", curves)
