@@ -12,6 +12,12 @@ from meeframe.fields import Array
 
 _WIDTH: Final = 6e-6
 """Width of central differences as a fraction of the argument, the cube root of round-off."""
+_KINK_WIDTH_RATIO: Final = 1e-3
+"""Width near a kink, as a fraction of that elsewhere."""
+_MAX_DIFFERENCE: Final = 1e-2
+"""Difference of one-sided differences, as a fraction of their sum, from which there is a kink between them."""
+_ROUND_OFF: Final = 1e-12
+"""Differences of values, as a fraction of these, that may be round-off."""
 _MIN_GAP_RATIO: Final = 1e-3
 """Least gap, relative to trial tractions over step lengths, of which such a width is taken: laws may vary as fast."""
 PRESSURES: Final = -np.logspace(-3, 15, 19)
@@ -274,14 +280,33 @@ def for_increment(law: ContactLaw, slip_path: Array, duration: float | None) -> 
 
 
 def _differences(function: Callable[[Array], Array], at: Array, width: Array, finite: NDArray[np.bool_]) -> Array:
-    """Return central differences (n, 3, 3) of widths (n,) of a function of (n, 3); zero where not finite (n,)."""
+    """Return central differences (n, 3, 3) of widths (n,) of a function of (n, 3); zero where not finite (n,).
+
+    Where the function has a kink within the width, the width is reduced: differences across a kink are no element of
+    the generalised derivative, and Newton's method would converge slowly.
+    """
     base = np.where(finite[:, None], at, 0.0)
-    derivative = np.empty((len(at), 3, 3))
-    for column, axis in enumerate(np.eye(3)):
-        change = width[:, None] * axis
-        derivative[:, :, column] = (function(base + change) - function(base - change)) / (2.0 * width[:, None])
+    derivative, has_kink = _central_differences(function, base, width)
+    if has_kink.any():
+        narrow, _ = _central_differences(function, base, np.where(has_kink, _KINK_WIDTH_RATIO, 1.0) * width)
+        derivative[has_kink] = narrow[has_kink]
     derivative[~finite] = 0.0
     return derivative
+
+
+def _central_differences(
+    function: Callable[[Array], Array], at: Array, width: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return central differences (n, 3, 3) of widths (n,), and where those of both sides differ, (n,)."""
+    value, derivative, has_kink = function(at), np.empty((len(at), 3, 3)), np.zeros(len(at), bool)
+    round_off = _ROUND_OFF * np.abs(value).max(axis=1)
+    for column, axis in enumerate(np.eye(3)):
+        change = width[:, None] * axis
+        above, below = function(at + change) - value, value - function(at - change)
+        derivative[:, :, column] = (above + below) / (2.0 * width[:, None])
+        size = (np.abs(above) + np.abs(below)).max(axis=1)
+        has_kink |= np.abs(above - below).max(axis=1) > _MAX_DIFFERENCE * size + round_off
+    return derivative, has_kink
 
 
 @dataclass(frozen=True)

@@ -107,3 +107,11 @@ def test_too_dissimilar_coefficients_are_rejected(mu1, mu2):
 @pytest.mark.parametrize(("mu1", "mu2"), [(0.0, 1e5), (0.3, INF), (0.3, 300.0), (0.0, 0.0)])
 def test_zero_infinite_and_equal_coefficients_are_accepted(mu1, mu2):
     assert np.isfinite(OrthotropicCoulomb(mu1, mu2).project(np.array([[1.0, 1.0, -1.0]]))).all()
+
+
+@pytest.mark.parametrize("beyond", [-1e-6, 1e-6])
+def test_differences_do_not_straddle_the_edge_of_the_friction_cone(beyond) -> None:
+    """Close to its kink a law without derivatives of its own has those of the side on which the trial lies."""
+    law = IsotropicCoulomb(0.3)
+    trial = np.array([[0.18, -0.24, -1.0], [-3e5, 0.0, -1e6]]) * [1.0 + beyond, 1.0 + beyond, 1.0]
+    np.testing.assert_allclose(ContactLaw.tangent(law, trial), law.tangent(trial), atol=1e-6)
