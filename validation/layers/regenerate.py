@@ -30,8 +30,8 @@ MEANS = """## Displacement and potentials
 
 Means under the load, and differences of finite elements from them: on each mesh, by its number of elements along the 4
 µm of the loaded zone, and extrapolated to elements of zero size with the theoretical order 4.
-The films are one element thick on the coarse mesh and two on the fine one, so that differences decrease faster than with
-order 4 and most extrapolated values are 0.4 % too large: the finest mesh is closer."""
+The films are one element thick on the coarse mesh and two on the fine one, so that differences decrease faster than
+with order 4 and most extrapolated values are 0.4 % too large: the finest mesh is closer."""
 TRACTIONS = """## Tractions above the first interface
 
 Root of the mean square difference of the three tractions in the loaded zone, relative to that of the tractions, at the
@@ -46,14 +46,20 @@ def main() -> None:
     out = parser.parse_args().out
     out.mkdir(parents=True, exist_ok=True)
     found = {name: compare(name) for name in STACKS}
-    numbers = {name: {key: values.tolist() for key, values in vars(one).items()} for name, one in found.items()}
+    numbers = {
+        name: {key: values.tolist() for key, values in vars(one).items() if key != "profile"}
+        for name, one in found.items()
+    }
     (out / "layers.json").write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
     (out / "layers.md").write_text(page(numbers), encoding="utf-8")
 
 
 def page(numbers: dict[str, dict[str, Any]]) -> str:
     """Return the page of the stored numbers."""
-    found = {name: Comparison(**{key: np.array(v) for key, v in one.items()}) for name, one in numbers.items()}
+    found = {
+        name: Comparison(**{key: np.array(v) for key, v in one.items()}, profile=np.empty((5, 0)))
+        for name, one in numbers.items()
+    }
     meshes = " | ".join(f"{count} elements, %" for count in DIVISIONS)
     means = [f"| stack | quantity | half space | {meshes} | extrapolated, % |", "| --- " * (len(DIVISIONS) + 4) + "|"]
     head = " | ".join(f"{count} elements: depth [µm], difference %" for count in DIVISIONS)

@@ -131,7 +131,7 @@ def compare(name: str, divisions: tuple[int, ...] = DIVISIONS, cells: int = FINE
         waves, found = (one.evaluate(on, points).fluxes[:, 2, :3] for one, on in ((interior, load), (elements, given)))
         depths.append(-points[0, 2])
         errors.append(np.linalg.norm(found - waves) / np.linalg.norm(waves))
-        middle = points[:, 1] == np.abs(points[:, 1]).min()
+        middle = np.isclose(points[:, 1], np.abs(points[:, 1]).min(), rtol=1e-6, atol=0.0)
         profile = np.stack([points[middle, 0], *waves[middle][:, [0, 2]].T, *found[middle][:, [0, 2]].T])
     return Comparison(
         _means(system.points[nodes], values), np.array(means), np.array(depths), np.array(errors), profile
