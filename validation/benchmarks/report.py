@@ -30,6 +30,7 @@ PARTS = (
     "fft_engines",
     "half_space_friction",
     "five_fields",
+    "films",
     "histories",
     "result_files",
     "hierarchical",
