@@ -49,12 +49,12 @@ QUANTITIES: Final = ("tangential displacement", "normal displacement", "electric
 COLUMNS: Final = (0, 2, 3, 4)
 
 
-def _turned(name: str) -> Material:
+def _rotated(name: str) -> Material:
     return library_material(name).rotated(rotation_about([1.0, 2.0, 3.0], np.radians(40.0)))
 
 
-def _film(name: str, interface: Interface | None = None, thickness: float = UM, turned: bool = False) -> Layer:
-    return Layer(_turned(name) if turned else library_material(name), thickness, interface or Interface())
+def _film(name: str, interface: Interface | None = None, thickness: float = UM, rotated: bool = False) -> Layer:
+    return Layer(_rotated(name) if rotated else library_material(name), thickness, interface or Interface())
 
 
 SPRINGS: Final = Interface(3e17, 1e17, {"electric": 0.5})
@@ -65,10 +65,10 @@ STACKS: Final[dict[str, tuple[Material, LayerStack]]] = {
     ),
     "triclinic PZT-4, springs and a poor conductor, BaTiO3-CoFe2O4": (
         library_material("batio3-cofe2o4"),
-        LayerStack((_film("pzt-4", SPRINGS, turned=True),), RigidBase(3.0 * UM)),
+        LayerStack((_film("pzt-4", SPRINGS, rotated=True),), RigidBase(3.0 * UM)),
     ),
     "CoFe2O4, BaTiO3, triclinic BaTiO3-CoFe2O4": (
-        _turned("batio3-cofe2o4"),
+        _rotated("batio3-cofe2o4"),
         LayerStack((_film("cofe2o4"), _film("batio3")), RigidBase(2.0 * UM)),
     ),
 }
