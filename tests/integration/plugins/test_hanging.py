@@ -215,6 +215,25 @@ def test_an_interruption_by_the_user_stays_one(plugin, write):
     timer.join()
 
 
+def test_code_under_a_debugger_runs_after_a_fault(plugin, write):
+    """An interruption that is still due would keep traced code from ever ending."""
+    program = f"""
+import sys
+from pathlib import Path
+import meeframe
+from meeframe.model.load import load_case
+from meeframe.plugin.registry import load
+
+try:
+    meeframe.solve_case(load_case({str(write(FRICTION % "stubborn"))!r}, load(Path({str(plugin)!r}))))
+except meeframe.MeeframeError as error:
+    sys.settrace(lambda *_: None)
+    print((lambda: error)())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert "in project: hangs" in done.stdout, done.stderr
+
+
 def test_run_ends_with_status_2_and_keeps_finished_increments(plugin, write, tmp_path):
     arguments = ["run", str(write(FRICTION % "loop")), "--out", str(tmp_path / "out"), "--plugin", str(plugin)]
     done = subprocess.run([sys.executable, "-m", "meeframe", *arguments], capture_output=True, text=True, timeout=120)
