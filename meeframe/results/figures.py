@@ -248,7 +248,8 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
     shown = ((slip, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
-        axes.fill([], [], color=colour, linewidth=0, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
+        label = f"{name}, {area / picture.factor**2:.4g} {picture.unit}²"
+        axes.fill([], [], color=colour, linewidth=0, linestyle="solid", label=label)  # dashes without width are errors
         drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _WEIGHT_BOUNDS[1]], colors=[colour])
         if not step.touching.all():
             clip_to_contact(axes, drawn, picture, step.touching, slip)
