@@ -207,7 +207,7 @@ def section(record: Record, _pictures: Path) -> str:
         [
             prose(
                 f"Ten layers of {' and '.join(FILMS)}, as thick together as the contact radius, on {SUBSTRATE}; all"
-                " turned alike in the triclinic case. Times are processor times of one thread, medians of alternate"
+                " rotated alike in the triclinic case. Times are processor times of one thread, medians of alternate"
                 f" runs of `auto` to a residual of {TOLERANCE:g}, under a sphere with a given force; of solutions"
                 " without the making of the response. The density of all grids is bilinear and free."
             ),
