@@ -72,7 +72,8 @@ def _gaps_in_double_precision() -> Iterator[None]:
     """Compute changes of the gap in double precision, which needs no renewals of the gap for its round-off."""
 
     def change_of_gap(memory: Any, pressure: Any) -> Any:
-        return projected_cg._gap_opening(memory.problem, pressure)
+        scattered = projected_cg._scatter(pressure, memory.free, len(memory.pressure))
+        return projected_cg._gap_opening(memory.problem, scattered)
 
     with (
         mock.patch.object(projected_cg, "_change_of_gap", change_of_gap),

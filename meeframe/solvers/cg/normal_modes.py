@@ -91,13 +91,12 @@ class NormalModes:
         mode, measure = (np.take(values, free, axis=1) for values in (self.mode, self.measure))
         return NormalModes(self.problem, self.numbers, mode, measure, self.nodes[free])
 
-    def balance_amounts(self, values: Array, along: Array | None = None) -> Array:
-        """Return amounts (k,) with which values (f,) + amounts @ along have no resultants.
+    def balance_amounts(self, values: Array) -> Array:
+        """Return amounts (k,) with which values (f,) + amounts @ modes have no resultants.
 
-        along: (k, f), by default the modes. Where the nodes do not determine the amounts, the smallest ones in scaled
-        units are returned.
+        Where the nodes do not determine the amounts, the smallest ones in scaled units are returned.
         """
-        gram = self.measure @ (self.mode if along is None else along).T
+        gram = self.measure @ self.mode.T
         size = np.sqrt(np.abs(np.diag(gram)))
         size[size == 0.0] = 1.0
         scaled, right = gram / size[:, None] / size, -(self.measure @ values) / size
@@ -105,15 +104,14 @@ class NormalModes:
             return np.asarray(right * np.sign(scaled[0]) / size)
         return np.asarray(np.linalg.pinv(scaled) @ right / size)
 
-    def remove_resultants(self, values: Array, along: Array | None = None) -> Array:
-        """Return values (f,) with their resultants removed along (k, f), by default along the modes.
+    def remove_resultants(self, values: Array) -> Array:
+        """Return values (f,) with their resultants removed along the modes.
 
         Where the nodes are so few that the resultants determine all values, the result is zero and not its round-off.
         """
         if self.numbers.size == 0:
             return values
-        along = self.mode if along is None else along
-        remainder = _add_modes(values, self.balance_amounts(values, along), along)
+        remainder = _add_modes(values, self.balance_amounts(values), self.mode)
         return (
             remainder
             if np.linalg.norm(remainder) > RESULTANT_ROUND_OFF * np.linalg.norm(values)
