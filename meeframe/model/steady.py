@@ -17,7 +17,7 @@ Solution = tuple[Increment, ConvergedState, StepResult]
 Solve = Callable[[ConvergedState], Solution]
 """Solves steady rolling from a state with the slip path of the material one cell before."""
 
-_SAME_PATH: Final = 1e-9
+_PATH_TOLERANCE: Final = 1e-9
 """Change of slip paths that counts as none, as a fraction of the longest."""
 _MAX_STATES: Final = 100
 """Largest number of states in which the slip path becomes steady."""
@@ -53,7 +53,7 @@ def solve_steady(solve: Solve, here: ConvergedState, cell_shift: CellShift, has_
         if not has_memory:
             return increment, end, result
         passed = path_before(result, cell_shift)
-        if np.abs(passed - path).max() <= _SAME_PATH * passed.max():
+        if np.abs(passed - path).max() <= _PATH_TOLERANCE * passed.max():
             message = f"{result.message}; {count} states until the slip path was steady"
             return increment, end, replace(result, iterations=iterations, message=message)
         path, start = passed, replace(start, state=end.state)
