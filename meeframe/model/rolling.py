@@ -24,6 +24,11 @@ _FINITE: Final = {"gt": -math.inf, "lt": math.inf}
 Number = Annotated[float, Quantity("", **_FINITE)]
 
 
+def is_normal_to(frames: Array, base: Array) -> bool:
+    """Return whether the axis of an indenter, with axes (3, 3), is normal to a zone with local frames (n, 3, 3)."""
+    return bool(np.abs(frames @ base[2] - [0.0, 0.0, 1.0]).max() <= _MAX_NORMAL_COMPONENT)
+
+
 @dataclass(frozen=True)
 class Rolling:
     """Rolling of the contact over the surface in a load step.
@@ -112,7 +117,7 @@ class Rolling:
         CaseError
             If the zone is no grid with an axis along the direction, or the axis of the indenter is not normal to it.
         """
-        if np.abs(frames @ base[2] - [0.0, 0.0, 1.0]).max() > _MAX_NORMAL_COMPONENT:
+        if not is_normal_to(frames, base):
             raise CaseError("the axis of the indenter is not normal to the contact zone; allowed: a flat zone below it")
         try:
             shift = CellShift.of(points, frames, self.axes[0] @ base[:2], is_periodic)

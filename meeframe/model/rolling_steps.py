@@ -16,15 +16,12 @@ from meeframe.laws.base import ContactLaw, has_memory
 from meeframe.laws.wear import WearLaw
 from meeframe.mesh import ContactZone
 from meeframe.model.restart import Restart
-from meeframe.model.rolling import Rolling
+from meeframe.model.rolling import Rolling, is_normal_to
 from meeframe.model.step import Step
 from meeframe.plugin.validation import Problem, TableError
 
-_ACROSS: Final = 1e-9
-"""Largest component along a flat zone of its normals."""
-_SAME_DEPTH: Final = 1e-9
+_DEPTH_TOLERANCE: Final = 1e-9
 """Difference of worn depths that counts as none, as a fraction of the largest."""
-_EVEN: Final = "allowed: before it, steps with sliding = 0 and steady rolling alone"
 
 
 def check_rolling(
@@ -113,7 +110,7 @@ def check_surface(
     if surface is None:
         return
     base = placement.base
-    if np.abs(zone.frames @ base[2] - [0.0, 0.0, 1.0]).max() > _ACROSS:
+    if not is_normal_to(zone.frames, base):
         raise CaseError(
             "heights on a zone that is not flat and normal to the axis of the indenter; allowed: a flat zone"
         )
@@ -169,12 +166,14 @@ def check_profiles(
         location = "steps", number, "rolling"
         if start.any() and not varying:
             grid = rolling.increment(zone.points, zone.frames, placement.base, False).cell_shift.grid
-            if np.ptp(start[grid], axis=0).max() > _SAME_DEPTH * start.max():
+            if np.ptp(start[grid], axis=0).max() > _DEPTH_TOLERANCE * start.max():
                 varying = "the earlier run wore them in place or in one passage"
         if varying:
-            raise TableError(
-                Problem(location, f"steady rolling of surfaces whose worn depth varies along them: {varying}; {_EVEN}")
+            problem = (
+                f"steady rolling of surfaces whose worn depth varies along them: {varying}; allowed: before it, steps "
+                "with sliding = 0 and steady rolling alone"
             )
+            raise TableError(Problem(location, problem))
         if axes is not None and abs(rolling.axes[0] @ axes[0]) < 0.5:
             raise TableError(Problem(location, "a direction across that of earlier cycles; allowed: the same axis"))
         if rolling.cycles is not None:

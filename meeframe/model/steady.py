@@ -17,7 +17,7 @@ Solution = tuple[Increment, ConvergedState, StepResult]
 Solve = Callable[[ConvergedState], Solution]
 """Solves steady rolling from a state with the slip path of the material one cell before."""
 
-_SAME_PATH: Final = 1e-9
+_PATH_TOLERANCE: Final = 1e-9
 """Change of slip paths that counts as none, as a fraction of the longest."""
 _MAX_STATES: Final = 100
 """Largest number of states in which the slip path becomes steady."""
@@ -42,21 +42,23 @@ def solve_steady(solve: Solve, here: ConvergedState, cell_shift: CellShift, has_
     Returns
     -------
     Increment, ConvergedState, StepResult
-        Of the steady state, with the iterations of all states.
+        Of the steady state, with the iterations of all states; the state is `here` if it is not reached.
     """
-    path, iterations = np.zeros_like(here.slip_path), 0
+    path, start, iterations = np.zeros_like(here.slip_path), here, 0
     for count in range(1, _MAX_STATES + 1):
-        increment, end, result = solve(replace(here, slip_path=path))
+        increment, end, result = solve(replace(start, slip_path=path))
         iterations += result.iterations
-        if not has_memory or result.status is not Status.CONVERGED:
-            return increment, end, replace(result, iterations=iterations)
+        if result.status is not Status.CONVERGED:
+            return increment, here, replace(result, iterations=iterations)
+        if not has_memory:
+            return increment, end, result
         passed = path_before(result, cell_shift)
-        if np.abs(passed - path).max() <= _SAME_PATH * passed.max():
+        if np.abs(passed - path).max() <= _PATH_TOLERANCE * passed.max():
             message = f"{result.message}; {count} states until the slip path was steady"
             return increment, end, replace(result, iterations=iterations, message=message)
-        path, here = passed, replace(here, state=end.state)
+        path, start = passed, replace(start, state=end.state)
     message = f"{result.message}; the slip path is not steady after {_MAX_STATES} states"
-    return increment, end, replace(result, status=Status.STALLED, iterations=iterations, message=message)
+    return increment, here, replace(result, status=Status.STALLED, iterations=iterations, message=message)
 
 
 def path_before(result: StepResult, cell_shift: CellShift) -> Array:

@@ -23,7 +23,7 @@ _LARGE_FACTOR: Final = 1e3
 """Factor of the pressure for trials outside every friction limit with smaller coefficients."""
 _HALVINGS: Final = 40
 _BISECTIONS: Final = 60
-_EQUAL_GAPS: Final = 1e-9
+_PRESSURE_TOLERANCE: Final = 1e-9
 """Gaps of pressures within this fraction of the characteristic pressure are equivalent."""
 _RELATIVE_STEP: Final = 1e-6
 """Relative step of the drop for the derivative of the flux."""
@@ -123,7 +123,7 @@ def _traction_violations(
     """Return violations of eqs. (10) to (12) and of `contact_fraction`; contact: tractions (n, 3)."""
     law, r = problem.contact_law, 1.0 / scales.normal_compliance
     gap = np.where(np.isfinite(relative[:, MECHANICAL]), relative[:, MECHANICAL], 0.0)
-    band = _EQUAL_GAPS * scales.pressure
+    band = _PRESSURE_TOLERANCE * scales.pressure
     least = (_normal_trial(law, contact[:, 2] - band, gap, r) - (contact[:, 2] - band)) / scales.pressure
     most = (_normal_trial(law, contact[:, 2] + band, gap, r) - (contact[:, 2] + band)) / scales.pressure
     pressure, distance = -contact[:, 2] / scales.pressure, relative[:, 2] * r / scales.pressure
@@ -173,7 +173,7 @@ def _check_tangential_compliance(tractions: _AdmissibleTractions, contact: Array
     for push in _PUSHES:
         once = tractions.project(contact[:, :2] + push * size)
         change = np.abs(tractions.project(once[:, :2]) - once).max(initial=0.0)
-        if change > _EQUAL_GAPS * size:
+        if change > _PRESSURE_TOLERANCE * size:
             raise ValueError(
                 f"violations cannot be computed for {type(tractions.law).__name__}, which has tangential compliance; "
                 "allowed: laws whose resolve leaves admissible tangential tractions unchanged"

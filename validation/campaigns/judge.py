@@ -46,6 +46,18 @@ class Increment:
     loading: Mapping[str, Array]
     prescribed: Mapping[str, Array]
 
+    @property
+    def displacement(self) -> Array:
+        """Displacement of the body relative to the second one, (n, 3)."""
+        second: Array | float = 0.0 if self.second is None else self.second["displacement"]
+        return np.asarray(self.fields["displacement"] - second)
+
+    @property
+    def largest_length(self) -> float:
+        """Largest displacement or motion."""
+        motions = abs(float(self.loading["approach"])), np.abs(self.loading["translation"]).max()
+        return float(max(np.abs(self.displacement).max(), *motions))
+
 
 @dataclass(frozen=True)
 class File:
@@ -125,8 +137,8 @@ class _State:
     ) -> None:
         self.file, self.increment, self.law = file, increment, _table(file.case["contact"]["law"])
         self.compliances = compliances
-        fields, second = increment.fields, increment.second
-        self.displacement = fields["displacement"] - (0.0 if second is None else second["displacement"])
+        fields = increment.fields
+        self.displacement = increment.displacement
         self.drop = {name: self._drop(name) for name in SCALARS}
         gap = fields["initial_gap"] - self.displacement[:, 2]
         self.total_slip = self._tangential_motion() - self.displacement[:, :2]
@@ -151,9 +163,9 @@ class _State:
         return max(float(np.abs(self.increment.fields[name]).max()), PAST * float(max(past)))
 
     def _length_unit(self) -> float:
-        loading = self.increment.loading
-        sizes = [np.abs(self.displacement).max(), abs(float(loading["approach"])), np.abs(loading["translation"]).max()]
-        return float(max(sizes)) or 1.0
+        """Return the largest displacement or motion now, or a fraction of that in any converged increment."""
+        past = (each.largest_length for each in self.file.increments if each.status == "converged")
+        return max(self.increment.largest_length, PAST * max(past)) or 1.0
 
     def _drop(self, name: str) -> Array:
         second = self.increment.second

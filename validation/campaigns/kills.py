@@ -11,7 +11,6 @@ violation is printed with the seed of its trial, and the exit status is 1.
 
 import argparse
 import os
-import re
 import shutil
 import signal
 import sys
@@ -36,8 +35,8 @@ from meeframe.results.records import StepResult
 
 ENDS: Final = ("SIGKILL", "SIGKILL", "SIGTERM", "SIGINT", "SIGINT twice")
 INTERRUPTIONS: Final = (signal.SIGINT, signal.SIGTERM)
-BESIDE: Final = 98
-"""Status of a process that is interrupted beside its command."""
+OUTSIDE_COMMAND: Final = 98
+"""Status of a process that is interrupted before its command begins or after it ends."""
 BODY: Final = """
 title = "killed"
 material = { name = "pzt-4" }
@@ -66,11 +65,11 @@ FIELDS: Final = (
 
 
 @dataclass(frozen=True)
-class Ended:
-    """End of a command: its status, negative for a signal; what it wrote; and how long it lasted [s]."""
+class Outcome:
+    """Status of a command, negative for a signal; its output; and its duration [s]."""
 
     status: int
-    words: str
+    output: str
     seconds: float
 
 
@@ -81,7 +80,7 @@ def command(kind: str, folder: Path, out: Path, *options: str) -> list[str]:
     return ["run", str(folder / f"{kind}.toml"), "--out", str(out), *options]
 
 
-def execute(arguments: Sequence[str], log: Path, signals: Sequence[tuple[float, int]] = ()) -> Ended:
+def execute(arguments: Sequence[str], log: Path, signals: Sequence[tuple[float, int]] = ()) -> Outcome:
     """Run a command in a forked process and send it signals, each after a time [s]."""
     begin = time.monotonic()
     log.write_text("", encoding="utf-8")
@@ -94,7 +93,7 @@ def execute(arguments: Sequence[str], log: Path, signals: Sequence[tuple[float, 
         time.sleep(seconds)
         os.kill(child, number)  # a process that has ended can be sent signals until it is waited for
     _, status = os.waitpid(child, 0)
-    return Ended(os.waitstatus_to_exitcode(status), log.read_text(), time.monotonic() - begin)
+    return Outcome(os.waitstatus_to_exitcode(status), log.read_text(), time.monotonic() - begin)
 
 
 def _serve(arguments: Sequence[str], log: Path) -> NoReturn:
@@ -111,8 +110,8 @@ def _serve(arguments: Sequence[str], log: Path) -> NoReturn:
             command_line()
         except SystemExit as ended:
             status = int(ended.code or 0)
-        except KeyboardInterrupt:  # before the command has begun, or after it has ended
-            status = BESIDE
+        except KeyboardInterrupt:
+            status = OUTSIDE_COMMAND
         except BaseException:
             traceback.print_exc()
         finally:
@@ -189,15 +188,17 @@ class Campaign:
             return f"{kind}, {end}", [f"{type(error).__name__}: {error}"]
         return f"{kind}, {end}, {count} finished", problems
 
-    def _status(self, done: Ended, number: int) -> list[str]:
-        lines = [line for line in done.words.splitlines() if not line.startswith("warning: ")]
-        if "Traceback" in done.words:
-            return [done.words]
-        if done.status in (0, BESIDE, -number):  # it was faster, or had not begun
+    def _status(self, done: Outcome, number: int) -> list[str]:
+        lines = [line for line in done.output.splitlines() if not line.startswith("warning: ")]
+        if "Traceback" in done.output:
+            return [done.output]
+        if done.status in (0, OUTSIDE_COMMAND, -number):  # it was faster, or had not begun
             return []
         if number == signal.SIGKILL or done.status != 130:
-            return [f"status {done.status}: {done.words}"]
-        return [] if re.match("interrupted", lines[-1]) else [f"status 130 with the words: {done.words}"]
+            return [f"status {done.status}: {done.output}"]
+        if lines and lines[-1].startswith("interrupted"):
+            return []
+        return [f"status 130 with the output: {done.output!r}"]
 
     def _finished(self, kind: str, out: Path) -> tuple[int, list[str]]:
         if kind != "sweep":
@@ -210,7 +211,7 @@ class Campaign:
         before = points_in(out)
         done = execute(command(kind, self._folder, out, *([] if kind == "sweep" else ["--overwrite"])), self._log)
         if done.status:
-            return [f"repeated: status {done.status}: {done.words}"]
+            return [f"repeated: status {done.status}: {done.output}"]
         if kind != "sweep":
             again, whole = steps_in(out), steps_in(self._folder / kind)
             left = [path.name for path in out.rglob("*") if path.name.startswith(".") or "increments" in path.name]

@@ -22,8 +22,7 @@ UM: Final = 1e-6
 WIDTH, HALF_WIDTH, SPREAD = 4.0 * UM, 20.0 * UM, 0.6 * UM
 """Width of the loaded zone and half width of the block of finite elements; standard deviation of the load [m].
 
-The sides of the block are held. At 10 µm they carry 18 % of a drag on the first stack, and reduce the displacement
-by 0.5 %; at 20 µm 0.5 % of it.
+The sides of the block are held. At 10 µm they reduce the displacement under a drag on the first stack by 0.5 %.
 """
 LOAD: Final = np.array([1.0, 0.0, -0.5, 0.3, 0.3])
 """Amplitudes of tractions and fluxes: pressure and drag, and fluxes of similar effect, in scaled fields."""

@@ -155,9 +155,14 @@ def _begin(
     if not keeps_motion and (np.abs(state.balance) > BALANCE_TOLERANCE).any():
         state = equation.at(state.load, contact_fraction, state.biactive, _balanced_motion(problem, state))
     rise = 1.0 if prolonged is None else MAX_START_GROWTH
-    sufficient = SUFFICIENT_FRACTION * tolerance
-    flips = np.zeros(len(state.load))
-    memory = _Memory(state, (rise * state.merit,), flips, np.inf, FIRST_BURST, neighbourhood, restrictions, sufficient)
+    memory = _Memory(
+        state,
+        (rise * state.merit,),
+        flips=np.zeros(len(state.load)),
+        neighbourhood=neighbourhood,
+        restrictions=restrictions,
+        sufficient_residual=SUFFICIENT_FRACTION * tolerance,
+    )
     return _iterate(memory)
 
 

@@ -74,9 +74,9 @@ def test_faults_are_found(solved, tmp_path, name):
     assert worst(tmp_path, compliances)[statement] > random_problems.TOLERANCE
 
 
-@pytest.mark.parametrize("seed", [*range(5001, 5005), 6513, 6650, 6959, 7266])
+@pytest.mark.parametrize("seed", [*range(5001, 5005), 6513, 6650, 6959, 7266, 9210])
 def test_random_problems(seed):
-    """The last four once failed: laws of conduction that almost insulate, floating potentials, poor conductors."""
+    """The last five once failed: conduction that almost insulates, floating potentials, a return to no approach."""
     answer = random_problems.answer(seed, "auto")
     assert answer.outcomes
     assert set(answer.outcomes) <= {"converged", "rejected", "stalled, with a reason"}, answer.notes
