@@ -110,7 +110,7 @@ def conduction(potentials: Potentials) -> tuple[ConductivityLaw, ...]:
     return (*(Insulating() if value is None else PERFECT for value in potentials), PERFECT)
 
 
-@pytest.mark.parametrize("cells", [20, pytest.param(64, marks=pytest.mark.full)])
+@pytest.mark.parametrize("cells", [20, *(pytest.param(cells, marks=pytest.mark.full) for cells in (64, 96))])
 @pytest.mark.parametrize(
     "potentials",
     [(0.0, 0.0), *(pytest.param(given, marks=pytest.mark.full) for given in ((None, None), (0.0, None), (None, 0.0)))],
@@ -118,18 +118,20 @@ def conduction(potentials: Potentials) -> tuple[ConductivityLaw, ...]:
 def test_hot_sphere_in_closed_form(potentials: Potentials, cells: int) -> None:
     """Force, heat, charge and magnetic flux at the approach and the potentials of a contact radius.
 
-    Fluxes are singular at the contact edge, whose position is uncertain by a fraction of a spacing.
+    The heat flux is singular at the contact edge, whose position is uncertain by a fraction of a spacing; the force has
+    no such part, and its error is smaller. The magnetic flux is the difference of a part of the shape, three times as
+    large, and one of the heat, and therefore needs a finer grid.
     """
-    tolerance = 0.1 / cells
     exact = HotIndentation(*surface(COMPOSITE), Sphere(R), A, TEMPERATURE, potentials, REFERENCE_RADIUS)
     given = (potentials[0] or 0.0, potentials[1] or 0.0, TEMPERATURE)
     problem = hot_problem(
         COMPOSITE, sphere, exact.solved_approach, cells, conduction(potentials), given, edges="resolved"
     )
     result = totals(problem, solved(problem))
-    assert -result[2] == pytest.approx(exact.force, rel=tolerance / 4.0)
-    for column in (3, 4):
-        assert result[column] == pytest.approx(exact.totals[column - 2], rel=tolerance)
+    tolerance = 0.06 / cells
+    assert -result[2] == pytest.approx(exact.force, rel=tolerance / 8.0)
+    assert result[3] == pytest.approx(exact.totals[1], rel=tolerance / 8.0)
+    assert result[4] == pytest.approx(exact.totals[2], rel=tolerance if cells == 20 else 0.09 / cells)
     assert result[5] == pytest.approx(exact.heat, rel=tolerance)
 
 
