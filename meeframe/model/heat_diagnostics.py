@@ -1,4 +1,4 @@
-"""Diagnostics of heat in contact: frictional heat near its critical value, and imperfect contact under cooling."""
+"""Diagnostics of heat in contact: critical frictional heat, imperfect contact under cooling, several solutions."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -6,8 +6,11 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.memoize import memoize_by_identity
+from meeframe.contact.conduction import depends_on_gap
 from meeframe.contact.generated_heat import TANGENTIAL
+from meeframe.contact.problem import AT_REST, ContactProblem, indenter_position
 from meeframe.fields import MECHANICAL, N_FIELDS, N_MECHANICAL, THERMAL_FIELD, Array
+from meeframe.laws.base import is_adhesive
 from meeframe.material.half_space import MEAN_DIRECTIONS, mean_compliance, surface_directions
 from meeframe.material.surface_symbol import SurfaceSymbol
 from meeframe.material.thermal_half_space import thermal_response
@@ -48,7 +51,14 @@ def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weigh
             f"{int(partial.sum())} nodes with zero pressure and zero gap conduct heat in part: neither contact nor "
             "separation is possible there, as next to the edge of contact with a colder indenter"
         )
-    if not increment.problem.friction_heat or not result.touching.any():
+    if not result.touching.any():
+        return
+    if is_solved_without_contact(increment.problem):
+        yield (
+            "several solutions: only the heat or other fluxes through the contact cause it; separation is a solution "
+            "as well, and the previous state determines which one is found"
+        )
+    if not increment.problem.friction_heat:
         return
     heating = frictional_heat_number(body, increment, result, weights)
     if heating > 0.0:
@@ -56,6 +66,14 @@ def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weigh
             f"frictional heat: lambda = {heating:.3g}, {heating / CRITICAL:.0%} of the critical value at which no "
             "pressure makes a round contact grow any further; at and beyond it there is no steady state"
         )
+
+
+def is_solved_without_contact(problem: ContactProblem) -> bool:
+    """Return whether a problem is solved by zero loads and fluxes: nothing overlaps, presses, or crosses gaps."""
+    if problem.prescribed_resultants or depends_on_gap(problem) or is_adhesive(problem.contact_law):
+        return False
+    position = indenter_position(problem, AT_REST) - problem.system.offset
+    return bool((position[:, NORMAL] >= 0.0).all())
 
 
 def frictional_heat_number(body: Body, increment: Increment, result: StepResult, weights: Array) -> float:

@@ -110,7 +110,7 @@ def conduction(potentials: Potentials) -> tuple[ConductivityLaw, ...]:
     return (*(Insulating() if value is None else PERFECT for value in potentials), PERFECT)
 
 
-@pytest.mark.parametrize("cells", [20, pytest.param(64, marks=pytest.mark.full)])
+@pytest.mark.parametrize("cells", [20, *(pytest.param(cells, marks=pytest.mark.full) for cells in (64, 96))])
 @pytest.mark.parametrize(
     "potentials",
     [(0.0, 0.0), *(pytest.param(given, marks=pytest.mark.full) for given in ((None, None), (0.0, None), (None, 0.0)))],
@@ -118,18 +118,20 @@ def conduction(potentials: Potentials) -> tuple[ConductivityLaw, ...]:
 def test_hot_sphere_in_closed_form(potentials: Potentials, cells: int) -> None:
     """Force, heat, charge and magnetic flux at the approach and the potentials of a contact radius.
 
-    Fluxes are singular at the contact edge, whose position is uncertain by a fraction of a spacing.
+    The heat flux is singular at the contact edge, whose position is uncertain by a fraction of a spacing; the force has
+    no such part, and its error is smaller. The magnetic flux is the difference of a part of the shape, three times as
+    large, and one of the heat, and therefore needs a finer grid.
     """
-    tolerance = 0.1 / cells
     exact = HotIndentation(*surface(COMPOSITE), Sphere(R), A, TEMPERATURE, potentials, REFERENCE_RADIUS)
     given = (potentials[0] or 0.0, potentials[1] or 0.0, TEMPERATURE)
     problem = hot_problem(
         COMPOSITE, sphere, exact.solved_approach, cells, conduction(potentials), given, edges="resolved"
     )
     result = totals(problem, solved(problem))
-    assert -result[2] == pytest.approx(exact.force, rel=tolerance / 4.0)
-    for column in (3, 4):
-        assert result[column] == pytest.approx(exact.totals[column - 2], rel=tolerance)
+    tolerance = 0.06 / cells
+    assert -result[2] == pytest.approx(exact.force, rel=tolerance / 8.0)
+    assert result[3] == pytest.approx(exact.totals[1], rel=tolerance / 8.0)
+    assert result[4] == pytest.approx(exact.totals[2], rel=tolerance if cells == 20 else 0.09 / cells)
     assert result[5] == pytest.approx(exact.heat, rel=tolerance)
 
 
@@ -437,3 +439,66 @@ def test_approach_with_reference_radius_or_without_heat(load_changed: Any) -> No
         load_changed(CASE, radius, ('normal_force = "1 kN"', 'approach = "5 um"')).formulation.reference_radius == 2e-3
     )
     load_changed(CASE, ('normal_force = "1 kN"', 'approach = "5 um"\nheat = 0'))
+
+
+ON_STEEL = [
+    (
+        'name = "batio3-cofe2o4"\nthermal = true',
+        f'name = "isotropic"\nyoung_modulus = {YOUNG}\npoisson_ratio = {POISSON}\n'
+        f"thermal_conductivity = {CONDUCTIVITY}\nthermal_expansion = {EXPANSION}",
+    ),
+    ('law = {name = "isotropic-coulomb", mu = 0.2}\nfriction_heat = 0.5', ""),
+    ("divisions = 15", "divisions = 9"),
+]
+POWER_LAW = '{name = "power-law", reference_conductivity = "5000 W/m^2/K", reference_pressure = "100 MPa"}'
+SLIDING = '[[steps]]\ntranslation = ["1 mm", 0]\nduration = "0.1 s"\n'
+
+
+@pytest.mark.parametrize(
+    ("law", "temperature", "partial"),
+    [
+        ('{name = "step", kappa = inf}', -300.0, True),
+        ('{name = "step", kappa = inf}', 300.0, False),
+        ('{name = "step", kappa = "1e5 W/m^2/K"}', -300.0, False),
+        (POWER_LAW, -300.0, False),
+    ],
+    ids=["cold and perfect", "hot and perfect", "cold and poor", "cold and rough"],
+)
+def test_perfect_contact_with_a_cold_indenter_is_reported(
+    load_changed: Any, law: str, temperature: float, partial: bool
+) -> None:
+    """Neither open nor closed next to the contact edge: nodes without pressure and gap conduct in part (Barber)."""
+    cold = ('temperature = "100 K"', f"temperature = {temperature}")
+    result = solve_case(load_changed(CASE, *ON_STEEL, (POWER_LAW, law), cold, (SLIDING, "")))
+    (step,) = result.steps
+    assert step.status is Status.CONVERGED
+    between = (step.contact_fraction > 0.0) & (step.contact_fraction < 1.0)
+    assert between.any() == partial
+    assert ("conduct heat in part: neither contact nor separation is possible there" in step.message) == partial
+    if partial:
+        assert f"{between.sum()} nodes with zero pressure and zero gap" in step.message
+        assert "next to the edge of contact with a colder indenter" in step.message
+        assert np.abs(step.traction[between]).max() == 0.0
+        drop = step.potentials[between, 2] - temperature
+        assert (drop > 0.0).all()  # a resistance remains in contact that is perfect elsewhere
+        assert (step.fluxes[between, 2] > 0.0).all()
+
+
+def test_several_solutions_are_reported(load_changed: Any) -> None:
+    """A hot sphere above the surface: no contact, or contact with the bulge that its heat causes, if it was closed."""
+    perfect, hot = (POWER_LAW, '{name = "step", kappa = inf}'), ('temperature = "100 K"', 'temperature = "200 K"')
+    radius = ('formulation = "half-space"', 'formulation = {name = "half-space", reference_radius = "50 mm"}')
+    options = *ON_STEEL, perfect, hot, radius
+    descent = 'approach = "5 um"\n[[steps]]\napproach = "-0.8 um"\nincrements = 4'
+    withdrawn = solve_case(load_changed(CASE, *options, ('normal_force = "1 kN"', descent), (SLIDING, "")))
+    first, *_, last = withdrawn.steps
+    assert all(step.status is Status.CONVERGED for step in withdrawn.steps)
+    assert last.traction[:, 2].min() < -1e9
+    assert "several solutions: only the heat or other fluxes through the contact cause it" in last.message
+    assert "separation is a solution as well" in last.message
+    assert "several solutions" not in first.message
+    direct = ('normal_force = "1 kN"', 'approach = "-0.8 um"')
+    (approached,) = solve_case(load_changed(CASE, *options, direct, (SLIDING, ""))).steps
+    assert approached.status is Status.CONVERGED
+    assert not approached.touching.any()
+    assert "several solutions" not in approached.message

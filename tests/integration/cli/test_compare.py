@@ -334,6 +334,83 @@ def test_conductivities_across_the_gap_are_compared(write_case, laws, tmp_path):
     assert charges[1] < 0.0
 
 
+HEATED = """
+formulation = "half-space"
+[material]
+name = "isotropic"
+young_modulus = "200 GPa"
+poisson_ratio = 0.3
+thermal_conductivity = 40
+thermal_expansion = 1.2e-5
+[mesh]
+type = "half-space"
+contact_width = "2.4 mm"
+divisions = 7
+[conductivity.thermal]
+name = "step"
+kappa = "2e4 W/m^2/K"
+[indenter]
+name = "sphere"
+radius = "100 mm"
+temperature = "100 K"
+[[steps]]
+normal_force = "1 kN"
+"""
+HARDENED = """
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from meeframe.plugin import ConductivityLaw, Quantity, Record, hookimpl
+
+
+@dataclass(frozen=True)
+class PlasticSpots(ConductivityLaw):
+    conductance: Annotated[float, Quantity("W/m^2/K", ge=0)]
+    hardness: Annotated[float, Quantity("Pa", gt=0)]
+
+    def conductivity(self, normal_traction, gap, drop):
+        return self.conductance * (np.maximum(-normal_traction, 0.0) / self.hardness) ** 0.95
+
+
+@hookimpl
+def meeframe_conductivity_laws():
+    return [Record("plastic-spots", PlasticSpots, "Conductance of plastic asperities", "tests")]
+"""
+
+
+def test_laws_of_thermal_conductance_are_compared_with_one_of_a_file(tmp_path):
+    """A law in one file conducts heat like a law that is installed; poor contact lets less heat through."""
+    case, module = tmp_path / "heated.toml", tmp_path / "plastic_spots.py"
+    case.write_text(HEATED, encoding="utf-8")
+    module.write_text(HARDENED, encoding="utf-8")
+    own = '{name = "plastic-spots", conductance = "5000 W/m^2/K", hardness = "100 MPa"}'
+    laws = {
+        "insulating": '"insulating"',
+        "perfect": '{name = "step", kappa = inf}',
+        "film": '{name = "step", kappa = "2e4 W/m^2/K"}',
+        "rough": '{name = "power-law", reference_conductivity = "5000 W/m^2/K", reference_pressure = "100 MPa"}',
+        "own": own,
+        "gas": '{name = "across-gap", gap_constant = "0.026 W/m/K", residual_gap = "1 um", contact_conductivity = 2e4}',
+    }
+    options = [text for law in laws.values() for text in ("--conductivity-law", f"{{thermal = {law}}}")]
+    status, out, err = invoke("compare", case, "--plugin", module, *options, "--out", tmp_path / "out")
+    assert status == 0, err
+    assert "heat out of the body" in out
+    runs = dict(zip(laws, numbers(tmp_path / "out"), strict=True))
+    heat = {name: -run["increments"][-1]["heat"] for name, run in runs.items()}
+    assert heat["insulating"] == 0.0
+    assert heat["own"] == pytest.approx(heat["rough"], rel=1e-9)
+    assert 0.0 < heat["film"] < heat["gas"]
+    assert heat["film"] < heat["perfect"]
+    pressure = {name: run["increments"][-1]["max_pressure"] for name, run in runs.items()}
+    assert pressure["insulating"] < pressure["film"] < pressure["perfect"], "the heated body bulges"
+    assert runs["perfect"]["increments"][-1]["max_abs_temperature"] == pytest.approx(100.0)
+    status, out, err = invoke("plugins", "check", module, "--with", own, "--pressure", "1e8")
+    assert status == 0, out + err
+
+
 def test_wear_laws_are_compared(write_case, laws, tmp_path):
     """Springs of the stiffness K wear by d (1 - 1 / (1 + k K s)); a name takes the coefficient of the case file."""
     press = ('approach = "10 um"', 'approach = "10 um"\nsliding = 0')
