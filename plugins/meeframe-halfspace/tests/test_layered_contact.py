@@ -25,12 +25,13 @@ def detuned(change: float) -> Material:
 
 
 def pressed(layers: Any, step: Any, width: float, divisions: int, material: Any = GLASS, **keys: Any) -> Any:
-    """Return the result under a sphere of 10 um."""
+    """Return the result under a sphere of 10 um after a load step, or after several."""
     formulation = keys.pop("formulation", HalfSpace(matrix_up_to=0))
+    steps = step if isinstance(step, list) else [step]
     mesh = meeframe.mesh.half_space(width, divisions)
     indenter = meeframe.Sphere(10 * UM)
     case = meeframe.Case(
-        material=material, layers=layers, mesh=mesh, formulation=formulation, indenter=indenter, steps=[step], **keys
+        material=material, layers=layers, mesh=mesh, formulation=formulation, indenter=indenter, steps=steps, **keys
     )
     result = case.solve(progress=False)
     assert result.status == "converged"
@@ -55,20 +56,27 @@ def test_nearly_degenerate_layers() -> None:
     assert force(1e-10) == pytest.approx(exact, rel=1e-9)
 
 
-def test_contact_on_layers_of_the_substrate() -> None:
-    """With friction and conduction, a turned stack of one material has the contact of a half space."""
+@pytest.mark.parametrize("periodic", [False, True])
+def test_contact_on_layers_of_the_substrate(periodic: bool) -> None:
+    """With friction and conduction, a rotated stack of one material has the contact history of a half space."""
     perfect = meeframe.StepConductivity(np.inf)
     keys = {
         "contact": meeframe.IsotropicCoulomb(0.3),
         "conductivity": {"electric": perfect, "magnetic": perfect},
+        "formulation": HalfSpace(matrix_up_to=0, periodic=periodic),
     }
-    step = meeframe.Step(approach=40e-9, translation=[8e-9, 0.0])
+    steps = [
+        meeframe.Step(approach=40e-9),
+        meeframe.Step(translation=[8e-9, 0.0], electric_potential=1.0),
+        meeframe.Step(approach=30e-9, translation=[2e-9, 3e-9]),
+    ]
     material = library_material("batio3-cofe2o4").rotated(rotation_about([1, 2, 3], np.radians(40.0)))
     layers = [meeframe.Layer(material, thickness * UM) for thickness in (0.3, 0.5)]
-    one, other = (pressed(stack, step, 1.6 * UM, 16, material, **keys)[-1] for stack in ([], layers))
+    one, other = (pressed(stack, steps, 1.6 * UM, 16, material, **keys) for stack in ([], layers))
     for name in ("traction", "fluxes"):
-        expected = getattr(one, name)
-        np.testing.assert_allclose(getattr(other, name), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+        for first, second in zip(one, other, strict=True):
+            expected = getattr(first, name)
+            np.testing.assert_allclose(getattr(second, name), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_isolated_and_periodic_contact_on_a_rigid_base() -> None:

@@ -205,6 +205,24 @@ def test_interpolation_far_from_the_source():
     assert_close(part.system.apply(load[part.nodes]), system.apply(load)[part.nodes], 1e-10)
 
 
+@pytest.mark.parametrize("periodic", [False, True])
+def test_floating_electrodes(periodic):
+    """A floating electrode differs from a grounded one in the response to the mean of a periodic load alone."""
+    values = []
+    for electrode in ("grounded", "floating"):
+        film = replace(FILM.layers[0], interface=Interface(electrode=electrode))
+        layers = LayerStack((film,), RigidBase(2 * UM))
+        system = HalfSpace(periodic=periodic, matrix_up_to=0).reduce(body(layers))
+        load = random_load(system, layers)
+        values.append(system.apply(load + load.max(axis=0)))
+    difference = (values[1] - values[0]) / np.abs(values[0]).max(axis=0)
+    if periodic:
+        assert np.ptp(difference, axis=0).max() < 1e-10
+        assert np.abs(difference[0, ELECTRIC]) > 0.01
+    else:
+        assert np.abs(difference).max() < 1e-10
+
+
 def test_matrix_matches_fft():
     one = HalfSpace(matrix_up_to=10_000).reduce(body(TRICLINIC))
     other = HalfSpace(matrix_up_to=0).reduce(body(TRICLINIC))
@@ -289,6 +307,23 @@ def test_two_equal_coated_bodies_share_the_approach():
     one = sphere(layers, divisions=24, indenter=meeframe.Sphere(20 * UM), steps=[meeframe.Step(approach=20e-9)])
     pressure = one[-1].traction[:, 2]
     np.testing.assert_allclose(two[-1].traction[:, 2], pressure, rtol=0.0, atol=1e-8 * np.abs(pressure).max())
+
+
+def test_differently_coated_bodies_exchanged():
+    """Two coated bodies that take each other's place have the same pressure, which is not that of equal bodies."""
+    films = (meeframe.Layer("batio3", UM),), (meeframe.Layer("steel", 0.3 * UM), meeframe.Layer("zno", 0.5 * UM))
+    mesh = meeframe.mesh.half_space(1.63 * UM, 24, rings=1, half_width=1.63 * UM)
+
+    def pressure(upper, lower):
+        (name, layers), (other, lower_layers) = upper, lower
+        second = meeframe.SecondBody(name, mesh, formulation=HalfSpace(matrix_up_to=0), layers=layers)
+        return sphere(lower_layers, other, 24, second_body=second)[-1].traction[:, 2]
+
+    one, two = ("cofe2o4", films[0]), ("silicon", films[1])
+    expected, equal = pressure(one, two), pressure(one, one)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(pressure(two, one), expected, rtol=0.0, atol=1e-8 * scale)
+    assert np.abs(equal - expected).max() > 0.02 * scale
 
 
 def test_force_control_and_friction_histories():

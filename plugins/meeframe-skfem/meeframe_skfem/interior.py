@@ -1,6 +1,6 @@
 """Fields inside a body from the shape functions of its finite elements."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, final
 
 import numpy as np
@@ -18,6 +18,7 @@ from meeframe.plugin import (
     silent,
 )
 from meeframe_skfem.elements import VolumeElement, tabulate
+from meeframe_skfem.layers import interface_depths, plane_normal
 from meeframe_skfem.system import FiniteElementSolution
 from meeframe_skfem.volume import VolumeMesh
 
@@ -30,6 +31,12 @@ OUTSIDE: Final = 1e-6
 """Reference coordinate by which a point may be outside of an element, for round-off of points on its faces."""
 _MARGIN: Final = 0.1
 """Margin of the bounding boxes of elements, in their sizes, since curved sides bulge beyond their nodes."""
+_ON_INTERFACE: Final = 1e-9
+"""Distance of a point from an interface to be on it, relative to the depth of the interface."""
+_BESIDE_INTERFACE: Final = 1e-3
+"""Distance from an interface, in thicknesses of the thinnest layer, at which a point is in an element beside it."""
+_LINEAR, _QUADRATIC = 0.5, 0.5 - np.sqrt(3.0) / 6.0
+"""Distance of the points where gradients are most accurate from the sides of elements, in their widths."""
 _BATCH: Final = 10_000_000
 """Points times elements of one batch."""
 
@@ -40,7 +47,8 @@ class FiniteElementInterior(InteriorFields):
     """Values and gradients of the shape functions in the element that contains a point.
 
     Gradients jump between elements; on a common side, those of one element are returned. So do fluxes along interfaces
-    between layers, and values where interfaces are not bonded.
+    between layers, and values where interfaces are not bonded. Tractions on interfaces are interpolated between the
+    elements above and below.
 
     Attributes
     ----------
@@ -58,10 +66,10 @@ class FiniteElementInterior(InteriorFields):
         CaseError
             If a point is outside the body.
         """
-        matched, mesh = self.solution.matched, self.solution.matched.volume
+        matched = self.solution.matched
         points = np.asarray(points, float)
         progress(INTERIOR_STAGE, 0.0)
-        cells, xi = locate(mesh, points)
+        cells, xi = locate(matched.volume, points)
         outside = np.flatnonzero(cells < 0)
         if outside.size:
             raise CaseError(
@@ -70,8 +78,18 @@ class FiniteElementInterior(InteriorFields):
             )
         tractions = load.copy()
         tractions[:, MECHANICAL] = np.einsum("nai,na->ni", matched.zone.frames, load[:, MECHANICAL])
+        solved = self.solution.values(tractions)
+        fields = self._in_cells(solved, points, cells, xi)
+        if matched.body.layers.layers:
+            fields = self._with_tractions_of_both_sides(solved, fields)
+        progress(INTERIOR_STAGE, 1.0)
+        return fields
+
+    def _in_cells(self, solved: Array, points: Array, cells: Indices, xi: Array) -> PointFields:
+        """Return the fields of the solution (p, fields) at reference coordinates (m, 3) in cells (m,)."""
+        matched, mesh = self.solution.matched, self.solution.matched.volume
         layered = matched.layered
-        nodal = self.solution.values(tractions)[layered.mesh.cells[cells]]
+        nodal = solved[layered.mesh.cells[cells]]
         shapes, slopes = tabulate(mesh.element, xi)
         maps = np.einsum("mnk,mnx->mkx", slopes, mesh.points[mesh.cells[cells]])
         derivatives = np.einsum("mxk,mnk->mnx", np.linalg.inv(maps), slopes)
@@ -85,8 +103,36 @@ class FiniteElementInterior(InteriorFields):
             if moduli is not None:
                 fields = fields.with_heat(moduli, matched.body.fields.index(THERMAL_FIELD.name))
             fluxes[members] = fields.fluxes
-        progress(INTERIOR_STAGE, 1.0)
         return PointFields(points, values, gradients, fluxes)
+
+    def _with_tractions_of_both_sides(self, solved: Array, fields: PointFields) -> PointFields:
+        """Return the fields with tractions on interfaces interpolated between the elements above and below.
+
+        Tractions on interfaces are continuous. Gradients are least accurate on the sides of elements and most accurate
+        at points inside them (Barlow, Int. J. Numer. Methods Eng. 10 (1976) 243), between which tractions are linear.
+        """
+        matched = self.solution.matched
+        mesh, depths, normal = matched.volume, interface_depths(matched.body), plane_normal(matched.zone)
+        below = (matched.zone.points[0] - fields.points) @ normal
+        on = np.flatnonzero((np.abs(below[:, None] - depths) < _ON_INTERFACE * depths).any(axis=1))
+        beside = _BESIDE_INTERFACE * np.diff(depths, prepend=0.0).min()
+        distance = _LINEAR if len(mesh.element.nodes) == mesh.element.n_corners else _QUADRATIC
+        tractions, distances, found = [], [], np.ones(len(on), bool)
+        for side in (normal, -normal):
+            cells, _ = locate(mesh, fields.points[on] + beside * side)
+            away = distance * np.ptp(mesh.points[mesh.cells[cells]] @ normal, axis=1)
+            points = fields.points[on] + away[:, None] * side
+            cells, xi = locate(mesh, points)
+            found &= cells >= 0  # bodies with oblique sides may have no element there
+            tractions.append(self._in_cells(solved, points, cells, xi).fluxes[:, :, MECHANICAL] @ normal)
+            distances.append(away[:, None])
+        (above, under), (up, down) = tractions, distances
+        fluxes = fields.fluxes.copy()
+        stress = fluxes[on][:, :, MECHANICAL]
+        change = ((down * above + up * under) / (up + down) - stress @ normal)[:, :, None] * normal
+        across = np.einsum("i,mij,j->m", normal, change, normal)[:, None, None] * np.outer(normal, normal)
+        fluxes[on[found], :, MECHANICAL] = (stress + change + change.transpose(0, 2, 1) - across)[found]
+        return replace(fields, fluxes=fluxes)
 
 
 def locate(mesh: VolumeMesh, points: Array) -> tuple[Indices, Array]:

@@ -81,7 +81,7 @@ def layered_mesh(body: Body, volume: VolumeMesh, zone: ContactZone) -> LayeredMe
     plain = LayeredMesh(volume, np.arange(len(volume.points)), stiffnesses, np.zeros(len(volume.cells), np.int64))
     if not layers:
         return plain
-    normal = _plane_normal(zone)
+    normal = plane_normal(zone)
     regions = _regions(body, volume, (zone.points[0] - volume.points) @ normal)
     layered = replace(plain, regions=regions)
     for number, layer in enumerate(layers):
@@ -105,7 +105,8 @@ def check_thickness(body: Body, depth: float) -> None:
         )
 
 
-def _plane_normal(zone: ContactZone) -> Array:
+def plane_normal(zone: ContactZone) -> Array:
+    """Return the normal (3,) of a plane zone, which layers are parallel to; raise MeshError for other zones."""
     normals = zone.frames[:, 2]
     normal: Array = normals[0]
     heights = (zone.points - zone.points[0]) @ normal

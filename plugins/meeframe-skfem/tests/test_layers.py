@@ -90,6 +90,10 @@ def check_fluxes(solution, slopes):
     fluxes = FiniteElementInterior(solution).evaluate(load, points).fluxes[:, 2, 2:]
     below = SUBSTRATE.stiffness[2, 2:, :, 2] @ slopes[2]
     np.testing.assert_allclose(fluxes, [LOAD[2:], below], rtol=1e-9)
+    interfaces = np.array([[0.1, 0.05, -depth] for depth in np.cumsum(THICKNESSES)])
+    stress = FiniteElementInterior(solution).evaluate(load, interfaces).fluxes[:, :, :3]
+    np.testing.assert_allclose(stress[:, 2, 2], LOAD[2], rtol=1e-9)
+    np.testing.assert_array_equal(stress, stress.transpose(0, 2, 1))
 
 
 @pytest.mark.full
