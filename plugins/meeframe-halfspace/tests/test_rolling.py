@@ -25,7 +25,7 @@ from meeframe.model.case import Case
 from meeframe.model.restart import Restart
 from meeframe.model.rolling import Rolling
 from meeframe.model.second_body import SecondBody
-from meeframe.model.solve import reduce, solve_case
+from meeframe.model.solve import reduce, solve_case, solve_steps
 from meeframe.model.step import Step
 from meeframe.results.files import read_result, write_result
 from meeframe.results.history import curves
@@ -35,6 +35,7 @@ from meeframe.results.schema import rolling_totals
 from meeframe.results.summary import summary
 from meeframe.system.edge_correction import correct_edge
 from meeframe.testing.formulation import check_translation
+from meeframe.testing.operation_counter import OperationCounter
 
 CONSTANT = HalfSpace(density="constant", matrix_up_to=0)
 """Densities as in the program CONTACT."""
@@ -496,6 +497,23 @@ def test_steady_is_the_limit_of_transient() -> None:
     errors = [np.abs(step.traction - direct.traction).max() for step in transient[1:]]
     assert errors[0] > 0.1 * np.abs(direct.traction[:, :2]).max()
     assert errors[-1] <= 1e-6 * np.abs(direct.traction[:, :2]).max()
+
+
+def test_work_grows_slowly_with_the_grid() -> None:
+    """A contact over two thirds of the zone with stick, slip and spin."""
+    iterations, products = [], []
+    for nodes in (16, 32):
+        mesh = half_space_mesh(4e-2, 3e-3, nodes - 1, 1, Quad4())
+        case = replace(sphere((PRESS, steady((1e-3, 5e-4), spin=0.5))), mesh=mesh)
+        counted = OperationCounter.of(reduce(case))
+        _, rolls = solve_steps(case, counted, boundary=False)
+        assert rolls.status == "converged"
+        assert {Region.STICK, Region.SLIP} <= set(rolls.region)
+        iterations.append(rolls.iterations)
+        products.append(len(counted.products))
+    assert abs(iterations[1] - iterations[0]) <= 2
+    assert products[1] < 1.6 * products[0]
+    assert products[1] < 130
 
 
 def test_run_continues_from_its_files(tmp_path) -> None:
