@@ -32,6 +32,7 @@ PARTS = (
     "five_fields",
     "films",
     "histories",
+    "rolling",
     "result_files",
     "hierarchical",
     "references",

@@ -1,6 +1,6 @@
-"""Check rolling: Carter, Kalker's creep coefficients, examples of the program CONTACT, and the balance of work."""
+"""Check rolling: Carter, Kalker's creep coefficients, examples of CONTACT, limits, symmetries, the balance of work."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -24,6 +24,10 @@ FRACTIONS = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 """Creepages over that at which the whole contact slips."""
 PERIOD = 15
 """Period of the surface in widths of the contact; it changes the forces by about 1e-3 of the limit."""
+SPHERE, FORCE = 0.1, 1.0
+"""Radius [m] of spheres of the distance of equal bodies; normal force [N]."""
+CONTACT = float((3.0 * FORCE * SPHERE * (1.0 - POISSON) / (4.0 * SHEAR)) ** (1.0 / 3.0))
+"""Radius [m] of their contact."""
 KALKER = (4.12, 3.67, 1.47, 1.47, 1.19)
 """C11, C22, C23, C32 and C33 of the circle, nu = 0.25."""
 
@@ -90,8 +94,67 @@ def ellipse() -> Iterator[Item]:
     yield Plot("Creep curve of an ellipse 1 : 2", "creepage", "F / (mu N)", (curve, contact))
 
 
+def spheres(across: int, steps: Sequence[meeframe.Step]) -> meeframe.Result:
+    """Return the result of equal spheres whose contact is so many nodes across, half of the zone."""
+    spacing, nodes = (2.0 * CONTACT / across,) * 2, (2 * across,) * 2
+    return roll(SHEAR, POISSON, spacing, nodes, (SPHERE, SPHERE), FRICTION, [meeframe.Step(normal_force=FORCE), *steps])
+
+
+def limits_of_creepage(quick: bool) -> Iterator[Item]:
+    """Check that forces grow with creepages to full slip, and the limit of large spin, which has no force."""
+    across, largest = 10 if quick else 20, FRICTION * CONTACT / SPHERE
+    fractions = np.array([0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 20.0])
+    for axis, name in enumerate(("longitudinal", "lateral")):
+        creepages = np.eye(2)[axis] * largest * fractions[:, None]
+        result = spheres(across, [steady(tuple(each)) for each in creepages])
+        forces = np.array([meeframe.resultants(result.zone, step).tangential_force[axis] for step in result[1:]])
+        words = f"spheres, {across} nodes across, {len(fractions)} {name} creepages"
+        falls = np.count_nonzero(np.diff(forces) <= 0.0)
+        yield Check(f"{words}: pairs at which the force does not grow", float(falls), 0.0, 0.5, absolute=True)
+        yield Check(f"{words}: F / mu N at the largest", float(forces[-1]) / (FRICTION * FORCE), 1.0, 1e-3)
+    grids, numbers = (across, 2 * across), []
+    for each in grids:
+        result = spheres(each, [steady((0.0, 0.0), spin=spin) for spin in (1.0 / SPHERE, 1e3 / SPHERE)])
+        numbers.append([meeframe.resultants(result.zone, step) for step in result[1:]])
+    words = f"spheres, spin alone, {grids[0]} and {grids[1]} nodes across, extrapolated"
+    forces = 2.0 * numbers[1][1].tangential_force - numbers[0][1].tangential_force
+    lateral = float(forces[1]) / (FRICTION * FORCE)
+    yield Check(f"{words}: lateral F / mu N at large spin", lateral, 0.0, 0.01, absolute=True)
+    torque = 3.0 * np.pi / 16.0 * FRICTION * FORCE * CONTACT
+    extrapolated = 2.0 * numbers[1][1].torque - numbers[0][1].torque
+    yield Check(f"{words}: torque at large spin", extrapolated, torque, 0.02, "N m")
+    along = float(numbers[1][0].tangential_force[0]) / (FRICTION * FORCE)
+    words = f"spheres, spin alone, {grids[1]} nodes across, phi R = 1: F / mu N along the direction"
+    yield Check(words, along, 0.0, 1e-8, absolute=True)
+
+
+def steady_limits(quick: bool) -> Iterator[Item]:
+    """Check that steady rolling is the limit of transient cells, and its symmetries."""
+    across = 8 if quick else 12
+    largest, cells = FRICTION * CONTACT / SPHERE, 10 * across
+    creepage, spin = np.array([0.5, 0.3]) * largest, 0.5 * largest / CONTACT
+    spacing = 2.0 * CONTACT / across
+    rolls = {"creepage": list(creepage), "spin": spin}
+    *_, last = spheres(across, [meeframe.Step(rolling={"distance": cells * spacing, **rolls})])
+    result = spheres(across, [steady(creepage, spin)])
+    limit, shape = result[-1].traction, (2 * across, 2 * across, 3)
+    scale = float(np.abs(limit[:, :2]).max())
+    words = f"spheres, creepages and spin, {across} nodes across"
+    error = float(np.abs(last.traction - limit).max()) / scale
+    yield Check(f"{words}: steady state, largest difference from {cells} cells", error, 0.0, 1e-6, absolute=True)
+    order = np.lexsort((result.zone.points[:, 1].round(12), result.zone.points[:, 0].round(12)))
+    field = limit[order].reshape(shape)
+    backward = meeframe.Step(rolling={"steady": True, "direction": [-1.0, 0.0], **rolls})
+    opposite = spheres(across, [backward])[-1].traction[order].reshape(shape)[::-1, ::-1] * [-1.0, -1.0, 1.0]
+    error = float(np.abs(opposite - field).max()) / scale
+    yield Check(f"{words}: reversed direction, difference after half a turn", error, 0.0, 1e-7, absolute=True)
+    mirrored = spheres(across, [steady(creepage * [1.0, -1.0], -spin)])[-1].traction[order].reshape(shape)
+    error = float(np.abs(mirrored[:, ::-1] * [1.0, -1.0, 1.0] - field).max()) / scale
+    yield Check(f"{words}: mirrored creepage and spin, difference of the image", error, 0.0, 1e-7, absolute=True)
+
+
 def run(quick: bool) -> Iterator[Item]:
-    """Check the force and the stick zone of cylinders, coefficients of a circle, and two examples of CONTACT.
+    """Check forces and stick zones of cylinders, coefficients of a circle, two examples of CONTACT, and limits.
 
     Forces of given creepages are accurate to first order in the spacing, and extrapolated from two grids.
     """
@@ -116,3 +179,5 @@ def run(quick: bool) -> Iterator[Item]:
         yield Check(words, float(computed), reference, 0.02)
     yield from from_cattaneo()
     yield from ellipse()
+    yield from limits_of_creepage(quick)
+    yield from steady_limits(quick)

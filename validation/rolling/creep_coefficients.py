@@ -8,7 +8,7 @@ in contact make up another area than the ellipse, ab is their area over pi.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from equal_bodies import hertz_radii, roll, steady
@@ -50,22 +50,40 @@ def extrapolate(values: Sequence[Array], across: Sequence[int]) -> Array:
     return np.asarray((fine * values[-1] - coarse * values[-2]) / (fine - coarse))
 
 
+def rows(ratio: float, poisson: float, across: Sequence[int]) -> Iterator[list[str]]:
+    """Yield the cells of a ratio: values on the finest grid, and their limit; each with its change from coarser grids.
+
+    The limit is extrapolated from the last two grids, its change counts from that of the two grids before.
+    """
+    values = [coefficients(ratio, poisson, each) for each in across]
+    limits = [extrapolate(values[: end + 1], across[: end + 1]) for end in range(1, len(values))]
+    yield [f"{ratio:.3g}", f"{across[-1]} nodes", *_changes(values, "")]
+    yield ["", "limit", *_changes(limits, "**")]
+
+
+def _changes(values: Sequence[Array], mark: str) -> list[str]:
+    """Return the last values, each with its change from those before if there are any."""
+    shown = [f"{mark}{number:.3f}{mark}" for number in values[-1]]
+    if len(values) > 1:
+        changes = values[-1] - values[-2]
+        shown = [f"{text} ({change:+.3f})" for text, change in zip(shown, changes, strict=True)]
+    return shown
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print a line for each ratio and grid, and the values extrapolated from the last two, which are of first order."""
+    """Print the table, two lines for each ratio."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--poisson", type=float, default=0.25)
     parser.add_argument("--ratio", type=float, nargs="+", default=RATIOS)
-    parser.add_argument("--across", type=int, nargs="+", default=(16, 32))
+    parser.add_argument("--across", type=int, nargs="+", default=(16, 32), help="two or more numbers, in rising order")
     chosen = parser.parse_args(arguments)
-    print(f"| a/b | nodes across | {' | '.join(NAMES)} |")
+    if len(chosen.across) < 2:
+        parser.error("--across: one number; allowed: two or more, from which the limit follows")
+    print(f"| a/b | | {' | '.join(NAMES)} |")
     print("| --- " * (2 + len(NAMES)) + "|")
     for ratio in chosen.ratio:
-        values = [coefficients(ratio, chosen.poisson, across) for across in chosen.across]
-        rows = [(str(across), value) for across, value in zip(chosen.across, values, strict=True)]
-        if len(values) > 1:
-            rows.append(("extrapolated", extrapolate(values, chosen.across)))
-        for name, value in rows:
-            print(f"| {ratio:.3g} | {name} | {' | '.join(f'{number:.3f}' for number in value)} |", flush=True)
+        for cells in rows(ratio, chosen.poisson, chosen.across):
+            print("|" + "|".join(f" {cell} " if cell else " " for cell in cells) + "|", flush=True)
 
 
 if __name__ == "__main__":

@@ -138,8 +138,10 @@ def fretting(quick: bool) -> Iterator[Item]:
     motion = FRICTION * depth * (1.0 - STICK**2)  # E* = G* without Poisson effect
     coefficient = 2.0 * depth / (2.0 * motion * 2.0 * (YOUNG / 2.0) / np.pi * np.sqrt(depth / SPHERE))
     steps = [meeframe.Step(approach=depth, sliding=0.0)]
-    # each half cycle nears the limit, which finer grids resolve
-    steps += [meeframe.Step(translation=[sign * motion, 0.0], increments=2) for sign in (1, -1) * (2 if quick else 4)]
+    # each half cycle nears the limit, which finer grids resolve; where slip wears off the pressure within an increment,
+    # nodes that could stick slip, the more the longer the increment is
+    halves, increments = (2, 2) if quick else (4, 4)
+    steps += [meeframe.Step(translation=[sign * motion, 0.0], increments=increments) for sign in (1, -1) * halves]
     mesh, formulation = meeframe.mesh.half_space(2.6 * radius, divisions=cells), meeframe.formulation("half-space")
     material = {"name": "isotropic", "young_modulus": YOUNG, "poisson_ratio": 0.0}
     result = worn(

@@ -1,19 +1,23 @@
 """Rolling over half spaces: Carter's solution, Kalker's coefficients, the program CONTACT, and exact balances."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.self_affine import SelfAffine
+from meeframe_laws.adhesive import DMTCoulomb
+from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening
+from meeframe_laws.friction import CappedCoulomb, RegularisedCoulomb, Tresca
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from meeframe.elements import Quad4
 from meeframe.indenters import Paraboloid, Placement, Sphere
-from meeframe.laws import IsotropicCoulomb, StepConductivity
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, StepConductivity
 from meeframe.material import Material, library_material, rotation_about
 from meeframe.material.layers import Layer, LayerStack
 from meeframe.mesh import FrictionAxes, half_space_mesh
@@ -21,7 +25,7 @@ from meeframe.model.case import Case
 from meeframe.model.restart import Restart
 from meeframe.model.rolling import Rolling
 from meeframe.model.second_body import SecondBody
-from meeframe.model.solve import reduce, solve_case
+from meeframe.model.solve import reduce, solve_case, solve_steps
 from meeframe.model.step import Step
 from meeframe.results.files import read_result, write_result
 from meeframe.results.history import curves
@@ -31,6 +35,7 @@ from meeframe.results.schema import rolling_totals
 from meeframe.results.summary import summary
 from meeframe.system.edge_correction import correct_edge
 from meeframe.testing.formulation import check_translation
+from meeframe.testing.operation_counter import OperationCounter
 
 CONSTANT = HalfSpace(density="constant", matrix_up_to=0)
 """Densities as in the program CONTACT."""
@@ -57,8 +62,10 @@ def run(case: Case) -> Result:
     return result
 
 
-def steady(creepage: tuple[float, float] | None = None, spin: float = 0.0, direction=(1.0, 0.0)) -> Step:
-    return Step(rolling=Rolling(direction, steady=True, creepage=creepage, spin=spin))
+def steady(
+    creepage: tuple[float, float] | None = None, spin: float = 0.0, direction=(1.0, 0.0), speed: float | None = None
+) -> Step:
+    return Step(rolling=Rolling(direction, steady=True, creepage=creepage, spin=spin, speed=speed))
 
 
 def sphere(steps: Sequence[Step], formulation: HalfSpace | None = None, **arguments) -> Case:
@@ -69,15 +76,15 @@ def sphere(steps: Sequence[Step], formulation: HalfSpace | None = None, **argume
     return Case(mesh=mesh, conditions=(), indenter=Sphere(0.1), steps=tuple(steps), **arguments, **law)
 
 
-def equal_spheres(step: Step) -> Case:
-    """Return the case of equal spheres in contact on ten nodes across."""
+def equal_spheres(*steps: Step, refined: int = 1) -> Case:
+    """Return the case of equal spheres in contact on ten nodes across, or on ten times `refined`."""
     return equal_bodies(
         isotropic(80e9, 0.28),
-        (24, 24),
-        (3e-4, 3e-4),
+        (24 * refined, 24 * refined),
+        (3e-4 / refined, 3e-4 / refined),
         indenter=Sphere(0.1),
         contact_law=IsotropicCoulomb(0.3),
-        steps=(PRESS, step),
+        steps=(PRESS, *steps),
     )
 
 
@@ -348,9 +355,65 @@ class TestSymmetries:
         assert abs(longitudinal) < 1e-9 * lateral
         assert resultants(result.zone, result.steps[-1]).torque > 0.0
 
+
+class TestSaturation:
     def test_large_creepage_saturates(self) -> None:
         result = run(equal_spheres(steady((0.03, 0.04))))
         assert rolling_totals(result.zone, result.steps[-1])["creep_force"] == pytest.approx([360.0, 480.0], rel=2e-3)
+
+    @pytest.mark.parametrize("axis", [0, pytest.param(1, marks=pytest.mark.full)])
+    def test_force_grows_with_the_creepage_to_full_slip(self, axis: int) -> None:
+        creepages = np.eye(2)[axis] * [[5e-4], [1e-3], [2e-3], [3e-3], [4e-3], [1e-2]]
+        result = run(equal_spheres(*(steady(tuple(each)) for each in creepages)))
+        forces = [resultants(result.zone, step).tangential_force for step in result.steps[1:]]
+        ratios = np.array(forces)[:, axis] / (0.3 * 2000.0)
+        sticking = [(step.region == Region.STICK).sum() for step in result.steps[1:]]
+        assert (np.diff(ratios) > 0.0).all()
+        assert (np.diff(sticking) <= 0).all()
+        assert sticking[0] > 20
+        assert sticking[-1] == 0
+        assert 0.999 < ratios[-1] < 1.0
+
+    def test_large_spin_turns_in_place(self) -> None:
+        """In the limit friction opposes a rotation: no force, and the torque 3 pi mu N a / 16; of first order."""
+        forces, torques = [], []
+        radius = (3.0 * 2000.0 * 0.1 * (1.0 - 0.28) / (4.0 * 80e9)) ** (1.0 / 3.0)
+        for refined in (1, 2):
+            result = run(equal_spheres(steady((0.0, 0.0), spin=2e3), refined=refined))
+            totals = resultants(result.zone, result.steps[-1])
+            forces.append(totals.tangential_force[1] / (0.3 * 2000.0))
+            torques.append(totals.torque / (3.0 * np.pi / 16.0 * 0.3 * 2000.0 * radius))
+        assert forces[1] < 0.6 * forces[0]
+        assert 2.0 * forces[1] - forces[0] == pytest.approx(0.0, abs=0.01)
+        assert torques[1] == pytest.approx(1.0, abs=0.01)
+
+
+def test_held_force_and_held_creepages_are_the_same_state() -> None:
+    """With spin: the force of given creepages is held, and the creepages follow."""
+    given = run(equal_spheres(steady((1e-3, 2e-4), spin=0.5)))
+    force = resultants(given.zone, given.steps[-1]).tangential_force
+    held = run(equal_spheres(Step(tangential_force=tuple(force)), steady(None, spin=0.5)))
+    assert held.steps[-1].loading.rolling.creepage == pytest.approx([1e-3, 2e-4], rel=1e-7)
+    traction = given.steps[-1].traction
+    assert held.steps[-1].traction == pytest.approx(traction, abs=1e-7 * np.abs(traction).max())
+
+
+SLIDES = {
+    "slider": {"creepage": (1.0, 0.0), "distance": 6e-4},
+    "steady": {"creepage": (0.3, 0.4), "steady": True},
+}
+
+
+@pytest.mark.parametrize("slides", SLIDES)
+def test_friction_follows_the_speed_of_the_slip(slides: str) -> None:
+    """In full slip all particles slip at the rolling speed times the creepage, but for elastic strains of 1e-3."""
+    law = RateAndPressure(mu_static=0.4, mu_kinetic=0.2, reference_speed=0.5)
+    for speed in (0.2, 1.0):
+        rolls = Step(rolling=Rolling((1.0, 0.0), speed=speed, **SLIDES[slides]))
+        result = run(sphere((Step(normal_force=50.0, duration=1.0), rolls), contact_law=law))
+        force = np.linalg.norm(resultants(result.zone, result.steps[-1]).tangential_force)
+        slip = speed * np.hypot(*SLIDES[slides]["creepage"])
+        assert force == pytest.approx(50.0 * (0.2 + 0.2 * np.exp(-slip / 0.5)), rel=1e-3)
 
 
 PIEZO = {
@@ -361,11 +424,21 @@ PIEZO = {
 VARIANTS = {
     "fft": {},
     "matrix": {"formulation": HalfSpace(matrix_up_to=500)},
-    "piezoelectric": PIEZO,
-    "layered": {"layers": LayerStack((Layer(library_material("zno"), 3e-4),)), "material": library_material("silicon")},
     "polar axes": {"axes": FrictionAxes(around=(0.0, 0.0, 1.0))},
-    "slip weakening": {"contact_law": SlipWeakening(0.4, 0.2, 1e-6)},
     "oblique axes": {"axes": FrictionAxes(direction=(1.0, 2.0, 0.0))},
+    "layered": {"layers": LayerStack((Layer(library_material("zno"), 3e-4),)), "material": library_material("silicon")},
+    "piezoelectric": PIEZO,
+    "finite conductance": {**PIEZO, "conductivity": {"electric": StepConductivity(10.0)}},
+    "free potential": {**PIEZO, "potentials": {}},
+    "slip weakening": {"contact_law": SlipWeakening(0.4, 0.2, 1e-6)},
+    "orthotropic": {"contact_law": OrthotropicCoulomb(0.3, 0.2)},
+    "non-associated": {"contact_law": NonAssociatedCoulomb(0.3, 0.2, slip_ratio=2.0)},
+    "rate": {"contact_law": RateAndPressure(mu_static=0.4, mu_kinetic=0.2, reference_speed=1e-3)},
+    "superelliptic": {"contact_law": SuperellipticCoulomb(0.3, 0.2, exponent=4.0)},
+    "capped": {"contact_law": CappedCoulomb(0.3, 2e8)},
+    "tresca": {"contact_law": Tresca(2e8)},
+    "regularised": {"contact_law": RegularisedCoulomb(0.3, 1e-7)},
+    "adhesive": {"contact_law": DMTCoulomb(0.3, 1e8)},
 }
 
 
@@ -393,9 +466,11 @@ def test_rough_slider_has_the_limit_of_friction() -> None:
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_steady_state_repeats_from_cell_to_cell(variant: str) -> None:
     """Transient increments, which are solved with another operator, leave the steady state as it is."""
-    more = Step(rolling=Rolling((1.0, 0.0), distance=6e-4, **CREEPAGES))
-    *_, state, once, twice = run(sphere((PRESS, steady(**CREEPAGES), more), **VARIANTS[variant]))
-    assert {Region.STICK, Region.SLIP} <= set(state.region)
+    held = {"charge": 0.0} if variant == "free potential" else {}
+    press = replace(PRESS, duration=1.0, scalars=held)
+    more = Step(rolling=Rolling((1.0, 0.0), distance=6e-4, speed=2.0, **CREEPAGES))
+    *_, state, once, twice = run(sphere((press, steady(speed=2.0, **CREEPAGES), more), **VARIANTS[variant]))
+    assert ({Region.SLIP} if variant == "regularised" else {Region.STICK, Region.SLIP}) <= set(state.region)
     for later in (once, twice):
         names = ("slip_path",) if variant == "slip weakening" else ()
         for name in ("traction", "displacement", "slip", "fluxes", "potentials", *names):
@@ -422,6 +497,23 @@ def test_steady_is_the_limit_of_transient() -> None:
     errors = [np.abs(step.traction - direct.traction).max() for step in transient[1:]]
     assert errors[0] > 0.1 * np.abs(direct.traction[:, :2]).max()
     assert errors[-1] <= 1e-6 * np.abs(direct.traction[:, :2]).max()
+
+
+def test_work_grows_slowly_with_the_grid() -> None:
+    """A contact over two thirds of the zone with stick, slip and spin."""
+    iterations, products = [], []
+    for nodes in (16, 32):
+        mesh = half_space_mesh(4e-2, 3e-3, nodes - 1, 1, Quad4())
+        case = replace(sphere((PRESS, steady((1e-3, 5e-4), spin=0.5))), mesh=mesh)
+        counted = OperationCounter.of(reduce(case))
+        _, rolls = solve_steps(case, counted, boundary=False)
+        assert rolls.status == "converged"
+        assert {Region.STICK, Region.SLIP} <= set(rolls.region)
+        iterations.append(rolls.iterations)
+        products.append(len(counted.products))
+    assert abs(iterations[1] - iterations[0]) <= 2
+    assert products[1] < 1.6 * products[0]
+    assert products[1] < 130
 
 
 def test_run_continues_from_its_files(tmp_path) -> None:

@@ -70,6 +70,31 @@ def test_signals_of_a_probe_are_those_of_its_places(direction):
 
 
 @pytest.mark.full
+def test_signals_of_a_floating_probe_with_friction():
+    """Friction is that of the law; a probe that is held at the last potential has no charge there, either.
+
+    Strains of the places before, at other potentials, change the direction of the slip a little.
+    """
+    grounded = {"conductivity": CONDUCTING["conductivity"]}
+    press = meeframe.Step(normal_force=2.0, scalars={"charge": 0.0})
+    result = solved([press, SLIDE], law=meeframe.IsotropicCoulomb(0.2), **grounded)
+    signals = result.to_dataframe().iloc[1:]
+    assert signals["rolled_distance"].to_numpy() == pytest.approx(SPACING * np.arange(1, 4))
+    assert signals["creep_force_longitudinal"].to_numpy() == pytest.approx(0.2 * 2.0, rel=1e-5)
+    potential = signals["electric_potential"].to_numpy()
+    assert np.ptp(potential) > 0.02 * np.abs(potential).max()
+    held = solved(
+        [meeframe.Step(normal_force=2.0, scalars={"electric_potential": potential[-1]}), SLIDE],
+        law=meeframe.IsotropicCoulomb(0.2),
+        **grounded,
+    )
+    scale = np.abs(held.to_dataframe()["charge"]).max()
+    assert held.to_dataframe()["charge"].iloc[-1] == pytest.approx(0.0, abs=1e-4 * scale)
+    traction = result[-1].traction
+    assert held[-1].traction == pytest.approx(traction, abs=1e-3 * np.abs(traction).max())
+
+
+@pytest.mark.full
 def test_rollers_follow_long_waves():
     """Equal bodies under a held force: the approach follows the height below the contact, the force of friction holds.
 
