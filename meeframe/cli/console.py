@@ -27,8 +27,8 @@ NOT_CONVERGED: Final = 1
 BAD_INPUT: Final = 2
 INTERRUPTED: Final = 130
 
-_HDF5: Final = "meeframe.results.hdf5"
-"""Module that HDF5 calls to write."""
+_HDF5: Final = ("meeframe.results.hdf5", "meeframe.common.hdf5")
+"""Modules that HDF5 calls to write a file, and to visit what it contains."""
 _PATH_ERRORS: Final = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP)
 """Error numbers caused by the paths that users give."""
 
@@ -119,14 +119,14 @@ def _handle_termination() -> Iterator[None]:
 
 
 def _interrupt(_number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, or raise it later while numba unpickles a return value or HDF5 writes a file.
+    """Raise KeyboardInterrupt, or raise it later while numba unpickles a return value or HDF5 calls Python.
 
     At the end of every long call compiled code asks Python to unpickle what it returns. An exception raised there is
-    lost: numba returns all the same, and Python turns it into a SystemError. HDF5 calls Python to write; it takes an
-    exception for an error of the file.
+    lost: numba returns all the same, and Python turns it into a SystemError. HDF5 calls Python to write, and takes an
+    exception for an error of the file; h5py turns one that is raised while HDF5 visits links into a SystemError, too.
     """
     while frame is not None:
-        if frame.f_code.co_name == "_numba_unpickle" or frame.f_globals.get("__name__") == _HDF5:
+        if frame.f_code.co_name == "_numba_unpickle" or frame.f_globals.get("__name__") in _HDF5:
             _interrupt_soon()
             return
         frame = frame.f_back

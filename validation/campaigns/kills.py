@@ -196,7 +196,7 @@ class Campaign:
             return []
         if number == signal.SIGKILL or done.status != 130:
             return [f"status {done.status}: {done.output}"]
-        if lines and lines[-1].startswith("interrupted"):
+        if lines and "interrupted" in lines[-1]:  # a second interruption may leave the line of a progress bar open
             return []
         return [f"status 130 with the output: {done.output!r}"]
 

@@ -1,7 +1,8 @@
-"""Interruptions that arrive while HDF5 writes a file."""
+"""Interruptions that arrive while HDF5 writes a file, or visits what it contains."""
 
 import io
 import signal
+import sys
 import time
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ import pytest
 import typer
 
 from meeframe.cli import console
+from meeframe.common.hdf5 import open_hdf5
 from meeframe.results import hdf5
 
 
@@ -44,5 +46,29 @@ def test_the_status_is_that_of_an_interruption(tmp_path, monkeypatch, capsys, me
     monkeypatch.setattr(hdf5, "io", SimpleNamespace(FileIO=Interrupting, BytesIO=io.BytesIO))
     with pytest.raises(typer.Exit) as ended, console.exit_status():
         write_and_wait(tmp_path / "result.h5")
+    assert ended.value.exit_code == console.INTERRUPTED
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_interrupted_while_links_are_visited(tmp_path, capsys):
+    """h5py turns an exception that is raised meanwhile into a SystemError."""
+    path = tmp_path / "result.h5"
+    with hdf5.changed_file(path, "w") as file:
+        file["a/b"] = np.zeros(3)
+
+    def interrupt(frame, event, _):
+        if event == "call" and frame.f_code.co_name == "visit_link":
+            sys.setprofile(None)
+            signal.raise_signal(signal.SIGINT)
+
+    def read_and_wait():
+        sys.setprofile(interrupt)
+        with open_hdf5(path):
+            for _ in range(200):
+                time.sleep(0.01)
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    with pytest.raises(typer.Exit) as ended, console.exit_status():
+        read_and_wait()
     assert ended.value.exit_code == console.INTERRUPTED
     assert capsys.readouterr().err == "interrupted\n"
