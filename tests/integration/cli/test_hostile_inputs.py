@@ -71,13 +71,21 @@ def test_moduli_beyond_anything_physical(tmp_path, check):
     assert "young_modulus is 1e+308 Pa, must be positive and finite, at most 1e+60 Pa" in done.stderr
 
 
-def test_many_problems_are_counted(tmp_path, check):
+@pytest.mark.parametrize(
+    "text",
+    [
+        CASE + "".join(f"k{number} = 1\n" for number in range(2_000)),
+        "steps = [" + 2_000 * "{ bad = 1 }, " + "]\n" + CASE.partition("[[steps]]")[0],
+    ],
+    ids=["keys", "entries of a list"],
+)
+def test_many_problems_are_counted(tmp_path, check, text):
     path = tmp_path / "case.toml"
-    path.write_text(CASE + "".join(f"k{number} = 1\n" for number in range(20_000)), encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     done = check(path)
     assert done.exit_code == 2
     assert done.stderr.count("\n") == 51
-    assert done.stderr.endswith("and 19950 more problems\n")
+    assert done.stderr.endswith("and 1950 more problems\n")
 
 
 @pytest.mark.parametrize("kind", ["device", "pipe", "folder"])
