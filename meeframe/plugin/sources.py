@@ -95,8 +95,10 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
     Raises
     ------
     PluginError
-        If the file cannot be read or fails; the message names the file, the line and the cause.
+        If the file is no Python file, cannot be read or fails; the message names the file, the line and the cause.
     """
+    if path.suffix != ".py":
+        raise PluginError(f"plugin file {path} is not a Python file; allowed: names that end in .py")
     try:
         check_file(path, MAX_TEXT_BYTES)
         source = path.read_bytes()

@@ -123,7 +123,12 @@ def test_invalid_file_is_reported_with_line_and_cause(write, text, message):
 
 def test_command_line_reports_without_traceback(write, tmp_path):
     for arguments in (["plugins"], ["check", "case.toml"], ["run", "case.toml", "--out", str(tmp_path / "out")]):
-        for file, message in ((tmp_path / "missing.py", "cannot be read"), (write("1 / 0\n"), "line 1: ZeroDivisionE")):
+        faults = (
+            (tmp_path / "missing.py", "cannot be read"),
+            (tmp_path / "case.toml", "is not a Python file; allowed: names that end in .py"),
+            (write("1 / 0\n"), "line 1: ZeroDivisionE"),
+        )
+        for file, message in faults:
             done = CliRunner().invoke(app, [*arguments, "--plugin", str(file)])
             assert done.exit_code == 2
             assert done.stderr.startswith(f"error: plugin file {file}")
