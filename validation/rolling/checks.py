@@ -136,7 +136,7 @@ def steady_limits(quick: bool) -> Iterator[Item]:
     spacing = 2.0 * CONTACT / across
     rolls = {"creepage": list(creepage), "spin": spin}
     *_, last = spheres(across, [meeframe.Step(rolling={"distance": cells * spacing, **rolls})])
-    result = spheres(across, [steady(creepage, spin)])
+    result = spheres(across, [steady(list(creepage), spin)])
     limit, shape = result[-1].traction, (2 * across, 2 * across, 3)
     scale = float(np.abs(limit[:, :2]).max())
     words = f"spheres, creepages and spin, {across} nodes across"
@@ -148,7 +148,7 @@ def steady_limits(quick: bool) -> Iterator[Item]:
     opposite = spheres(across, [backward])[-1].traction[order].reshape(shape)[::-1, ::-1] * [-1.0, -1.0, 1.0]
     error = float(np.abs(opposite - field).max()) / scale
     yield Check(f"{words}: reversed direction, difference after half a turn", error, 0.0, 1e-7, absolute=True)
-    mirrored = spheres(across, [steady(creepage * [1.0, -1.0], -spin)])[-1].traction[order].reshape(shape)
+    mirrored = spheres(across, [steady(list(creepage * [1.0, -1.0]), -spin)])[-1].traction[order].reshape(shape)
     error = float(np.abs(mirrored[:, ::-1] * [1.0, -1.0, 1.0] - field).max()) / scale
     yield Check(f"{words}: mirrored creepage and spin, difference of the image", error, 0.0, 1e-7, absolute=True)
 
