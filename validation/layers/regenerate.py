@@ -29,9 +29,10 @@ and fluxes of both fields that are distributed like a Gaussian with a standard d
 MEANS = """## Displacement and potentials
 
 Means under the load, and differences of finite elements from them: on each mesh, by its number of elements along the 4
-µm of the loaded zone, and extrapolated to elements of zero size with the theoretical order 4.
-The films are one element thick on the coarse mesh and two on the fine one, so that differences decrease faster than
-with order 4 and most extrapolated values are 0.4 % too large: the finest mesh is closer."""
+µm of the loaded zone, and extrapolated to elements of zero size from the first and the last mesh. The order 4 of the
+extrapolation is theoretical and not observed: films are one element thick on the first mesh and two on both others, so
+that differences decrease irregularly. With order 2 instead, extrapolated values would move further by a quarter of the
+difference between these meshes."""
 TRACTIONS = """## Tractions above the first interface
 
 Root of the mean square difference of the three tractions in the loaded zone, relative to that of the tractions, at the
