@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
+from meeframe_hmatrix import HierarchicalBEM
 from meeframe_skfem import FiniteElements
 from meeframe_skfem.interior import FiniteElementInterior
 
@@ -84,7 +85,8 @@ def test_hot_sphere_on_a_large_block_and_a_half_space() -> None:
     """Under a prescribed force, pressure and heat of a block much larger than the contact are those of a half space.
 
     Its finite size changes them by about the ratio of the contact radius to its size; the level is its own. Finite and
-    boundary elements agree about the motion of the sphere due to its heat, too.
+    boundary elements agree about the motion of the sphere due to its heat, too, and hierarchical matrices with dense
+    ones.
     """
     material = Material.isotropic(2e11, 0.3).with_heat(40.0, 1.2e-5)
     width, count, size, force = 2.6e-3, 8, 15e-3, 1.2e3
@@ -94,6 +96,7 @@ def test_hot_sphere_on_a_large_block_and_a_half_space() -> None:
         HalfSpace(): Body.of(material, half_space_mesh(0.1, width, (count, count), 1, Quad4()), (), "contact"),
         FiniteElements(growth=1.8): Body.of(material, block, grounded, "contact"),
         DenseBEM(): Body.of(material, block, grounded, "contact"),
+        HierarchicalBEM(): Body.of(material, block, grounded, "contact"),
     }
     pressures, heats, growths = [], [], []
     for formulation, body in bodies.items():
@@ -102,13 +105,15 @@ def test_hot_sphere_on_a_large_block_and_a_half_space() -> None:
         pressures.append(-hot.load[:, 2].min())
         heats.append(hot.load[:, 5] @ system.weights)
         growths.append(cold.motion[0] - hot.motion[0])
-    exact, finite, boundary = range(3)
+    exact, finite, boundary, hierarchical = range(4)
     assert heats[finite] == pytest.approx(heats[exact], rel=0.02)
     assert heats[boundary] == pytest.approx(heats[exact], rel=0.01)
     assert heats[boundary] == pytest.approx(heats[finite], rel=0.015)
     assert pressures[finite] == pytest.approx(pressures[exact], rel=0.01)
     assert pressures[boundary] == pytest.approx(pressures[exact], rel=0.005)
     assert growths[boundary] == pytest.approx(growths[finite], rel=0.03)
+    for values in (heats, pressures, growths):
+        assert values[hierarchical] == pytest.approx(values[boundary], rel=1e-3)
     hertz = 1.5 * force / (np.pi * (0.75 * force * 0.1 / (2e11 / 0.91)) ** (2.0 / 3.0))
     assert pressures[exact] > 1.02 * hertz  # heat matters
 
