@@ -234,7 +234,15 @@ def load_study(file: Path, registry: Registry | None = None) -> tuple[StudyTable
     Raises CaseError with a line for each problem.
     """
     study = checked(StudyTable, file, registry)
-    return study, read_toml(file.parent / study.case)[1]
+    return study, case_tables(file, study.case)
+
+
+def case_tables(file: Path, case: str) -> dict[str, Any]:
+    """Return the tables of the case file that a study file names. Raises CaseError if it is no TOML file."""
+    try:
+        return read_toml(file.parent / case)[1]
+    except CaseError as error:
+        raise CaseError(f"{file}: case: {error}") from None
 
 
 def checked(model: type[Model], file: Path, registry: Registry | None = None) -> Model:

@@ -22,7 +22,7 @@ from meeframe.results.records import Result
 from meeframe.results.sweep_files import POINTS, SYSTEMS, check_installed, drop_systems, open_folder, write_sweep
 from meeframe.results.sweep_records import SweepResult
 from meeframe.results.systems import create_folder
-from meeframe.study.declare import changed, checked
+from meeframe.study.declare import case_tables, changed, checked
 from meeframe.study.reports.sweep import sweep_figure
 from meeframe.study.sweep.declare import SweepTable
 from meeframe.study.sweep.engine import solve_points
@@ -154,8 +154,7 @@ def _solve(
 
 def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Point]:
     """Return all points of a study. Raises CaseError for an invalid key or if no point has a valid case."""
-    case_file = file.parent / study.case
-    _, tables = read_toml(case_file)
+    tables = case_tables(file, study.case)
     title = str(tables.get("title", ""))
     points = []
     for label, changes in study.changes():
@@ -163,7 +162,7 @@ def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Po
             point_tables = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
         except TableError as error:
             raise CaseError(listed(f"{file}: {label}: {problem}" for problem in error.problems)) from None
-        points.append(Point.of(label, point_tables, case_file.parent, registry))
+        points.append(Point.of(label, point_tables, (file.parent / study.case).parent, registry))
     if all(point.case is None for point in points):
         messages = {str(problem): f"{file}: {point.label}: {problem}" for point in points for problem in point.problems}
         causes = (problem.cause for point in points for problem in point.problems)

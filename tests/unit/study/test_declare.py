@@ -129,7 +129,7 @@ def test_invalid_studies(write, kind):
     with pytest.raises(CaseError) as caught:
         load_study(write(change))
     assert text in str(caught.value)
-    assert "study.toml" in str(caught.value) or kind == "no case"
+    assert "study.toml: " in str(caught.value)
 
 
 def test_maps_that_show_different_quantities(write):
