@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cache
 from itertools import combinations, islice
 from typing import Any, Final
 
@@ -155,6 +156,7 @@ class Step:
         return None if self.sliding is None else self.sliding / self.increments
 
 
+@cache
 def _rigid_keys() -> tuple[str, ...]:
     """Return the keys of rigid motions and their resultants."""
     return tuple(entry.name for entry in fields(Step) if entry.name in IndenterMotions().columns)
