@@ -54,10 +54,9 @@ from meeframe.model.values import (
     by_name,
     finite,
     named,
-    registry_of,
     with_keys,
 )
-from meeframe.plugin.registry import CONTRACTS
+from meeframe.plugin.registry import CONTRACTS, registry_of
 from meeframe.plugin.validation import Problem, TableError, build, choices
 from meeframe.results.schema import optional_fields
 from meeframe.results.selection import ALLOWED, NAMED, step_numbers

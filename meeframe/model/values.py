@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Final, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationInfo, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, create_model
 
 from meeframe.fields import MEE, FieldSet
 from meeframe.fields.units import MAX_MAGNITUDE, Quantity
-from meeframe.plugin.registry import CONTRACTS, Registry
+from meeframe.plugin.registry import CONTRACTS, registry_of
 
 DEFAULT_FORMULATION: Final = "dense-bem"
 DEFAULT_SOLVER: Final = "auto"
@@ -47,12 +47,6 @@ def by_name(contract: type, unit: str = "", default: str = "") -> BeforeValidato
 def named(table: Any, default: str) -> Any:
     """Return the table with the default name, if there is one, unless it has a name; other values unchanged."""
     return {"name": default, **table} if default and isinstance(table, Mapping) else table
-
-
-def registry_of(info: ValidationInfo) -> Registry:
-    """Return the registry that is the context of the validation, in which names are looked up."""
-    registry: Registry = info.context  # type: ignore[assignment]  # load_case sees to it
-    return registry
 
 
 Model = TypeVar("Model", bound="Table")

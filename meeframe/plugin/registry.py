@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import pluggy
+from pydantic import ValidationInfo
 
 from meeframe.common.errors import PluginError
 from meeframe.contact.problem import Solver
@@ -169,18 +170,25 @@ class Registry:
         except PluginError as error:
             raise TableError(Problem(("name",), str(error), unknown=True)) from None
         options = {key: value for key, value in table.items() if key != "name"}
-        return build(record.factory, options, self._convert, other_keys, self.unit)
-
-    def _convert(self, hint: Any) -> Callable[[Any], Any] | None:
-        """Return the converter of table values for types unknown to pydantic: abstract classes and paths."""
-        if hint is Path:
-            return lambda value: self.folder / value if isinstance(value, str) else value
-        kind = CONTRACTS.get(hint) if isinstance(hint, type) else None
-        return None if kind is None else lambda value: self.create(kind, value)
+        return build(record.factory, options, _converter, other_keys, self.unit, self)
 
     def _choices(self, kind: Kind, name: str) -> str:
         hint = "; load a local plugin with --plugin FILE.py"
         return choices(name, self.names(kind)) + hint + "".join(f"; {broken}" for broken in self.broken)
+
+
+def registry_of(info: ValidationInfo) -> Registry:
+    """Return the registry that is the context of the validation, in which names are looked up."""
+    registry: Registry = info.context  # type: ignore[assignment]
+    return registry
+
+
+def _converter(hint: Any) -> Callable[[Any, ValidationInfo], Any] | None:
+    """Return the converter of table values to abstract classes and paths, by the registry that is the context."""
+    if hint is Path:
+        return lambda value, info: registry_of(info).folder / value if isinstance(value, str) else value
+    kind = CONTRACTS.get(hint) if isinstance(hint, type) else None
+    return None if kind is None else lambda value, info: registry_of(info).create(kind, value)
 
 
 def _hooks(plugin: object) -> Any:

@@ -9,15 +9,27 @@ from datetime import date, time
 from functools import lru_cache
 from typing import Annotated, Any, Final, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, Strict, ValidationError, create_model
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    PydanticUserError,
+    Strict,
+    ValidationError,
+    ValidationInfo,
+    create_model,
+)
 
 from meeframe.common.errors import CaseError, MeeframeError, listed
 from meeframe.fields.units import Quantity
 from meeframe.plugin.aliases import ALIASES, names_for
 from meeframe.plugin.sources import faults_of_plugins
 
-Converters = Callable[[Any], Callable[[Any], Any] | None]
-"""Function that returns, for a type hint, the converter of table values to it; None if pydantic needs no converter."""
+Converters = Callable[[Any], Callable[[Any, ValidationInfo], Any] | None]
+"""Function that returns, for a type hint, the converter of table values to it; None if pydantic needs no converter.
+
+Models are kept for each of these functions, so that converters take what differs between calls from the context.
+"""
 
 _MISSING = object()
 _MAX_INTEGER: Final = 10**300  # larger integers cannot be converted to float
@@ -106,6 +118,7 @@ def build(
     converters: Converters = lambda _hint: None,
     other_keys: tuple[str, ...] = (),
     unit: str = "",
+    context: object = None,
 ) -> Any:
     """Return factory(**table) after checking every entry against the fields of the dataclass `factory`.
 
@@ -121,6 +134,8 @@ def build(
         Further keys that the table can contain, listed in messages on unknown keys.
     unit
         The only accepted unit of quantities that allow it among others.
+    context
+        Context of the validation, for the converters.
 
     Raises
     ------
@@ -132,7 +147,7 @@ def build(
     except (NameError, TypeError, PydanticUserError) as error:
         raise TableError(Problem((), f"its class {factory!r} cannot be used: {error}", cause=error)) from error
     try:
-        checked = model.model_validate(dict(table))
+        checked = model.model_validate(dict(table), context=context)
     except ValidationError as error:
         raise TableError(*problems_of(error, model, other_keys)) from None
     try:
@@ -185,7 +200,7 @@ def _strict(hint: Any, converters: Converters) -> Any:
     return hint
 
 
-def _one_of(hints: list[Any]) -> Callable[[Any], Any]:
+def _one_of(hints: list[Any]) -> Callable[[Any, ValidationInfo], Any]:
     """Return the validator of a union, whose message lists what all alternatives allow.
 
     The validator of pydantic gives one error for each alternative.
@@ -196,13 +211,13 @@ def _one_of(hints: list[Any]) -> Callable[[Any], Any]:
         if hint is not type(None)
     ]
 
-    def choose(value: Any) -> Any:
+    def choose(value: Any, info: ValidationInfo) -> Any:
         if value is None and len(models) < len(hints):
             return None
         problems: list[Problem] = []
         for model in models:
             try:
-                return model.model_validate({"alternative": value}).alternative  # type: ignore[attr-defined]
+                return model.model_validate({"alternative": value}, context=info.context).alternative  # type: ignore[attr-defined]
             except ValidationError as error:
                 problems += problems_of(error, model)
         inner = [replace(problem, location=problem.location[1:]) for problem in problems if len(problem.location) > 1]
