@@ -15,7 +15,7 @@ import sys
 import tempfile
 import textwrap
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -26,6 +26,7 @@ from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocat
 
 from meeframe.model.threads import limited
 from meeframe.results.canvas import house_style, line_style, sheet
+from meeframe.results.records import StepResult
 
 Record = dict[str, Any]
 WIDTH = 119
@@ -48,6 +49,18 @@ def median_time(action: Callable[[], object], repeats: int, warm: bool = True) -
         walls.append(time.perf_counter() - wall)
         processors.append(time.process_time() - processor)
     return {"wall": statistics.median(walls), "processor": statistics.median(processors)}
+
+
+def solved(steps: Iterable[StepResult]) -> tuple[list[StepResult], Record]:
+    """Return the increments that are solved one by one, and their times and counts; raise RuntimeError if one fails."""
+    clock, processor = time.perf_counter(), time.process_time()
+    done = list(steps)
+    seconds = {"seconds": time.perf_counter() - clock, "processor": time.process_time() - processor}
+    failed = [step for step in done if step.status != "converged"]
+    if failed:
+        raise RuntimeError(failed[0].message)
+    counts = {"increments": len(done), "iterations": sum(step.iterations for step in done)}
+    return done, seconds | counts | {"residual": max(step.residual for step in done)}
 
 
 def users_environment(caches: Path) -> dict[str, str]:

@@ -9,17 +9,14 @@ import tempfile
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from time import perf_counter, process_time
 from typing import Any
 
-from common import Record, command_line, figures, prose, table, threads
+from common import Record, command_line, figures, prose, solved, table, threads
 from main_job import whole_run
 
 from meeframe.common.toml import toml_text
-from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
 from meeframe.model.solve import reduce, solve_steps
-from meeframe.system.reduced import ReducedSystem
 
 TITLE = "Load histories"
 THREADS, TURNS = 2, 3
@@ -61,19 +58,8 @@ def timed(tables: Mapping[str, Any], turns: int) -> Record:
     case = case_from_tables(tables)
     with threads(THREADS):
         system = reduce(case)
-        rows = [_turn(case, system) for _ in range(turns + 1)][1:]
+        rows = [solved(solve_steps(case, system, boundary=False))[1] for _ in range(turns + 1)][1:]
     return {name: statistics.median(row[name] for row in rows) for name in rows[0]}
-
-
-def _turn(case: Case, system: ReducedSystem) -> Record:
-    clock, processor = perf_counter(), process_time()
-    steps = list(solve_steps(case, system, boundary=False))
-    seconds = {"seconds": perf_counter() - clock, "processor": process_time() - processor}
-    failed = [step for step in steps if step.status != "converged"]
-    if failed:
-        raise RuntimeError(failed[0].message)
-    counts = {"increments": len(steps), "iterations": sum(step.iterations for step in steps)}
-    return seconds | counts | {"residual": max(step.residual for step in steps)}
 
 
 def measure(quick: bool) -> Record:

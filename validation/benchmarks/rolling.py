@@ -3,10 +3,9 @@
 Contact alone is timed on an existing reduced system.
 """
 
-from time import perf_counter
 from typing import Any
 
-from common import Record, command_line, figures, prose, table, threads
+from common import Record, command_line, figures, prose, solved, table, threads
 
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
@@ -43,20 +42,9 @@ def timed(nodes: int, rolling: dict[str, Any]) -> Record:
     counted = OperationCounter.of(reduce(case))
     steps = solve_steps(case, counted, boundary=False)
     next(steps)
-    products, start = len(counted.products), perf_counter()
-    done = list(steps)
-    seconds = perf_counter() - start
-    failed = [step for step in done if step.status != "converged"]
-    if failed:
-        raise RuntimeError(failed[0].message)
-    return {
-        "seconds": seconds,
-        "increments": len(done),
-        "iterations": sum(step.iterations for step in done),
-        "products": len(counted.products) - products,
-        "contact": int(done[-1].touching.sum()),
-        "residual": max(step.residual for step in done),
-    }
+    products = len(counted.products)
+    done, record = solved(steps)
+    return record | {"products": len(counted.products) - products, "contact": int(done[-1].touching.sum())}
 
 
 def measure(quick: bool) -> Record:
