@@ -154,7 +154,7 @@ def _solve(
 
 def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Point]:
     """Return all points of a study. Raises CaseError for an invalid key or if no point has a valid case."""
-    tables = case_tables(file, study.case)
+    tables, folder = case_tables(file, study.case), (file.parent / study.case).parent
     title = str(tables.get("title", ""))
     points = []
     for label, changes in study.changes():
@@ -162,7 +162,7 @@ def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Po
             point_tables = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
         except TableError as error:
             raise CaseError(listed(f"{file}: {label}: {problem}" for problem in error.problems)) from None
-        points.append(Point.of(label, point_tables, (file.parent / study.case).parent, registry))
+        points.append(Point.of(label, point_tables, folder, registry))
     if all(point.case is None for point in points):
         messages = {str(problem): f"{file}: {point.label}: {problem}" for point in points for problem in point.problems}
         causes = (problem.cause for point in points for problem in point.problems)
