@@ -131,6 +131,26 @@ def nested_start(
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), coarse_state.motion)
 
 
+def with_tension(load: Array, gap: Array, self_compliance: Array) -> Array:
+    """Return a load with a normal tension that grows with the gap where the contact is open.
+
+    Where the load of a coarse division is interpolated, its normal part then changes sign at the contact edge.
+
+    Parameters
+    ----------
+    load : Array
+        (n, fields).
+    gap : Array
+        (n,) [m].
+    self_compliance : Array
+        (n,), response of each node to its own pressure [m/Pa].
+    """
+    is_open = (load[:, 2] == 0.0) & (gap > 0.0) & np.isfinite(gap)
+    load = load.copy(order="K")
+    load[is_open, 2] = gap[is_open] / self_compliance[is_open]
+    return load
+
+
 def _resolves_indenter(problem: ContactProblem, coarsening: Coarsening) -> bool:
     """Return whether the coarser division resolves the indenter and, unless it moves freely, its overlap."""
     masks = [np.isfinite(problem.gap)]

@@ -103,6 +103,7 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import Multigrid as Multigrid
     from meeframe.system.capabilities import Persistence as Persistence
     from meeframe.system.capabilities import PointFields as PointFields
+    from meeframe.system.capabilities import Prolongation as Prolongation
     from meeframe.system.capabilities import Restriction as Restriction
     from meeframe.system.capabilities import Subsystem as Subsystem
     from meeframe.system.capabilities import ZoneRecovery as ZoneRecovery
@@ -219,6 +220,7 @@ _HOMES = {
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",
     "PointFields": "meeframe.system.capabilities",
+    "Prolongation": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
     "Subsystem": "meeframe.system.capabilities",
     "ZoneRecovery": "meeframe.system.capabilities",

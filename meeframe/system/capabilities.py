@@ -88,6 +88,36 @@ class ApproximateInverse(ABC):
             for these fields.
         """
 
+    def prolongation(self, nodes: Indices) -> "Prolongation | None":
+        """Return a prolongation of displacements from some nodes to all nodes; None, for that by zeros, by default.
+
+        Among all displacements that agree at the nodes, that of a load on these nodes alone has the least energy. The
+        closer a prolongation is to it, the better the approximate inverse, between prolongation and restriction,
+        approximates the inverse of the compliance restricted to the nodes.
+
+        Parameters
+        ----------
+        nodes : Indices
+            (f,), each once.
+        """
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Prolongation:
+    """A linear map from values at some nodes to values at all nodes, and its adjoint; in single precision.
+
+    Attributes
+    ----------
+    prolong : callable
+        Returns values (n,) for values (f,), which are unchanged at their nodes.
+    restrict : callable
+        Returns values (f,) for values (n,): the adjoint in inner products weighted by the areas of the nodes.
+    """
+
+    prolong: Callable[[Array], Array]
+    restrict: Callable[[Array], Array]
+
 
 class Multigrid(ABC):
     """A coarser division of the contact zone, from whose solution solvers start."""

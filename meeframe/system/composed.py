@@ -29,6 +29,7 @@ from meeframe.system.capabilities import (
     InteriorFields,
     Multigrid,
     PointFields,
+    Prolongation,
     Restriction,
     Subsystem,
     apply_fields,
@@ -207,7 +208,8 @@ class ComposedSystem(
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself if its bodies allow it to forward a capability, else None.
 
-        Products in some fields need one body that has them. The approximate inverse is that of the first body.
+        Products in some fields need one body that has them. The approximate inverse and its
+        prolongation are those of the first body.
         Coarsening and restriction need all bodies, coarsening on the same nodes and without extra compliance. Edge
         resolution needs all bodies, and no correction already in place. Interior fields are those of the first body.
         Persistence is not forwarded: bodies are stored one by one.
@@ -286,6 +288,10 @@ class ComposedSystem(
             return inverse
         alone = term.blocks_from_body(term.system.diagonal_blocks())[:, chosen, chosen]
         return rescale_inverse(inverse, alone, self.diagonal(chosen))
+
+    def prolongation(self, nodes: Indices) -> Prolongation | None:
+        """Return that of the first body."""
+        return _required(self.terms[0].system, ApproximateInverse).prolongation(nodes)
 
     def coarsen(self) -> Coarsening:
         """Return the composition of the coarsened bodies, whose nodes coincide."""

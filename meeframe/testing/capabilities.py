@@ -67,6 +67,7 @@ def check_capabilities(system: ReducedSystem) -> None:
     """
     check_fieldwise_apply(system)
     check_approximate_inverse(system)
+    check_prolongation(system)
     check_restriction(system)
     check_edge_correction(system)
     check_interior_fields(system)
@@ -165,6 +166,40 @@ def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:
     require(error < COARSE_ERROR, "weights of a coarser system give other resultants", error)
     error = worst(there.apply(load), system.apply(fine)[nodes])
     require(error < COARSE_ERROR, "a coarser system responds differently: it would give poor initial states", error)
+
+
+def check_prolongation(system: ReducedSystem) -> None:
+    """Check that `prolong` is linear, preserves values and precision, and that `restrict` is its adjoint."""
+    approximate = system.capability(ApproximateInverse)
+    if approximate is None:
+        return
+    rng, count, weights = np.random.default_rng(6), len(system.points), system.weights / system.weights.max()
+    some = rng.permutation(count)[: count // 3 + 1]
+    for nodes in (np.arange(0, count, 3), np.arange(count), some, np.array([count // 2]), np.arange(0)):
+        prolongation = approximate.prolongation(nodes)
+        if prolongation is None:
+            continue
+        values, other = rng.normal(size=(2, len(nodes))).astype(np.float32)
+        test: Array = rng.normal(size=count).astype(np.float32)
+        copies = values.copy(), test.copy()
+        prolonged, restricted = prolongation.prolong(values), prolongation.restrict(test)
+        unchanged = np.array_equal(values, copies[0]) and np.array_equal(test, copies[1])
+        require(unchanged, "a prolongation changes its argument", len(nodes))
+        fits = prolonged.shape == (count,) and restricted.shape == (len(nodes),)
+        require(fits, "a prolongation returns values of the wrong shape", (prolonged.shape, restricted.shape))
+        is_single = prolonged.dtype == restricted.dtype == np.float32
+        require(is_single, "a prolongation changes the precision, so that solvers slow down", prolonged.dtype)
+        if not len(nodes):
+            require(not prolonged.any(), "a prolongation from no nodes is not zero", len(nodes))
+            continue
+        error = worst(prolonged[nodes], values)
+        require(error < SINGLE_PRECISION, "a prolongation changes the values at its nodes", error)
+        both = prolongation.prolong(2.0 * values - 3.0 * other)
+        error = worst(both, 2.0 * prolonged - 3.0 * prolongation.prolong(other))
+        require(error < SINGLE_PRECISION, "a prolongation is not linear: Krylov iterations would fail", error)
+        work = float((weights * prolonged) @ test), float((weights[nodes] * values) @ restricted)
+        error = abs(work[0] - work[1]) / float((weights * np.abs(prolonged)) @ np.abs(test))
+        require(error < SINGLE_PRECISION, "restrict of a prolongation is not the adjoint of prolong", error)
 
 
 def check_restriction(system: ReducedSystem) -> None:

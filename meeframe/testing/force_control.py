@@ -51,10 +51,9 @@ def prescribe_resultant(
         Weights of the resultant, like `mode`; by default the mode.
     """
     outward = -1.0 if mode[..., 3:].any() else 1.0
-    modes = np.broadcast_to(mode, system.offset.shape).copy()
-    return PrescribedResultant(
-        modes, outward * system.weights[:, None] * (modes if measure is None else measure), float(total)
-    )
+    modes = np.broadcast_to(mode, system.offset.shape)
+    weighted = outward * system.weights * (modes if measure is None else np.broadcast_to(measure, modes.shape)).T
+    return PrescribedResultant(modes, weighted.T, float(total))  # field by field, as in a case
 
 
 def conducting_sphere(

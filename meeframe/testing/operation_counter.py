@@ -13,6 +13,7 @@ from meeframe.system.capabilities import (
     FieldwiseApply,
     IndenterEdge,
     Multigrid,
+    Prolongation,
     Restriction,
     Subsystem,
 )
@@ -86,6 +87,10 @@ class OperationCounter(
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """Return the approximate inverse of the inner system."""
         return self._inner(ApproximateInverse).approximate_inverse(fields)
+
+    def prolongation(self, nodes: Indices) -> Prolongation | None:
+        """Return that of the inner system."""
+        return self._inner(ApproximateInverse).prolongation(nodes)
 
     def coarsen(self) -> Coarsening:
         """Return the coarsening of the inner system, whose products are not counted."""

@@ -21,6 +21,7 @@ from unittest import mock
 
 import numpy as np
 from common import Record, command_line, prose, table, threads
+from meeframe_halfspace.system import HalfSpaceSystem
 
 from meeframe import solve_case
 from meeframe.model.load import case_from_tables
@@ -137,6 +138,10 @@ ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
         "changes of the gap in single precision in `projected-cg`",
         _gaps_in_double_precision,
     ),
+    "prolongation": (
+        "prolongation with little energy before the approximate inverse in `projected-cg`",
+        _constant(HalfSpaceSystem, "prolongation", ApproximateInverse.prolongation),
+    ),
     "estimate": ("convergence tested with the solver's own estimate between checks", _without_estimate),
     "conjugate gradients": (
         "`projected-cg` before `newton` in `auto`",
@@ -215,6 +220,7 @@ RUNS: Mapping[str, Record] = {
     "sphere, 512": grid(512),
     "rough, 512": rough(512),
     "rough, free, 1024": rough_free(1024),
+    "rough, free, 2048": rough_free(2048),
     "friction, 64": grid(64, DRAGGED),
     "friction, 256": grid(256, DRAGGED),
     "friction, 512": grid(512, DRAGGED),

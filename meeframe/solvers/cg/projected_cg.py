@@ -10,13 +10,13 @@ import numpy as np
 from meeframe.common.errors import CaseError
 from meeframe.contact.conduction import conducting
 from meeframe.contact.free_motion import start_load, start_motion
-from meeframe.contact.nested import nested_start, on_sample
+from meeframe.contact.nested import nested_start, on_sample, with_tension
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.solvers.cg.normal_modes import NORMAL, NormalModes
-from meeframe.system.capabilities import ApproximateInverse, apply_fields
+from meeframe.system.capabilities import ApproximateInverse, Prolongation, apply_fields, diagonal
 
 MAX_STEPS_BETWEEN_RENEWALS: Final = 50
 """Largest number of steps before the gap is recomputed, free of accumulated round-off."""
@@ -44,9 +44,10 @@ class _Memory:
     problem, scales: of the contact; modes: normal free motions on all nodes; inverse: approximate inverse of the normal
     compliance, (n, 1) from (n, 1), if the system has one;
     weight: (n,) of the inner product; pressure: (n,); gap: (n,) with the indenter at rest; motion: (m,); active_modes:
-    modes on the nodes with pressure or overlap, which move next; free: (f,) nodes that the last step moved; direction,
-    residual: (f,) of that step; product: of its preconditioned residual with the residual; estimate: of the residual;
-    age: steps since the gap was last recomputed; renewed: estimate then.
+    modes on the nodes with pressure or overlap, which move next; free: (f,) nodes that the last step moved;
+    restricted: approximate inverse of the normal compliance restricted to these, (f,) from (f,), if there is one;
+    direction, residual: (f,) of that step; product: of its preconditioned residual with the residual; estimate: of the
+    residual; age: steps since the gap was last recomputed; renewed: estimate then.
     """
 
     problem: ContactProblem
@@ -59,6 +60,7 @@ class _Memory:
     motion: Array
     active_modes: NormalModes
     free: Indices
+    restricted: Callable[[Array], Array] | None
     direction: Array
     residual: Array
     product: float = 0.0
@@ -78,8 +80,8 @@ class ProjectedCG(Solver):
     Ribiere.
 
     If the reduced system has an approximate inverse, its restriction to those nodes is the preconditioner: the number
-    of steps then hardly depends on the number of nodes. If the system has a coarser division, the solution there is the
-    start.
+    of steps then hardly depends on the number of nodes, and is smaller still with a prolongation of displacements from
+    these nodes. If the system has a coarser division, the solution there is the start.
 
     Where resultants of the pressure are prescribed, directions have none, the motions of the indenter remove the mean
     from the gaps, and where pressure was lost it is replaced by the nearest balanced one.
@@ -156,7 +158,7 @@ def _begin(problem: ContactProblem, start: ContactState | None, scales: Scales) 
     approximate = problem.system.capability(ApproximateInverse)
     inverse = None if approximate is None else approximate.approximate_inverse((NORMAL,))
     constants = (problem, scales, modes, inverse, weight)
-    memory = _Memory(*constants, pressure, zeros, motion, modes.restrict(none), none, zeros, zeros)
+    memory = _Memory(*constants, pressure, zeros, motion, modes.restrict(none), none, None, zeros, zeros)
     return _renew(memory)
 
 
@@ -167,7 +169,8 @@ def _coarse_solution(problem: ContactProblem, scales: Scales) -> Iterate:
         if memory.estimate <= COARSE_TOLERANCE:
             break
         memory = _take_step(memory)
-    return _iterate(memory)
+    iterate = _iterate(memory)
+    return replace(iterate, load=with_tension(iterate.load, memory.gap, diagonal(problem.system, (NORMAL,))[:, 0]))
 
 
 def _take_step(memory: _Memory) -> _Memory:
@@ -200,16 +203,16 @@ def _conjugate(memory: _Memory) -> _Memory:
     """
     n, modes, free = len(memory.pressure), memory.active_modes, memory.active_modes.nodes
     residual, weight = memory.gap[free], memory.weight[free]
-    previous, direction = memory.residual, memory.direction
+    previous, direction, restricted = memory.residual, memory.direction, memory.restricted
     if free is not memory.free:
         previous, direction = (_scatter(values, memory.free, n)[free] for values in (previous, direction))
+        restricted = _restrict_inverse(memory, free)
     restarts = memory.product <= 0.0
-    if memory.inverse is None:
+    if restricted is None:
         steepest = residual
         restarts |= np.setdiff1d(free, memory.free, assume_unique=True).size > 0
     else:
-        opening = _scatter(residual.astype(np.float32), free, n)
-        steepest = memory.inverse(opening[:, None])[free, 0].astype(float)
+        steepest = restricted(residual)
     steepest = modes.remove_resultants(steepest)  # the residual has none either: the preconditioner remains symmetric
     weighted = weight * steepest
     coefficient = 0.0 if restarts else max(float(weighted @ (residual - previous)) / memory.product, 0.0)
@@ -217,7 +220,26 @@ def _conjugate(memory: _Memory) -> _Memory:
     if float((weight * direction) @ residual) <= 0.0:
         direction = modes.remove_resultants(residual)
     product = float(weighted @ residual)
-    return replace(memory, free=free, direction=direction, residual=residual, product=product)
+    return replace(memory, free=free, restricted=restricted, direction=direction, residual=residual, product=product)
+
+
+def _restrict_inverse(memory: _Memory, free: Indices) -> Callable[[Array], Array] | None:
+    """Return the approximate inverse of the compliance restricted to the free nodes (f,), if the system has one.
+
+    Displacements are prolonged by zeros unless the system does it better. Gain of the half space's prolongation, in
+    whole runs: 1.17 for a rough surface on 2048 x 2048 nodes, less than 1.1 on smaller grids.
+    """
+    inverse, approximate = memory.inverse, memory.problem.system.capability(ApproximateInverse)
+    if inverse is None or approximate is None:
+        return None
+    by_zeros = Prolongation(partial(_scatter, free=free, n=len(memory.pressure)), lambda values: values[free])
+    prolongation = approximate.prolongation(free) or by_zeros
+
+    def restricted(opening: Array) -> Array:
+        displacement = prolongation.prolong(opening.astype(np.float32))
+        return prolongation.restrict(inverse(displacement[:, None])[:, 0]).astype(float)
+
+    return restricted
 
 
 def _renew(memory: _Memory) -> _Memory:

@@ -22,6 +22,7 @@ from meeframe.plugin import (
     InteriorFields,
     Multigrid,
     NodalFields,
+    Prolongation,
     ReducedSystem,
     Restriction,
     Subsystem,
@@ -31,6 +32,7 @@ from meeframe_halfspace.array_library import ArrayLibrary
 from meeframe_halfspace.coarsening import bilinear, box, coarse_grid, row_major_grid
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
+from meeframe_halfspace.extension import MultilevelExtension
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
 from meeframe_halfspace.inverse import wave_inverse
@@ -212,6 +214,23 @@ class HalfSpaceSystem(
             return load
 
         return inverse
+
+    def prolongation(self, nodes: Indices) -> Prolongation:
+        """Return the extension of `meeframe_halfspace.extension`."""
+        size, positions = self.grid.flat
+        extension = MultilevelExtension.of(size, nodes if positions is None else positions[nodes])
+        shares = None if self.convolution.periodic else self.shares.astype(np.float32)
+
+        def prolong(values: Array) -> Array:
+            prolonged = extension.prolong(values).ravel()
+            return prolonged if positions is None else prolonged[positions]
+
+        def restrict(values: Array) -> Array:
+            values = values if shares is None else values * shares
+            restricted = extension.restrict(values.reshape(size) if positions is None else values[self.grid.nodes])
+            return restricted if shares is None else restricted / shares[nodes]
+
+        return Prolongation(prolong, restrict)
 
     @cached_property
     def _waves(self) -> Symbol | None:

@@ -31,6 +31,7 @@ from meeframe.system.capabilities import (
     Multigrid,
     Persistence,
     PointFields,
+    Prolongation,
     Restriction,
     Subsystem,
     diagonal,
@@ -403,6 +404,12 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
         inverse = self.inner.approximate_inverse(fields)
         return (lambda displacement: -inverse(displacement)) if self.wrong == "approximate_inverse" else inverse
 
+    def prolongation(self, nodes: Indices) -> Prolongation:
+        inner = self.inner.prolongation(nodes)
+        if self.wrong == "adjoint of a prolongation":
+            return replace(inner, restrict=lambda values: inner.restrict(2.0 * values))
+        return replace(inner, prolong=np.copy) if self.wrong == "shape of a prolongation" else inner
+
     def coarsen(self) -> Coarsening:
         coarse = self.inner.coarsen()
         if self.wrong == "prolong":
@@ -434,6 +441,7 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
     + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal")]
     + [("single precision", "apply_fields of loads float32")]
     + [("gradients", "are not the derivatives"), ("interior", "do not tend to those of recover at its surface")]
+    + [("adjoint of a prolongation", "is not the adjoint"), ("shape of a prolongation", "of the wrong shape")]
     + [("part", "lacks some of the requested nodes"), ("nodes of a part", "points of a subsystem are not")],
 )
 def test_wrong_capabilities_are_detected(wrong: str, message: str) -> None:
