@@ -31,9 +31,8 @@ MAX_TOLERANCE: Final = 0.02
 MIN_TOLERANCE: Final = 1e-4
 """Largest (MAX_TOLERANCE) and smallest (MIN_TOLERANCE) tolerance of the linear equations where there is no matrix."""
 SUFFICIENT_FRACTION: Final = 0.3
-"""Fraction of the required residual at which the iteration in a neighbourhood of the contact ends."""
-OVERSOLVING_MARGIN: Final = 0.3
-"""Part of that residual that the linear equations may leave."""
+"""Fraction of the required residual at which the iteration in a neighbourhood of the contact ends, and which linear
+equations may leave."""
 COARSE_MERIT: Final = 2e-4
 """Merit at which the iteration on a coarser problem ends, as the two problems differ by more."""
 MAX_COARSE_STEPS: Final = 40
@@ -247,10 +246,10 @@ def _tolerance(memory: _Memory) -> float:
     """Return the fraction of the residual that the linear equations may leave.
 
     As much as Newton's method itself seems to leave (Eisenstat and Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice
-    2), and no less than is needed at the end. Gain of a whole run by validation/benchmarks/ablation.py: up to 1.17.
+    2), but no less than suffices at the end. Gain of a whole run by validation/benchmarks/ablation.py: up to 1.17.
     """
-    needed = OVERSOLVING_MARGIN * memory.sufficient_residual / (memory.state.law_residual or np.inf)
-    return float(np.clip(max(0.9 * memory.fall**1.5, needed), MIN_TOLERANCE, MAX_TOLERANCE))
+    sufficient = memory.sufficient_residual / (memory.state.law_residual or np.inf)
+    return float(np.clip(max(0.9 * memory.fall**1.5, sufficient), MIN_TOLERANCE, MAX_TOLERANCE))
 
 
 def _is_matrix_free(problem: ContactProblem) -> bool:
