@@ -22,6 +22,12 @@ MAX_STEPS_BETWEEN_RENEWALS: Final = 50
 """Largest number of steps before the gap is recomputed, free of accumulated round-off."""
 RENEWAL_DECREASE: Final = 1e-3
 """Decrease of the residual after which the gap is recomputed if changes of it are computed in single precision."""
+MAX_CUT: Final = 0.2
+"""Largest change of a step by the projection, relative to the step, that does not restart the conjugation.
+
+Without restarts the iteration may cycle (rough, periodic, 2048 x 2048); restarts at every change take a third more
+steps.
+"""
 COARSE_TOLERANCE, MAX_COARSE_STEPS = 1e-3, 100
 """Residual at which the coarse problem for the start is stopped, and the largest number of steps on it.
 
@@ -184,13 +190,16 @@ def _take_step(memory: _Memory) -> _Memory:
     if curvature <= 0.0:
         return _renew(memory)
     length = float(weighted @ memory.residual) / curvature
-    values = memory.pressure[free] - length * direction
-    if (values >= 0.0).all():
-        pressure, gap = _scatter(values, free, n), memory.gap - length * opening
+    trial = memory.pressure[free] - length * direction
+    if (trial >= 0.0).all():
+        pressure, gap = _scatter(trial, free, n), memory.gap - length * opening
     else:
-        values = modes.balance(values)
+        values = modes.balance(trial)
         pressure = _scatter(values, free, n)
         gap = memory.gap + _change_of_gap(memory, values - memory.pressure[free])
+        # later directions are not conjugate to a step of which the projection has left little
+        if np.linalg.norm(values - trial) > MAX_CUT * np.linalg.norm(length * direction):
+            memory = replace(memory, product=0.0)
     memory = _bring_to_rest(replace(memory, pressure=pressure, age=memory.age + 1), gap)
     is_inexact = memory.estimate <= RENEWAL_DECREASE * memory.renewed
     return _renew(memory) if is_inexact or memory.age >= MAX_STEPS_BETWEEN_RENEWALS else memory

@@ -5,7 +5,7 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.contact.conduction import Mask
+from meeframe.contact.conduction import Mask, conducting
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_load, start_motion
 from meeframe.contact.nested import nested_start, with_tension
@@ -267,6 +267,8 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
         iterate, steps = solver.step(problem, iterate), steps + 1
     if not iterate.load.any():
         return None
+    if conducting(problem):  # where potentials attract the surfaces, the start decides on nodes at the contact edge
+        return iterate
     memory = iterate.memory_as(_Memory)
     gap = memory.state.relative_displacement[:, 2]
     if memory.neighbourhood is not None:
