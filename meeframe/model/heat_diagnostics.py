@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.memoize import memoize_by_identity
-from meeframe.contact.conduction import depends_on_gap
+from meeframe.contact.conduction import MIN_TRACTION, depends_on_gap
 from meeframe.contact.generated_heat import TANGENTIAL
 from meeframe.contact.problem import AT_REST, ContactProblem, indenter_position
 from meeframe.fields import MECHANICAL, N_FIELDS, N_MECHANICAL, THERMAL_FIELD, Array
-from meeframe.laws.base import is_adhesive
+from meeframe.laws.base import contact_conductivity, is_adhesive
 from meeframe.material.half_space import MEAN_DIRECTIONS, mean_compliance, surface_directions
 from meeframe.material.surface_symbol import SurfaceSymbol
 from meeframe.material.thermal_half_space import thermal_response
@@ -51,6 +51,11 @@ def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weigh
             f"{int(partial.sum())} nodes with zero pressure and zero gap conduct heat in part: neither contact nor "
             "separation is possible there, as next to the edge of contact with a colder indenter"
         )
+    elif _draws_heat_perfectly(body, increment, result, weights):
+        yield (
+            "perfect conduction of heat to a colder indenter: next to the edge of contact neither contact nor "
+            "separation is possible; the nodes are too far apart to show the ring that conducts in part there"
+        )
     if not result.touching.any():
         return
     if is_solved_without_contact(increment.problem):
@@ -66,6 +71,21 @@ def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weigh
             f"frictional heat: lambda = {heating:.3g}, {heating / CRITICAL:.0%} of the critical value at which no "
             "pressure makes a round contact grow any further; at and beyond it there is no steady state"
         )
+
+
+def _draws_heat_perfectly(body: Body, increment: Increment, result: StepResult, weights: Array) -> bool:
+    """Return whether the heat through a perfect contact makes the surface sink away at its edge.
+
+    The heat flux is singular at the edge of a perfect contact with a smooth indenter, and moves the surface without
+    bound (Barber 1978): away from the indenter if heat leaves a body that expands.
+    """
+    number = body.fields.index(THERMAL_FIELD.name) - N_MECHANICAL
+    law = increment.problem.channels[number].law
+    is_perfect = bool(np.isinf(contact_conductivity(law, np.array([MIN_TRACTION]))).any())
+    ends_below_indenter = bool((np.isfinite(increment.problem.gap) & ~result.touching).any())
+    if not (is_perfect and ends_below_indenter and result.touching.any()):
+        return False
+    return _distortion_per_pressure(body) * float(weights @ result.fluxes[:, number]) > 0.0
 
 
 def is_solved_without_contact(problem: ContactProblem) -> bool:

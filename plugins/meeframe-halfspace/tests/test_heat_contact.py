@@ -475,6 +475,7 @@ def test_perfect_contact_with_a_cold_indenter_is_reported(
     between = (step.contact_fraction > 0.0) & (step.contact_fraction < 1.0)
     assert between.any() == partial
     assert ("conduct heat in part: neither contact nor separation is possible there" in step.message) == partial
+    assert ("neither contact nor separation" in step.message) == partial
     if partial:
         assert f"{between.sum()} nodes with zero pressure and zero gap" in step.message
         assert "next to the edge of contact with a colder indenter" in step.message
@@ -482,6 +483,17 @@ def test_perfect_contact_with_a_cold_indenter_is_reported(
         drop = step.potentials[between, 2] - temperature
         assert (drop > 0.0).all()  # a resistance remains in contact that is perfect elsewhere
         assert (step.fluxes[between, 2] > 0.0).all()
+
+
+@pytest.mark.parametrize("divisions", [9, 11, 14])
+def test_perfect_contact_with_a_cold_indenter_is_reported_on_any_grid(load_changed: Any, divisions: int) -> None:
+    """The ring that conducts in part is narrower than the spacing of the nodes on some grids."""
+    *steel, _ = ON_STEEL
+    perfect, cold = (POWER_LAW, '{name = "step", kappa = inf}'), ('temperature = "100 K"', "temperature = -300.0")
+    grid = ("divisions = 15", f"divisions = {divisions}")
+    (step,) = solve_case(load_changed(CASE, *steel, grid, perfect, cold, (SLIDING, ""))).steps
+    assert step.status is Status.CONVERGED
+    assert "neither contact nor separation is possible" in step.message
 
 
 def test_several_solutions_are_reported(load_changed: Any) -> None:
