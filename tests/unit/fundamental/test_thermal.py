@@ -123,6 +123,23 @@ def test_isotropic_source_is_that_of_nowacki(random, expansion):
     assert not t[:, :5, 5].any()
 
 
+def test_isotropic_stress_of_a_source_is_that_of_nowacki(random):
+    """Stress -mu alpha (1 + nu) / (4 pi k (1 - nu)) (delta_ij + x_i x_j / r^2) / r, from displacement and temperature."""
+    young, poisson, conductivity, expansion = 2e11, 0.3, 40.0, 1.2e-5
+    material = Material.isotropic(young, poisson).with_heat(conductivity, expansion, None, None, None, "strain")
+    constants = Scaled.of(material)
+    kernel, offset = constants.kernel(), random.normal(size=(100, 3))
+    r = np.linalg.norm(offset, axis=1)
+    temperature = -kernel.evaluate(offset, offset / r[:, None])[0][:, 5, 5]
+    stress = np.einsum("iJKm,nKm->nJi", constants.coupled, kernel.gradient(offset)[:, 5, :5])
+    stress -= temperature[:, None, None] * constants.moduli.T
+    stress = stress[:, :3] * constants.factors[5] / constants.factors[0]
+    strength = young * expansion / (8.0 * np.pi * conductivity * (1.0 - poisson))
+    direction = offset / r[:, None]
+    exact = -strength * (np.eye(3) + direction[:, :, None] * direction[:, None, :]) / r[:, None, None]
+    np.testing.assert_allclose(stress, exact, atol=1e-8 * np.abs(exact).max())
+
+
 def sphere_rule(count: int) -> tuple[Array, Array]:
     """Return unit vectors and weights of Gauss and trapezoidal rules on the sphere."""
     heights, weights = np.polynomial.legendre.leggauss(count)
