@@ -14,6 +14,7 @@ from meeframe.greens.harmonics import OddHarmonics
 from meeframe.greens.thermal import HeatSource, ThermalKernel, source_gradient
 from meeframe.material import Material, library_material, rotation_about
 from meeframe.testing.fundamental import relative_error, unit_vectors
+from meeframe.testing.manufactured import ThermalField
 
 CONDUCTIVITY = np.array([[3.0, 0.4, -0.2], [0.4, 2.5, 0.5], [-0.2, 0.5, 4.0]])
 TRICLINIC = (
@@ -172,6 +173,40 @@ def test_heated_volume_acts_as_temperature_and_flux_on_its_surface(constants, ke
         "n,nP->P", weights * temperature, t[:, 5, :5]
     )
     np.testing.assert_allclose(surface, volume, atol=1e-7 * np.abs(volume).max())
+
+
+@pytest.mark.parametrize("count", [24, 32])
+def test_boundary_equation_holds_on_the_surface_of_an_ellipsoid(constants, kernel, count):
+    """Constants of displacement and potentials are subtracted from T; the temperature in their equations needs no term.
+
+    Seen from a point of the surface, the integrands are smooth functions of the direction.
+    """
+    axes, rng = np.array([1.0, 0.7, 1.3]), np.random.default_rng(4)
+    start = axes * unit_vectors(rng, 1)[0]
+    inward = -start / axes**2
+    frame = np.linalg.qr(np.column_stack([inward, np.eye(3)[:, :2]]))[0]
+    frame[:, 0] *= np.sign(frame[:, 0] @ inward)
+    heights, weights = np.polynomial.legendre.leggauss(count)
+    heights, weights = 0.5 * (heights + 1.0), 0.5 * weights
+    azimuth = np.pi * np.arange(2 * count) / count
+    sine = np.sqrt(1.0 - heights**2)[:, None]
+    local = np.broadcast_arrays(heights[:, None], sine * np.cos(azimuth), sine * np.sin(azimuth))
+    direction = np.stack(local, axis=-1).reshape(-1, 3) @ frame.T
+    curvature = (direction**2 / axes**2).sum(axis=1)
+    length = 2.0 * direction @ inward / curvature
+    points = start + length[:, None] * direction
+    normal = points / axes**2
+    area = 2.0 * length * np.linalg.norm(normal, axis=1) / curvature * np.repeat(weights, 2 * count) * np.pi / count
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    field = ThermalField(TRICLINIC, 0.7, np.array([0.5, -1.1, 0.8]))
+    values, fluxes = field.values(points) / constants.factors, field.fluxes(points, normal) * constants.factors
+    here = field.values(start[None])[0] / constants.factors
+    u, t = kernel.evaluate(points - start, normal)
+    right = np.einsum("n,nJ,nJP->P", area, fluxes, u)
+    left = np.einsum("n,nJ,nJP->P", area, values[:, :5] - here[:5], t[:, :5])
+    left[:5] += area * values[:, 5] @ t[:, 5, :5]
+    left[5] += area * (values[:, 5] - here[5]) @ t[:, 5, 5]
+    np.testing.assert_allclose(left, right, atol=1e-8 * np.abs(np.einsum("n,nJ,nJP->JP", area, fluxes, u)).max())
 
 
 def test_harmonics_integrate_over_half_spheres():
