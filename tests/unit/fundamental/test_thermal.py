@@ -125,7 +125,7 @@ def test_isotropic_source_is_that_of_nowacki(random, expansion):
 
 
 def test_isotropic_stress_of_a_source_is_that_of_nowacki(random):
-    """Stress -mu alpha (1 + nu) / (4 pi k (1 - nu)) (delta_ij + x_i x_j / r^2) / r, from displacement and temperature."""
+    """The stress is -mu alpha (1 + nu) / (4 pi k (1 - nu)) (delta_ij + x_i x_j / r^2) / r."""
     young, poisson, conductivity, expansion = 2e11, 0.3, 40.0, 1.2e-5
     material = Material.isotropic(young, poisson).with_heat(conductivity, expansion, None, None, None, "strain")
     constants = Scaled.of(material)
