@@ -87,12 +87,20 @@ class HotIndentation:
         """Force P with which the indenter presses [N]."""
         return float(-self.totals[0])
 
+    def tractions(self, r: Array) -> Array:
+        """Return t3, q and s, (3, n), at distances (n,) r < a from the axis; zero for fields that are insulated."""
+        a, stiffness = self.contact_radius, self._stiffness
+        singular = stiffness @ self._edge(self.solved_approach)
+        heat = stiffness @ self.distortivity[self._fields] * self._flux_scale
+        tractions = np.zeros((3, len(r)))
+        tractions[self._fields] = (
+            np.outer(singular, 1.0 / np.sqrt(a**2 - r**2)) - np.outer(heat, heat_density(r / a))
+        ) / np.pi**2 - np.outer(stiffness[:, 0], self.shape.density(r, a))
+        return tractions
+
     def pressure(self, r: Array) -> Array:
-        """Return the pressure [Pa] at distances r < a from the axis."""
-        a, stiffness = self.contact_radius, self._stiffness[0]
-        singular = stiffness @ self._edge(self.solved_approach) / (np.pi**2 * np.sqrt(a**2 - r**2))
-        heat = stiffness @ self.distortivity[self._fields] * self._flux_scale * heat_density(r / a) / np.pi**2
-        return np.asarray(stiffness[0] * self.shape.density(r, a) + heat - singular)
+        """Return the pressure [Pa] at distances (n,) r < a from the axis."""
+        return -self.tractions(r)[0]
 
     @property
     def _fields(self) -> list[int]:
