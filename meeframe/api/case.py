@@ -147,6 +147,19 @@ class Case:
         counts = f"{case.mesh.n_elements} elements, {len(case.steps)} load steps, {case.n_increments} increments"
         return f"Case({self.title!r}: {case.material.name or 'material without a name'}, {counts})"
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether two cases have the same case file; those that no case file can hold equal only themselves."""
+        if not isinstance(other, Case):
+            return NotImplemented
+        try:
+            return self is other or self.to_toml() == other.to_toml()
+        except CaseError:
+            return False
+
+    def __hash__(self) -> int:
+        """Return a hash that agrees with equality."""
+        return hash((self.title, len(self.steps)))
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings of the case, in words, none of which prevents its solution."""

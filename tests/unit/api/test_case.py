@@ -100,6 +100,16 @@ def test_round_trip(file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     again = meeframe.Case.from_toml("inner/case.toml")
     assert_same_model(again.checked, case.checked)
+    assert again == case
+
+
+def test_cases_are_equal_if_their_files_are():
+    case = build(title="one")
+    assert case == meeframe.Case.from_toml(case.to_toml())
+    assert hash(case) == hash(meeframe.Case.from_toml(case.to_toml()))
+    assert case != build(title="two")
+    assert case != build(title="one", indenter=meeframe.Sphere("101 mm"))
+    assert case != "one"
 
 
 def test_python_and_file_give_the_same_result():
@@ -252,6 +262,8 @@ def test_unregistered_law_cannot_be_written():
     case = build(contact=Mine(), steps=STEPS[:1])
     with pytest.raises(meeframe.CaseError, match="has no name in case files"):
         case.to_toml()
+    assert case == case
+    assert case != build(contact=Mine(), steps=STEPS[:1])
     np.testing.assert_allclose(
         case.solve()[-1].traction,
         build(contact=meeframe.Signorini(), steps=STEPS[:1]).solve()[-1].traction,
