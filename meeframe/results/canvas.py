@@ -29,8 +29,10 @@ NO_CONTACT: Final = "#F2F2F2"
 """Colour of axes and thus of nodes without contact, which no map of colours holds."""
 STYLE: Final = str(Path(__file__).with_name("house.mplstyle"))
 """Path of the house style of all figures, for matplotlib.pyplot.style.use."""
-_LETTERS: Final = 56
-"""Number of letters in a line of a heading over axes some four inches wide."""
+_LETTERS, _MIN_LETTERS = 56, 16
+"""Largest and smallest number of letters in a line of a heading."""
+_LETTERS_PER_INCH, _TICKS_PER_INCH = 13.0, 2.0
+"""Letters of a heading, and intervals between ticks of a map, that fit over an inch of the axes."""
 _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -99,13 +101,24 @@ def sheet(size: tuple[float, float]) -> "Figure":
 
 def head(axes: Any, what: str, title: str) -> None:
     """Put the heading of a figure over its first axes, in lines that fit."""
-    axes.set_title("\n".join(_folded(line) for line in (*title.split("\n"), what) if line), fontsize=10)
+    letters = min(max(int(_LETTERS_PER_INCH * width_of(axes)), _MIN_LETTERS), _LETTERS)
+    axes.set_title("\n".join(_folded(line, letters) for line in (*title.split("\n"), what) if line), fontsize=10)
 
 
-def _folded(text: str) -> str:
+def width_of(axes: Any) -> float:
+    """Return the width of axes in inches, which is small where they are one of several panels."""
+    return float(axes.get_position().width * axes.figure.get_figwidth())
+
+
+def map_ticks(axes: Any) -> int:
+    """Return the largest number of intervals between the ticks of a map that leaves room for their labels."""
+    return min(max(int(_TICKS_PER_INCH * width_of(axes)), 2), MAP_TICKS)
+
+
+def _folded(text: str, letters: int) -> str:
     """Return a text in as few lines as fit, of similar length: no single word is left for the last one."""
-    lines = textwrap.wrap(text, _LETTERS)
-    for width in range(len(text) // max(len(lines), 1), _LETTERS):
+    lines = textwrap.wrap(text, letters)
+    for width in range(len(text) // max(len(lines), 1), letters):
         narrower = textwrap.wrap(text, max(width, 1), break_long_words=False)
         if len(narrower) == len(lines):
             return "\n".join(narrower)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
 from meeframe.results import schema
-from meeframe.results.canvas import LINE_COLOURS, MAP_TICKS, head, house_style, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import LINE_COLOURS, head, house_style, label_panels, map_ticks, prefixed, sheet, styled
 from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
@@ -35,6 +35,8 @@ _MIN_SHOWN_ATTRACTION: Final = 0.01
 _ROUND_OFF: Final = 1e-9
 """Fraction of the largest value over all increments below which a field is drawn as zero."""
 _MAP_SIZE: Final = (5.6, 4.6)
+_LEGEND_STRIP: Final = 0.25
+"""Height of the strip above a map that holds its legend, as a fraction of the height of the map."""
 
 
 @styled
@@ -210,7 +212,7 @@ def _field(name: str, step: StepResult) -> NodalField:
 
 def _prepare(axes: Any, picture: Picture, what: str, title: str) -> None:
     axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
-    axes.locator_params(nbins=MAP_TICKS)
+    axes.locator_params(nbins=map_ticks(axes))
     for side in ("top", "right"):
         axes.spines[side].set_visible(True)
     head(axes, what, title)
@@ -254,7 +256,9 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
         if not step.touching.all():
             clip_to_contact(axes, drawn, picture, step.touching, slip)
     _zoom(axes, picture, step.touching)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
+    below, above = axes.get_ylim()
+    axes.set_ylim(below, above + _LEGEND_STRIP * (above - below))
+    axes.legend(loc="upper left", fontsize="small")
 
 
 @styled
@@ -306,8 +310,8 @@ def _sections(result: Result, step: StepResult, title: str) -> "Figure":
 def draw_convergence(axes: Any, result: Result, which: Which = None) -> None:
     """Draw the monitored quantity of the solver over its iterations, on a logarithmic axis; which: as in select."""
     step = select(result, which)
-    axes.semilogy(*step.history.T, "o-", label=f"{name_of(result, step)}, {step.status}")
+    axes.semilogy(*step.history.T, "o-", label=f"{name_of(result, step)}:\n{step.status}")
     axes.set(xlabel="iteration", ylabel="residual")
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.grid(visible=True)
-    axes.legend()
+    axes.legend(fontsize="small")

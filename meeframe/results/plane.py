@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from meeframe.fields import Array
-from meeframe.results.canvas import MAP_COLOURS, MAP_TICKS, head, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import MAP_COLOURS, head, label_panels, map_ticks, prefixed, sheet, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +64,7 @@ def draw_plane(axes: Any, field: PlaneField) -> None:
     drawn = axes.pcolormesh(x, y, field.values.T / factor, shading="gouraud", cmap=MAP_COLOURS)
     axes.figure.colorbar(drawn, ax=axes, label=f"{field.name} [{unit}]")
     axes.set(aspect="equal", xlabel=f"{field.axes[0]} [{metre}]", ylabel=f"{field.axes[1]} [{metre}]")
-    axes.locator_params(nbins=MAP_TICKS)
+    axes.locator_params(nbins=map_ticks(axes))
     axes.set_title(field.title)
 
 

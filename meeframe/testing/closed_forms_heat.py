@@ -100,7 +100,7 @@ class HotIndentation:
 
     def pressure(self, r: Array) -> Array:
         """Return the pressure [Pa] at distances (n,) r < a from the axis."""
-        return -self.tractions(r)[0]
+        return np.asarray(-self.tractions(r)[0])
 
     @property
     def _fields(self) -> list[int]:
