@@ -202,7 +202,9 @@ def test_slow_calls_within_the_limit_and_other_code_are_not_interrupted(plugin, 
     result = meeframe.solve_case(load_case(path, load(plugin)))
     assert [step.status for step in result.steps] == ["converged"] * 2
     assert time.monotonic() - begin > 0.8
-    assert not [thread for thread in threading.enumerate() if thread.name == "meeframe-watchdog" and thread.is_alive()]
+    for watchdog in [thread for thread in threading.enumerate() if thread.name == "meeframe-watchdog"]:
+        watchdog.join(5.0)
+        assert not watchdog.is_alive()
 
 
 def test_an_interruption_by_the_user_stays_one(plugin, write):
