@@ -2,7 +2,7 @@
 
 Each name stands for the pictures of some scripts; without names all are drawn. Pages of numbers that belong to the
 pictures are written with them. Indenters of the gallery come from the cases of section 7.1 of the reference paper, with
-one mesh, one material and one reduced system.
+one material, on one mesh, or on a finer one for the picture of README.md.
 """
 
 import argparse
@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
@@ -23,6 +24,7 @@ import meeframe
 from meeframe.fields import Array
 from meeframe.indenters import Cone, Cylinder, Paraboloid, Placement, RectangularPunch
 from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.model.load import case_from_tables
 from meeframe.model.solve import provenance, solve_steps
 from meeframe.results.canvas import LINE_COLOURS, house_style, label_panels, sheet, styled
 from meeframe.results.figures import draw_map
@@ -37,6 +39,8 @@ CASES = ROOT / "validation" / "transversely_isotropic_indentation"
 LOOP = ROOT / "validation" / "load_histories" / "loop.toml"
 LINES = dict(zip(("EMII", "EMCI"), LINE_COLOURS, strict=False))
 MM, GPA, KV = 1e-3, 1e9, 1e3
+COARSE, FINE = 16, 32
+"""Divisions of the contact zone in the cases, and for the maps of the picture in README.md."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +86,11 @@ SOURCES = {
 }
 
 
-def read_case(condition: str) -> meeframe.Case:
-    """Return the case of one of the four conditions of the paper."""
-    return meeframe.load_case(CASES / f"{condition.lower()}.toml")
+def read_case(condition: str, divisions: int = COARSE) -> meeframe.Case:
+    """Return the case of one of the four conditions of the paper, with as many divisions of the contact zone."""
+    tables = tomllib.loads((CASES / f"{condition.lower()}.toml").read_text(encoding="utf-8"))
+    tables["mesh"]["divisions"] = divisions
+    return case_from_tables(tables)
 
 
 def solve(case: meeframe.Case, system: ReducedSystem) -> Result:
@@ -145,7 +151,7 @@ def overview(system: ReducedSystem) -> Figure:
     maps, sections = figure.subfigures(1, 2, width_ratios=(2.05, 1.0))
     axes, panels = maps.subplots(1, 2), sections.subplots(2, sharex=True)
     for condition in LINES:
-        case = read_case(condition)
+        case = read_case(condition, FINE)
         result, form = solve(case, system), closed_form(case, condition)
         for quantity, panel in zip((PRESSURE, POTENTIAL), panels, strict=True):
             draw_section(panel, result, form, quantity, condition)
@@ -225,9 +231,8 @@ def middle_row(points: Array) -> tuple[Array, Array]:
 
 def draw_gallery() -> None:
     """Write the pictures of README.md and of the gallery."""
-    case = read_case("EMII")
-    system = case.formulation.reduce(case.body)
-    drawn = {"overview": overview(system), "indenters": indenters(system), "hysteresis": hysteresis()}
+    coarse, fine = (case.formulation.reduce(case.body) for case in (read_case("EMII"), read_case("EMII", FINE)))
+    drawn = {"overview": overview(fine), "indenters": indenters(coarse), "hysteresis": hysteresis()}
     for name, figure in drawn.items():
         with house_style():
             figure.savefig(HERE / "images" / f"{name}.png", dpi=120, pil_kwargs={"optimize": True})

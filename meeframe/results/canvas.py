@@ -107,7 +107,7 @@ def head(axes: Any, what: str, title: str) -> None:
 
 def width_of(axes: Any) -> float:
     """Return the width of axes in inches, which is small where they are one of several panels."""
-    return float(axes.get_position().width * axes.figure.get_figwidth())
+    return float(axes.bbox.width / axes.figure.dpi)
 
 
 def map_ticks(axes: Any) -> int:
