@@ -63,7 +63,7 @@ def totals(system, height, approach, potentials=(None, None), kappa=np.inf, offs
     solution, _ = solve_to_edges(
         problem,
         solver,
-        StoppingCriteria(tolerance=1e-8),
+        StoppingCriteria(tolerance=1e-10),
         indenter_edge=lambda: find_indenter_edge(above, system.points, system.frames, reach),
     )
     assert solution.status == "converged", solution.message
