@@ -47,7 +47,7 @@ from meeframe.results.records import (
 )
 from meeframe.results.result import Interrupted, Result
 from meeframe.solvers import StoppingCriteria, solve, solve_to_edges
-from meeframe.system.capabilities import ZoneRecovery
+from meeframe.system.capabilities import Multigrid, ZoneRecovery
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
@@ -344,7 +344,9 @@ def _solve(
 
     start: initial guess of the solver; numbers: of the step and the increment.
     """
-    case = kinematics.case
+    case, is_steady = kinematics.case, increment.rolling is not None and increment.rolling.is_steady
+    if is_steady and increment.problem.system.capability(Multigrid) is not None:
+        start = None  # a coarser division is closer than the state before
     if case.wear is None:
         edge = partial(kinematics.indenter_edge, increment)
         solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, edge)
@@ -352,7 +354,7 @@ def _solve(
         solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
     problem, depth = without_wear(problem, solution.state)
     increment = replace(increment, problem=problem, depth=depth)
-    if increment.rolling is not None and increment.rolling.is_steady:
+    if increment.rolling is not None and is_steady:
         increment, solution = kinematics.repeat_steady(increment, increment.rolling, solution)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)

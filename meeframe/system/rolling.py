@@ -1,7 +1,7 @@
 """Material that flows through a regular grid, one cell at a time, and the reduced system of steady rolling."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, TypeVar, final
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import CaseError
 from meeframe.fields import Array, Indices
 from meeframe.mesh.regular import global_components, local_components, shares_frame
-from meeframe.system.capabilities import ApproximateInverse, FieldwiseApply, apply_fields
+from meeframe.system.capabilities import ApproximateInverse, Coarsening, FieldwiseApply, Multigrid, apply_fields
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 C = TypeVar("C")
@@ -136,7 +136,7 @@ def _positions(coordinates: Array) -> tuple[Indices, float]:
 
 @final
 @dataclass(frozen=True, eq=False)
-class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
+class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid):
     """A body whose tangential displacement counts from that of the node ahead, as in steady rolling.
 
     With the compliance C and the shift S the tangential rows of its compliance are C - S C, the change of displacement
@@ -149,23 +149,28 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
         Body in the frames of the contact.
     cell_shift
         Shift by one cell.
+    cell
+        Length of a cell of the finest grid, over which changes count, in lengths of a cell of this grid.
     """
 
     body: ReducedSystem
     cell_shift: CellShift
+    cell: float = 1.0
 
     @classmethod
-    def of(cls, body: ReducedSystem, cell_shift: CellShift) -> "SteadyRollingSystem":
+    def of(cls, body: ReducedSystem, cell_shift: CellShift, cell: float = 1.0) -> "SteadyRollingSystem":
         """Return the system of a body."""
         geometry = body.points, body.frames, body.weights, body.cells
-        return cls(*geometry, _change(cell_shift, body.offset), body, cell_shift)
+        return cls(*geometry, _change(cell_shift, body.offset, cell), body, cell_shift, cell)
 
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself unless the capability is absent.
 
         An approximate inverse needs one of the body, a frame that all nodes share, and a zone that is not slender
-        unless it is periodic.
+        unless it is periodic. A coarser division needs one of the body, whose nodes share a frame.
         """
+        if kind is Multigrid and (self.body.capability(Multigrid) is None or not shares_frame(self.frames)):
+            return None
         if kind is ApproximateInverse and not (
             shares_frame(self.frames)
             and self.body.capability(ApproximateInverse) is not None
@@ -183,7 +188,7 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
 
     def apply(self, load: Array) -> Array:
         """Return the displacement (n, fields), tangential to the surface its change over one cell."""
-        return _change(self.cell_shift, self.body.apply(load))
+        return _change(self.cell_shift, self.body.apply(load), self.cell)
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in some fields; both tangential ones are computed if one is needed."""
@@ -191,7 +196,7 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
         if len(normal) == len(fields):
             return apply_fields(self.body, load, loaded, fields)
         known = [*TANGENTIAL, *normal]
-        response = _change(self.cell_shift, apply_fields(self.body, load, loaded, known))
+        response = _change(self.cell_shift, apply_fields(self.body, load, loaded, known), self.cell)
         return response.T[[known.index(field) for field in fields]].T
 
     def diagonal(self, fields: Sequence[int]) -> Array:
@@ -211,8 +216,9 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
 
         def solve(changes: Array) -> Array:
             displacement = changes.copy(order="K")
+            is_changed = changes.any(axis=1)  # beyond these nodes the displacement decays
             for column in columns:
-                displacement[:, column] = self.cell_shift.accumulate(changes[:, column])
+                displacement[:, column] = self.cell_shift.accumulate(changes[:, column]) / self.cell * is_changed
             return inverse(displacement)
 
         return solve
@@ -226,7 +232,24 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
         node, ahead = self._ahead_of_middle
         share = blocks[:, 2, 2] / blocks[node, 2, 2]
         blocks[:, TANGENTIAL] -= share[:, None, None] * ahead[list(TANGENTIAL)]
+        blocks[:, TANGENTIAL] *= self.cell
         return blocks
+
+    def coarsen(self) -> Coarsening:
+        """Return the system on the coarser division of the body, with changes over a cell of the finest grid."""
+        return self._coarsening
+
+    @cached_property
+    def _coarsening(self) -> Coarsening:
+        multigrid = self.body.capability(Multigrid)
+        assert multigrid is not None
+        coarse, grid = multigrid.coarsen(), self.cell_shift.grid
+        direction = self.points[grid[1, 0]] - self.points[grid[0, 0]]
+        direction = direction / np.linalg.norm(direction)
+        body = coarse.system
+        shift = CellShift.of(body.points, body.frames, direction, self.cell_shift.is_periodic)
+        cell = self.cell * self.cell_shift.length / shift.length
+        return replace(coarse, system=SteadyRollingSystem.of(body, shift, cell))
 
     @cached_property
     def _ahead_of_middle(self) -> tuple[int, Array]:
@@ -237,7 +260,7 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
             load = np.zeros_like(self.offset)
             load[node, field] = 1.0
             response = self.body.apply(load)
-            ahead[:, field] = response[node] - _change(self.cell_shift, response)[node]
+            ahead[:, field] = response[node] - _change(self.cell_shift, response, 1.0)[node]
         return node, ahead
 
     def dense(self) -> Array | None:
@@ -250,7 +273,7 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
         if matrix is None:
             return None
         columns = matrix.reshape(*matrix.shape[:2], -1)
-        changes = [_change(self.cell_shift, columns[:, :, k]) for k in range(columns.shape[2])]
+        changes = [_change(self.cell_shift, columns[:, :, k], self.cell) for k in range(columns.shape[2])]
         return np.stack(changes, axis=2).reshape(matrix.shape)
 
     def recover(self, load: Array) -> NodalFields:
@@ -258,8 +281,9 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse):
         return self.body.recover(load)
 
 
-def _change(cell_shift: CellShift, displacement: Array) -> Array:
-    """Return a displacement (n, k), whose first two columns are replaced by their changes over one cell."""
+def _change(cell_shift: CellShift, displacement: Array, cell: float) -> Array:
+    """Return a displacement (n, k), whose first two columns are replaced by their changes over a part of a cell."""
     changed = displacement.copy(order="K")
     changed[:, :2] -= cell_shift.tangential(displacement[:, :2])
+    changed[:, :2] *= cell
     return changed
