@@ -13,7 +13,7 @@ from meeframe.model.solve import reduce, solve_steps
 from meeframe.testing.operation_counter import OperationCounter
 
 TITLE = "Rolling"
-SIZES, QUICK = (32, 64, 128), (16, 32)
+SIZES, QUICK = (16, 32, 64, 128, 256), (16, 32)
 TRANSIENT = 64
 """Nodes along a side of the grid of transient rolling."""
 CELLS, QUICK_CELLS = 500, 5
@@ -101,8 +101,8 @@ def section(record: Record, _pictures: object) -> str:
         [
             prose(
                 "A rigid sphere rolls on steel with two creepages and spin (friction coefficient 0.3); its contact is"
-                " two thirds of the zone across, and part of it slips. Steady states are found directly, from the"
-                " sphere at rest; transient increments begin there, too. Times are of contact alone, with one thread;"
+                " two thirds of the zone across, and part of it slips. Steady states are found directly, from"
+                " coarser grids; transient increments begin at the sphere at rest. Times are of contact alone, with one thread;"
                 " iterations and products with the compliance are per increment."
             ),
             figures(highlights(record)),
