@@ -32,10 +32,10 @@ from meeframe_halfspace.array_library import ArrayLibrary
 from meeframe_halfspace.coarsening import bilinear, box, coarse_grid, row_major_grid
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
-from meeframe_halfspace.extension import MultilevelExtension
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
 from meeframe_halfspace.inverse import wave_inverse
+from meeframe_halfspace.prolongation import MultilevelProlongation
 
 C = TypeVar("C")
 
@@ -216,18 +216,18 @@ class HalfSpaceSystem(
         return inverse
 
     def prolongation(self, nodes: Indices) -> Prolongation:
-        """Return the extension of `meeframe_halfspace.extension`."""
+        """Return a prolongation whose values decay beyond the nodes."""
         size, positions = self.grid.flat
-        extension = MultilevelExtension.of(size, nodes if positions is None else positions[nodes])
+        levels = MultilevelProlongation.of(size, nodes if positions is None else positions[nodes])
         shares = None if self.convolution.periodic else self.shares.astype(np.float32)
 
         def prolong(values: Array) -> Array:
-            prolonged = extension.prolong(values).ravel()
+            prolonged = levels.prolong(values).ravel()
             return prolonged if positions is None else prolonged[positions]
 
         def restrict(values: Array) -> Array:
             values = values if shares is None else values * shares
-            restricted = extension.restrict(values.reshape(size) if positions is None else values[self.grid.nodes])
+            restricted = levels.restrict(values.reshape(size) if positions is None else values[self.grid.nodes])
             return restricted if shares is None else restricted / shares[nodes]
 
         return Prolongation(prolong, restrict)

@@ -1,8 +1,8 @@
-"""Extension of values at some nodes of a grid to all nodes, and the transposed map.
+"""Prolongation of values at some nodes of a grid to all nodes, and the transposed map.
 
 Among all displacements that agree on the loaded nodes, the one with the least energy belongs to a load on these nodes
 only. With the inverse W of the compliance on the whole grid, the inverse of the compliance restricted to the loaded
-nodes is the minimum of E' W E over all extensions E from them. Extension by zeros is far from the minimum at the border
+nodes is the minimum of P' W P over all prolongations P from them. Prolongation by zeros is far from the minimum at the border
 of the loaded nodes and where these are many small spots. Here values decay over a few levels: on each of them cells of
 2 x 2 have the mean of the values in them, and empty cells a fraction of the interpolation between cells twice as large.
 """
@@ -23,8 +23,8 @@ conjugate gradients took the fewest iterations on the rough surfaces of validati
 
 
 @dataclass(frozen=True, eq=False)
-class MultilevelExtension:
-    """Extension on the levels of a periodic grid, in single precision.
+class MultilevelProlongation:
+    """Prolongation on the levels of a periodic grid, in single precision.
 
     Attributes
     ----------
@@ -41,8 +41,8 @@ class MultilevelExtension:
     inverse_counts: tuple[Array, ...]
 
     @classmethod
-    def of(cls, size: tuple[int, int], places: Indices) -> "MultilevelExtension":
-        """Create the extension from nodes at these positions (f,) of a grid of this size."""
+    def of(cls, size: tuple[int, int], places: Indices) -> "MultilevelProlongation":
+        """Create the prolongation from nodes at these positions (f,) of a grid of this size."""
         numbers: list[Array] = [np.zeros(size, np.float32)]
         numbers[0].ravel()[places] = 1.0
         for _ in range(LEVELS):

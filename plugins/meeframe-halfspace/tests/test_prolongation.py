@@ -1,11 +1,11 @@
-"""Tests of the extension of values from loaded nodes to all nodes, and of the preconditioner with it."""
+"""Tests of the prolongation of values from loaded nodes to all nodes, and of the preconditioner with it."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
-from meeframe_halfspace.extension import LEVELS, MultilevelExtension
+from meeframe_halfspace.prolongation import LEVELS, MultilevelProlongation
 from meeframe_halfspace.system import HalfSpaceSystem
 
 from meeframe.elements import Quad4
@@ -34,13 +34,13 @@ def spots(n: int) -> np.ndarray:
     return flags.ravel()
 
 
-def restricted(system: HalfSpaceSystem, nodes: np.ndarray, extended: bool) -> np.ndarray:
+def restricted(system: HalfSpaceSystem, nodes: np.ndarray, prolonged: bool) -> np.ndarray:
     """Return the approximate inverse (f, f) of the normal compliance restricted to nodes (f,)."""
-    inverse, extension = system.approximate_inverse((NORMAL,)), system.prolongation(nodes)
+    inverse, prolongation = system.approximate_inverse((NORMAL,)), system.prolongation(nodes)
     columns = []
     for unit in np.eye(len(nodes), dtype=np.float32):
-        if extended:
-            columns.append(extension.restrict(inverse(extension.prolong(unit)[:, None])[:, 0]))
+        if prolonged:
+            columns.append(prolongation.restrict(inverse(prolongation.prolong(unit)[:, None])[:, 0]))
         else:
             whole = np.zeros(len(system.points), np.float32)
             whole[nodes] = unit
@@ -49,7 +49,7 @@ def restricted(system: HalfSpaceSystem, nodes: np.ndarray, extended: bool) -> np
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_extension_is_closer_to_the_restricted_inverse_than_zeros(periodic: bool) -> None:
+def test_prolongation_is_closer_to_the_restricted_inverse_than_zeros(periodic: bool) -> None:
     """Eigenvalues of the product with the restricted compliance are all one for its inverse.
 
     None is smaller where the inverse on the whole grid is exact, by its Schur complement.
@@ -59,8 +59,8 @@ def test_extension_is_closer_to_the_restricted_inverse_than_zeros(periodic: bool
     units = np.eye(len(system.points))[nodes]
     compliance = np.array([apply_fields(system, unit[:, None], (NORMAL,), (NORMAL,))[nodes, 0] for unit in units]).T
     condition = []
-    for extended in (False, True):
-        inverse = restricted(system, nodes, extended)
+    for prolonged in (False, True):
+        inverse = restricted(system, nodes, prolonged)
         np.testing.assert_allclose(inverse, inverse.T, atol=1e-5 * np.abs(inverse).max())
         values = np.sort(np.linalg.eigvals(inverse @ compliance).real)
         assert values[0] > (1.0 - 1e-4 if periodic else 0.8)
@@ -70,24 +70,24 @@ def test_extension_is_closer_to_the_restricted_inverse_than_zeros(periodic: bool
 
 
 @pytest.mark.parametrize("size", [(80, 40), (83, 47), (72, 50)])
-def test_extension_vanishes_beyond_its_largest_cells(size: tuple[int, int]) -> None:
+def test_prolongation_vanishes_beyond_its_largest_cells(size: tuple[int, int]) -> None:
     """Constant values decay, and vanish beyond cells of the coarsest level next to them, periodically."""
     places = np.ravel_multi_index((np.array([0, 1, 1]), np.array([3, 3, 4])), size)
-    extended = MultilevelExtension.of(size, places).prolong(np.ones(3, np.float32))
-    np.testing.assert_array_equal(extended.ravel()[places], 1.0)
-    elsewhere = np.ones(extended.size, bool)
+    prolonged = MultilevelProlongation.of(size, places).prolong(np.ones(3, np.float32))
+    np.testing.assert_array_equal(prolonged.ravel()[places], 1.0)
+    elsewhere = np.ones(prolonged.size, bool)
     elsewhere[places] = False
-    assert extended.min() >= 0.0
-    assert extended.ravel()[elsewhere].max() < 0.9
-    assert extended[-1].max() > 0.0 or size[0] % 2
+    assert prolonged.min() >= 0.0
+    assert prolonged.ravel()[elsewhere].max() < 0.9
+    assert prolonged[-1].max() > 0.0 or size[0] % 2
     far = np.full(size[0], True)
     far[np.r_[0 : 2 ** (LEVELS + 1), size[0] - 2**LEVELS : size[0]] % size[0]] = False
     assert far.any()
-    assert not extended[far].any()
+    assert not prolonged[far].any()
 
 
 @pytest.mark.parametrize("numbering", ["along e1", "along e2", "any"])
-def test_extension_is_that_of_the_grid_however_nodes_are_numbered(numbering: str) -> None:
+def test_prolongation_is_that_of_the_grid_however_nodes_are_numbered(numbering: str) -> None:
     """Nodes may be numbered along either axis or at random."""
     system = reduced(32)
     place = np.lexsort(system.points.T[[1, 0]] if numbering == "along e2" else system.points.T[[0, 1]])
