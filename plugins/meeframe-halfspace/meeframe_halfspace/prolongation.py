@@ -2,9 +2,10 @@
 
 Among all displacements that agree on the loaded nodes, the one with the least energy belongs to a load on these nodes
 only. With the inverse W of the compliance on the whole grid, the inverse of the compliance restricted to the loaded
-nodes is the minimum of P' W P over all prolongations P from them. Prolongation by zeros is far from the minimum at the border
-of the loaded nodes and where these are many small spots. Here values decay over a few levels: on each of them cells of
-2 x 2 have the mean of the values in them, and empty cells a fraction of the interpolation between cells twice as large.
+nodes is the minimum of P' W P over all prolongations P from them. Prolongation by zeros is far from the minimum at the
+border of the loaded nodes and where these are many small spots. Here values decay over a few levels: on each of them
+cells of 2 x 2 have the mean of the values in them, and empty cells a fraction of the interpolation between cells twice
+as large.
 """
 
 from dataclasses import dataclass
