@@ -31,7 +31,7 @@ from meeframe_halfspace.layer_waves import LayerWaves
 from meeframe_halfspace.layered_grid import LayeredFreeGrid, LayeredPeriodicGrid
 from meeframe_halfspace.layered_symbol import LayeredResponse, undetermined_levels
 from meeframe_halfspace.response import PointResponse
-from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
+from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix, waves_of
 from meeframe_halfspace.thermal import ThermalResponse
 from meeframe_halfspace.thermal_grid import HeatedGrid
 
@@ -140,6 +140,7 @@ class HalfSpace(Formulation):
             grid=grid,
             grid_response=grid_response,
             convolution=convolution_of(grid_response, library),
+            waves=waves_of(grid_response),
             shares=shares,
             edge_waves=grid_response.response.wave_series()[0] if self.resolves_edges() else None,
             interior=_interior(body, grid, grid_response, origin, shares),

@@ -11,7 +11,7 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 
 from meeframe.plugin import Array, Indices
-from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
+from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out, unfold
 from meeframe_halfspace.kernels import fill_symbol
 from meeframe_halfspace.response import PointResponse, mirror_parity, series_entry
 
@@ -122,6 +122,14 @@ class FreeGrid(GridResponse):
             else:
                 table[: len(near), self.size[1] - 1 - half_width : self.size[1] + half_width] = near
             yield number, table
+
+    def complete_tables(self, numbers: Sequence[int], is_half: bool) -> dict[int, Array]:
+        """Return the nonzero ones among some entries: (nx, ny) if `is_half`, else (nx, 2 ny - 1)."""
+        result = {}
+        for number, table in self.tables(numbers):
+            unfolds = not is_half and table.shape[1] == self.size[1]
+            result[number] = unfold(table, mirror_parity(self.response.entry(number)[0])) if unfolds else table
+        return result
 
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
         """Yield entries by integration over the density around the node, exact to round-off."""

@@ -22,9 +22,8 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int], waves: Symbol 
     their neighbours do on average: as if the response were multiplied by cos(2 pi x / p), which falls to zero like its
     part that wraps around, and preserves the shorter waves. Single precision is sufficient for preconditioning.
 
-    waves: symbol of the waves of a free surface on the padded grid, from which the inverse is made in place of that of
-    the convolution. The latter has errors of the order of the response at the end of the grid, which is large for a
-    hard film on a soft substrate.
+    waves: symbol on the padded grid from which the inverse is made in place of that of the convolution. The latter has
+    errors of the order of the response at the end of the grid, which is large for a hard film on a soft substrate.
     """
     source = convolution.symbol if waves is None else waves
     single, k, padded = np.dtype(np.float32), len(fields), convolution.padded

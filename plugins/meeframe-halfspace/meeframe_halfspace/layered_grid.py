@@ -8,7 +8,7 @@ from typing import Any, final
 import numpy as np
 
 from meeframe.plugin import Array
-from meeframe_halfspace.cells import TABLES, Shape, share_out, unfold
+from meeframe_halfspace.cells import TABLES, Shape, share_out
 from meeframe_halfspace.difference import point_difference
 from meeframe_halfspace.difference_table import DifferenceTable, Series, compiled
 from meeframe_halfspace.grid_response import (
@@ -86,11 +86,8 @@ class LayeredFreeGrid(GridResponse):
     def _tables(self, numbers: list[int], is_half: bool) -> Array:
         """Return tables (n, nx, ny) of mirrored entries, (n, nx, 2 ny - 1) of others, as FreeGrid.tables."""
         tables = self.table.integrals(numbers, is_half)
-        for number, table in self.homogeneous.tables(numbers):
-            complete = table
-            if not is_half and table.shape[1] == self.size[1]:
-                complete = unfold(table, mirror_parity(self.response.entry(number)[0]))
-            tables[numbers.index(number)] += complete
+        for number, table in self.homogeneous.complete_tables(numbers, is_half).items():
+            tables[numbers.index(number)] += table
         return tables
 
     @property
@@ -101,8 +98,9 @@ class LayeredFreeGrid(GridResponse):
         return np.asarray(values + self.homogeneous.diagonal)
 
     def wave_response(self) -> "LayeredPeriodicGrid":
-        """Return the response to waves on the padded grid."""
-        return LayeredPeriodicGrid.of(self.layers, self.spacing, self.padded, self.homogeneous.shape)
+        """Return the response of the free grid on the top material, with waves of the difference on the padded grid."""
+        waves = LayeredPeriodicGrid.of(self.layers, self.spacing, self.padded, self.homogeneous.shape)
+        return replace(waves, free=self.homogeneous)
 
     def coarsen(self) -> "LayeredFreeGrid":
         """Return the coarser grid, on which the difference is the same function."""
@@ -130,10 +128,14 @@ class LayeredPeriodicGrid(GridResponse):
         The response of the layers.
     homogeneous
         Response of the grid on a half space of the top material.
+    free
+        A free grid on the top material, whose response takes the place of that of the periodic one and of the mean load
+        for the approximate inverse; None for the response of the periodic grid.
     """
 
     layers: LayeredResponse
     homogeneous: PeriodicGrid
+    free: FreeGrid | None = None
 
     @classmethod
     def of(
@@ -159,13 +161,21 @@ class LayeredPeriodicGrid(GridResponse):
         for number in numbers:
             if number not in self.layers.numbers:
                 continue
-            symbol = self.homogeneous.wave_entry(number, count)
+            symbol = self.homogeneous.wave_entry(number, count) if self.free is None else self._free_entry(number)
             if symbol is None:
                 symbol = np.zeros((n_waves, count))
             add_waves(self, self.layers.difference, number, symbol)
-            if number < self.response.layout.n_symmetric:
+            if self.free is None and number < self.response.layout.n_symmetric:
                 symbol[0, 0] = self._uniform[number]
             yield number, symbol.astype(precision, copy=False)
+
+    def _free_entry(self, number: int) -> Array | None:
+        """Return an entry of the symbol of the free grid, laid out as those of the layers; None if it is zero."""
+        assert self.free is not None
+        is_half = bool(mirror_parity(self.layers.entry(number)[0]))
+        for table in self.free.complete_tables([number], is_half).values():
+            return free_symbol(table, self.layers, number, self.padded)
+        return None
 
     @cached_property
     def _uniform(self) -> Array:

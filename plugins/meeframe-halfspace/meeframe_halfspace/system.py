@@ -62,16 +62,16 @@ class SubgridResponses:
 
     def __init__(self, response: GridResponse, library: ArrayLibrary | None) -> None:
         self._response, self._library = response, library
-        self._stored: dict[tuple[int, int], tuple[GridResponse, Convolution]] = {}
+        self._stored: dict[tuple[int, int], tuple[GridResponse, Convolution, Symbol | None]] = {}
 
-    def response(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
-        """Return the response on subgrids of a size with its convolution, or None if there is none."""
+    def response(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution, Symbol | None] | None:
+        """Return the response on subgrids of a size with its convolution and waves, or None if there is none."""
         response = self._stored.pop(size, None)
         if response is None:
             restricted = self._response.restrict(size)
             if restricted is None:
                 return None
-            response = restricted, convolution_of(restricted, self._library)
+            response = restricted, convolution_of(restricted, self._library), waves_of(restricted)
             if len(self._stored) == STORED_SUBGRIDS:
                 del self._stored[next(iter(self._stored))]
         self._stored[size] = response  # the last one is the one used last
@@ -99,6 +99,8 @@ class HalfSpaceSystem(
         Response of the grid to the density around one node.
     convolution
         See `convolution_of`.
+    waves
+        See `waves_of`.
     shares
         (n,) fraction of the density around each node that belongs to the zone, below 1 only on the border of a free
         grid.
@@ -111,6 +113,7 @@ class HalfSpaceSystem(
     grid: Grid
     grid_response: GridResponse
     convolution: Convolution
+    waves: Symbol | None
     shares: Array
     edge_waves: Array | None = None
     interior: InteriorFields | None = None
@@ -199,7 +202,7 @@ class HalfSpaceSystem(
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Return the inverse of each wave, in single precision."""
-        made, chosen = cache(partial(wave_inverse, self.convolution, fields, self._waves)), list(fields)
+        made, chosen = cache(partial(wave_inverse, self.convolution, fields, self.waves)), list(fields)
 
         def inverse(displacement: Array) -> Array:
             # made at the first call: entries in double precision, from which it takes less time, may exist by then
@@ -232,12 +235,6 @@ class HalfSpaceSystem(
 
         return Prolongation(prolong, restrict)
 
-    @cached_property
-    def _waves(self) -> Symbol | None:
-        """Symbol of the waves of a free surface if the approximate inverse is made of it."""
-        source = self.grid_response.wave_response()
-        return None if source is None else Symbol(source.symbol, source.series.numbers, source.series.parities)
-
     def coarsen(self) -> Coarsening:
         """Return the system on every second node along both axes."""
         assert self._coarsening is not None
@@ -258,6 +255,7 @@ class HalfSpaceSystem(
             grid=grid,
             grid_response=response,
             convolution=convolution_of(response, self.convolution.library),
+            waves=waves_of(response),
             shares=self.shares[nodes],
         )
         return Coarsening(system, nodes, partial(_prolong, self.grid, grid.size, self.convolution.periodic))
@@ -313,8 +311,19 @@ def convolution_of(response: GridResponse, library: ArrayLibrary | None = None) 
     """
     factors = response.response.factors
     scale = np.outer(factors * potential_signs(len(factors)), factors)
-    symbol = Symbol(response.symbol, response.series.numbers, response.series.parities)
+    symbol = _symbol_of(response)
     return Convolution(symbol, response.size, response.padded, scale, response.response.layout.source, library)
+
+
+def waves_of(response: GridResponse) -> Symbol | None:
+    """Return the symbol of which the approximate inverse is made unless it is that of the convolution."""
+    source = response.wave_response()
+    return None if source is None else _symbol_of(source)
+
+
+def _symbol_of(response: GridResponse) -> Symbol:
+    """Return the symbol of a response, whose entries are computed on demand."""
+    return Symbol(response.symbol, response.series.numbers, response.series.parities)
 
 
 def _prolong(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:
