@@ -1,5 +1,7 @@
 """Anisotropy of a medium, a measure of how close the complex singularities of its fundamental solution lie."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from meeframe.common.errors import MaterialError
@@ -34,6 +36,13 @@ def anisotropy(stiffness: Array, planes: int = 200) -> float:
     singularities of the kernels lie where p meets its conjugate, at a distance |Im p| from the real line; in an
     isotropic medium this distance is 1.
     """
+    return _of_content(np.asarray(stiffness, float).tobytes(), stiffness.shape, planes)
+
+
+@lru_cache(maxsize=64)
+def _of_content(content: bytes, shape: tuple[int, ...], planes: int) -> float:
+    """Return the anisotropy of a stiffness with this content; the points of a study mostly share their materials."""
+    stiffness = np.frombuffer(content).reshape(shape)
     normal = spread_directions(planes)
     # Successive planes are rotated about their normals by an irrational step, too.
     first = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])

@@ -241,12 +241,17 @@ def library_entry(name: Any) -> LibraryEntry:
     MaterialError
         For an unknown name; the message lists those that exist.
     """
-    entries = {entry.name: entry for entry in library()}
+    entries = _entries()
     if not isinstance(name, str) or name not in entries:
         near = difflib.get_close_matches(str(name).lower(), entries, n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise MaterialError(f"unknown material {name!r}; {hint}the library has {', '.join(entries)}")
     return entries[name]
+
+
+@lru_cache(maxsize=1)
+def _entries() -> Mapping[str, LibraryEntry]:
+    return {entry.name: entry for entry in library()}
 
 
 @lru_cache(maxsize=64)

@@ -27,6 +27,8 @@ LOCAL: Final = f"{PROJECT}_file_"
 BUNDLED_PACKAGES: Final = frozenset({"meeframe_halfspace", "meeframe_hmatrix", "meeframe_laws", "meeframe_skfem"})
 """Plugins of this project; failures in them are defects, reported by a traceback."""
 _LIBRARIES: Final = frozenset({"site-packages", "dist-packages"})
+_local_modules: Final[set[str]] = set()
+"""Names of the modules from local files that this process has begun to load."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,7 @@ def load_source(path: Path, source: bytes) -> tuple[Provider, ModuleType]:
     module.__file__ = str(path.resolve())
     linecache.checkcache(module.__file__)
     sys.modules[name] = module  # annotations are resolved there
+    _local_modules.add(name)
     try:
         exec(compile(source, module.__file__, "exec"), module.__dict__)
     except BaseException as error:  # plugins may also raise SystemExit and the like
@@ -174,7 +177,7 @@ def faults_of_plugins(*passing: type[Exception]) -> Iterator[None]:
         Further types of exceptions that pass unchanged.
     """
     packages = _plugin_packages(tuple(sys.path))
-    is_used = bool(packages) or any(name.startswith(LOCAL) for name in list(sys.modules))
+    is_used = bool(packages) or bool(_local_modules)
     try:
         with time_limit(lambda frame: _is_plugin_code(frame, packages)) if is_used else nullcontext():
             yield

@@ -438,14 +438,20 @@ def main() -> int:
     for name in options.kind or KINDS:
         count = max(1, round(options.number * KINDS[name].weight))
         counts: Counter[str] = Counter()
-        for seed, outcome, words in campaign(
-            name, options.only or range(options.seed, options.seed + count), options.keep
-        ):
-            counts[outcome] += 1
-            if outcome not in GOOD or options.verbose:
-                print(f"{name} {seed}: {outcome}: {words[-3000:]}", flush=True)
+        interrupted = False
+        try:
+            for seed, outcome, words in campaign(
+                name, options.only or range(options.seed, options.seed + count), options.keep
+            ):
+                counts[outcome] += 1
+                if outcome not in GOOD or options.verbose:
+                    print(f"{name} {seed}: {outcome}: {words[-3000:]}", flush=True)
+        except KeyboardInterrupt:  # what was found until then is printed
+            interrupted = True
         defects += sum(count for outcome, count in counts.items() if outcome not in GOOD)
         print(f"{name:16}", *(f"{outcome} {count}" for outcome, count in counts.most_common()), sep="  ", flush=True)
+        if interrupted:
+            return 130
     return int(defects > 0)
 
 

@@ -3,6 +3,7 @@
 import os
 import tracemalloc
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,6 +101,16 @@ def test_case_files_that_are_no_files(tmp_path, check, kind):
     done = check(path)
     assert done.exit_code == 2
     assert f"error: {path}: cannot be read: " in done.stderr
+
+
+@pytest.mark.parametrize("kind", ["device", "pipe"])
+def test_material_files_that_are_no_files(tmp_path, check, write_case, kind):
+    file = Path("/dev/zero") if kind == "device" else tmp_path / "material.toml"
+    if kind == "pipe":
+        os.mkfifo(file)
+    done = check(write_case(('name = "batio3-cofe2o4"', f'file = "{file}"')))
+    assert done.exit_code == 2
+    assert f"{file}: cannot be read: is a device or a pipe; allowed: a regular file" in done.stderr
 
 
 @pytest.mark.parametrize("name", ["map.txt", "map.npy"])

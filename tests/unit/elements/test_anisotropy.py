@@ -1,9 +1,12 @@
+import importlib
+
 import numpy as np
 import pytest
 
 from meeframe.common.errors import MaterialError
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.material import library_material
+from meeframe.material.stroh import stroh_eigenvalues
 from meeframe.testing.strategies import scaled_stiffness
 
 
@@ -30,3 +33,16 @@ def test_nearly_incompressible_medium_is_rejected():
     rubber = scaled_stiffness(library_material("isotropic", young_modulus=1e6, poisson_ratio=0.4999999))
     with pytest.raises(MaterialError, match="less close to incompressible"):
         anisotropy(rubber)
+
+
+def test_equal_media_are_judged_once(isotropic, monkeypatch):
+    """Points of a study share their materials, and each of them is checked."""
+    module = importlib.import_module("meeframe.elements.anisotropy")
+    solved = []
+    monkeypatch.setattr(module, "stroh_eigenvalues", lambda *args: solved.append(1) or stroh_eigenvalues(*args))
+    stiff = 1.25 * isotropic
+    first = anisotropy(stiff)
+    assert anisotropy(np.asfortranarray(stiff)) == first
+    assert len(solved) == 1
+    assert anisotropy(stiff, 100) != first
+    assert len(solved) == 2
