@@ -393,7 +393,7 @@ def _placed(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequence[str | Path]) -> Case:
-    """Return the case of checked tables: steps, boundary and mesh as they are there, all else as checked objects."""
+    """Return the case of checked tables: steps, boundary, potentials and mesh as there, all else as checked objects."""
     other = None
     if checked.second_body is not None:
         table, second_body = tables["second_body"], checked.second_body
@@ -425,7 +425,7 @@ def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequenc
         if "conductivity" in tables
         else {},
         placement=checked.placement,
-        potentials={name: value for name, value in checked.potentials.items() if name in tables["indenter"]},
+        potentials={name: tables["indenter"][name] for name in checked.potentials if name in tables["indenter"]},
         formulation=checked.formulation,
         solver=checked.solver,
         stopping=checked.limits,

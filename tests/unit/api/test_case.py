@@ -112,6 +112,14 @@ def test_cases_are_equal_if_their_files_are():
     assert case != "one"
 
 
+@pytest.mark.parametrize("potential", ["5 V", 5, 5.0, "5 kV"])
+def test_potentials_are_read_as_they_are_written(potential):
+    case = build(potentials={"electric_potential": potential})
+    again = meeframe.Case.from_toml(case.to_toml())
+    assert again == case
+    assert again.potentials == case.potentials
+
+
 def test_python_and_file_give_the_same_result():
     ours = build().solve()
     theirs = meeframe.Case.from_toml(TEXT).solve()
