@@ -23,6 +23,7 @@ from meeframe.api.tables import (
     from_zero,
 )
 from meeframe.common.errors import CaseError
+from meeframe.common.keywords import checked_keywords
 from meeframe.common.toml import read_toml, toml_tables, toml_text
 from meeframe.contact.problem import Solver
 from meeframe.fields import THERMAL_FIELD
@@ -51,6 +52,7 @@ _PLACEMENT: Final = tuple(Placement.__dataclass_fields__)
 _STOPPING: Final = tuple(StoppingCriteria.__dataclass_fields__)
 
 
+@checked_keywords
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """Contact problem with its load steps, checked when it is created.
@@ -393,7 +395,7 @@ def _placed(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequence[str | Path]) -> Case:
-    """Return the case of checked tables: steps, boundary and mesh as they are there, all else as checked objects."""
+    """Return the case of checked tables: steps, boundary, potentials and mesh as there, all else as checked objects."""
     other = None
     if checked.second_body is not None:
         table, second_body = tables["second_body"], checked.second_body
@@ -425,7 +427,7 @@ def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequenc
         if "conductivity" in tables
         else {},
         placement=checked.placement,
-        potentials={name: value for name, value in checked.potentials.items() if name in tables["indenter"]},
+        potentials={name: tables["indenter"][name] for name in checked.potentials if name in tables["indenter"]},
         formulation=checked.formulation,
         solver=checked.solver,
         stopping=checked.limits,

@@ -7,6 +7,7 @@ from typing import Any, Final, Literal
 from pydantic import ValidationError
 
 from meeframe.common.errors import CaseError
+from meeframe.common.keywords import checked_keywords
 from meeframe.fields import MEE, OPTIONAL_FIELDS, FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
@@ -61,6 +62,7 @@ def _brief(record: Any) -> str:
     return f"{type(record).__name__}({', '.join(f'{key}={value!r}' for key, value in entries(record).items())})"
 
 
+@checked_keywords
 @dataclass(frozen=True, kw_only=True)
 class Step:
     """Load step; quantities that it does not name keep their values of the previous step.
@@ -137,6 +139,7 @@ class Step:
         return _brief(self)
 
 
+@checked_keywords
 @dataclass(frozen=True)
 class Boundary:
     """Boundary conditions on face groups; what is not prescribed has zero flux.
@@ -181,6 +184,7 @@ class Boundary:
         return _brief(self)
 
 
+@checked_keywords
 @dataclass(frozen=True)
 class Contact:
     """Contact zone with its law.
@@ -213,6 +217,7 @@ class Contact:
     surface: Indenter | None = None
 
 
+@checked_keywords
 @dataclass(frozen=True)
 class Interface:
     """Interface below a layer, bonded in each field unless a key says otherwise.
@@ -248,6 +253,7 @@ class Interface:
         _check(self, InterfaceTable.of(BUILT_IN))
 
 
+@checked_keywords
 @dataclass(frozen=True)
 class Layer:
     """Plane layer on a body.
@@ -273,6 +279,7 @@ class Layer:
     grading: Mapping[str, Any] | None = None
 
 
+@checked_keywords
 @dataclass(frozen=True)
 class Base:
     """Rigid base below the material of a half space, which then is a layer of finite thickness.
@@ -304,6 +311,7 @@ class Base:
         _check(self, BaseTable.of(BUILT_IN))
 
 
+@checked_keywords
 @dataclass(frozen=True)
 class SecondBody:
     """Second of two deformable bodies in its own coordinates, in which its contact zone faces up.

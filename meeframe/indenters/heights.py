@@ -11,6 +11,7 @@ import scipy  # submodules load on first use
 
 from meeframe.common.errors import CaseError
 from meeframe.common.files import MAX_DATA_BYTES, check_file, read_npy
+from meeframe.common.keywords import checked_keywords
 from meeframe.fields import Array, Indices
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.indenters.base import Indenter
@@ -22,6 +23,7 @@ NODE_TOLERANCE: Final = 1e-12  # relative to the extent; round-off of positions 
 
 
 @final
+@checked_keywords
 @dataclass(frozen=True)
 class Heights(Indenter):
     """Heights from a file.
@@ -75,6 +77,7 @@ class Heights(Indenter):
 
 
 @final
+@checked_keywords
 @dataclass(frozen=True, eq=False)
 class SampledHeights(Indenter):
     """Heights from an array.

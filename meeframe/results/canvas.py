@@ -33,6 +33,8 @@ _LETTERS, _MIN_LETTERS = 56, 16
 """Largest and smallest number of letters in a line of a heading."""
 _LETTERS_PER_INCH, _TICKS_PER_INCH = 13.0, 2.0
 """Letters of a heading, and intervals between ticks of a map, that fit over an inch of the axes."""
+_LEGEND_FRACTION, _MIN_LEGEND_SIZE = 0.9, 4.0
+"""Largest width of a legend as a fraction of that of its axes, and the smallest size of its letters in points."""
 _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -103,6 +105,17 @@ def head(axes: Any, what: str, title: str) -> None:
     """Put the heading of a figure over its first axes, in lines that fit."""
     letters = min(max(int(_LETTERS_PER_INCH * width_of(axes)), _MIN_LETTERS), _LETTERS)
     axes.set_title("\n".join(_folded(line, letters) for line in (*title.split("\n"), what) if line), fontsize=10)
+
+
+def add_legend(axes: Any, **options: Any) -> None:
+    """Add a small legend to axes, in letters that are smaller still where the axes are narrower than the legend."""
+    axes.apply_aspect()
+    legend = axes.legend(fontsize="small", **options)
+    width = legend.get_window_extent().width
+    fraction = _LEGEND_FRACTION * axes.bbox.width / width
+    if fraction < 1.0:
+        size = max(fraction * legend.get_texts()[0].get_fontsize(), _MIN_LEGEND_SIZE)
+        axes.legend(fontsize=size, **options)
 
 
 def width_of(axes: Any) -> float:

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
 from meeframe.results import schema
-from meeframe.results.canvas import LINE_COLOURS, head, house_style, label_panels, map_ticks, prefixed, sheet, styled
+from meeframe.results.canvas import (
+    LINE_COLOURS,
+    add_legend,
+    head,
+    house_style,
+    label_panels,
+    map_ticks,
+    prefixed,
+    sheet,
+    styled,
+)
 from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
@@ -258,7 +268,7 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     _zoom(axes, picture, step.touching)
     below, above = axes.get_ylim()
     axes.set_ylim(below, above + _LEGEND_STRIP * (above - below))
-    axes.legend(loc="upper left", fontsize="small")
+    add_legend(axes, loc="upper left")
 
 
 @styled
@@ -314,4 +324,4 @@ def draw_convergence(axes: Any, result: Result, which: Which = None) -> None:
     axes.set(xlabel="iteration", ylabel="residual")
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.grid(visible=True)
-    axes.legend(fontsize="small")
+    add_legend(axes)

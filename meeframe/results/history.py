@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from meeframe.contact.problem import Status
 from meeframe.fields import Array
-from meeframe.results.canvas import LINE_COLOURS, head, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import LINE_COLOURS, add_legend, head, label_panels, prefixed, sheet, styled
 from meeframe.results.records import Result, StepResult
 from meeframe.results.resultants import resultants
 from meeframe.results.schema import rolling_totals
@@ -180,7 +180,7 @@ def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
             limits(middle - _MARGIN * abs(middle), middle + _MARGIN * abs(middle))
     axes.grid(visible=True)
     if y.shape[1] == 2 or falls.any():
-        axes.legend()
+        add_legend(axes)
 
 
 def prefixed_area(values: Array, unit: str) -> tuple[float, str]:

@@ -112,6 +112,38 @@ def test_cases_are_equal_if_their_files_are():
     assert case != "one"
 
 
+@pytest.mark.parametrize("potential", ["5 V", 5, 5.0, "5 kV"])
+def test_potentials_are_read_as_they_are_written(potential):
+    case = build(potentials={"electric_potential": potential})
+    again = meeframe.Case.from_toml(case.to_toml())
+    assert again == case
+    assert again.potentials == case.potentials
+
+
+@pytest.mark.parametrize(
+    ("create", "misspelt", "meant"),
+    [
+        (lambda: meeframe.Step(aproach="1 um"), "aproach", "approach"),
+        (lambda: build(materal="pzt-4"), "materal", "material"),
+        (lambda: meeframe.Sphere(radus="1 mm"), "radus", "radius"),
+        (lambda: meeframe.IsotropicCoulomb(mue=0.1), "mue", "mu"),
+        (lambda: meeframe.OrthotropicCoulomb(mu1=0.1, mu_2=0.3), "mu_2", "mu2"),
+        (lambda: meeframe.Boundary("base", displacment=[0, 0, 0]), "displacment", "displacement"),
+        (lambda: meeframe.StepConductivity(kapa=1.0), "kapa", "kappa"),
+        (lambda: meeframe.Placement(tilt1=0.1), "tilt1", "tilt_1"),
+    ],
+)
+def test_misspelt_keywords_are_named(create, misspelt, meant):
+    with pytest.raises(meeframe.CaseError, match=f"unknown keyword '{misspelt}'; did you mean '{meant}'. allowed: "):
+        create()
+
+
+def test_checked_keywords_leave_the_signature():
+    assert list(inspect.signature(meeframe.Sphere).parameters) == ["radius", "profile"]
+    with pytest.raises(TypeError, match="missing"):
+        meeframe.Sphere()
+
+
 def test_python_and_file_give_the_same_result():
     ours = build().solve()
     theirs = meeframe.Case.from_toml(TEXT).solve()

@@ -162,6 +162,23 @@ def test_force_over_approach_in_three_lines(result):
     np.testing.assert_allclose(line.get_xydata(), np.column_stack([[1e-6, 3e-6, 3e-6, 2e-6], [9, 27, 27, 18]]))
 
 
+@pytest.mark.parametrize("size", [(6.4, 4.8), (10.0, 3.0), (5.0, 2.5)])
+def test_legends_lie_within_narrow_axes(result, size):
+    from matplotlib import pyplot
+
+    figure, panels = pyplot.subplots(1, 4, figsize=size)
+    result.plot.stick_slip(panels[0])
+    result.plot.convergence(panels[1])
+    result.plot.history(ax=panels[2])
+    for panel in (one for one in panels if one.get_legend()):
+        figure.draw_without_rendering()
+        legend, inside = panel.get_legend().get_window_extent(), panel.get_window_extent()
+        assert inside.x0 - 1 <= legend.x0
+        assert legend.x1 <= inside.x1 + 1
+    assert panels[0].get_legend()
+    pyplot.close(figure)
+
+
 def test_figures_on_given_axes(result):
     on = axes()
     assert result.plot.pressure(on) is on
