@@ -197,9 +197,15 @@ def rough(nodes: int, *changes: Mapping[str, Any]) -> Record:
     return tables
 
 
-def rough_free(nodes: int) -> Record:
-    """Return the tables of the same rough surface on a half space that is not periodic."""
-    return rough(nodes, {"formulation": {"name": "half-space"}})
+def rough_free(nodes: int, shortest: float | None = None) -> Record:
+    """Return the tables of the same rough surface on a half space that is not periodic.
+
+    shortest: nodes in its shortest wave, if not those of the surface of `rough`.
+    """
+    tables = rough(nodes, {"formulation": {"name": "half-space"}})
+    if shortest is not None:
+        tables["indenter"] |= {"shortest": f"{shortest / nodes} mm"}
+    return tables
 
 
 def history(nodes: int, increments: int) -> Record:
@@ -220,7 +226,7 @@ RUNS: Mapping[str, Record] = {
     "sphere, 512": grid(512),
     "rough, 512": rough(512),
     "rough, free, 1024": rough_free(1024),
-    "rough, free, 2048": rough_free(2048),
+    "rougher, free, 1024": rough_free(1024, shortest=8),
     "friction, 64": grid(64, DRAGGED),
     "friction, 256": grid(256, DRAGGED),
     "friction, 512": grid(512, DRAGGED),
