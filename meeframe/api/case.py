@@ -22,8 +22,8 @@ from meeframe.api.tables import (
     entries,
     from_zero,
 )
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
-from meeframe.common.keywords import checked_keywords
 from meeframe.common.toml import read_toml, toml_tables, toml_text
 from meeframe.contact.problem import Solver
 from meeframe.fields import THERMAL_FIELD
@@ -52,7 +52,7 @@ _PLACEMENT: Final = tuple(Placement.__dataclass_fields__)
 _STOPPING: Final = tuple(StoppingCriteria.__dataclass_fields__)
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """Contact problem with its load steps, checked when it is created.

@@ -6,8 +6,8 @@ from typing import Any, Final, Literal
 
 from pydantic import ValidationError
 
+from meeframe.common.arguments import checked_arguments, python_numbers
 from meeframe.common.errors import CaseError
-from meeframe.common.keywords import checked_keywords
 from meeframe.fields import MEE, OPTIONAL_FIELDS, FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
@@ -32,10 +32,10 @@ BUILT_IN: Final = FieldSet((*MEE.scalars, *OPTIONAL_FIELDS))
 
 def entries(record: Any) -> dict[str, Any]:
     """Return the entries of a table: the fields of its record that differ from their defaults."""
-    table = {entry.name: getattr(record, entry.name) for entry in fields(record) if entry.name != "scalars"}
+    values = {entry.name: python_numbers(getattr(record, entry.name), arrays=True) for entry in fields(record)}
+    scalars = values.pop("scalars", {})
     defaults = {entry.name: entry.default for entry in fields(record)}
-    scalars = getattr(record, "scalars", {})
-    non_default = {key: value for key, value in table.items() if value is not None and not _same(value, defaults[key])}
+    non_default = {key: value for key, value in values.items() if value is not None and not _same(value, defaults[key])}
     return non_default | dict(scalars)
 
 
@@ -62,7 +62,7 @@ def _brief(record: Any) -> str:
     return f"{type(record).__name__}({', '.join(f'{key}={value!r}' for key, value in entries(record).items())})"
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True, kw_only=True)
 class Step:
     """Load step; quantities that it does not name keep their values of the previous step.
@@ -139,7 +139,7 @@ class Step:
         return _brief(self)
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Boundary:
     """Boundary conditions on face groups; what is not prescribed has zero flux.
@@ -184,7 +184,7 @@ class Boundary:
         return _brief(self)
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Contact:
     """Contact zone with its law.
@@ -217,7 +217,7 @@ class Contact:
     surface: Indenter | None = None
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Interface:
     """Interface below a layer, bonded in each field unless a key says otherwise.
@@ -253,7 +253,7 @@ class Interface:
         _check(self, InterfaceTable.of(BUILT_IN))
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Layer:
     """Plane layer on a body.
@@ -279,7 +279,7 @@ class Layer:
     grading: Mapping[str, Any] | None = None
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Base:
     """Rigid base below the material of a half space, which then is a layer of finite thickness.
@@ -311,7 +311,7 @@ class Base:
         _check(self, BaseTable.of(BUILT_IN))
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class SecondBody:
     """Second of two deformable bodies in its own coordinates, in which its contact zone faces up.

@@ -67,4 +67,4 @@ def step_numbers(which: int | tuple[int, int] | str) -> Sequence[int]:
     if isinstance(which, str):
         parts = which.split(".")
         return tuple(map(int, parts)) if len(parts) <= 2 and all(part.isdigit() for part in parts) else ()
-    return (which,) if isinstance(which, int) else tuple(which)
+    return tuple(which) if isinstance(which, tuple) else (int(which),)
