@@ -54,7 +54,7 @@ from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies, second_displacement
 
 _ROUND_OFF: Final = 1e-12
-"""Fraction of the expected magnitude of a potential below which it is zero, as on grounded conductors."""
+"""Fraction of the expected magnitude of a potential below which it is zero; of a conducted one, at least the residual."""
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
@@ -390,8 +390,11 @@ def _step_result(
     traction, fluxes = split_load(state.load)
     displacement, potentials, second_body = _surfaces(kinematics.system, state)
     expected = problem_scales(increment.problem).displacement[POTENTIALS]
+    # fluxes through the contact, and the potentials that they cause, are as accurate as the solution
+    accuracy = solution.residual if solution.status is Status.CONVERGED else 0.0
     for column, scale in enumerate(expected):
-        if largest(potentials[:, column]) < _ROUND_OFF * scale:
+        error = max(_ROUND_OFF, accuracy) if fluxes[:, column].any() else _ROUND_OFF
+        if largest(potentials[:, column]) < error * scale:
             potentials[:, column] = 0.0
     return StepResult(
         loading=Loading.of(
