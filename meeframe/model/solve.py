@@ -54,7 +54,7 @@ from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies, second_displacement
 
 _ROUND_OFF: Final = 1e-12
-"""Fraction of the expected magnitude of a potential below which it is zero; of a conducted one, at least the residual."""
+"""Fraction of the expected magnitude of a potential below which it is zero, as on grounded conductors."""
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
