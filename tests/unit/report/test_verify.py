@@ -44,8 +44,8 @@ def printed_result(computed):
         (verification(scatter=0.1, factor=1.05), "result: disagree"),
         (
             verification(scatter=0.1, load=0.0),
-            "result: unresolved: there is nothing to compare, as when nothing touches at the end; --every-step compares "
-            "all load steps",
+            "result: unresolved: there is nothing to compare, as when nothing touches at the end; --every-step "
+            "compares all load steps",
         ),
     ],
 )
