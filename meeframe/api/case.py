@@ -19,6 +19,7 @@ from meeframe.api.tables import (
     Layer,
     SecondBody,
     Step,
+    check_types,
     entries,
     from_zero,
 )
@@ -135,6 +136,7 @@ class Case:
     checked: CheckedCase = field(init=False)
 
     def __post_init__(self) -> None:
+        check_types(self)
         try:
             checked = case_from_tables(_texts(self._tables()), self._registry)
         except TableError as error:

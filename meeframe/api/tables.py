@@ -11,6 +11,7 @@ from meeframe.common.errors import CaseError
 from meeframe.fields import MEE, OPTIONAL_FIELDS, FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
 from meeframe.laws import Signorini
 from meeframe.laws.base import ContactLaw
@@ -19,10 +20,12 @@ from meeframe.material import Material
 from meeframe.mesh import FrictionAxes, MeshRecipe
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.body_tables import BoundaryTable
+from meeframe.model.data import Output
 from meeframe.model.layer_tables import BaseTable, InterfaceTable
 from meeframe.model.schema import StepTable
 from meeframe.model.values import Table
 from meeframe.plugin.validation import Problem, problems_of
+from meeframe.solvers import StoppingCriteria
 
 Amount = float | str
 """Number in SI units, or text with a unit such as '5 mm'."""
@@ -331,3 +334,36 @@ class SecondBody:
     formulation: Formulation = field(default_factory=DenseBEM)
     layers: Sequence[Layer] = ()
     base: Base | None = None
+
+    def __post_init__(self) -> None:
+        check_types(self)
+
+
+_TYPES: Final[Mapping[str, tuple[tuple[type, ...], str]]] = {
+    "material": ((str, Mapping, Material), "a name, a dictionary or a meeframe.Material"),
+    "mesh": ((MeshRecipe, SurfaceMesh), "a mesh, from meeframe.mesh.block, half_space or file"),
+    "indenter": ((Indenter,), "an indenter, such as meeframe.Sphere"),
+    "conductivity": ((Mapping,), "a dictionary of laws by field, such as {'electric': meeframe.StepConductivity(1)}"),
+    "potentials": ((Mapping,), "a dictionary, such as {'electric_potential': '5 V'}"),
+    "placement": ((Placement,), "a meeframe.Placement"),
+    "stopping": ((StoppingCriteria,), "meeframe.StoppingCriteria"),
+    "output": ((Output,), "a meeframe.Output"),
+    "second_body": ((SecondBody,), "a meeframe.SecondBody"),
+    "base": ((Base,), "a meeframe.Base"),
+}
+"""Types of arguments, and their description in messages."""
+_LISTS: Final[Mapping[str, type]] = {"steps": Step, "boundary": Boundary, "layers": Layer}
+"""Types of the entries of arguments that are lists."""
+
+
+def check_types(record: Any) -> None:
+    """Raise CaseError if an argument of a case or of its second body has another type; None is left to the tables."""
+    for name, value in vars(record).items():
+        types, words = _TYPES.get(name, ((object,), ""))
+        if name in _LISTS:
+            words = f"a list of meeframe.{_LISTS[name].__name__}"
+            valid = isinstance(value, Sequence) and all(isinstance(entry, _LISTS[name]) for entry in value)
+        else:
+            valid = value is None or isinstance(value, types)
+        if not valid:
+            raise CaseError(f"{type(record).__name__}: {name} = {value!r:.60}: should be {words}")

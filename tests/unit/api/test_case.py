@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import re
 import signal
 from pathlib import Path
 
@@ -158,6 +159,27 @@ def test_checked_arguments_leave_the_signature():
 def test_classes_without_parameters_take_no_keywords():
     with pytest.raises(meeframe.CaseError, match="Auto: unknown keyword 'tolerance'; allowed: none"):
         meeframe.Auto(tolerance=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "message"),
+    [
+        ("steps", STEPS[0], "should be a list of meeframe.Step"),
+        ("boundary", [{"group": "base"}], "should be a list of meeframe.Boundary"),
+        ("conductivity", meeframe.StepConductivity(1.0), "should be a dictionary of laws by field"),
+        ("potentials", 5.0, "should be a dictionary"),
+        ("placement", {"x": "1 mm"}, "should be a meeframe.Placement"),
+        ("stopping", {"tolerance": 1e-6}, "should be meeframe.StoppingCriteria"),
+        ("output", {"figures": False}, "should be a meeframe.Output"),
+        ("mesh", "body.msh", "should be a mesh, from meeframe.mesh.block, half_space or file"),
+        ("indenter", "sphere", "should be an indenter, such as meeframe.Sphere"),
+        ("material", 5, "should be a name, a dictionary or a meeframe.Material"),
+        ("second_body", {"material": "steel"}, "should be a meeframe.SecondBody"),
+    ],
+)
+def test_arguments_of_other_types_are_named(argument, value, message):
+    with pytest.raises(meeframe.CaseError, match=f"^Case: {argument} = .*: {re.escape(message)}"):
+        build(**{argument: value})
 
 
 def test_numpy_numbers_are_numbers():
