@@ -5,6 +5,7 @@ import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -127,7 +128,7 @@ class Comparison:
         """The reference run, which is the first one that is not refused."""
         return next((run for run in self.runs if not run.refusal), self.runs[0])
 
-    @property
+    @cached_property
     def compared(self) -> tuple[int, int] | None:
         """Numbers of the load step and the increment that are compared; None if no increment is finished."""
         if not self.first.steps:
