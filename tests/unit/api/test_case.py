@@ -356,7 +356,7 @@ def test_mesh_object_cannot_be_written():
     assert_same_model(case.checked, build().checked)
     with pytest.raises(meeframe.CaseError, match=r"mesh: case files do not hold points; allowed: meeframe.mesh.block"):
         case.to_toml()
-    with pytest.raises(meeframe.CaseError, match="Case: mesh = 5: should be a mesh, from meeframe.mesh.block, half_space or file"):
+    with pytest.raises(meeframe.CaseError, match="Case: mesh = 5: should be a mesh, from "):
         build(mesh=5)
 
 
