@@ -5,7 +5,9 @@
     case = meeframe.Case(
         material="batio3-cofe2o4",
         mesh=meeframe.mesh.block("50 mm", "120 mm", "5 mm", divisions=8, rings=4, layers=2),
-        boundary=[meeframe.Boundary("base", displacement=[0, 0, 0], electric_potential=0, magnetic_potential=0)],
+        boundary=[
+            meeframe.Boundary("base", displacement=[0, 0, 0], electric_potential=0, magnetic_potential=0),
+        ],
         indenter=meeframe.Sphere("100 mm"),
         contact=meeframe.IsotropicCoulomb(0.3),
         steps=[meeframe.Step(approach="20 um", increments=5)],

@@ -19,11 +19,12 @@ from meeframe.api.tables import (
     Layer,
     SecondBody,
     Step,
+    check_types,
     entries,
     from_zero,
 )
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
-from meeframe.common.keywords import checked_keywords
 from meeframe.common.toml import read_toml, toml_tables, toml_text
 from meeframe.contact.problem import Solver
 from meeframe.fields import THERMAL_FIELD
@@ -52,7 +53,7 @@ _PLACEMENT: Final = tuple(Placement.__dataclass_fields__)
 _STOPPING: Final = tuple(StoppingCriteria.__dataclass_fields__)
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """Contact problem with its load steps, checked when it is created.
@@ -135,6 +136,7 @@ class Case:
     checked: CheckedCase = field(init=False)
 
     def __post_init__(self) -> None:
+        check_types(self)
         try:
             checked = case_from_tables(_texts(self._tables()), self._registry)
         except TableError as error:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from meeframe.common.arguments import python_numbers
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
 from meeframe.formulations.base import Formulation
@@ -158,10 +159,10 @@ def formulation(name: str, **keys: Any) -> Formulation:
     return _create(Formulation, name, keys)
 
 
-def _create(contract: type[T], name: str, keys: Mapping[str, Any]) -> T:
+def _create(contract: type[T], name: str, keys: dict[str, Any]) -> T:
     kind = CONTRACTS[contract]
     try:
-        made: T = plugins.load().create(kind, {**keys, "name": name})
+        made: T = plugins.load().create(kind, {**python_numbers(keys), "name": name})
     except TableError as error:
         lines = (f"{kind} {name!r}: {problem}" for problem in error.problems)
         raise CaseError("\n".join(lines)) from error.__cause__

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from meeframe.api.progress import Show, shown
+from meeframe.common.arguments import python_numbers
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.topography import HeightMap
 from meeframe.laws.base import ContactLaw
@@ -64,10 +65,10 @@ def rough(
     if isinstance(keys.get("contact"), ContactLaw):
         keys["contact"] = {"law": keys["contact"]}
     options = {"material": material, "pressures": pressures, **keys}
-    options = {key: value for key, value in options.items() if value is not None}
+    options = {key: python_numbers(value, arrays=True) for key, value in options.items() if value is not None}
     if isinstance(surface, str | Path):
         study = load_study(Path(surface), options)
     else:
-        study = declare({"surface": surface, **options}, registry.load())
+        study = declare({"surface": python_numbers(surface), **options}, registry.load())
     with shown(progress) as report:
         return dataset(solve_and_write(study, None if out is None else Path(out), overwrite, report))

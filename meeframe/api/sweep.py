@@ -72,10 +72,14 @@ def sweep(
     study = {"case": "case.toml", "fields": list(fields), "every_increment": every_increment, "axes": axes}
     files = [*map(Path, case.plugins)]
     opened = pool_of(1 if workers is None and scheduler is None else workers, scheduler, files)
+    try:
+        text = toml_text({"title": case.title, **study} if case.title else study)
+    except TypeError as error:
+        raise CaseError(f"Sweep: {error}") from None
     with TemporaryDirectory() as folder, shown(progress) as report, opened as pool:
         case.to_toml(Path(folder) / "case.toml")
         file = Path(folder) / "study.toml"
-        file.write_text(toml_text({"title": case.title, **study} if case.title else study), encoding="utf-8")
+        file.write_text(text, encoding="utf-8")
         target = Path(folder) / "out" if out is None else Path(out)
         shared = None if systems is None else Path(systems)
         registry = plugins.load(*files)

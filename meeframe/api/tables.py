@@ -6,11 +6,12 @@ from typing import Any, Final, Literal
 
 from pydantic import ValidationError
 
+from meeframe.common.arguments import checked_arguments, python_numbers
 from meeframe.common.errors import CaseError
-from meeframe.common.keywords import checked_keywords
 from meeframe.fields import MEE, OPTIONAL_FIELDS, FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
 from meeframe.laws import Signorini
 from meeframe.laws.base import ContactLaw
@@ -19,10 +20,12 @@ from meeframe.material import Material
 from meeframe.mesh import FrictionAxes, MeshRecipe
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.body_tables import BoundaryTable
+from meeframe.model.data import Output
 from meeframe.model.layer_tables import BaseTable, InterfaceTable
 from meeframe.model.schema import StepTable
 from meeframe.model.values import Table
 from meeframe.plugin.validation import Problem, problems_of
+from meeframe.solvers import StoppingCriteria
 
 Amount = float | str
 """Number in SI units, or text with a unit such as '5 mm'."""
@@ -32,10 +35,10 @@ BUILT_IN: Final = FieldSet((*MEE.scalars, *OPTIONAL_FIELDS))
 
 def entries(record: Any) -> dict[str, Any]:
     """Return the entries of a table: the fields of its record that differ from their defaults."""
-    table = {entry.name: getattr(record, entry.name) for entry in fields(record) if entry.name != "scalars"}
+    values = {entry.name: python_numbers(getattr(record, entry.name), arrays=True) for entry in fields(record)}
+    scalars = values.pop("scalars", {})
     defaults = {entry.name: entry.default for entry in fields(record)}
-    scalars = getattr(record, "scalars", {})
-    non_default = {key: value for key, value in table.items() if value is not None and not _same(value, defaults[key])}
+    non_default = {key: value for key, value in values.items() if value is not None and not _same(value, defaults[key])}
     return non_default | dict(scalars)
 
 
@@ -62,7 +65,7 @@ def _brief(record: Any) -> str:
     return f"{type(record).__name__}({', '.join(f'{key}={value!r}' for key, value in entries(record).items())})"
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True, kw_only=True)
 class Step:
     """Load step; quantities that it does not name keep their values of the previous step.
@@ -139,7 +142,7 @@ class Step:
         return _brief(self)
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Boundary:
     """Boundary conditions on face groups; what is not prescribed has zero flux.
@@ -184,7 +187,7 @@ class Boundary:
         return _brief(self)
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Contact:
     """Contact zone with its law.
@@ -217,7 +220,7 @@ class Contact:
     surface: Indenter | None = None
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Interface:
     """Interface below a layer, bonded in each field unless a key says otherwise.
@@ -253,7 +256,7 @@ class Interface:
         _check(self, InterfaceTable.of(BUILT_IN))
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Layer:
     """Plane layer on a body.
@@ -279,7 +282,7 @@ class Layer:
     grading: Mapping[str, Any] | None = None
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Base:
     """Rigid base below the material of a half space, which then is a layer of finite thickness.
@@ -311,7 +314,7 @@ class Base:
         _check(self, BaseTable.of(BUILT_IN))
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class SecondBody:
     """Second of two deformable bodies in its own coordinates, in which its contact zone faces up.
@@ -331,3 +334,36 @@ class SecondBody:
     formulation: Formulation = field(default_factory=DenseBEM)
     layers: Sequence[Layer] = ()
     base: Base | None = None
+
+    def __post_init__(self) -> None:
+        check_types(self)
+
+
+_TYPES: Final[Mapping[str, tuple[tuple[type, ...], str]]] = {
+    "material": ((str, Mapping, Material), "a name, a dictionary or a meeframe.Material"),
+    "mesh": ((MeshRecipe, SurfaceMesh), "a mesh, from meeframe.mesh.block, half_space or file"),
+    "indenter": ((Indenter,), "an indenter, such as meeframe.Sphere"),
+    "conductivity": ((Mapping,), "a dictionary of laws by field, such as {'electric': meeframe.StepConductivity(1)}"),
+    "potentials": ((Mapping,), "a dictionary, such as {'electric_potential': '5 V'}"),
+    "placement": ((Placement,), "a meeframe.Placement"),
+    "stopping": ((StoppingCriteria,), "meeframe.StoppingCriteria"),
+    "output": ((Output,), "a meeframe.Output"),
+    "second_body": ((SecondBody,), "a meeframe.SecondBody"),
+    "base": ((Base,), "a meeframe.Base"),
+}
+"""Types of arguments, and their description in messages."""
+_LISTS: Final[Mapping[str, type]] = {"steps": Step, "boundary": Boundary, "layers": Layer}
+"""Types of the entries of arguments that are lists."""
+
+
+def check_types(record: Any) -> None:
+    """Raise CaseError if an argument of a case or of its second body has another type; None is left to the tables."""
+    for name, value in vars(record).items():
+        types, words = _TYPES.get(name, ((object,), ""))
+        if name in _LISTS:
+            words = f"a list of meeframe.{_LISTS[name].__name__}"
+            valid = isinstance(value, Sequence) and all(isinstance(entry, _LISTS[name]) for entry in value)
+        else:
+            valid = value is None or isinstance(value, types)
+        if not valid:
+            raise CaseError(f"{type(record).__name__}: {name} = {value!r:.60}: should be {words}")

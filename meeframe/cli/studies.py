@@ -21,6 +21,14 @@ def compare(
     solver: Choices = None,
     formulation: Choices = None,
     fundamental_solution: Choices = None,
+    step: Annotated[
+        str | None,
+        typer.Option(
+            metavar="STEP",
+            help="Increment that is compared: load step such as 2, increment such as 2.5, 'last' or 'peak'. By default "
+            "the last one, or that of the peak load if nothing touches at the end.",
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace earlier results in DIR.")] = False,
     threads: Threads = None,
     plugin: PluginFiles = None,
@@ -46,7 +54,7 @@ def compare(
         }
         registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
-            comparison = compare_runs(case, options, out, overwrite, registry, progress, console.warn)
+            comparison = compare_runs(case, options, out, overwrite, registry, progress, console.warn, step)
         console.stdout().print(comparison_table(comparison))
         raise typer.Exit(
             console.CONVERGED if all(run.status == "converged" for run in comparison.runs) else console.NOT_CONVERGED

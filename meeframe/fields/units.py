@@ -4,6 +4,7 @@ import math
 import re
 from decimal import Decimal
 from functools import lru_cache
+from numbers import Real
 from types import NoneType
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
 
@@ -101,7 +102,7 @@ class Quantity:
         """
         if isinstance(value, str):
             value = self._parse(value)
-        elif isinstance(value, bool) or not isinstance(value, int | float):
+        elif isinstance(value, bool) or not isinstance(value, Real):
             raise ValueError(f"expected {self.expected}")
         if value != value:
             raise ValueError(f"is not a number (NaN); expected {self.expected}")

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Final, Literal, final
 import numpy as np
 import scipy  # submodules load on first use
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
 from meeframe.common.files import MAX_DATA_BYTES, check_file, read_npy
-from meeframe.common.keywords import checked_keywords
 from meeframe.fields import Array, Indices
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.indenters.base import Indenter
@@ -23,7 +23,7 @@ NODE_TOLERANCE: Final = 1e-12  # relative to the extent; round-off of positions 
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Heights(Indenter):
     """Heights from a file.
@@ -77,7 +77,7 @@ class Heights(Indenter):
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class SampledHeights(Indenter):
     """Heights from an array.

@@ -7,8 +7,8 @@ from typing import Annotated, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
-from meeframe.common.keywords import checked_keywords
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.indenters.base import Indenter
@@ -23,7 +23,7 @@ MIN_RISE: Final = 1e-9  # of a unit vector that may meet an indenter
 ROUND_OFF: Final = 1e-13  # of a distance, relative to the extent of the contact zone
 
 
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Placement:
     """Position of an indenter that just touches the body, with approach zero.

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, final
 
 import numpy as np
 
-from meeframe.common.keywords import checked_keywords
+from meeframe.common.arguments import checked_arguments
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.indenters.base import Indenter
@@ -17,7 +17,7 @@ BORDER_FACTOR = 1 + 1e-9  # nodes on the border of a punch belong to it in spite
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Sphere(Indenter):
     """Sphere.
@@ -47,7 +47,7 @@ class Sphere(Indenter):
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Paraboloid(Indenter):
     """Paraboloid x^2 / (2 radius_x) + y^2 / (2 radius_y), as in the theory of Hertz.
@@ -75,7 +75,7 @@ class Paraboloid(Indenter):
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class FlatPunch(Indenter):
     """Flat circular end of a punch, without surface beyond its radius.
@@ -102,7 +102,7 @@ class FlatPunch(Indenter):
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class RectangularPunch(Indenter):
     """Flat rectangular end of a punch, without surface beyond it.
@@ -131,7 +131,7 @@ class RectangularPunch(Indenter):
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Cone(Indenter):
     """Cone with its apex down.
@@ -159,7 +159,7 @@ class Cone(Indenter):
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Cylinder(Indenter):
     """Cylinder that lies on the surface.

@@ -5,7 +5,7 @@ from typing import Annotated, Final, final
 
 import numpy as np
 
-from meeframe.common.keywords import checked_keywords
+from meeframe.common.arguments import checked_arguments
 from meeframe.fields import MEE, OPTIONAL_FIELDS, Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws.base import ConductivityLaw
@@ -14,7 +14,7 @@ _CONDUCTANCES: Final = tuple(field.conductance_unit for field in (*MEE.scalars, 
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Insulating(ConductivityLaw):
     """Insulating contact: kappa = 0, without flux."""
@@ -25,7 +25,7 @@ class Insulating(ConductivityLaw):
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class StepConductivity(ConductivityLaw):
     """Constant conductivity where there is contact pressure, zero elsewhere (eqs. 17, 18).

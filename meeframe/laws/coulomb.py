@@ -7,8 +7,8 @@ from typing import Annotated, Final, final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
-from meeframe.common.keywords import checked_keywords
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws.base import ContactLaw
@@ -18,7 +18,7 @@ MAX_FRICTION_RATIO: Final = 1e3
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class IsotropicCoulomb(ContactLaw):
     """Unilateral contact with isotropic friction (eqs. 11-16 with mu1 = mu2).
@@ -75,7 +75,7 @@ class IsotropicCoulomb(ContactLaw):
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class OrthotropicCoulomb(ContactLaw):
     """Unilateral contact with orthotropic friction (eqs. 11-16).

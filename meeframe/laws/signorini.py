@@ -5,13 +5,13 @@ from typing import final
 
 import numpy as np
 
-from meeframe.common.keywords import checked_keywords
+from meeframe.common.arguments import checked_arguments
 from meeframe.fields import Array
 from meeframe.laws.base import ContactLaw
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Signorini(ContactLaw):
     """Unilateral contact without friction (eqs. 10, 11): p_nu = min(0, p_nu*), zero tangential traction."""

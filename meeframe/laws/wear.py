@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.common.keywords import checked_keywords
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.timed import TimeLimited
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
@@ -61,7 +61,7 @@ class WearLaw(TimeLimited, ABC):
 
 
 @final
-@checked_keywords
+@checked_arguments
 @dataclass(frozen=True)
 class Archard(WearLaw):
     """Wear in proportion to pressure and slip, dw/ds = k p.

@@ -1,6 +1,5 @@
 """The library of materials with sources, and the reader of the [material] table of a case file."""
 
-import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
@@ -10,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from meeframe.common.arguments import near_miss
 from meeframe.common.errors import MaterialError
 from meeframe.common.toml import toml_tables
 from meeframe.fields import OPTIONAL_FIELDS, THERMAL_FIELD, Array, ScalarField
@@ -243,8 +243,7 @@ def library_entry(name: Any) -> LibraryEntry:
     """
     entries = _entries()
     if not isinstance(name, str) or name not in entries:
-        near = difflib.get_close_matches(str(name).lower(), entries, n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
+        hint = near_miss(str(name).lower(), entries)
         raise MaterialError(f"unknown material {name!r}; {hint}the library has {', '.join(entries)}")
     return entries[name]
 

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import MaterialError
 from meeframe.fields import ELECTRIC, MAGNETIC, MEE, THERMAL_FIELD, Array, FieldScaling, FieldSet, ScalarField
 from meeframe.fields.units import MAX_MAGNITUDE
@@ -26,6 +27,7 @@ VACUUM_PERMEABILITY = 1.25663706212e-6
 """Magnetic constant mu_0 [N s^2/C^2 = H/m] (CODATA 2018)."""
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Material:
     """A homogeneous linear magneto-electro-elastic material (eqs. 5-8), in SI units.
@@ -95,6 +97,7 @@ class Material:
             object.__setattr__(self, "thermal_moduli", validate_moduli(self.name, self.thermal_moduli))
 
     @classmethod
+    @checked_arguments
     def from_voigt(
         cls,
         name: str,

@@ -1,12 +1,12 @@
 """Materials as TOML tables, in case files, in material files and in the library."""
 
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from meeframe.common.arguments import near_miss
 from meeframe.common.errors import CaseError, MaterialError
 from meeframe.common.toml import read_toml, toml_text
 from meeframe.fields import Array
@@ -200,9 +200,9 @@ def check_keys(table: Mapping[str, Any], allowed: set[str], name: str) -> None:
     """
     unknown = sorted(table.keys() - allowed)
     if unknown:
-        near = difflib.get_close_matches(str(unknown[0]), sorted(allowed), n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise MaterialError(f"unknown key {unknown[0]!r} in {name}; {hint}allowed: {', '.join(sorted(allowed))}")
+        names = sorted(allowed)
+        hint = near_miss(str(unknown[0]), names)
+        raise MaterialError(f"unknown key {unknown[0]!r} in {name}; {hint}allowed: {', '.join(names)}")
 
 
 def _text(table: Mapping[str, Any], key: str, default: str) -> str:

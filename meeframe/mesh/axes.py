@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import Annotated, Final
 
 import numpy as np
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity
@@ -17,6 +19,7 @@ AXIS_TOLERANCE: Final = 1e-9
 """Largest distance from the axis, relative to the extent of the zone, of points that count as lying on it."""
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class FrictionAxes:
     """Direction of the local axis e1 on the contact zone, from which a contact law measures its angle.
@@ -84,7 +87,7 @@ def _unit(vector: Vector) -> Array:
 
 
 def _check_vector(name: str, value: Vector) -> None:
-    is_vector = len(value) == 3 and all(isinstance(x, int | float) and math.isfinite(x) for x in value)
+    is_vector = len(value) == 3 and all(isinstance(x, Real) and math.isfinite(x) for x in value)
     if not is_vector or (name != "centre" and not any(value)):
         allowed = "three finite numbers" + ("" if name == "centre" else ", not all zero")
         raise CaseError(f"FrictionAxes: {name} = {value!r}; allowed: {allowed}")

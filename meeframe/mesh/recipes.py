@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from meeframe.common.arguments import checked_arguments, python_numbers
+
 Amount = float | str
 """Number in SI units, or text with a unit such as '5 mm'."""
 
@@ -28,6 +30,7 @@ class MeshRecipe:
         return f"meeframe.mesh.{str(kind).replace('-', '_')}({keys})"
 
 
+@checked_arguments
 def block(
     half_width: Amount | tuple[Amount, Amount],
     height: Amount,
@@ -68,6 +71,7 @@ def block(
     return _recipe("block", locals(), block)
 
 
+@checked_arguments
 def half_space(
     contact_width: Amount | tuple[Amount, Amount],
     divisions: int | tuple[int, int],
@@ -94,6 +98,7 @@ def half_space(
     return _recipe("half-space", locals(), half_space)
 
 
+@checked_arguments
 def file(
     path: str | Path,
     *,
@@ -125,4 +130,5 @@ def file(
 def _recipe(kind: str, arguments: Mapping[str, Any], function: Callable[..., MeshRecipe]) -> MeshRecipe:
     """Return the recipe of given arguments, without those that are the defaults of the function."""
     defaults = function.__kwdefaults__ or {}
-    return MeshRecipe({"type": kind, **{key: value for key, value in arguments.items() if value != defaults.get(key)}})
+    table = python_numbers(dict(arguments), arrays=True)
+    return MeshRecipe({"type": kind, **{key: value for key, value in table.items() if value != defaults.get(key)}})

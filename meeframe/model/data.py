@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel
 from meeframe.contact.problem import Solver
@@ -28,6 +29,7 @@ from meeframe.results.selection import ALLOWED, NAMED, step_numbers
 from meeframe.solvers import Auto, StoppingCriteria
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Output:
     """Files and fields that a run writes.

@@ -142,7 +142,8 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
     small motions permits, by more than the extent of the zone or a tenth of a radian; a prescribed tangential force or
     torque is all that friction can bear, so that the motion is not determined.
     """
-    if step.status is Status.CYCLING and type(law).__module__.partition(".")[0] not in {PROJECT, *BUNDLED_PACKAGES}:
+    fails = step.status in (Status.CYCLING, Status.STALLED, Status.DIVERGED)
+    if fails and type(law).__module__.partition(".")[0] not in {PROJECT, *BUNDLED_PACKAGES}:
         yield "a law that violates its contract can cause this: `meeframe plugins check FILE.py` tests a plugin"
     if step.status is not Status.CONVERGED:
         if step.status is not Status.DIVERGED and limit_jumps(law, step.traction):

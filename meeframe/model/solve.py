@@ -391,8 +391,11 @@ def _step_result(
     traction, fluxes = split_load(state.load)
     displacement, potentials, second_body = _surfaces(kinematics.system, state)
     expected = problem_scales(increment.problem).displacement[POTENTIALS]
+    # fluxes through the contact, and the potentials that they cause, are as accurate as the solution
+    accuracy = solution.residual if solution.status is Status.CONVERGED else 0.0
     for column, scale in enumerate(expected):
-        if largest(potentials[:, column]) < _ROUND_OFF * scale:
+        error = max(_ROUND_OFF, accuracy) if fluxes[:, column].any() else _ROUND_OFF
+        if largest(potentials[:, column]) < error * scale:
             potentials[:, column] = 0.0
     return StepResult(
         loading=Loading.of(

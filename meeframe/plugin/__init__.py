@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from meeframe.common.arguments import checked_arguments as checked_arguments
     from meeframe.common.blas import ONE_BLAS_THREAD as ONE_BLAS_THREAD
     from meeframe.common.errors import CaseError as CaseError
     from meeframe.common.errors import MaterialError as MaterialError
@@ -122,6 +123,7 @@ _HOMES = {
     "Record": "meeframe.plugin.hookspecs",
     "hookimpl": "meeframe.plugin.hookspecs",
     # Errors, quantities and arrays
+    "checked_arguments": "meeframe.common.arguments",
     "CaseError": "meeframe.common.errors",
     "MaterialError": "meeframe.common.errors",
     "MeshError": "meeframe.common.errors",

@@ -13,6 +13,7 @@ from meeframe.results.canvas import LINE_COLOURS, add_legend, head, label_panels
 from meeframe.results.records import Result, StepResult
 from meeframe.results.resultants import resultants
 from meeframe.results.schema import rolling_totals
+from meeframe.results.selection import Increments
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +32,7 @@ _RING: Final = 7.5
 """Diameter of the markers of unloading in points."""
 
 
-def name_of(result: Result, step: StepResult) -> str:
+def name_of(result: Increments, step: StepResult) -> str:
     """Return an increment in words: 'step 2', or 'step 2, increment 5' where the step has several."""
     several = any(other.step == step.step and other.increment > 1 for other in result.steps)
     return f"step {step.step}, increment {step.increment}" if several else f"step {step.step}"

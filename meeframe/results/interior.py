@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError, ResultError
 from meeframe.common.literal import LiteralTable
 from meeframe.fields import ELECTRIC_FIELD, MAGNETIC_FIELD, MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Indices
@@ -82,6 +83,7 @@ def contact_extent(zone: Zone, step: StepResult) -> ContactExtent:
     return ContactExtent(surface, frame, max(float(extent) / 2.0, 2.0 * spacing), spacing)
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class PointGrid:
     """Points of a rectangular grid, such as a line, a plane section or a box.

@@ -1,12 +1,12 @@
 """Choice of an increment of a result."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
 from meeframe.common.errors import ResultError
-from meeframe.results.records import Result, StepResult
+from meeframe.results.records import StepResult, Zone
 from meeframe.results.resultants import resultants
 
 Which = int | tuple[int, int] | str | StepResult | None
@@ -20,12 +20,24 @@ _PEAK: Final = 1e-3
 """Relative difference of normal forces that count as the same peak load."""
 
 
-def select(result: Result, which: Which = None) -> StepResult:
+class Increments(Protocol):
+    """Result, or any other record with the finished increments of a case."""
+
+    @property
+    def zone(self) -> Zone:
+        """Nodes of the contact zone."""
+
+    @property
+    def steps(self) -> tuple[StepResult, ...]:
+        """Finished increments, in order."""
+
+
+def select(result: Increments, which: Which = None) -> StepResult:
     """Return an increment of a result.
 
     Parameters
     ----------
-    result : Result
+    result : Increments
         The result.
     which : int, tuple of int, str or StepResult, optional
         Number of a load step, from 1, for its last finished increment; (step, increment), also as a text such as '2.5';
@@ -56,7 +68,7 @@ def select(result: Result, which: Which = None) -> StepResult:
     return matches[-1]
 
 
-def has_increment(result: Result, which: str) -> bool:
+def has_increment(result: Increments, which: str) -> bool:
     """Return whether a result has the increment that a text names."""
     numbers = step_numbers(which)
     return which in NAMED or any(numbers == (step.step, step.increment)[: len(numbers)] for step in result.steps)
@@ -67,4 +79,4 @@ def step_numbers(which: int | tuple[int, int] | str) -> Sequence[int]:
     if isinstance(which, str):
         parts = which.split(".")
         return tuple(map(int, parts)) if len(parts) <= 2 and all(part.isdigit() for part in parts) else ()
-    return (which,) if isinstance(which, int) else tuple(which)
+    return tuple(which) if isinstance(which, tuple) else (int(which),)

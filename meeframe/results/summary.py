@@ -175,7 +175,8 @@ def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
 def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
     """Yield rows of the totals of present phenomena; the dissipated energy is that of the whole load step."""
     for row in schema.shown_totals(schema.View.SUMMARY, totals, fields):
-        columns = _without_round_off(np.array([np.atleast_1d(total[row.name]) for total in totals]))
+        columns = np.array([np.atleast_1d(total[row.name]) for total in totals])
+        columns = without_round_off(columns, np.abs(columns).max(initial=0.0))
         for i, label in enumerate(row.labels):
             words = f"{label}, whole step" if row.name == _ENERGY else label
             yield words, row.unit, columns[:, i].tolist()
@@ -192,12 +193,9 @@ def _rolling(result: Result, shown: list[StepResult]) -> Iterator[_Row]:
                 yield label, row.unit, column
 
 
-def _without_round_off(values: Array) -> Array:
-    """Return values with zeros in place of those that are negligible beside the largest one.
-
-    values: (increments, components); a force or charge that is prescribed as zero is round-off beside other increments.
-    """
-    return np.where(np.abs(values) < _ROUND_OFF * np.abs(values).max(initial=0.0), 0.0, values)
+def without_round_off(values: Array, largest: float) -> Array:
+    """Return values with zeros in place of those that are negligible beside the largest of all increments or runs."""
+    return np.where(np.abs(values) < _ROUND_OFF * largest, 0.0, values)
 
 
 def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[_Row]:

@@ -35,6 +35,7 @@ def compare(
     registry: Registry | None = None,
     progress: Progress = silent,
     warn: Warn = ignore,
+    step: str | None = None,
 ) -> Comparison:
     """Run all combinations of choices for a case; write compare.json and sections.png.
 
@@ -60,6 +61,8 @@ def compare(
         Called with the stage and the fraction of it that is done.
     warn
         Called first, with each warning of formulations and cases once.
+    step
+        Increment whose fields and totals are compared, see `Comparison`.
 
     Returns
     -------
@@ -75,13 +78,15 @@ def compare(
     """
     registry = registry or plugins.load()
     text, tables = read_toml(file)
+    if step is not None:  # checked as that of the figures
+        tables = {**tables, "output": {**tables.get("output", {}), "step": step}}
     chosen = combinations(file, tables, read_choices(options), registry)
     with open_output(out, overwrite):
-        return _run_all(chosen, str(tables.get("title", "")), text, out, progress, warn)
+        return _run_all(chosen, str(tables.get("title", "")), text, out, progress, warn, step)
 
 
 def _run_all(
-    chosen: Sequence[Combination], title: str, text: str, out: Path, progress: Progress, warn: Warn
+    chosen: Sequence[Combination], title: str, text: str, out: Path, progress: Progress, warn: Warn, step: str | None
 ) -> Comparison:
     """Run all combinations of a case into a locked output folder."""
     cases = [combination.case for combination in chosen if combination.case is not None]
@@ -89,7 +94,7 @@ def _run_all(
     for warning in (*warnings_of(distinct_bodies(cases).values()), *preflight):
         warn(warning)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
-    comparison = Comparison(title, text, versions)
+    comparison = Comparison(title, text, versions, which=step)
     with rewriting(out / NUMBERS_FILE) as write:
         for runs in _solve(chosen, cases[0], progress):
             comparison = replace(comparison, runs=runs)

@@ -57,6 +57,7 @@ TURNED_BACK = OrthotropicCoulomb(0.1, 0.6, -0.3)
 UNTURNED = OrthotropicCoulomb(0.1, 0.6)
 RADIAL_WITH_UNIT_STEP = Mixed(RIGHT, IsotropicCoulomb(1.0))
 """Traction opposite to slip: another law (docs/explanation/theory.md, Set and metric)."""
+ALMOST_ISOTROPIC_WITH_UNIT_STEP = Mixed(OrthotropicCoulomb(0.5, 0.6), IsotropicCoulomb(1.0))
 
 
 @dataclass(frozen=True)
@@ -285,6 +286,7 @@ def name(value: object) -> str:
         (Mixed(SWAPPED, RIGHT), EXPANSIVE),
         (Mixed(RIGHT, UNTURNED), EXPANSIVE),
         (RADIAL_WITH_UNIT_STEP, EXPANSIVE),
+        (ALMOST_ISOTROPIC_WITH_UNIT_STEP, EXPANSIVE),
         (EuclideanProjection(), EXPANSIVE),
         (StalePressure(), "project depends on earlier calls"),
         (LimitOfTheTrial(), "project is not idempotent"),

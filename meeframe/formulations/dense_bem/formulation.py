@@ -5,6 +5,7 @@ from typing import Annotated, final
 
 import numpy as np
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.common.memory import physical_memory
 from meeframe.elements.anisotropy import anisotropy
@@ -30,6 +31,7 @@ from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class DenseBEM(Formulation):
     """Boundary elements with collocation at the nodes and one factorisation of one dense matrix.

@@ -192,7 +192,7 @@ class Verification:
         verdicts = [agreement.verdict for agreement in self.agreements]
         for verdict, applies in (
             (Verdict.NOT_CONVERGED, any(run.status != Status.CONVERGED for run in self.runs)),
-            (Verdict.UNFINISHED, len(self.runs) < self.planned or not verdicts),
+            (Verdict.UNFINISHED, len(self.runs) < self.planned),
             (Verdict.DISAGREE, Verdict.DISAGREE in verdicts),
             (Verdict.UNRESOLVED, Verdict.AGREE not in verdicts),
         ):

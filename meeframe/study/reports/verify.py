@@ -115,8 +115,10 @@ def verification_table(verification: Verification) -> RenderableType:
 
 
 def _explanation(verification: Verification) -> str:
-    """Return an explanation of the result if some comparisons are unresolved."""
+    """Return an explanation of the result if some comparisons are unresolved, or if there are none."""
     verdicts = [agreement.verdict for agreement in verification.agreements]
+    if verification.verdict is Verdict.UNRESOLVED and not verdicts:
+        return ": there is nothing to compare, as when nothing touches at the end; --every-step compares all load steps"
     unresolved = verdicts.count(Verdict.UNRESOLVED)
     if verification.verdict not in (Verdict.AGREE, Verdict.UNRESOLVED) or not unresolved:
         return ""

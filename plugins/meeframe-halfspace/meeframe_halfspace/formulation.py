@@ -20,6 +20,7 @@ from meeframe.plugin import (
     ReducedSystem,
     check_conditions,
     check_quantities,
+    checked_arguments,
     silent,
 )
 from meeframe_halfspace.array_library import ArrayLibrary, gpu_library
@@ -40,6 +41,7 @@ MIN_CELLS_OF_EDGES: Final = 4.0
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class HalfSpace(Formulation):
     """Exact surface response of an anisotropic half space on the grid of the contact zone, by fast Fourier transforms.

@@ -16,6 +16,7 @@ from meeframe.plugin import (
     Indenter,
     Quantity,
     check_quantities,
+    checked_arguments,
     detrend,
     fill_missing,
     remove_outliers,
@@ -26,6 +27,7 @@ Length = Annotated[float, Quantity("m", gt=0, lt=float("inf"))]
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class MeasuredHeights(Indenter):
     """A rigid rough surface from a height map; see read_height_map for the file formats.

@@ -8,13 +8,14 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 from pydantic import Field
 
-from meeframe.plugin import Array, CaseError, HeightMap, Indenter, Quantity, check_quantities
+from meeframe.plugin import Array, CaseError, HeightMap, Indenter, Quantity, check_quantities, checked_arguments
 
 SAMPLES_PER_WAVE: Final = 8
 """Default number of samples per shortest wavelength."""
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class SelfAffine(Indenter):
     """A rigid periodic surface, a sum of waves with random phases and a self-affine spectrum.

@@ -71,16 +71,19 @@ def test_convergence_with_large_contact_resistance(solver: Solver, kappa: float)
 
 
 def test_the_potential_of_a_grounded_conductor_is_exactly_zero():
-    """Under a conducting sphere without friction the potential vanishes on the whole surface, without round-off."""
+    """Under a conducting sphere without friction the potential vanishes on the whole surface, without noise."""
     case = meeframe.Case(
         material="pzt-4",
-        mesh=meeframe.mesh.half_space(contact_width="4 mm", divisions=12),
+        mesh=meeframe.mesh.half_space(contact_width="5 mm", divisions=32),
         indenter=meeframe.Sphere("100 mm"),
         conductivity={"electric": meeframe.StepConductivity(float("inf"))},
         formulation=HalfSpace(),
-        steps=[meeframe.Step(approach="10 um"), meeframe.Step(approach="10 um", electric_potential="1 V")],
+        steps=[
+            meeframe.Step(approach="20 um", increments=6),
+            meeframe.Step(approach="20 um", electric_potential="1 V"),
+        ],
     )
-    grounded, charged = case.solve()
-    assert grounded.fluxes[:, 0].any()
-    assert not grounded.potentials.any()
+    *grounded, charged = case.solve()
+    assert all(step.fluxes[:, 0].any() for step in grounded)
+    assert not any(step.potentials.any() for step in grounded)
     np.testing.assert_allclose(charged.potentials[charged.touching, 0], 1.0, rtol=1e-3)

@@ -23,6 +23,7 @@ from meeframe.plugin import (
     ReducedSystem,
     TooLargeError,
     check_quantities,
+    checked_arguments,
     find_contact_zone,
     silent,
 )
@@ -69,6 +70,7 @@ NUMBERS_PER_DIGIT = 900.0
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class HierarchicalBEM(PersistentFormulation):
     """Collocation boundary elements of dense-bem in hierarchical matrices, with truncated elimination.

@@ -16,6 +16,7 @@ from meeframe.plugin import (
     Quantity,
     ReducedSystem,
     check_quantities,
+    checked_arguments,
     in_local_frames,
     silent,
 )
@@ -32,6 +33,7 @@ from meeframe_skfem.volume import VolumeMesh, read_volume
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class FiniteElements(Formulation):
     """Displacements and potentials in the volume, int u_J,i C_iJKm v_K,m dV = int t_J v_J dS; direct sparse solution.

@@ -107,6 +107,25 @@ def test_combinations_have_the_numbers_of_single_runs(dragged, tmp_path, reducti
     assert "meeframe verify" not in out, "one formulation"
 
 
+def test_histories_are_compared_where_the_indenter_touches(write_case, laws, tmp_path):
+    """Without --step, a history that ends without contact is compared at its peak load, any other one at its end."""
+    loading = '\nincrements = 2\n[[steps]]\napproach = "5 um"\n'
+    folder, solvers = tmp_path / "out", {"solver": ["newton", "uzawa"]}
+
+    def shown(more, step=None):
+        comparison = compare(write_case(more=loading + more), solvers, folder, True, registry=laws, step=step)
+        first, _ = numbers(folder)
+        return comparison.heading, max(first["fields"]["pressure"])
+
+    away = '[[steps]]\napproach = "-1 um"\n'
+    assert shown(away) == ("tiny, step 1, increment 2", pytest.approx(1e9))
+    assert shown("") == ("tiny, step 2", pytest.approx(5e8))
+    assert shown(away, "last") == ("tiny, step 3", 0.0)
+    assert shown(away, "1.1") == ("tiny, step 1, increment 1", pytest.approx(5e8))
+    with pytest.raises(CaseError, match=r"output.step = '4': is no increment of the case"):
+        shown(away, "4")
+
+
 def test_one_system_for_each_formulation_and_fundamental_solution(dragged, tmp_path, reductions):
     kernels = ["--fundamental-solution", "tabulated", "--fundamental-solution", '{name = "line-integral", points = 24}']
     status, _, _ = invoke(

@@ -231,6 +231,13 @@ def test_error_of_a_law_is_reported(write_case, registry, tmp_path):
     assert {(run.status, run.message) for run in verification.runs} == {("refused", "the surface is worn off")}
 
 
+def test_a_case_that_ends_without_contact_has_nothing_to_compare(write_case, registry, tmp_path):
+    path = write_case(FINE, more='\n[[steps]]\napproach = "-1 um"\n')
+    verification = verify_case(path, registry, tmp_path / "o")
+    assert verification.verdict is Verdict.UNRESOLVED
+    assert not verification.agreements
+
+
 def test_interrupted_verification_saves_its_results(write_case, registry, tmp_path, monkeypatch):
     solve, count = study.solve_steps, iter(range(10))
 

@@ -2,11 +2,13 @@
 
 import dataclasses
 import inspect
+import re
 import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
+from meeframe_halfspace import HalfSpace
 
 import meeframe
 from meeframe.api.tables import BUILT_IN
@@ -131,6 +133,16 @@ def test_potentials_are_read_as_they_are_written(potential):
         (lambda: meeframe.Boundary("base", displacment=[0, 0, 0]), "displacment", "displacement"),
         (lambda: meeframe.StepConductivity(kapa=1.0), "kapa", "kappa"),
         (lambda: meeframe.Placement(tilt1=0.1), "tilt1", "tilt_1"),
+        (lambda: meeframe.StoppingCriteria(tolerence=1e-8), "tolerence", "tolerance"),
+        (lambda: meeframe.Uzawa(step_norml=0.5), "step_norml", "step_normal"),
+        (lambda: meeframe.DenseBEM(quadrature_tol=1e-4), "quadrature_tol", "quadrature_tolerance"),
+        (lambda: HalfSpace(densty="constant"), "densty", "density"),
+        (lambda: meeframe.Output(figure=False), "figure", "figures"),
+        (lambda: meeframe.Material(elastc=1.0), "elastc", "elastic"),
+        (lambda: meeframe.Material.from_voigt("m", elastc=1.0), "elastc", "elastic"),
+        (lambda: meeframe.FrictionAxes(arund=(0, 0, 1)), "arund", "around"),
+        (lambda: meeframe.mesh.block(half_wdth="1 mm"), "half_wdth", "half_width"),
+        (lambda: meeframe.mesh.half_space("5 mm", division=4), "division", "divisions"),
     ],
 )
 def test_misspelt_keywords_are_named(create, misspelt, meant):
@@ -138,10 +150,76 @@ def test_misspelt_keywords_are_named(create, misspelt, meant):
         create()
 
 
-def test_checked_keywords_leave_the_signature():
+def test_checked_arguments_leave_the_signature():
     assert list(inspect.signature(meeframe.Sphere).parameters) == ["radius", "profile"]
     with pytest.raises(TypeError, match="missing"):
         meeframe.Sphere()
+
+
+def test_classes_without_parameters_take_no_keywords():
+    with pytest.raises(meeframe.CaseError, match="Auto: unknown keyword 'tolerance'; allowed: none"):
+        meeframe.Auto(tolerance=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "message"),
+    [
+        ("steps", STEPS[0], "should be a list of meeframe.Step"),
+        ("boundary", [{"group": "base"}], "should be a list of meeframe.Boundary"),
+        ("conductivity", meeframe.StepConductivity(1.0), "should be a dictionary of laws by field"),
+        ("potentials", 5.0, "should be a dictionary"),
+        ("placement", {"x": "1 mm"}, "should be a meeframe.Placement"),
+        ("stopping", {"tolerance": 1e-6}, "should be meeframe.StoppingCriteria"),
+        ("output", {"figures": False}, "should be a meeframe.Output"),
+        ("mesh", "body.msh", "should be a mesh, from meeframe.mesh.block, half_space or file"),
+        ("indenter", "sphere", "should be an indenter, such as meeframe.Sphere"),
+        ("material", 5, "should be a name, a dictionary or a meeframe.Material"),
+        ("second_body", {"material": "steel"}, "should be a meeframe.SecondBody"),
+    ],
+)
+def test_arguments_of_other_types_are_named(argument, value, message):
+    with pytest.raises(meeframe.CaseError, match=f"^Case: {argument} = .*: {re.escape(message)}"):
+        build(**{argument: value})
+
+
+def test_numpy_numbers_are_numbers():
+    whole, real = np.int64, np.float32
+    potentials = ("electric_potential", "magnetic_potential")
+    theirs = build(
+        mesh=meeframe.mesh.block(
+            real(0.0625), real(0.125), np.array([0.0625, 0.0625]), whole(4), rings=whole(2), layers=whole(2)
+        ),
+        boundary=[meeframe.Boundary("base", displacement=np.zeros(3), **dict.fromkeys(potentials, whole(0)))],
+        indenter=meeframe.Sphere(real(0.5)),
+        contact=meeframe.Contact(
+            meeframe.OrthotropicCoulomb(real(0.25), whole(1)), axes=meeframe.FrictionAxes(np.array([1, 0, 0]))
+        ),
+        placement=meeframe.Placement(axis=(whole(0), whole(0), real(1))),
+        potentials={"electric_potential": whole(5)},
+        formulation=meeframe.formulation("hmatrix-bem", leaf_size=whole(32)),
+        stopping=meeframe.StoppingCriteria(real(0.125), whole(50), stall_window=whole(5)),
+        steps=[
+            meeframe.Step(normal_force=whole(8), increments=whole(2)),
+            meeframe.Step(translation=np.array([0.125, 0]), twist=real(0.25)),
+        ],
+    )
+    ours = build(
+        mesh=meeframe.mesh.block(0.0625, 0.125, (0.0625, 0.0625), 4, rings=2, layers=2),
+        boundary=[meeframe.Boundary("base", displacement=[0.0, 0.0, 0.0], **dict.fromkeys(potentials, 0))],
+        indenter=meeframe.Sphere(0.5),
+        contact=meeframe.Contact(meeframe.OrthotropicCoulomb(0.25, 1), axes=meeframe.FrictionAxes((1, 0, 0))),
+        placement=meeframe.Placement(axis=(0, 0, 1.0)),
+        potentials={"electric_potential": 5},
+        formulation=meeframe.formulation("hmatrix-bem", leaf_size=32),
+        stopping=meeframe.StoppingCriteria(0.125, 50, stall_window=5),
+        steps=[
+            meeframe.Step(normal_force=8, increments=2),
+            meeframe.Step(translation=[0.125, 0.0], twist=0.25),
+        ],
+    )
+    assert theirs == ours
+    assert theirs.to_toml() == ours.to_toml()
+    assert theirs.checked.n_increments == 3
 
 
 def test_python_and_file_give_the_same_result():
@@ -278,7 +356,7 @@ def test_mesh_object_cannot_be_written():
     assert_same_model(case.checked, build().checked)
     with pytest.raises(meeframe.CaseError, match=r"mesh: case files do not hold points; allowed: meeframe.mesh.block"):
         case.to_toml()
-    with pytest.raises(meeframe.CaseError, match="Case: mesh = 5: should be a table"):
+    with pytest.raises(meeframe.CaseError, match="Case: mesh = 5: should be a mesh, from "):
         build(mesh=5)
 
 

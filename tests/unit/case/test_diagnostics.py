@@ -200,13 +200,14 @@ def test_system_without_cells_has_no_boundary(bed, frictional):
     assert AREA not in step.message
 
 
-def test_cycling_with_a_plugin_law_mentions_plugins_check(synthetic):
+@pytest.mark.parametrize("status", [Status.CYCLING, Status.STALLED, Status.DIVERGED])
+def test_failure_with_a_plugin_law_mentions_plugins_check(synthetic, status):
     """Laws of meeframe are not mentioned."""
 
     class Law(IsotropicCoulomb):
         pass
 
-    zone, step = synthetic.zone(), replace(synthetic.step(1e-6), status=Status.CYCLING)
+    zone, step = synthetic.zone(), replace(synthetic.step(1e-6), status=status)
     assert any("meeframe plugins check FILE.py" in text for text in diagnostics(zone, step, Law(0.3)))
     assert not any("plugins check" in text for text in diagnostics(zone, step, IsotropicCoulomb(0.3)))
     other = replace(step, status=Status.ITERATION_LIMIT)

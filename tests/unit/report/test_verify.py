@@ -10,14 +10,17 @@ from meeframe.study.reports.verify import verification_table
 SIZES = (1 / 4, 1 / 8, 1 / 16)
 
 
-def verification(scatter, factor=1.0):
-    """Return a verification with forces of second order, which agree if the factor is one, and scattering pressures."""
+def verification(scatter, factor=1.0, load=1.0):
+    """Return a verification with forces of second order, which agree if the factor is one, and scattering pressures.
+
+    load: factor of all of them.
+    """
     runs = tuple(
         VerifiedRun(name, size, 10, str(Status.CONVERGED), steps={1: {"force": force, "max_pressure": pressure}})
         for name, scale in (("one", 1.0), ("other", factor))
         for size, sign in zip(SIZES, (1, -1, 1), strict=True)
-        for force in [MeasuredQuantity(scale * (1 + 0.1 * size**2), 1.0)]
-        for pressure in [MeasuredQuantity(1 + sign * scatter, 1.0)]
+        for force in [MeasuredQuantity(load * scale * (1 + 0.1 * size**2), 1.0)]
+        for pressure in [MeasuredQuantity(load * (1 + sign * scatter), 1.0)]
     )
     return Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
 
@@ -39,6 +42,11 @@ def printed_result(computed):
             "which needs finer meshes",
         ),
         (verification(scatter=0.1, factor=1.05), "result: disagree"),
+        (
+            verification(scatter=0.1, load=0.0),
+            "result: unresolved: there is nothing to compare, as when nothing touches at the end; --every-step "
+            "compares all load steps",
+        ),
     ],
 )
 def test_result_states_the_number_of_comparisons(computed, message):
