@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from meeframe_halfspace import HalfSpace
+from meeframe_skfem import FiniteElements
 from study import DIVISIONS, QUANTITIES, STACKS, compare, of_numbers
 
 import meeframe
@@ -58,6 +59,7 @@ def run(quick: bool) -> Iterator[Item]:
     yield from piezoelectric_films()
     yield from coated()
     yield from graded(24 if quick else 48)
+    yield from sliding(quick)
     yield from stacks(quick)
 
 
@@ -255,6 +257,33 @@ def _section(words: str, r: Array, pressure: Array, exact: SphereOnPowerLaw, for
         Curve("nodes", r[order] * 1e6, pressure[order] / 1e9, True),
     )
     return Plot(f"{words}: pressure", "r [µm]", "pressure [GPa]", curves)
+
+
+def slid(formulation: Any, divisions: int, width: float = 4e-6) -> float:
+    """Return the charge [C] of a grounded sphere that slides on a film, of quadratic elements."""
+    result = solved(
+        material="cofe2o4",
+        layers=[meeframe.Layer("batio3", THICKNESS, interface=meeframe.Interface(electrode="grounded"))],
+        base=meeframe.Base(3e-6),
+        mesh=meeframe.mesh.half_space(width, divisions, half_width=12e-6, rings=2, element="quad9"),
+        formulation=formulation,
+        indenter=meeframe.Sphere(1e-5),
+        contact=meeframe.IsotropicCoulomb(0.8),
+        conductivity={"electric": PERFECT},
+        steps=[meeframe.Step(approach=120e-9), meeframe.Step(translation=[300e-9, 0.0])],
+    )
+    return float(meeframe.resultants(result.zone, result[-1]).charge)
+
+
+def sliding(quick: bool) -> Iterator[Check]:
+    """Check the charge of a slider, singular at the contact edge, on coarse meshes against a fine grid."""
+    exact = slid(HalfSpace(matrix_up_to=0), 48 if quick else 96)
+    words = "slider on BaTiO3 with a grounded electrode, charge"
+    resolved = slid(HalfSpace(matrix_up_to=0, edges="resolved"), 8, 3e-6)
+    yield Check(f"{words}, 17 x 17 nodes, edges resolved", resolved, exact, 6e-3, "C")
+    yield Check(f"{words}, 19 x 19 nodes", slid(HalfSpace(matrix_up_to=0), 9), exact, 0.025, "C")
+    if not quick:
+        yield Check(f"{words}, finite elements, 11 x 11 nodes", slid(FiniteElements(growth=2.5), 5), exact, 0.025, "C")
 
 
 def stacks(quick: bool) -> Iterator[Item]:
