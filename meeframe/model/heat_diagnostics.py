@@ -130,11 +130,16 @@ def _distortion_of_layers(body: Body, k: float) -> float:
 
 @memoize_by_identity
 def _distortion_per_pressure(body: Body) -> float:
-    """Return delta E*, the distortivity times the contact modulus, averaged over directions [Pa m/W]."""
-    assert body.thermal_moduli is not None
+    """Return delta E*, the distortivity times the contact modulus, averaged over directions [Pa m/W].
+
+    On layers it is that of the top one, as for short waves, which are the singular ones at the edge of contact.
+    """
+    top = body.layers.layers[0].material if body.layers.layers else body
+    if top.thermal_moduli is None:
+        return 0.0
     normal = find_contact_zone(body.mesh, body.contact_group or "").frames[0, 2]
-    coupled, column = body.stiffness[:, :N_FIELDS, :N_FIELDS], body.fields.index(THERMAL_FIELD.name)
+    coupled, column = top.stiffness[:, :N_FIELDS, :N_FIELDS], body.fields.index(THERMAL_FIELD.name)
     modulus = 2.0 / float(normal @ mean_compliance(coupled, normal)[MECHANICAL, MECHANICAL] @ normal)
-    conductivity = -body.stiffness[:, column, column]
-    heat, _ = thermal_response(coupled, body.thermal_moduli, conductivity, normal, surface_directions(normal))
+    conductivity = -top.stiffness[:, column, column]
+    heat, _ = thermal_response(coupled, top.thermal_moduli, conductivity, normal, surface_directions(normal))
     return -float((heat[:, MECHANICAL] @ normal).real.mean()) * modulus

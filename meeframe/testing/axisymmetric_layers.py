@@ -21,6 +21,7 @@ from meeframe.material.surface_symbol import SurfaceSymbol
 NORMAL: Final = 2
 _GAUSS: Final = 20
 _MAX_PHASE: Final = 8.0
+_INTERPOLATED: Final = 24
 _LOWEST, _HIGHEST = 1e-4, 60.0
 """Wave numbers times the thickness of all layers, or of the top layer, between which kernels are integrated."""
 
@@ -166,9 +167,10 @@ class _Equation:
         )
 
     def _at_centre(self, chi: Array) -> Array:
-        """Return chi (fields,) at the centre, by interpolation of an even function."""
-        both = np.concatenate([-self.points[::-1], self.points])
-        return np.asarray(scipy.interpolate.BarycentricInterpolator(both, np.concatenate([chi[::-1], chi]))(0.0))
+        """Return chi (fields,) at the centre, by interpolation of an even function between the closest points."""
+        x, y = self.points[:_INTERPOLATED], chi[:_INTERPOLATED]
+        both, values = np.concatenate([-x[::-1], x]), np.concatenate([y[::-1], y])
+        return np.asarray(scipy.interpolate.BarycentricInterpolator(both, values)(0.0))
 
 
 def _wave_rule(depth: float, thinnest: float, distance: float) -> tuple[Array, Array]:

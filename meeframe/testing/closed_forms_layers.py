@@ -1,6 +1,7 @@
 """Closed forms of layers on half spaces and rigid bases, and an independent solution of waves in layers."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,76 @@ def isotropic_layer_compliance(
         (0, 2): 0.5j / shear * coupling / delta,
     }
     return {key: np.asarray(entry, complex) for key, entry in entries.items()}
+
+
+def column_force(modulus: float, thickness: float, radius: float, approach: float) -> float:
+    """Return the force [N] on a sphere on a compressible layer on a rigid base that is thin compared with the contact.
+
+    The layer is a bed of columns without lateral strain; the contact radius is (2 R g)^(1/2).
+
+    Parameters
+    ----------
+    modulus
+        Normal stress per normal strain of a column [Pa]: 2 G (1 - nu) / (1 - 2 nu) if it is isotropic.
+    thickness, radius, approach
+        Thickness h of the layer, radius R of the sphere, and its approach g [m].
+
+    References
+    ----------
+    Johnson, Contact Mechanics (1985), section 5.8.
+    """
+    return np.pi * modulus * radius * approach**2 / thickness
+
+
+def incompressible_layer_force(shear: float, thickness: float, radius: float, approach: float) -> float:
+    """Return the force [N] on a sphere on a thin incompressible layer bonded to a rigid base.
+
+    The layer is squeezed like a film of fluid; the contact radius is 2 (R g)^(1/2).
+
+    Parameters
+    ----------
+    shear
+        Shear modulus [Pa].
+    thickness, radius, approach
+        As for `column_force`.
+
+    References
+    ----------
+    Jaffar, Int. J. Mech. Sci. 31 (1989) 229.
+    """
+    return np.pi * shear * (4.0 * radius * approach) ** 3 / (32.0 * radius * thickness**3)
+
+
+@dataclass(frozen=True)
+class SphereOnPowerLaw:
+    """Frictionless sphere on a half space whose Young's modulus is proportional to the depth to the power k.
+
+    Attributes
+    ----------
+    exponent
+        k, from 0 to below 1.
+    radius, approach
+        Radius R of the sphere and approach g [m].
+
+    References
+    ----------
+    Giannakopoulos and Suresh, Int. J. Solids Struct. 34 (1997) 2393.
+    """
+
+    exponent: float
+    radius: float
+    approach: float
+
+    @property
+    def contact_radius(self) -> float:
+        """Radius a of the contact [m], with g = a^2 / (1 + k) R; the force is proportional to a^(3 + k)."""
+        return float(np.sqrt((1.0 + self.exponent) * self.radius * self.approach))
+
+    def pressure(self, r: Array, force: float) -> Array:
+        """Return the pressure [Pa] at distances r from the axis under a force, (n,)."""
+        power = 0.5 * (1.0 + self.exponent)
+        inside = np.maximum(1.0 - (r / self.contact_radius) ** 2, 0.0)
+        return np.asarray((1.0 + power) * force / (np.pi * self.contact_radius**2) * inside**power)
 
 
 def collocated_compliance(

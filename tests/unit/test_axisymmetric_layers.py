@@ -7,7 +7,11 @@ from meeframe.fields import ELECTRIC, MAGNETIC
 from meeframe.material import Material, library_material
 from meeframe.material.layers import Interface, Layer, LayerStack, RigidBase
 from meeframe.testing.axisymmetric_layers import AxisymmetricLayers
-from meeframe.testing.closed_forms_layers import isotropic_layer_compliance
+from meeframe.testing.closed_forms_layers import (
+    column_force,
+    incompressible_layer_force,
+    isotropic_layer_compliance,
+)
 
 RADIUS = 10e-6
 PZT = library_material("pzt-4")
@@ -97,11 +101,10 @@ def test_thin_film_on_a_grounded_base(conducting):
     contact = body.press_sphere(RADIUS, 10.0 * h)
     approach = contact.approach
     if conducting:
-        assert contact.force == pytest.approx(0.9880 * np.pi * RADIUS * approach**2 * c / h, rel=1e-4)
+        assert contact.force == pytest.approx(0.9880 * column_force(c, h, RADIUS, approach), rel=1e-4)
         assert contact.fluxes[ELECTRIC] == pytest.approx(-np.pi * RADIUS * approach**2 * e / h, rel=0.05)
     else:
-        stiffened = c + e**2 / eps
-        assert contact.force == pytest.approx(0.9932 * np.pi * RADIUS * approach**2 * stiffened / h, rel=1e-4)
+        assert contact.force == pytest.approx(0.9932 * column_force(c + e**2 / eps, h, RADIUS, approach), rel=1e-4)
         assert contact.centre[1] == pytest.approx(-0.988 * e / eps * approach, rel=1e-3)
 
 
@@ -109,9 +112,7 @@ def test_thin_film_on_a_grounded_base(conducting):
 def test_thin_elastic_layer_under_a_sphere(incompressible):
     """A thin bonded layer is a bed of columns, or squeezed like a film of fluid if it is incompressible.
 
-    The first has the force pi M R g^2 / h at the approach g, with the modulus M of uniaxial strain, a^2 = 2 R g; the
-    second pi G a^6 / (32 R h^3), a^2 = 4 R g. Source: Johnson, Contact Mechanics (1985), section 5.8; Jaffar, Int. J.
-    Mech. Sci. 31 (1989) 229.
+    The contact radius a at the approach g is given by a^2 = 2 R g for the first, and a^2 = 4 R g for the second.
     """
     shear, nu, radius, h = 8e10, 0.5 - 1e-8 if incompressible else 0.3, 0.1, 1e-6
     errors = []
@@ -119,10 +120,10 @@ def test_thin_elastic_layer_under_a_sphere(incompressible):
         contact = on(isotropic(shear, nu), LayerStack((), RigidBase(h))).press_sphere(radius, ratio * h)
         g = contact.approach
         if incompressible:
-            force, widest = np.pi * shear * (4.0 * radius * g) ** 3 / (32.0 * radius * h**3), np.sqrt(4.0 * radius * g)
+            force, widest = incompressible_layer_force(shear, h, radius, g), np.sqrt(4.0 * radius * g)
         else:
             modulus = 2.0 * shear * (1.0 - nu) / (1.0 - 2.0 * nu)
-            force, widest = np.pi * modulus * radius * g**2 / h, np.sqrt(2.0 * radius * g)
+            force, widest = column_force(modulus, h, radius, g), np.sqrt(2.0 * radius * g)
         errors.append([abs(contact.force / force - 1.0), abs(contact.radius / widest - 1.0)])
     (coarse_force, coarse_radius), (force, radius) = errors
     assert force < 0.05

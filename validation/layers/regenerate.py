@@ -15,7 +15,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from study import DIVISIONS, QUANTITIES, STACKS, Comparison, compare
+from study import DIVISIONS, QUANTITIES, STACKS, compare, of_numbers
 
 DOCS = Path(__file__).parents[2] / "docs" / "validation"
 HEAD = """# Layers
@@ -57,10 +57,7 @@ def main() -> None:
 
 def page(numbers: dict[str, dict[str, Any]]) -> str:
     """Return the page of the stored numbers."""
-    found = {
-        name: Comparison(**{key: np.array(v) for key, v in one.items()}, profile=np.empty((5, 0)))
-        for name, one in numbers.items()
-    }
+    found = {name: of_numbers(one) for name, one in numbers.items()}
     meshes = " | ".join(f"{count} elements, %" for count in DIVISIONS)
     means = [f"| stack | quantity | half space | {meshes} | extrapolated, % |", "| --- " * (len(DIVISIONS) + 4) + "|"]
     head = " | ".join(f"{count} elements: depth [µm], difference %" for count in DIVISIONS)

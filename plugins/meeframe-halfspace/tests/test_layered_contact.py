@@ -95,6 +95,44 @@ def test_isolated_and_periodic_contact_on_a_rigid_base() -> None:
     np.testing.assert_allclose(two[inner], one[inner], rtol=0.0, atol=5e-3 * np.abs(one).max())
 
 
+@pytest.mark.parametrize(
+    ("interface", "jumps"),
+    [
+        ({"normal_stiffness": 2e17}, [1.0 / 2e17, 0.0]),
+        ({"electric_conductance": 0.02}, [0.0, -1.0 / 0.02]),
+        ({"normal_stiffness": 3e17, "tangential_stiffness": 1e17, "electric_conductance": 0.05}, [1 / 3e17, -1 / 0.05]),
+    ],
+    ids=["spring", "weak conductor", "both"],
+)
+def test_thin_film_on_an_interface(interface: dict[str, float], jumps: list[float]) -> None:
+    """A film on a rigid grounded base below the interface is a bed of columns, whose jumps add to its compliance.
+
+    The tip is grounded. Force and charge differ by the order (h / a)^2, and are extrapolated.
+    """
+    film, thickness, radius = library_material("pzt-5h"), 0.8 * UM, 0.02
+    stiff = Material.isotropic(1e16, 0.3, 1e-3, 1.0)
+    column = film.stiffness[2, [2, 3]][:, [2, 3], 2]
+    matrix = np.linalg.inv(thickness * np.linalg.inv(column) + np.diag(jumps))
+    ratios = []
+    for width in (10.0, 20.0):  # of the contact radius over the thickness
+        a = width * thickness
+        approach = a**2 / (2.0 * radius)
+        result = meeframe.Case(
+            material=stiff,
+            layers=[meeframe.Layer(film, thickness, interface=meeframe.Interface(**interface))],
+            base=meeframe.Base(0.02 * UM),
+            mesh=meeframe.mesh.half_space(2.4 * a, 76),
+            formulation=HalfSpace(matrix_up_to=0),
+            indenter=meeframe.Sphere(radius),
+            conductivity={"electric": meeframe.StepConductivity(np.inf)},
+            steps=[meeframe.Step(approach=approach)],
+        ).solve(progress=False)
+        totals = meeframe.resultants(result.zone, result[-1])
+        expected = np.pi * radius * approach**2 * matrix[:, 0] * [1.0, -1.0]
+        ratios.append([totals.normal_force, totals.charge] / expected)
+    np.testing.assert_allclose((4.0 * ratios[1] - ratios[0]) / 3.0, 1.0, rtol=3e-3)
+
+
 @pytest.mark.full
 def test_isolated_and_periodic_contact_on_a_half_space() -> None:
     """Under the same force the pressure of a contact far from its images is that of an isolated one.

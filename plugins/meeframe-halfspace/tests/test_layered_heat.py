@@ -1,5 +1,6 @@
 """Layered half spaces with heat: response in space and on grids, and contact, against integrals and closed forms."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from meeframe_halfspace.thermal_cells import PointHeat
 
 import meeframe
 from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
 from meeframe.laws import StepConductivity
@@ -23,6 +25,7 @@ UM, HEAT = 1e-6, 5
 EXPANSION = np.array([[1.2e-5, 0.2e-5, -0.1e-5], [0.2e-5, 2e-5, 0.3e-5], [-0.1e-5, 0.3e-5, 0.8e-5]])
 CONDUCTIVITY = np.array([[3.0, 0.4, -0.2], [0.4, 2.5, 0.5], [-0.2, 0.5, 4.0]])
 CERAMIC, METAL = library_material("batio3", thermal=True), library_material("cofe2o4", thermal=True)
+WITHOUT_EXPANSION = library_material("cofe2o4").with_heat(3.2)
 PERFECT = StepConductivity(np.inf)
 
 
@@ -228,6 +231,21 @@ def test_electrode_makes_results_independent_of_the_reference_radius() -> None:
     assert rows[1]["approach"] != pytest.approx(rows[0]["approach"], rel=1e-3)
     levels = HalfSpace().undetermined_levels(body(FILM, METAL))
     assert levels == (2, 4)
+
+
+@pytest.mark.parametrize(
+    ("film", "substrate", "is_reported"), [(CERAMIC, WITHOUT_EXPANSION, True), (WITHOUT_EXPANSION, CERAMIC, False)]
+)
+def test_cold_tip_on_a_film_is_reported_by_the_expansion_of_the_film(
+    film: Material, substrate: Material, is_reported: bool
+) -> None:
+    """The heat flux at the edge of a perfect contact is singular, and so is the sinking of a film that expands."""
+    steps = [meeframe.Step(normal_force=5e-3), meeframe.Step(temperature=-60.0)]
+    layers = [meeframe.Layer(film, UM)]
+    case = hot_case(layers, None, 10 * UM, steps, 3 * UM, 12, reference_radius=1e-3, matrix_up_to=0)
+    step = replace(case, material=substrate).solve(progress=False)[-1]
+    assert step.status is Status.CONVERGED
+    assert ("perfect conduction of heat to a colder indenter" in step.message) == is_reported
 
 
 def test_messages() -> None:

@@ -310,20 +310,28 @@ def test_two_equal_coated_bodies_share_the_approach():
 
 
 def test_differently_coated_bodies_exchanged():
-    """Two coated bodies that take each other's place have the same pressure, which is not that of equal bodies."""
+    """Two coated bodies that take each other's place carry the same load, which is not that of equal bodies.
+
+    Seen from the other body, everything is rotated by 180 degrees about x1, and loads are reversed: tangential
+    tractions along x1 and fluxes change their sign, and so do the motion and the potential of the upper body.
+    """
     films = (meeframe.Layer("batio3", UM),), (meeframe.Layer("steel", 0.3 * UM), meeframe.Layer("zno", 0.5 * UM))
     mesh = meeframe.mesh.half_space(1.63 * UM, 24, rings=1, half_width=1.63 * UM)
 
-    def pressure(upper, lower):
+    def load(upper, lower, sign=1.0):
         (name, layers), (other, lower_layers) = upper, lower
         second = meeframe.SecondBody(name, mesh, formulation=HalfSpace(matrix_up_to=0), layers=layers)
-        return sphere(lower_layers, other, 24, second_body=second)[-1].traction[:, 2]
+        steps = [meeframe.Step(approach=40e-9), meeframe.Step(translation=[sign * 7e-9, 0], electric_potential=sign)]
+        keys = {"contact": meeframe.IsotropicCoulomb(0.3), "conductivity": CONDUCTING, "steps": steps}
+        step = sphere(lower_layers, other, 24, second_body=second, **keys)[-1]
+        return np.column_stack([step.traction[:, [0, 2]] * [sign, 1.0], sign * step.fluxes])
 
     one, two = ("cofe2o4", films[0]), ("silicon", films[1])
-    expected, equal = pressure(one, two), pressure(one, one)
-    scale = np.abs(expected).max()
-    np.testing.assert_allclose(pressure(two, one), expected, rtol=0.0, atol=1e-8 * scale)
-    assert np.abs(equal - expected).max() > 0.02 * scale
+    expected, equal = load(one, two), load(one, one)
+    scale = np.abs(expected).max(axis=0)
+    assert (scale > 0.0).all()
+    assert (np.abs(load(two, one, -1.0) - expected) <= 1e-7 * scale).all()
+    assert np.abs(equal - expected)[:, 1].max() > 0.02 * scale[1]
 
 
 def test_force_control_and_friction_histories():

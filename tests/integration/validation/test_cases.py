@@ -9,10 +9,10 @@ from meeframe.study.validate import known_cases, validate
 
 FOLDER = Path(__file__).parents[3] / "validation"
 AT_LEAST = {
-    "cone", "elliptic_hertz", "exact_friction", "fclib", "flat_punch", "hertz", "indentation_moduli", "load_histories",
-    "mee_indentation", "orthotropic_claims", "piezoelectric_indentation", "rolling", "rough_surface", "slender_rods",
-    "sliding_hertz", "spence", "tilted_flat_punch", "transversely_isotropic_indentation", "two_bodies", "verification",
-    "wear",
+    "cone", "elliptic_hertz", "exact_friction", "fclib", "flat_punch", "hertz", "indentation_moduli", "layers",
+    "load_histories", "mee_indentation", "orthotropic_claims", "piezoelectric_indentation", "rolling", "rough_surface",
+    "slender_rods", "sliding_hertz", "spence", "tilted_flat_punch", "transversely_isotropic_indentation", "two_bodies",
+    "verification", "wear",
 }  # fmt: skip
 SHORTEST = {"fclib", "hertz", "mee_indentation"}
 CASES = [pytest.param(name, marks=[] if name in SHORTEST else pytest.mark.full) for name in known_cases(FOLDER)]

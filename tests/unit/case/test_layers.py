@@ -134,7 +134,7 @@ def test_messages(old, new, message, tmp_path):
 def test_formulations_refuse_layers_that_they_do_not_support(tmp_path):
     file = tmp_path / "case.toml"
     file.write_text(TEXT.replace('[formulation]\nname = "half-space"', ""), encoding="utf-8")
-    with pytest.raises(CaseError, match=r"layers.*: formulation DenseBEM does not support layers"):
+    with pytest.raises(CaseError, match=r"layers.*: formulation DenseBEM does not support layers.* skfem for blocks"):
         meeframe.load_case(file)
     second = meeframe.SecondBody("silicon", MESH, base=meeframe.Base("5 um"))
     with pytest.raises(CaseError, match=r"second_body\.base.*: formulation DenseBEM does not support layers"):
