@@ -62,7 +62,7 @@ def parameters(entry: Entry, registry: Registry) -> list[Parameter]:
         return []
     hints = get_type_hints(factory, include_extras=True)
     fields = [field for field in dataclasses.fields(factory) if field.init]
-    return [Parameter(f.name, _unit(hints[f.name]), _allowed(hints[f.name]), _default(f, registry)) for f in fields]
+    return [Parameter(f.name, unit_of(hints[f.name]), _allowed(hints[f.name]), _default(f, registry)) for f in fields]
 
 
 def documentation(entry: Entry) -> str:
@@ -77,7 +77,8 @@ def _alternatives(hint: Any) -> Iterable[Any]:
     return get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
 
 
-def _unit(hint: Any) -> str:
+def unit_of(hint: Any) -> str:
+    """Return the SI units of a key with a type hint, "1" for pure numbers, "" if it is not a quantity."""
     metadata = (item for alternative in _alternatives(hint) for item in getattr(alternative, "__metadata__", ()))
     quantity = next((item for item in metadata if isinstance(item, Quantity)), None)
     return "" if quantity is None else " or ".join(unit or "1" for unit in quantity.units)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, TypeVar
+from typing import Annotated, Any, Final, Literal, TypeVar, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -22,6 +22,8 @@ from meeframe.common.errors import CaseError, listed
 from meeframe.common.toml import read_toml
 from meeframe.fields import MEE, FieldSet
 from meeframe.fields.units import read_quantity
+from meeframe.model.schema import StepTable
+from meeframe.plugin.describe import unit_of
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
 from meeframe.results import schema
@@ -291,6 +293,24 @@ def changed(tables: Mapping[str, Any], *changes: Changes) -> dict[str, Any]:
             inner = _descend(inner, component, key)
         _enter(inner, last, key, deepcopy(value))
     return result
+
+
+def unit_at(key: str, tables: Mapping[str, Any], registry: Registry) -> str:
+    """Return the SI unit of a number at a key of a load step or of a registered object of a case.
+
+    It is "" for pure numbers, for quantities with several possible units, and for all other keys.
+    """
+    *path, last = key_parts(key)
+    table: Any = tables
+    for component in path:
+        table = table[component]
+    factories = {entry.record.name: entry.record.factory for entry in registry.entries}
+    name = table.get("name") if isinstance(table, Mapping) else None
+    owner: Any = StepTable.of(registry.fields) if path[:1] == ["steps"] else factories.get(str(name))
+    if not isinstance(owner, type):
+        return ""
+    unit = unit_of(get_type_hints(owner, include_extras=True).get(str(last)))
+    return "" if unit == "1" or " or " in unit else unit
 
 
 def _items(changes: tuple[Changes, ...]) -> Iterator[tuple[str, Any]]:

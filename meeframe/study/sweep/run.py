@@ -1,7 +1,7 @@
 """Run of a sweep: solves the points of a study file, collects them in one result and draws it."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
@@ -13,6 +13,7 @@ from meeframe.common.toml import read_toml
 from meeframe.fields import MEE, Array, FieldSet
 from meeframe.model.cache import distinct_bodies
 from meeframe.model.case import Warn, ignore, warnings_of
+from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
 from meeframe.results import schema
@@ -20,9 +21,9 @@ from meeframe.results.figures import save_figure
 from meeframe.results.output import replacing
 from meeframe.results.records import Result
 from meeframe.results.sweep_files import POINTS, SYSTEMS, check_installed, drop_systems, open_folder, write_sweep
-from meeframe.results.sweep_records import SweepResult
+from meeframe.results.sweep_records import SweepAxis, SweepResult
 from meeframe.results.systems import create_folder
-from meeframe.study.declare import case_tables, changed, checked
+from meeframe.study.declare import case_tables, changed, checked, unit_at
 from meeframe.study.reports.sweep import sweep_figure
 from meeframe.study.sweep.declare import SweepTable
 from meeframe.study.sweep.engine import solve_points
@@ -88,7 +89,8 @@ def sweep(
     """
     check_installed()
     study = checked(SweepTable, file, registry)
-    points = _points(file, study, registry)
+    tables = case_tables(file, study.case)
+    points = _points(file, study, tables, registry)
     bodies = distinct_bodies(point.case for point in points if point.case is not None)
     with open_folder(out, {point.key for point in points}, overwrite):
         for text in (*warnings_of(bodies.values()), *_preflight(points, out / POINTS)):
@@ -98,7 +100,17 @@ def sweep(
             drop_systems(out, set(bodies))
         else:
             create_folder(systems)
-        return _solve(file, out, study, points, pool or InProcess(), systems, progress)
+        axes = _with_units(study, tables, registry or plugins.load())
+        return _solve(file, out, study, axes, points, pool or InProcess(), systems, progress)
+
+
+def _with_units(study: SweepTable, tables: Mapping[str, Any], registry: Registry) -> tuple[SweepAxis, ...]:
+    """Return the axes of the result, with units also of numbers that have none in the study."""
+    units = {}
+    for axis, changes in study.varied():
+        if axis.values is not None and not axis.unit:
+            units[axis.name] = unit_at(next(iter(changes[0])), changed(tables, study.set, changes[0]), registry)
+    return tuple(replace(axis, unit=units.get(axis.name, axis.unit)) for axis in study.result_axes())
 
 
 def _preflight(points: Sequence[Point], store: Path) -> Iterator[str]:
@@ -126,6 +138,7 @@ def _solve(
     file: Path,
     out: Path,
     study: SweepTable,
+    axes: tuple[SweepAxis, ...],
     points: Sequence[Point],
     pool: Pool,
     systems: Path,
@@ -141,10 +154,10 @@ def _solve(
             f"{len(point_data)} of {len(points)} points are finished and in {out}; the same command continues"
         )
         if point_data:
-            write_sweep(out, _result(file, study, points, point_data))
+            write_sweep(out, _result(file, study, axes, points, point_data))
         raise
     progress("writing", 0.0)
-    result = _result(file, study, points, point_data)
+    result = _result(file, study, axes, points, point_data)
     write_sweep(out, result)
     plots = [plot.over(result.axes, result.field_set) for plot in study.plots]
     with replacing(out / FIGURE_FILE) as path:
@@ -152,11 +165,9 @@ def _solve(
     return result
 
 
-def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Point]:
+def _points(file: Path, study: SweepTable, tables: Mapping[str, Any], registry: Registry | None) -> list[Point]:
     """Return all points of a study. Raises CaseError for an invalid key or if no point has a valid case."""
-    tables, folder = case_tables(file, study.case), (file.parent / study.case).parent
-    title = str(tables.get("title", ""))
-    points = []
+    folder, title, points = (file.parent / study.case).parent, str(tables.get("title", "")), []
     for label, changes in study.changes():
         try:
             point_tables = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
@@ -218,8 +229,13 @@ def _fields(result: Result, names: Sequence[str], field_set: FieldSet) -> dict[s
     }
 
 
-def _result(file: Path, study: SweepTable, points: Sequence[Point], point_data: Mapping[str, PointData]) -> SweepResult:
-    axes = study.result_axes()
+def _result(
+    file: Path,
+    study: SweepTable,
+    axes: tuple[SweepAxis, ...],
+    points: Sequence[Point],
+    point_data: Mapping[str, PointData],
+) -> SweepResult:
     shape = tuple(len(axis.labels) for axis in axes)
     collected = [point_data.get(point.key, _UNFINISHED) for point in points]
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from meeframe.common.errors import CaseError
-from meeframe.study.declare import PanelTable, changed, load_study
+from meeframe.plugin import registry
+from meeframe.study.declare import PanelTable, changed, load_study, unit_at
 
 TABLES = {"solver": "auto", "contact": {"law": {"name": "isotropic-coulomb", "mu": 0.3}}, "steps": [{"approach": 1.0}]}
 
@@ -89,6 +90,35 @@ def test_later_changes_replace_complete_entries():
     computed = changed(TABLES, {"contact.law.mu": 0.1}, {"contact.law": "signorini", "steps[1]": {"normal_force": 3}})
     assert computed["contact"] == {"law": "signorini"}
     assert computed["steps"] == [{"normal_force": 3}]
+
+
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [
+        ("steps[1].approach", "m"),
+        ("steps[1].electric_potential", "V"),
+        ("steps[1].increments", ""),
+        ("steps[1].translation[1]", ""),
+        ("indenter.radius", "m"),
+        ("contact.law.work_of_adhesion", "J/m^2"),
+        ("contact.law.mu", ""),
+        ("conductivity.electric.kappa", ""),
+        ("mesh.contact_width[1]", ""),
+        ("material.young_modulus", ""),
+        ("title", ""),
+    ],
+)
+def test_units_of_numbers(key, unit):
+    """Pure numbers, conductivities of any field, and what is neither a step nor a registered object have none."""
+    tables = {
+        "material": {"name": "isotropic"},
+        "mesh": {"contact_width": [1e-3, 1e-3]},
+        "steps": [{"translation": [0, 0]}],
+        "indenter": {"name": "sphere"},
+        "contact": {"law": {"name": "dugdale"}},
+        "conductivity": {"electric": {"name": "step"}},
+    }
+    assert unit_at(key, tables, registry.load()) == unit
 
 
 @pytest.mark.parametrize(
