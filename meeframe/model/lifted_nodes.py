@@ -4,18 +4,18 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.contact.nested import is_uniform
+from meeframe.contact.nested import has_nodal_data
 from meeframe.contact.problem import contact_gap
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, Array
-from meeframe.laws.base import ContactLaw, augmented_traction, fixed_point_map
+from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, has_resolvent
 from meeframe.model.kinematics import Increment
 from meeframe.results.records import StepResult
 
 _CANDIDATES: Final = 4
 """Number of nodes that are examined, those that violate the law most."""
-_PRESSURES: Final = np.logspace(-9, 3, 200)
-"""Trial pressures in units of the characteristic pressure."""
+_TRIALS: Final = np.logspace(-9, 3, 200)
+"""Trial pressures and gaps, in units of the characteristic pressure and of the closure under it."""
 _SWEEPS: Final = 200
 """Projection steps for the friction of one node, which converge as one minus the ratio of two compliances."""
 _MARGIN: Final = 1e-6
@@ -25,11 +25,11 @@ _MARGIN: Final = 1e-6
 def lifted_node(increment: Increment, step: StepResult) -> int | None:
     """Return a node without any admissible state under the loads of the others in a result; None if none is found.
 
-    Without load such a node overlaps the indenter; in contact, friction lifts it, whatever its pressure. Results with
-    contact edges between nodes and laws other than projections without attraction are not examined.
+    Open, such a node would overlap the indenter; in contact, friction lifts it, whatever its pressure. Results with
+    contact edges between nodes, and laws that depend on the slip or the node, are not examined.
     """
     problem, law = increment.problem, increment.problem.contact_law
-    if step.area_fraction is not None or not is_uniform(law, len(problem.gap)):
+    if step.area_fraction is not None or has_resolvent(law) or has_nodal_data(law, len(problem.gap)):
         return None
     if not np.isfinite(step.traction).all():
         return None
@@ -49,11 +49,22 @@ def lifted_node(increment: Increment, step: StepResult) -> int | None:
         compliance = compliances[node]
         unit = scales.pressure * compliance[2, 2]
         unloaded = gap[node] + compliance @ traction[node]
-        if unloaded[2] >= -_MARGIN * unit:
-            continue
-        if _gaps_in_contact(law, compliance, unloaded, scales.pressure).min() > _MARGIN * unit:
+        if (
+            _overlaps(law, compliance, unloaded, unit).min() > _MARGIN * unit
+            and _gaps_in_contact(law, compliance, unloaded, scales.pressure).min() > _MARGIN * unit
+        ):
             return int(node)
     return None
+
+
+def _overlaps(law: ContactLaw, compliance: Array, unloaded: Array, unit: float) -> Array:
+    """Return by how much trial gaps of an open node exceed those that result under their attraction, from zero on.
+
+    compliance, unloaded: as for _gaps_in_contact; unit: of the gaps [m].
+    """
+    gaps = np.append(0.0, unit * _TRIALS)
+    exceeded: Array = gaps + compliance[2, 2] * attraction(law, gaps) - unloaded[2]
+    return exceeded
 
 
 def _gaps_in_contact(law: ContactLaw, compliance: Array, unloaded: Array, pressure: float) -> Array:
@@ -61,11 +72,12 @@ def _gaps_in_contact(law: ContactLaw, compliance: Array, unloaded: Array, pressu
 
     compliance: (3, 3) of the node; unloaded: (3,), its gap without load; pressure: characteristic one [Pa].
     """
-    normal = -pressure * _PRESSURES
-    friction = np.zeros((len(normal), 2))
-    step = 1.0 / np.linalg.eigvalsh(compliance[:2, :2]).max()
+    contact = -pressure * _TRIALS
+    normal = contact + attraction(law, np.zeros(1))
+    friction, scaling = np.zeros((len(normal), 2)), law.tangential_scaling()
+    step = 1.0 / max(np.linalg.norm(compliance[:2, :2] @ scaling, 2), np.finfo(float).tiny)
     for _ in range(_SWEEPS):
         slip = unloaded[:2] - friction @ compliance[:2, :2].T - normal[:, None] * compliance[:2, 2]
-        friction = law.project(np.column_stack([friction + step * slip, normal]))[:, :2]
+        friction = law.project(np.column_stack([friction + step * (slip @ scaling), contact]))[:, :2]
     gaps: Array = unloaded[2] - friction @ compliance[2, :2] - normal * compliance[2, 2]
     return gaps

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from meeframe_laws.adhesive import DMT
 from meeframe_laws.friction import CappedCoulomb, Tresca
 
 from meeframe.contact.problem import Status
@@ -38,6 +39,9 @@ def increment(law, overlap, slip):
         (Tresca(LIMIT), 1.1 * LIMIT * COUPLING, SLIP, False),  # it touches in spite of the friction
         (Tresca(LIMIT), 0.9 * LIMIT * COUPLING, -SLIP, False),  # friction presses it down
         (Tresca(LIMIT), -0.1, SLIP, False),  # it is open
+        (DMT(0.05, 1.0, mu=np.inf), -0.05, SLIP, True),  # attraction alone closes it
+        (DMT(0.05, 1.0, mu=np.inf), -0.05, -SLIP, False),
+        (DMT(0.05, 1.0, mu=np.inf), -0.2, SLIP, False),
         (CappedCoulomb(10.0, LIMIT), 0.9 * LIMIT * COUPLING, SLIP, False),
     ],
 )
