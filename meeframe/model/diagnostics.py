@@ -157,8 +157,8 @@ def diagnostics(
             if lifted is not None:
                 position = ", ".join(f"{value:.4g}" for value in zone.points[lifted])
                 lifts = (
-                    f"at the node at ({position}) m under the loads found elsewhere: it overlaps without load, and "
-                    "shear lifts it under any pressure"
+                    f"at the node at ({position}) m under the loads found elsewhere: open, it would overlap, and in "
+                    "contact shear lifts it under any pressure"
                 )
             yield (
                 f"the friction limit of the law jumps where contact begins, so that no state exists {lifts}: use a "
