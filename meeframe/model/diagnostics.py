@@ -18,6 +18,7 @@ from meeframe.mesh.measures import corners
 from meeframe.mesh.regular import GridCells, grid_shape, outermost_cells
 from meeframe.model.heat_diagnostics import heat_diagnostics
 from meeframe.model.kinematics import Increment, IndenterKinematics
+from meeframe.model.lifted_nodes import lifted_node
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
 from meeframe.plugin.hookspecs import PROJECT
 from meeframe.plugin.sources import BUNDLED_PACKAGES
@@ -110,7 +111,11 @@ class Diagnostics:
         sides = sides_reached(result, self.zone_boundary) if result.status is Status.CONVERGED else 0
         # contact that reaches the boundary already implies an overlap of the whole zone
         warnings = list(preflight(kinematics)) if warns and not sides else []
-        sentences = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(warnings)))
+        law = increment.problem.contact_law
+        lifted = None
+        if result.status is not Status.CONVERGED and limit_jumps(law, result.traction):
+            lifted = lifted_node(increment, result)
+        sentences = list(diagnostics(zone, result, law, sides, distant=bool(warnings), lifted=lifted))
         if self._body.expands:
             sentences += heat_diagnostics(self._body, increment, result, kinematics.system.weights)
         if increment.rolling is not None and (result.touching & increment.rolling.cell_shift.entering).any():
@@ -131,11 +136,13 @@ def with_message(result: StepResult, sentences: Iterable[str]) -> StepResult:
     return replace(result, message="; ".join([result.message, *sentences]))
 
 
-def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False) -> Iterator[str]:
+def diagnostics(
+    zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False, lifted: int | None = None
+) -> Iterator[str]:
     """Yield diagnostics of an increment, each in words.
 
     law: that of the increment; sides: number of sides at the zone boundary that the contact has reached; distant: the
-    distance of an indenter without contact is reported elsewhere.
+    distance of an indenter without contact is reported elsewhere; lifted: node that friction proves to lift.
 
     If the increment did not converge: a reason that lies in the law, and its consequences. Otherwise: nothing touches;
     the contact reaches the boundary of its zone, where it is cut off; the indenter has moved further than the theory of
@@ -147,9 +154,16 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
         yield "a law that violates its contract can cause this: `meeframe plugins check FILE.py` tests a plugin"
     if step.status is not Status.CONVERGED:
         if step.status is not Status.DIVERGED and limit_jumps(law, step.traction):
+            lifts = "if shear lifts a node that would touch without it"
+            if lifted is not None:
+                position = ", ".join(f"{value:.4g}" for value in zone.points[lifted])
+                lifts = (
+                    f"at the node at ({position}) m under the loads found elsewhere: open, it would overlap, and in "
+                    "contact shear lifts it under any pressure"
+                )
             yield (
-                "the friction limit of the law jumps where contact begins, so that no state exists if shear lifts a "
-                "node that would touch without it: use a limit in proportion to the pressure, such as capped-coulomb"
+                f"the friction limit of the law jumps where contact begins, so that no state exists {lifts}: use a "
+                "limit in proportion to the pressure, such as capped-coulomb"
             )
         yield "the next increment starts from the last one that converged"
         return

@@ -21,6 +21,7 @@ from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
+from meeframe.model.continuation import Solution, solve_by_continuation
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
@@ -46,7 +47,7 @@ from meeframe.results.records import (
     zone_of,
 )
 from meeframe.results.result import Interrupted, Result
-from meeframe.solvers import StoppingCriteria, solve, solve_to_edges
+from meeframe.solvers import Auto, StoppingCriteria, solve, solve_to_edges
 from meeframe.system.capabilities import Multigrid, ZoneRecovery
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
@@ -320,15 +321,31 @@ class _Subincrement:
         stall_window: that of the solver in this subincrement; by default that of the case.
         """
         step, share = self.step, end - first
-        controls = ramp(self.controls, self.begin, self.prescribed, (self.numbers[1] - 1 + end) / step.increments)
         duration, sliding = (
             None if whole is None else share * whole for whole in (step.increment_duration, step.increment_sliding)
         )
-        planned = self.kinematics.increment(controls, here, duration, self.rolling, sliding)
-        start = _start(planned, self.last, here)
         limits = self.kinematics.case.limits
-        limits = limits if stall_window is None else replace(limits, stall_window=stall_window)
-        return planned, *_solve(self.kinematics, planned, here, start, limits, self.numbers, self.progress)
+
+        def solve_part(part: float, start: ContactState | None, stall_window: int | None) -> Solution:
+            """Solve under a part of the change of the load; slip counts from its beginning all the same."""
+            fraction = (self.numbers[1] - 1 + first + part * share) / step.increments
+            controls = ramp(self.controls, self.begin, self.prescribed, fraction)
+            planned = self.kinematics.increment(controls, here, duration, self.rolling, sliding)
+            start = _start(planned, self.last, here) if start is None else start
+            bounds = limits if stall_window is None else replace(limits, stall_window=stall_window)
+            return planned, *_solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress)
+
+        solution = solve_part(1.0, None, stall_window)
+        if stall_window is not None or not self._may_continue(solution[2]):
+            return solution
+        window = max(1, self.kinematics.case.solver.stall_window // 8)
+        return solve_by_continuation(partial(solve_part, stall_window=window), solution)
+
+    def _may_continue(self, result: StepResult) -> bool:
+        """Return whether `auto` may look for another way to a result that it did not reach."""
+        is_steady = self.rolling is not None and self.rolling.is_steady
+        is_auto = isinstance(self.kinematics.case.solver, Auto)
+        return is_auto and not is_steady and result.status not in (Status.CONVERGED, Status.ITERATION_LIMIT)
 
 
 def _solve(

@@ -71,7 +71,7 @@ def draw(seed: int, folder: Path, solver: str = "auto") -> str:
         case["contact"]["axes"] = {"direction": [float(value) for value in random.normal(size=3)]}
     if conductivity:
         case["conductivity"] = conductivity
-    case["solver"] = {"name": solver, "max_iterations": 150}
+    case["solver"] = {"name": solver, "max_iterations": 1000, "stall_window": 120}
     case["output"] = {"figures": False, "vtu": False, "fields": ["slip", "total_slip", "slip_path"]}
     case["steps"] = _steps(random, magnitudes, law, conductivity)
     return toml_text(case)

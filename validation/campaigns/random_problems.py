@@ -40,7 +40,7 @@ REASONS: Final = (
     "more than friction bears",
     "add up to the prescribed forces",
     "does not touch",
-    "jumps where contact begins",
+    "shear lifts it under any pressure",
     "no node conducts it",
 )
 """Words in the message of an increment that did not converge which state a reason that no solver can remove."""

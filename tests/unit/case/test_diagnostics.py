@@ -233,4 +233,7 @@ def test_friction_limits_that_jump_are_a_reason(synthetic, law, jumps):
     assert limit_jumps(law, step.traction) == jumps
     sentences = list(diagnostics(synthetic.zone(), step, law))
     assert any("jumps where contact begins" in sentence for sentence in sentences) == jumps
+    assert not any("shear lifts it" in sentence for sentence in sentences)
+    proven = list(diagnostics(synthetic.zone(), step, law, lifted=7))
+    assert any("the node at (0, -0.001, 0) m" in sentence for sentence in proven) == jumps
     assert sentences[-1] == "the next increment starts from the last one that converged"
