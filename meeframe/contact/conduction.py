@@ -90,7 +90,7 @@ def resistances(
 
 
 def closed_resistances(problem: ContactProblem, pressure: float) -> Array:
-    """Return the resistances (fields,) of contact at a pressure [Pa]; zero where it conducts perfectly or not at all."""
+    """Return the resistances (fields,) of contact at a pressure [Pa]; zero if it conducts perfectly or not at all."""
     pressed = np.array([-pressure])
     resistance = np.zeros(problem.fields.size)
     for field, channel in enumerate(problem.channels, N_MECHANICAL):

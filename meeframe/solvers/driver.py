@@ -11,8 +11,8 @@ from meeframe.common.blas import ONE_BLAS_THREAD
 from meeframe.common.memory import keep_freed_memory
 from meeframe.contact.conduction import MIN_TRACTION
 from meeframe.contact.free_motion import reachable_start
+from meeframe.contact.generated_heat import heat_moves_surface
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
-from meeframe.fields import N_MECHANICAL, THERMAL_FIELD
 from meeframe.laws.base import contact_conductivity
 from meeframe.solvers.stopping import ConvergenceMonitor, StoppingCriteria
 from meeframe.system.capabilities import EdgeResolution, IndenterEdge
@@ -91,8 +91,10 @@ def solve_to_edges(
         Problem that it solves.
     """
     solution, last = solve(problem, solver, criteria, start, progress), problem
-    for _ in range(2 if _heat_moves_surface(problem) else 1):
-        resolved = resolve_edges(problem, solution.state, indenter_edge) if solution.status is Status.CONVERGED else None
+    for _ in range(2 if heat_moves_surface(problem) else 1):
+        resolved = (
+            resolve_edges(problem, solution.state, indenter_edge) if solution.status is Status.CONVERGED else None
+        )
         if resolved is None:
             break
         solution, last = solve(resolved, solver, criteria, solution.state, progress), resolved
@@ -127,14 +129,6 @@ def resolve_edges(
     area_fraction = np.where(np.isfinite(gap), correction.area_fraction, 0.0)
     return replace(
         problem, system=correct_edge(problem.system, correction.extra_compliance), gap=gap, area_fraction=area_fraction
-    )
-
-
-def _heat_moves_surface(problem: ContactProblem) -> bool:
-    """Return whether heat that may flow through the contact has an effect on the normal displacement."""
-    return any(
-        name == THERMAL_FIELD.name and channel.is_conducting and bool(problem.system.diagonal_blocks()[:, 2, field].any())
-        for field, (name, channel) in enumerate(zip(problem.fields.names, problem.channels, strict=True), N_MECHANICAL)
     )
 
 

@@ -87,8 +87,7 @@ class ContactResidual:
     series : Array
         (fields,), resistances of the contact that the inverse includes, zero in fields without one.
     inverse : callable or None
-        Approximate inverse of the system in these fields, with these resistances in series; None if it has none or is
-        stored as a matrix.
+        Approximate inverse of the system in these fields, with the resistances; None if there is none, or a matrix.
     count : int
         Number of nodes of the whole zone; nodes without an equation have zero residual.
     """
