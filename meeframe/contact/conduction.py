@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.problem import ContactProblem
-from meeframe.fields import POTENTIALS, Array
+from meeframe.fields import N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import ConductivityLaw, contact_conductivity
 from meeframe.system.capabilities import diagonal
 
@@ -87,6 +87,16 @@ def resistances(
         if problem.area_fraction is None
         else _with_area_fraction(problem, problem.area_fraction, normal_traction, resistance)
     )
+
+
+def closed_resistances(problem: ContactProblem, pressure: float) -> Array:
+    """Return the resistances (fields,) of contact at a pressure [Pa]; zero if it conducts perfectly or not at all."""
+    pressed = np.array([-pressure])
+    resistance = np.zeros(problem.fields.size)
+    for field, channel in enumerate(problem.channels, N_MECHANICAL):
+        conductivity = float(contact_conductivity(channel.law, pressed)[0])
+        resistance[field] = 1.0 / conductivity if 0.0 < conductivity < np.inf else 0.0
+    return resistance
 
 
 def unloaded(relative_displacement: Array, flux: Array, self_compliance: Array) -> Array:

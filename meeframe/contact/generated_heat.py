@@ -25,6 +25,15 @@ def thermal_channel(problem: ContactProblem) -> int | None:
     return problem.fields.names.index(THERMAL_FIELD.name)
 
 
+def heat_moves_surface(problem: ContactProblem) -> bool:
+    """Return whether heat that may flow through the contact has an effect on the normal displacement."""
+    if THERMAL_FIELD.name not in problem.fields.names:
+        return False
+    channel = problem.fields.names.index(THERMAL_FIELD.name)
+    response = problem.system.diagonal_blocks()[:, 2, N_MECHANICAL + channel]
+    return problem.channels[channel].is_conducting and bool(response.any())
+
+
 def heat_factors(problem: ContactProblem) -> dict[int, float]:
     """Return the heat into the body per load times relative displacement, by the column of the field."""
     factors = dict.fromkeys(range(*TANGENTIAL.indices(N_MECHANICAL)), problem.friction_heat)

@@ -11,6 +11,7 @@ from meeframe.common.blas import ONE_BLAS_THREAD
 from meeframe.common.memory import keep_freed_memory
 from meeframe.contact.conduction import MIN_TRACTION
 from meeframe.contact.free_motion import reachable_start
+from meeframe.contact.generated_heat import heat_moves_surface
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
 from meeframe.laws.base import contact_conductivity
 from meeframe.solvers.stopping import ConvergenceMonitor, StoppingCriteria
@@ -72,7 +73,8 @@ def solve_to_edges(
 ) -> tuple[ContactSolution, ContactProblem]:
     """Solve a problem, then once more with the contact edge between nodes if the system resolves edges.
 
-    The second solution is computed where a load is singular at the edge.
+    The second solution is computed where a load is singular at the edge. Heat through the contact that moves the
+    surface also moves the edge, which is then located and the problem solved once more.
 
     Parameters
     ----------
@@ -88,13 +90,15 @@ def solve_to_edges(
     ContactProblem
         Problem that it solves.
     """
-    solution = solve(problem, solver, criteria, start, progress)
-    if solution.status is not Status.CONVERGED:
-        return solution, problem
-    edge_problem = resolve_edges(problem, solution.state, indenter_edge)
-    if edge_problem is None:
-        return solution, problem
-    return solve(edge_problem, solver, criteria, solution.state, progress), edge_problem
+    solution, last = solve(problem, solver, criteria, start, progress), problem
+    for _ in range(2 if heat_moves_surface(problem) else 1):
+        resolved = (
+            resolve_edges(problem, solution.state, indenter_edge) if solution.status is Status.CONVERGED else None
+        )
+        if resolved is None:
+            break
+        solution, last = solve(resolved, solver, criteria, solution.state, progress), resolved
+    return solution, last
 
 
 def resolve_edges(

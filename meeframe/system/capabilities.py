@@ -88,6 +88,24 @@ class ApproximateInverse(ABC):
             for these fields.
         """
 
+    def series_inverse(self, fields: Sequence[int], resistances: Array) -> Callable[[Array], Array] | None:
+        """Return an approximate inverse of the compliance in series with resistances; None, its absence, by default.
+
+        Parameters
+        ----------
+        fields : sequence of int
+            Numbers of k fields.
+        resistances : Array
+            (k,), the same at all nodes, of a poorly conducting contact. Each adds its product with the load of its
+            field to the displacement.
+
+        Returns
+        -------
+        callable or None
+            Linear map from the sums (n, k) to loads (n, k) that cause them.
+        """
+        return None
+
     def prolongation(self, nodes: Indices) -> "Prolongation | None":
         """Return a prolongation of displacements from some nodes to all nodes; None, for that by zeros, by default.
 

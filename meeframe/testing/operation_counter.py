@@ -88,6 +88,10 @@ class OperationCounter(
         """Return the approximate inverse of the inner system."""
         return self._inner(ApproximateInverse).approximate_inverse(fields)
 
+    def series_inverse(self, fields: Sequence[int], resistances: Array) -> Callable[[Array], Array] | None:
+        """Return that of the inner system."""
+        return self._inner(ApproximateInverse).series_inverse(fields, resistances)
+
     def prolongation(self, nodes: Indices) -> Prolongation | None:
         """Return that of the inner system."""
         return self._inner(ApproximateInverse).prolongation(nodes)

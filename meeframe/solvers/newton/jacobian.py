@@ -76,6 +76,11 @@ class ReducedJacobian:
         return self.equation.load_units[self.components]
 
     @property
+    def series(self) -> list[float]:
+        """Resistances that the inverse includes, times the units, by the row of the load."""
+        return (self.equation.series[self.fields] * self.units[: len(self.fields)]).tolist()
+
+    @property
     def fields(self) -> list[int]:
         """Components that are loads."""
         return [component for component in self.components if component < self.equation.problem.fields.size]

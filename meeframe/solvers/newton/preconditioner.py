@@ -54,14 +54,11 @@ def preconditioner(jacobian: ReducedJacobian) -> Linear:
     for field in range(N_MECHANICAL, n_fields):
         if field in jacobian.components:
             row = jacobian.components.index(field)
-            conducting = between[coupled[row, between]]
-            a = a.with_entries(row, row, conducting, 0.0)
-            b = b.with_entries(
-                row,
-                jacobian.displacement_fields.index(field),
-                conducting,
-                1.0 / jacobian.equation.scales.drop[field - N_MECHANICAL],
-            )
+            conducting, channel = between[coupled[row, between]], field - N_MECHANICAL
+            own = jacobian.equation.self_compliance[jacobian.nodes[conducting], channel]
+            share = own / (own + jacobian.equation.series[field]) / jacobian.equation.scales.drop[channel]
+            a = a.with_entries(row, row, conducting, share * jacobian.series[row])
+            b = b.with_entries(row, jacobian.displacement_fields.index(field), conducting, share)
     solve = _solution_of_loads(replace(jacobian, a=a, b=b, coupled=coupled))
     fraction_row = np.array([a.entry(last, column)[between] for column in range(last + 1)], jacobian.precision)
     jumps = np.zeros(coupled.shape, jacobian.precision)
@@ -234,7 +231,8 @@ def _displacement_rows(jacobian: ReducedJacobian, self_compliance: NodeBlocks) -
     for position, field in enumerate(fields):
         if field in jacobian.equation.loaded:
             column = jacobian.displacement_fields.index(field)
-            displaced = np.abs(jacobian.b.entry(position, column) * self_compliance.entry(column, position))
+            own = self_compliance.entry(column, position) + jacobian.series[position]
+            displaced = np.abs(jacobian.b.entry(position, column) * own)
             threshold = np.abs(jacobian.a.entry(position, position)) / (
                 MAX_TANGENTIAL_RATIO if field in TANGENTIAL else 1.0
             )
@@ -262,7 +260,7 @@ def _prescribed_displacements(jacobian: ReducedJacobian, self_compliance: NodeBl
     """Return the displacements (l, c), in the fields of the loads, that right-hand sides (r, c) prescribe.
 
     The right-hand sides are those of the rows `prescribing` (l, c). The displacements are those that loads cause at
-    their own node if they satisfy its rows alone.
+    their own node if they satisfy its rows alone, and the drops of the resistances that the inverse includes.
     """
     positions = [jacobian.displacement_fields.index(field) for field in jacobian.fields]
     causes = [self_compliance.entry(column, position) for position, column in enumerate(positions)]
@@ -275,7 +273,8 @@ def _prescribed_displacements(jacobian: ReducedJacobian, self_compliance: NodeBl
     equations = jacobian.a.plus(NodeBlocks(by_cause, prescribing.shape))
     inverses = equations.inverses(prescribing)
     return NodeBlocks(
-        {position: causes[position[0]] * entry for position, entry in inverses.entries.items()}, prescribing.shape
+        {(i, j): (causes[i] + jacobian.series[i]) * entry for (i, j), entry in inverses.entries.items()},
+        prescribing.shape,
     )
 
 

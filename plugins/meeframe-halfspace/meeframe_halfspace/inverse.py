@@ -15,7 +15,9 @@ NEGLIGIBLE: Final = 1e-5
 """Entries this small relative to those of both fields alone are treated as zero."""
 
 
-def wave_inverse(convolution: Convolution, fields: Sequence[int], waves: Symbol | None = None) -> Convolution:
+def wave_inverse(
+    convolution: Convolution, fields: Sequence[int], waves: Symbol | None = None, resistances: Array | None = None
+) -> Convolution:
     """Return the convolution that gives the loads of k fields for their displacements.
 
     On a periodic grid it is exact. On a free grid of p padded nodes along an axis, the p / 2 nodes respond to waves as
@@ -24,6 +26,7 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int], waves: Symbol 
 
     waves: symbol on the padded grid from which the inverse is made in place of that of the convolution. The latter has
     errors of the order of the response at the end of the grid, which is large for a hard film on a soft substrate.
+    resistances: (k,) in series with the response of each field to its own load; none by default.
     """
     source = convolution.symbol if waves is None else waves
     single, k, padded = np.dtype(np.float32), len(fields), convolution.padded
@@ -52,6 +55,8 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int], waves: Symbol 
             if column != row:
                 matrix[row, column].imag = layout.sign[field, other] * entry(int(layout.imaginary[field, other]), -1.0)
                 matrix[column, row] = matrix[row, column].conj()
+    for row, resistance in enumerate([] if resistances is None else resistances / np.diag(convolution.scale)[fields]):
+        matrix[row, row].real += resistance
     _invert(matrix)
     nonzero: dict[int, Array] = {}
     alone = [np.sqrt(np.abs(matrix[row, row]).max()) for row in range(k)]

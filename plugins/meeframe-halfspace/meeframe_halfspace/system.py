@@ -202,7 +202,11 @@ class HalfSpaceSystem(
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Return the inverse of each wave, in single precision."""
-        made, chosen = cache(partial(wave_inverse, self.convolution, fields, self.waves)), list(fields)
+        return self.series_inverse(fields, np.zeros(len(fields)))
+
+    def series_inverse(self, fields: Sequence[int], resistances: Array) -> Callable[[Array], Array]:
+        """Return the inverse of each wave with resistances (k,) in series, in single precision."""
+        made, chosen = cache(partial(wave_inverse, self.convolution, fields, self.waves, resistances)), list(fields)
 
         def inverse(displacement: Array) -> Array:
             # made at the first call: entries in double precision, from which it takes less time, may exist by then

@@ -120,7 +120,7 @@ def test_hot_sphere_in_closed_form(potentials: Potentials, cells: int) -> None:
 
     The heat flux is singular at the contact edge, whose position is uncertain by a fraction of a spacing; the force has
     no such part, and its error is smaller. The magnetic flux is the difference of a part of the shape, three times as
-    large, and one of the heat, and therefore needs a finer grid.
+    large, and one of the heat, so that its error is larger.
     """
     exact = HotIndentation(*surface(COMPOSITE), Sphere(R), A, TEMPERATURE, potentials, REFERENCE_RADIUS)
     given = (potentials[0] or 0.0, potentials[1] or 0.0, TEMPERATURE)
@@ -128,10 +128,10 @@ def test_hot_sphere_in_closed_form(potentials: Potentials, cells: int) -> None:
         COMPOSITE, sphere, exact.solved_approach, cells, conduction(potentials), given, edges="resolved"
     )
     result = totals(problem, solved(problem))
-    tolerance = 0.06 / cells
+    tolerance = 0.032 / cells  # 5e-4 at 64 cells
     assert -result[2] == pytest.approx(exact.force, rel=tolerance / 8.0)
     assert result[3] == pytest.approx(exact.totals[1], rel=tolerance / 8.0)
-    assert result[4] == pytest.approx(exact.totals[2], rel=tolerance if cells == 20 else 0.09 / cells)
+    assert result[4] == pytest.approx(exact.totals[2], rel=2.0 * tolerance)
     assert result[5] == pytest.approx(exact.heat, rel=tolerance)
 
 

@@ -11,7 +11,7 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import potential_diagonal
 from meeframe.contact.problem import ContactProblem, ContactSolution, Status
 from meeframe.elements import Quad4
-from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, StepConductivity
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.material import library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
@@ -72,6 +72,35 @@ def test_approximate_inverse_recovers_load(periodic) -> None:
     computed = system.approximate_inverse(fields)(system.apply(load))
     error = np.abs(computed - load) / np.abs(load).max(axis=0)
     assert error[slice(None) if periodic else inside].max() < (1e-5 if periodic else 0.05)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_resistances_in_series(periodic) -> None:
+    """The load is recovered from displacements to which resistances of up to 20 own responses add their drops."""
+    system = reduced(32, periodic=periodic)
+    x, y, _ = system.points.T
+    own = np.diagonal(system.diagonal_blocks()[0])
+    inside = np.hypot(x, y) < 0.3 * WIDTH
+    load = np.random.default_rng(3).normal(size=system.offset.shape) * inside[:, None] / np.abs(own) ** 0.5
+    resistances = own * [0.0, 0.0, 0.0, 20.0, 3.0]
+    computed = system.series_inverse(range(5), resistances)(system.apply(load) + resistances * load)
+    error = np.abs(computed - load) / np.abs(load).max(axis=0)
+    assert error[slice(None) if periodic else inside].max() < (1e-5 if periodic else 0.05)
+
+
+def test_poor_conduction_takes_few_products(monkeypatch) -> None:
+    """With the resistances of the contact in the approximate inverse; the solution is the same."""
+    products, states = [], []
+    for included in (True, False):
+        if not included:
+            monkeypatch.setattr(OperationCounter, "series_inverse", lambda *_: None)
+        counter = OperationCounter.of(reduced(96))
+        states.append(solve_contact(dragged(counter, Signorini(), (0.06, 0.06)), tolerance=1e-9).state)
+        products.append(len(counter.products))
+    assert products[0] < 0.8 * products[1]
+    assert np.abs(states[0].load - states[1].load).max(axis=0) == pytest.approx(
+        np.zeros(5), abs=1e-6 * np.abs(states[1].load).max()
+    )
 
 
 @pytest.mark.parametrize("periodic", [False, True])
