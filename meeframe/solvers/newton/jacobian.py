@@ -78,7 +78,7 @@ class ReducedJacobian:
     @property
     def series(self) -> list[float]:
         """Resistances that the inverse includes, times the units, by the row of the load."""
-        return (self.equation.series[self.fields] * self.units[: len(self.fields)]).tolist()
+        return list(self.equation.series[self.fields] * self.units[: len(self.fields)])
 
     @property
     def fields(self) -> list[int]:

@@ -185,32 +185,10 @@ def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rig
 def _krylov_step(
     equation: ContactResidual, blocks: Linearization, coupled: Mask, prescribed: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Return the Newton step by Krylov iteration.
+    """Return the Newton step (n, fields + 1) and the amounts (m,) of the motions by Krylov iteration.
 
-    Parameters
-    ----------
-    equation : ContactResidual
-        Equation of n nodes.
-    blocks : Linearization
-        Its linearisation.
-    coupled : Mask
-        (n, fields + 1), coupled rows.
-    prescribed : Array
-        (n, fields + 1), step in the decoupled rows.
-    tolerance : float
-        Fraction of the residual that may be left.
-
-    Returns
-    -------
-    step : Array
-        (n, fields + 1).
-    amounts : Array
-        (m,), amounts of the free motions, in characteristic units.
-
-    Raises
-    ------
-    LinAlgError
-        If the equations are not finite.
+    coupled: (n, fields + 1), coupled rows; prescribed: (n, fields + 1), step in the other rows; tolerance: fraction of
+    the residual that may be left. Raises LinAlgError if the equations are not finite.
     """
     jacobian = ReducedJacobian.of(
         equation, blocks, coupled, np.dtype(np.float32 if tolerance >= MIN_SINGLE_TOLERANCE else np.float64)

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 import scipy  # submodules are loaded on first use
 
+from meeframe.common.sparse import sparse_inverse
 from meeframe.contact.conduction import Mask
 from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.solvers.cg.normal_modes import NORMAL
@@ -66,7 +67,7 @@ def preconditioner(jacobian: ReducedJacobian) -> Linear:
     touched, responses = _responses_nearby(solve, jumps, jacobian, between)
     positions = np.arange(jumps.size).reshape(jumps.shape)[:, between]
     couplings = (responses[np.searchsorted(touched, numbers)] for numbers in positions)
-    inverse = _sparse_inverse(
+    inverse = sparse_inverse(
         sum(scipy.sparse.diags_array(row) @ coupling for row, coupling in zip(fraction_row, couplings, strict=True)),
         jacobian.precision,
     )
@@ -81,25 +82,6 @@ def preconditioner(jacobian: ReducedJacobian) -> Linear:
         return solution.ravel()
 
     return precondition
-
-
-def _sparse_inverse(matrix: Any, precision: np.dtype[Any]) -> Linear:
-    """Return the inverse of a matrix (g, g) between its rows and columns that are not zero; zero if it is singular."""
-    largest = np.abs(matrix)
-    least = len(largest.indptr) * float(np.finfo(precision).eps) * largest.max()
-    rows, columns = (largest.max(axis=axis).toarray().ravel() > least for axis in (1, 0))
-    nonzero = np.flatnonzero(rows & columns)
-    try:
-        factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(matrix[nonzero][:, nonzero], dtype=float))
-    except RuntimeError:
-        return np.zeros_like
-
-    def solve(values: Array) -> Array:
-        solution = np.zeros_like(values)
-        solution[nonzero] = factors.solve(values[nonzero].astype(float))
-        return solution
-
-    return solve
 
 
 def _responses_nearby(solve: Linear, jumps: Array, jacobian: ReducedJacobian, nodes: Indices) -> tuple[Indices, Any]:
