@@ -98,7 +98,6 @@ def test_key_of_a_point_contains_everything_relevant(point):
     [
         (None, "indenter.radius: TOML does not support values of type NoneType: None"),
         ([10**5000], "indenter.radius[1]: an integer of 16610 binary digits"),
-        (np.float32(0.1), "radius"),
         (np.array([0.1, 0.2]), "radius"),
     ],
 )
