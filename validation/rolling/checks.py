@@ -100,12 +100,13 @@ def ellipse() -> Iterator[Item]:
 
 
 def unlike_cylinders(friction: float, spacing: float, nodes: int) -> tuple[float, float]:
-    """Return the creepage and the largest pressure [Pa] of unlike cylinders that roll without a tangential force."""
-    length = 1.0
-    force = LINE_FORCE * length
-    steps = [meeframe.Step(normal_force=force), meeframe.Step(tangential_force=[0.0, 0.0]), steady()]
-    spacings, grid, radii = (spacing, length), (nodes, 2), (LINE_RADIUS, 1e9)
-    result = roll(*STEEL, spacings, grid, radii, friction, steps, other=ALUMINIUM)
+    """Return the creepage and the largest pressure [Pa] of unlike cylinders that roll without a tangential force.
+
+    They touch along 1 m, which two rows of nodes at its ends share, so that strains are plane.
+    """
+    steps = [meeframe.Step(normal_force=LINE_FORCE), meeframe.Step(tangential_force=[0.0, 0.0]), steady()]
+    radii = LINE_RADIUS, 1e9
+    result = roll(*STEEL, (spacing, 1.0), (nodes, 2), radii, friction, steps, other=ALUMINIUM)
     creepage = rolling_totals(result.zone, result[-1])["creepage"][0]
     return float(creepage), -float(result[-1].traction[:, 2].min())
 

@@ -66,6 +66,12 @@ def page(records: Sequence[dict[str, Any]]) -> str:
         "printed": ", ".join(str(value) for value in KALKER),
         "kalker": f"{100.0 * kalker:.1f}",
         "ellipses": table(ellipses, "ratio", "$a/b$"),
+        "other grids": "".join(
+            f"The values for $a/b$ = {record['ratio']:.3g} are from {len(record['across'])} grids, from "
+            f"{record['across'][0]:g} to {record['across'][-1]:g} spacings. "
+            for record in ellipses
+            if len(record["across"]) != GRIDS
+        ),
         "convergence": _convergence(ellipses),
     }.items():
         text = text.replace(f"<!-- {name} -->", words)
@@ -74,13 +80,13 @@ def page(records: Sequence[dict[str, Any]]) -> str:
 
 def _convergence(records: Sequence[dict[str, Any]]) -> str:
     """Return a table of the differences from the limit on three grids."""
-    chosen = 0, GRIDS // 2, GRIDS - 1
-    across = ", ".join(f"{records[0]['across'][grid]:.0f}" for grid in chosen)
-    lines = [f"| $a/b$, {across} spacings across | {' | '.join(NAMES)} |", "| --- " * (1 + len(NAMES)) + "|"]
+    lines = [f"| $a/b$ | spacings across | {' | '.join(NAMES)} |", "| --- " * (2 + len(NAMES)) + "|"]
     for record in records:
-        errors = 100.0 * (np.array(record["coefficients"])[list(chosen)] / limits(record)[0] - 1.0)
+        chosen = [0, len(record["across"]) // 2, -1]
+        across = ", ".join(f"{record['across'][grid]:.0f}" for grid in chosen)
+        errors = 100.0 * (np.array(record["coefficients"])[chosen] / limits(record)[0] - 1.0)
         cells = (", ".join(f"{error:+.2f}" for error in column) for column in errors.T)
-        lines.append(f"| {record['ratio']:.3g} | {' | '.join(cells)} |")
+        lines.append(f"| {record['ratio']:.3g} | {across} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
