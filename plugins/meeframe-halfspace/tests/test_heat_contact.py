@@ -241,19 +241,32 @@ FRICTION = 1e-4
 FACTORS = {0.1: 1.177437, 0.3: 1.841996, 0.5: 4.403257}
 
 
-def central_pressure(heating: float) -> tuple[float, float]:
-    """Return force and central pressure of a sliding sphere in units of Hertz's, by the integral equation.
+def heating_operator() -> tuple[Array, Array, Array]:
+    """Return nodes and weights of a rule on (0, 1), and the matrix of integral of G(y) ln|(x + y) / (x - y)| dy.
 
-    G(x) = 2 x + heating integral of G(y) ln|(x + y) / (x - y)| dy, with the singularity subtracted.
+    The singularity is subtracted.
     """
     nodes, weights = np.polynomial.legendre.leggauss(400)
     x, w = (nodes + 1.0) / 2.0, weights / 2.0
     same = np.eye(len(x), dtype=bool)
     kernel = np.where(same, 0.0, np.log((x[:, None] + x) / np.where(same, 1.0, np.abs(x[:, None] - x))))
     whole = (1.0 + x) * np.log(1.0 + x) - (1.0 - x) * np.log(1.0 - x) - 2.0 * x * np.log(x)
-    matrix = np.eye(len(x)) - heating * (kernel * w + np.diag(whole - kernel @ w))
-    g = np.linalg.solve(matrix, 2.0 * x)
+    return x, w, kernel * w + np.diag(whole - kernel @ w)
+
+
+def central_pressure(heating: float) -> tuple[float, float]:
+    """Return force and central pressure of a sliding sphere in units of Hertz's, by the integral equation.
+
+    G(x) = 2 x + heating integral of G(y) ln|(x + y) / (x - y)| dy.
+    """
+    x, w, operator = heating_operator()
+    g = np.linalg.solve(np.eye(len(x)) - heating * operator, 2.0 * x)
     return float(1.5 * w @ (x * g)), float(0.5 * w @ (g / x))
+
+
+def test_critical_frictional_heat() -> None:
+    """Beyond the inverse of the largest eigenvalue of the integral equation there is no solution."""
+    assert 1.0 / np.abs(np.linalg.eigvals(heating_operator()[2])).max() == pytest.approx(CRITICAL, rel=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -287,7 +300,7 @@ def test_frictional_heating_of_a_sliding_sphere(heating: float, cells: int) -> N
     result = totals(problem, solution)
     assert result[5] == pytest.approx(-FRICTION * speed * force, rel=1e-6)
     hertz = 2.0 * MODULUS * A / (np.pi * R)
-    assert -solution.state.load[:, 2].min() == pytest.approx(central * hertz, rel=1e-3 if cells >= 20 else 2e-3)
+    assert -solution.state.load[:, 2].min() == pytest.approx(central * hertz, rel=1e-4 if cells == 64 else 1e-3 if cells >= 20 else 2e-3)
     area = problem.system.weights @ (solution.state.load[:, 2] < 0.0)
     assert np.sqrt(area / np.pi) == pytest.approx(A, rel=0.15 / cells)
     with pytest.raises(CaseError, match="cannot include the heat of friction"):
