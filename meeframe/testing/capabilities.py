@@ -31,6 +31,8 @@ MIN_COSINE: Final = 0.5
 """Smallest cosine between a load inside the zone and the approximate inverse of its displacement."""
 INTERIOR: Final = 0.4
 """Fraction of the half widths of the zone within which approximate inverses are tested."""
+SERIES_RATIO: Final = 3.0
+"""Resistances to the fluxes in series with the compliance, in units of the response of a node to its own load."""
 SINGLE_PRECISION: Final = 1e-4
 """Largest relative error of operations in single precision."""
 BOUNDS: Final = {"float64": ROUND_OFF, "float32": 1e-5}
@@ -117,32 +119,41 @@ def check_fieldwise_apply(system: ReducedSystem) -> None:
 
 
 def check_approximate_inverse(system: ReducedSystem) -> None:
-    """Check that `approximate_inverse` is linear and approximately recovers loads inside the zone."""
+    """Check that `approximate_inverse` is linear and approximately recovers loads inside the zone.
+
+    So does `series_inverse`, with resistances to the fluxes.
+    """
     approximate = system.capability(ApproximateInverse)
     if approximate is None:
         return
     inside = np.asarray((np.abs(_normalized_positions(system)) < INTERIOR).all(axis=1))
     loads = np.random.default_rng(4).normal(size=(2, *system.offset.shape)) * typical_load(system) * inside[:, None]
+    resistances = SERIES_RATIO * np.diagonal(system.diagonal_blocks().mean(axis=0))
     for fields in field_choices(system.n_fields):
-        inverse = approximate.approximate_inverse(fields)
-        if inverse is None:
-            continue
         chosen = list(fields)
         alone = np.zeros_like(loads)
         alone[:, :, chosen] = loads[:, :, chosen]
         displacements = np.array([system.apply(load)[:, chosen] for load in alone])
-        copy = displacements.copy()
-        result = np.array([inverse(displacement) for displacement in displacements])
-        what = f"approximate_inverse in fields {fields}"
-        fits = result.shape == displacements.shape and bool(np.isfinite(result).all())
-        require(fits, f"{what} gives no finite loads (n, k)", result.shape)
-        require(np.array_equal(displacements, copy), f"{what} changes its argument", len(displacements))
-        error = worst(inverse(2.0 * displacements[0] - 3.0 * displacements[1]), 2.0 * result[0] - 3.0 * result[1])
-        require(error < SINGLE_PRECISION, f"{what} is not linear: Krylov iterations would fail", error)
-        unit = typical_load(system)[chosen]
-        pairs = zip(result[:, inside] / unit, alone[:, inside][:, :, chosen] / unit, strict=True)
-        cosine = min(float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum())) for one, other in pairs)
-        require(cosine > MIN_COSINE, f"{what} does not return the loads that cause the displacement", cosine)
+        series = np.where(np.array(chosen) < N_MECHANICAL, 0.0, resistances[chosen])
+        causes, unit = alone[:, :, chosen], typical_load(system)[chosen]
+        for name, inverse, sums in (
+            ("approximate_inverse", approximate.approximate_inverse(fields), displacements),
+            ("series_inverse", approximate.series_inverse(fields, series), displacements + series * causes),
+        ):
+            if inverse is None:
+                continue
+            what, copy = f"{name} in fields {fields}", sums.copy()
+            result = np.array([inverse(each) for each in sums])
+            fits = result.shape == sums.shape and bool(np.isfinite(result).all())
+            require(fits, f"{what} gives no finite loads (n, k)", result.shape)
+            require(np.array_equal(sums, copy), f"{what} changes its argument", len(sums))
+            error = worst(inverse(2.0 * sums[0] - 3.0 * sums[1]), 2.0 * result[0] - 3.0 * result[1])
+            require(error < SINGLE_PRECISION, f"{what} is not linear: Krylov iterations would fail", error)
+            pairs = zip(result[:, inside] / unit, causes[:, inside] / unit, strict=True)
+            cosine = min(
+                float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum())) for one, other in pairs
+            )
+            require(cosine > MIN_COSINE, f"{what} does not return the loads that cause the displacement", cosine)
 
 
 def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:

@@ -55,8 +55,9 @@ def wave_inverse(
             if column != row:
                 matrix[row, column].imag = layout.sign[field, other] * entry(int(layout.imaginary[field, other]), -1.0)
                 matrix[column, row] = matrix[row, column].conj()
-    for row, resistance in enumerate([] if resistances is None else resistances / np.diag(convolution.scale)[fields]):
-        matrix[row, row].real += resistance
+    if resistances is not None:
+        for row, field in enumerate(fields):
+            matrix[row, row].real += resistances[row] / convolution.scale[field, field]
     _invert(matrix)
     nonzero: dict[int, Array] = {}
     alone = [np.sqrt(np.abs(matrix[row, row]).max()) for row in range(k)]

@@ -404,6 +404,10 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
         inverse = self.inner.approximate_inverse(fields)
         return (lambda displacement: -inverse(displacement)) if self.wrong == "approximate_inverse" else inverse
 
+    def series_inverse(self, fields: Sequence[int], resistances: Array) -> Callable[[Array], Array]:
+        wrong = self.wrong == "series_inverse"
+        return self.inner.series_inverse(fields, -2.0 * resistances if wrong else resistances)
+
     def prolongation(self, nodes: Indices) -> Prolongation:
         inner = self.inner.prolongation(nodes)
         if self.wrong == "adjoint of a prolongation":
@@ -438,7 +442,7 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
-    + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal")]
+    + [(name, name) for name in ("approximate_inverse", "series_inverse", "prolong", "weights", "points", "diagonal")]
     + [("single precision", "apply_fields of loads float32")]
     + [("gradients", "are not the derivatives"), ("interior", "do not tend to those of recover at its surface")]
     + [("adjoint of a prolongation", "is not the adjoint"), ("shape of a prolongation", "of the wrong shape")]
