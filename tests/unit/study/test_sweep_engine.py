@@ -13,6 +13,7 @@ from meeframe.common.errors import CaseError, MeshError, PluginFault, ResultErro
 from meeframe.common.toml import toml_text
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.indenters import Sphere
 from meeframe.laws import IsotropicCoulomb
 from meeframe.model import solve
 from meeframe.model.cache import case_key, code_key, system_key
@@ -105,6 +106,11 @@ def test_invalid_values_reject_their_point(point, value, message):
     refused = point(**{"indenter.radius": value})
     assert refused.case is None
     assert message in str(refused.problems[0])
+
+
+def test_numpy_numbers_are_values(point):
+    case = point(**{"indenter.radius": np.float32(0.5)}).case
+    assert case.indenter == Sphere(0.5)
 
 
 def test_points_are_grouped_by_bodies(point):
