@@ -12,7 +12,7 @@ from meeframe.contact.conduction import depends_on_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant
 from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
-from meeframe.system.capabilities import Coarsening, Multigrid
+from meeframe.system.capabilities import Coarsening, Multigrid, diagonal
 from meeframe.system.reduced import ReducedSystem
 
 T = TypeVar("T")
@@ -131,24 +131,15 @@ def nested_start(
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), coarse_state.motion)
 
 
-def with_tension(load: Array, gap: Array, self_compliance: Array) -> Array:
-    """Return a load with a normal tension that grows with the gap where the contact is open.
+def with_tension(problem: ContactProblem, iterate: Iterate, gap: Array) -> Iterate:
+    """Return an iterate with a normal tension where the gap (n,) [m] is open, in proportion to it.
 
     Where the load of a coarse division is interpolated, its normal part then changes sign at the contact edge.
-
-    Parameters
-    ----------
-    load : Array
-        (n, fields).
-    gap : Array
-        (n,) [m].
-    self_compliance : Array
-        (n,), response of each node to its own pressure [m/Pa].
     """
-    is_open = (load[:, 2] == 0.0) & (gap > 0.0) & np.isfinite(gap)
-    load = load.copy(order="K")
-    load[is_open, 2] = gap[is_open] / self_compliance[is_open]
-    return load
+    is_open = (iterate.load[:, 2] == 0.0) & (gap > 0.0) & np.isfinite(gap)
+    load = iterate.load.copy(order="K")
+    load[is_open, 2] = gap[is_open] / diagonal(problem.system, (2,))[is_open, 0]
+    return replace(iterate, load=load)
 
 
 def _resolves_indenter(problem: ContactProblem, coarsening: Coarsening) -> bool:

@@ -80,6 +80,8 @@ def read_mesh(
         check_mesh(mesh)
     except MeshError as error:
         raise MeshError(f"{file}: {error}") from None
+    except OverflowError:
+        raise MeshError(f"{file}: it contains an integer of more than 64 bits; allowed: smaller ones") from None
     return mesh
 
 

@@ -6,9 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.common.errors import CaseError
+from meeframe.common.errors import CaseError, ResultError
 from meeframe.contact.problem import Status
 from meeframe.fields import Array
+from meeframe.indenters.base import RIGID_MOTIONS
 from meeframe.mesh import ContactZone, FrictionAxes
 from meeframe.model.frames import frames_along
 from meeframe.results.files import read_result
@@ -19,6 +20,17 @@ _COINCIDENCE_TOLERANCE: Final = 1e-9
 """Distance below which points coincide, as a fraction of the extent of the contact zone."""
 _SAME_AXES: Final = 1e-6
 """Difference of components of unit vectors below which frames coincide."""
+_CONTINUED: Final = (
+    "traction",
+    "displacement",
+    "potentials",
+    "fluxes",
+    "contact_fraction",
+    "total_slip",
+    "slip_path",
+    "wear",
+)
+"""Fields of an increment that a later run continues from."""
 _SAME_BODY: Final = 1e-6
 """Allowed relative misfit of a state's displacement in the body that continues it."""
 
@@ -39,13 +51,29 @@ class Restart:
 def read_restart(folder: Path, source: str = "") -> Restart:
     """Return the last converged increment of a run; source: by default its folder.
 
-    Raises ResultError if there is no result in the folder, CaseError if nothing in it converged.
+    Raises ResultError if there is no result in the folder or if that of the increment is not finite, CaseError if
+    nothing in it converged.
     """
     result = read_result(folder)
     converged = [step for step in result.steps if step.status is Status.CONVERGED]
     if not converged:
         raise CaseError(f"no increment of the run in {folder} converged; allowed: a run with a converged increment")
+    _check_finite(folder, converged[-1])
     return Restart(source or str(folder), result.zone.points, result.zone.frames, converged[-1])
+
+
+def _check_finite(folder: Path, step: StepResult) -> None:
+    """Raise ResultError if a number that a later run continues from is not finite, as in a damaged file."""
+    loading = step.loading
+    continued = {name: getattr(step, name) for name in _CONTINUED}
+    continued |= {name: getattr(loading, name) for name in RIGID_MOTIONS}
+    continued |= {**loading.scalars, **loading.prescribed, "travel": loading.travel}
+    for name, values in continued.items():
+        if not np.isfinite(values).all():
+            raise ResultError(
+                f"{folder}: {name} of step {step.step}, increment {step.increment} is not finite; allowed: finite "
+                "numbers in an increment to continue"
+            )
 
 
 def check_same_zone(restart: Restart, zone: ContactZone, axes: FrictionAxes | None) -> None:

@@ -344,8 +344,9 @@ def _solve(
 
     start: initial guess of the solver; numbers: of the step and the increment.
     """
-    case, is_steady = kinematics.case, increment.rolling is not None and increment.rolling.is_steady
-    if is_steady and increment.problem.system.capability(Multigrid) is not None:
+    case, rolling = kinematics.case, increment.rolling
+    steady = rolling if rolling is not None and rolling.is_steady else None
+    if steady is not None and increment.problem.system.capability(Multigrid) is not None:
         start = None  # a coarser division is closer than the state before
     if case.wear is None:
         edge = partial(kinematics.indenter_edge, increment)
@@ -354,8 +355,8 @@ def _solve(
         solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
     problem, depth = without_wear(problem, solution.state)
     increment = replace(increment, problem=problem, depth=depth)
-    if increment.rolling is not None and is_steady:
-        increment, solution = kinematics.repeat_steady(increment, increment.rolling, solution)
+    if steady is not None:
+        increment, solution = kinematics.repeat_steady(increment, steady, solution)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))

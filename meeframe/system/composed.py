@@ -208,11 +208,10 @@ class ComposedSystem(
     def capability(self, kind: type[C]) -> C | None:
         """Return the system itself if its bodies allow it to forward a capability, else None.
 
-        Products in some fields need one body that has them. The approximate inverse and its
-        prolongation are those of the first body.
-        Coarsening and restriction need all bodies, coarsening on the same nodes and without extra compliance. Edge
-        resolution needs all bodies, and no correction already in place. Interior fields are those of the first body.
-        Persistence is not forwarded: bodies are stored one by one.
+        Products in some fields need one body that has them. The approximate inverse, its prolongation and interior
+        fields are those of the first body. Coarsening and restriction need all bodies, coarsening on the same nodes
+        and without extra compliance. Edge resolution needs all bodies, and no correction already in place. Persistence
+        is not forwarded: bodies are stored one by one.
         """
         systems, corrected = [term.system for term in self.terms], self.extra_compliance is not None
         has = [system.capability(kind) is not None for system in systems]

@@ -119,6 +119,13 @@ ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
             _constant(projected_cg, "nested_start", lambda problem, solution: None)(),
         ),
     ),
+    "tension": (
+        "tension where the coarse contact is open, in that start",
+        lambda: _together(
+            _constant(method, "with_tension", lambda problem, iterate, gap: iterate)(),
+            _constant(projected_cg, "with_tension", lambda problem, iterate, gap: iterate)(),
+        ),
+    ),
     "neighbourhood": (
         "Newton steps on the part of the zone around the contact",
         _constant(method, "contact_neighbourhood", lambda problem, contact: None),
@@ -164,6 +171,7 @@ FRICTION = {"contact": {"law": {"name": "isotropic-coulomb", "mu": 0.3}}}
 DRAGGED = {**FRICTION, "steps": [{"approach": "50 um", "translation": ["8 um", "3 um"]}]}
 PERFECT = {"name": "step", "kappa": float("inf")}
 BY_STEP = {"conductivity": {"electric": PERFECT, "magnetic": PERFECT}, "indenter": CHARGED}
+ORTHOTROPIC = {"material": {"name": "orthotropic-mee"}}
 POWER = {"name": "power-law", "reference_conductivity": "20 uF/m^2", "reference_pressure": "1 GPa"}
 BY_PRESSURE = {"conductivity": {"electric": POWER}, "indenter": CHARGED}
 
@@ -234,6 +242,7 @@ RUNS: Mapping[str, Record] = {
     "conduction that jumps, 300": grid(300, BY_STEP),
     "conduction by pressure, 300": grid(300, BY_PRESSURE),
     "friction and conduction that jumps, 256": grid(256, BY_STEP, DRAGGED),
+    "friction and conduction, orthotropic, 512": grid(512, BY_STEP, DRAGGED, ORTHOTROPIC),
     "friction and conduction by pressure, 256": grid(256, BY_PRESSURE, DRAGGED),
     "rough, friction, 256": rough(256, ROUGH_DRAGGED),
     "history, friction, 128": history(128, 8),

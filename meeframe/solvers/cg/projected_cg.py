@@ -16,7 +16,7 @@ from meeframe.contact.scales import Scales, problem_scales
 from meeframe.fields import Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.solvers.cg.normal_modes import NORMAL, NormalModes
-from meeframe.system.capabilities import ApproximateInverse, Prolongation, apply_fields, diagonal
+from meeframe.system.capabilities import ApproximateInverse, Prolongation, apply_fields
 
 MAX_STEPS_BETWEEN_RENEWALS: Final = 50
 """Largest number of steps before the gap is recomputed, free of accumulated round-off."""
@@ -175,8 +175,7 @@ def _coarse_solution(problem: ContactProblem, scales: Scales) -> Iterate:
         if memory.estimate <= COARSE_TOLERANCE:
             break
         memory = _take_step(memory)
-    iterate = _iterate(memory)
-    return replace(iterate, load=with_tension(iterate.load, memory.gap, diagonal(problem.system, (NORMAL,))[:, 0]))
+    return with_tension(problem, _iterate(memory), memory.gap)
 
 
 def _take_step(memory: _Memory) -> _Memory:

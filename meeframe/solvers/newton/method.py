@@ -19,7 +19,6 @@ from meeframe.solvers.newton.linear import Step, newton_step
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, contact_neighbourhood
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, ResidualState
 from meeframe.solvers.stopping import StoppingCriteria
-from meeframe.system.capabilities import diagonal
 
 STEP_FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
 """Fractions of a Newton step, tried in turn."""
@@ -271,10 +270,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
         return iterate
     memory = iterate.memory_as(_Memory)
     gap = memory.state.relative_displacement[:, 2]
-    if memory.neighbourhood is not None:
-        inner_gap, gap = gap, np.full(len(problem.gap), np.inf)
-        gap[memory.neighbourhood.nodes] = inner_gap
-    return replace(iterate, load=with_tension(iterate.load, gap, diagonal(problem.system, (2,))[:, 0]))
+    return with_tension(problem, iterate, gap if memory.neighbourhood is None else memory.neighbourhood.scatter(gap))
 
 
 def _is_infeasible(problem: ContactProblem, iterate: Iterate) -> bool:

@@ -68,20 +68,41 @@ def preconditioner(jacobian: ReducedJacobian) -> Linear:
     jumps[:, between] = [-a.entry(row, last)[between] for row in range(last + 1)]
     touched, responses = _responses_nearby(solve, jumps, jacobian, between)
     positions = np.arange(jumps.size).reshape(jumps.shape)[:, between]
-    coupling = responses[np.searchsorted(touched, positions.ravel())].toarray().reshape(*positions.shape, len(between))
-    matrix = np.einsum("jg,jgk->gk", fraction_row, coupling)
-    inverse = np.linalg.pinv(matrix, rcond=len(matrix) * float(np.finfo(matrix.dtype).eps))
+    couplings = (responses[np.searchsorted(touched, numbers)] for numbers in positions)
+    inverse = _sparse_inverse(
+        sum(scipy.sparse.diags_array(row) @ coupling for row, coupling in zip(fraction_row, couplings, strict=True)),
+        jacobian.precision,
+    )
 
     def precondition(values: Array) -> Array:
         right = values.reshape(jacobian.coupled.shape).copy()
         right[pressure, between], right[last, between] = right[last, between], right[pressure, between]
         solution = solve(right)
-        contact_fraction = inverse @ (right[last, between] - (fraction_row * solution[:, between]).sum(axis=0))
+        contact_fraction = inverse(right[last, between] - (fraction_row * solution[:, between]).sum(axis=0))
         solution.ravel()[touched] += responses @ contact_fraction
         solution[last, between] = contact_fraction
         return solution.ravel()
 
     return precondition
+
+
+def _sparse_inverse(matrix: Any, precision: np.dtype[Any]) -> Linear:
+    """Return the inverse of a matrix (g, g) between its rows and columns that are not zero; zero if it is singular."""
+    largest = np.abs(matrix)
+    least = len(largest.indptr) * float(np.finfo(precision).eps) * largest.max()
+    rows, columns = (largest.max(axis=axis).toarray().ravel() > least for axis in (1, 0))
+    nonzero = np.flatnonzero(rows & columns)
+    try:
+        factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(matrix[nonzero][:, nonzero], dtype=float))
+    except RuntimeError:
+        return np.zeros_like
+
+    def solve(values: Array) -> Array:
+        solution = np.zeros_like(values)
+        solution[nonzero] = factors.solve(values[nonzero].astype(float))
+        return solution
+
+    return solve
 
 
 def _responses_nearby(solve: Linear, jumps: Array, jacobian: ReducedJacobian, nodes: Indices) -> tuple[Indices, Any]:

@@ -235,7 +235,7 @@ def _spaced(table: Mapping[str, Any]) -> list[float]:
     scale, ends = table.get("scale", "linear"), (table.get("from"), table.get("to"))
     if unknown := table.keys() - _SPACING:
         raise ValueError(f"unknown key {min(unknown)!r}; allowed: {', '.join(sorted(_SPACING))}")
-    if scale not in _SCALES:
+    if not isinstance(scale, str) or scale not in _SCALES:
         raise ValueError(f"scale = {scale!r}: allowed: {', '.join(_SCALES)}")
     numbers = [end for end in ends if isinstance(end, int | float) and not isinstance(end, bool) and math.isfinite(end)]
     if len(numbers) < 2:

@@ -94,8 +94,9 @@ class MeasuredHeights(Indenter):
 def _modification_time(file: Path) -> int:
     try:
         return os.stat(file).st_mtime_ns
-    except OSError as error:
-        raise CaseError(f"height map {file}: cannot be read: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:  # ValueError for a path with the character NUL
+        reason = getattr(error, "strerror", None) or error
+        raise CaseError(f"height map {file}: cannot be read: {reason}") from None
 
 
 @lru_cache(maxsize=2)

@@ -222,7 +222,8 @@ class HalfSpaceSystem(
         """Return a prolongation whose values decay beyond the nodes."""
         size, positions = self.grid.flat
         levels = MultilevelProlongation.of(size, nodes if positions is None else positions[nodes])
-        shares = None if self.convolution.periodic else self.shares.astype(np.float32)
+        whole = self.convolution.periodic or self._inside
+        shares = None if whole else self.shares.astype(np.float32)
 
         def prolong(values: Array) -> Array:
             prolonged = levels.prolong(values).ravel()

@@ -329,9 +329,10 @@ def test_plane_is_fitted_to_measured_heights_only(tmp_path):
     np.testing.assert_allclose(flat.height(*at), 0.0, atol=1e-15)
 
 
-def test_missing_file(tmp_path):
+@pytest.mark.parametrize("name", ["none.npy", "with\0nul.npy"])
+def test_missing_file(tmp_path, name):
     with pytest.raises(CaseError, match="cannot be read"):
-        MeasuredHeights(tmp_path / "none.npy").height(np.zeros(1), np.zeros(1))
+        MeasuredHeights(tmp_path / name).height(np.zeros(1), np.zeros(1))
 
 
 def test_statistics_of_a_map(tmp_path):

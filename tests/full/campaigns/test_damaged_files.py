@@ -21,7 +21,12 @@ def test_answers_to_damaged_files(name):
     assert any(outcome == "refused" for _, outcome, _ in outcomes)
 
 
-KEPT = {"fclib-bytes": [30023, 30087, 30357], "mesh-hdf5": [30241], "heights-npy": [10240, 11115]}
+KEPT = {
+    "fclib-bytes": [30023, 30087, 30357],
+    "mesh-hdf5": [30241],
+    "heights-npy": [10240, 11115],
+    "mesh-text": [100389],
+}
 """Variants that once ended with a traceback or allocated gigabytes."""
 
 

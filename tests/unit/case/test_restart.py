@@ -135,3 +135,14 @@ def test_from_objects(first, tmp_path, write_case, registry):
     (step,) = meeframe.solve_case(going_on).steps
     expected = first.steps[-1].traction
     np.testing.assert_allclose(step.traction, expected, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.usefixtures("first")
+@pytest.mark.parametrize("name", ["approach", "translation", "total_slip"])
+def test_damaged_run_is_rejected(name, write_case, registry, tmp_path):
+    with h5py.File(tmp_path / "first" / "result.h5", "r+") as file:
+        found: list[h5py.Dataset] = []
+        file.visititems(lambda path, item: found.append(item) if path.rpartition("/")[2] == name else None)
+        for dataset in found:
+            dataset[...] = np.nan
+    error_of(restarted(write_case), registry, f"{tmp_path / 'first'}: {name} of step 2, increment 2 is not finite")

@@ -213,6 +213,13 @@ def test_duplicate_nodes_are_rejected_or_merged(tmp_path: Path) -> None:
     assert volume(merged) == pytest.approx(6.0)
 
 
+def test_node_numbers_beyond_64_bits(tmp_path: Path) -> None:
+    path = tmp_path / "large.obj"
+    path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 {10**25}\n")
+    with pytest.raises(MeshError, match=r"large\.obj: it contains an integer of more than 64 bits"):
+        read(path)
+
+
 def test_reorient(tmp_path: Path) -> None:
     original = box(Quad9())
     flipped = original.blocks[0].connectivity[:, [3, 2, 1, 0, 6, 5, 4, 7, 8]]

@@ -152,6 +152,10 @@ WRONG = {
     "spacing": (
         ("[0.0, 0.3, inf]", '{ from = 0, to = 1, count = 3, scale = "cubic" }'), "scale = 'cubic': allowed: linear, log"
     ),
+    "spacings": (
+        ("[0.0, 0.3, inf]", '{ from = 0, to = 1, count = 3, scale = ["log"] }'),
+        "scale = ['log']: allowed: linear, log",
+    ),
     "range": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, steps = 3 }"), "unknown key 'steps'; allowed: count, from"),
     "range of a name": (
         ("[axes.load]", '[axes.a]\n"indenter.radius" = { from = 0.1, count = 3 }\n[axes.load]'),
