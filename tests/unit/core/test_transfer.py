@@ -14,8 +14,8 @@ from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Array
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material, library_material
-from meeframe.mesh import find_contact_zone, half_space_mesh, local_frames
-from meeframe.mesh.body import Body
+from meeframe.mesh import box_mesh, find_contact_zone, half_space_mesh, local_frames
+from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.mortar import Cells, find_mortar
 from meeframe.solvers import Auto, StoppingCriteria, solve
 from meeframe.system.capabilities import (
@@ -33,7 +33,7 @@ from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
 
 TURN = np.array([1.0, -1.0, -1.0])
-RADIUS, APPROACH, SIDE = 0.1, 5e-5, 5e-3
+RADIUS, APPROACH, SIDE, COLUMN = 0.1, 5e-5, 5e-3, 1e-2
 STEEL, GLASS = Material.isotropic(210e9, 0.3), Material.isotropic(70e9, 0.22)
 ELEMENTS = {element.name: element for element in (Quad4(), Quad8(), Quad9(), Tri3(), Tri6())}
 
@@ -211,6 +211,35 @@ def test_inconsistent_weights_are_rejected(steel: DenseSystem, finer: DenseSyste
 
 
 # contact
+
+
+def column(modulus: float, divisions: int, element: SurfaceElement) -> DenseSystem:
+    """Return a column with a bonded base that does not widen under pressure, with its top at zero."""
+    mesh = box_mesh((COLUMN, COLUMN, COLUMN), (divisions, divisions, 2), element)
+    mesh = replace(mesh, points=mesh.points - [0.0, 0.0, COLUMN / 2])
+    base = tuple(BoundaryCondition("z-", field, "value") for field in range(5))
+    system = DenseBEM().reduce(Body(Material.isotropic(modulus, 0.0).stiffness, mesh, base, "z+"))
+    assert isinstance(system, DenseSystem)
+    return system
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ((3, Quad4()), (3, Quad4())),
+        ((3, Quad4()), (4, Quad4())),
+        ((3, Quad4()), (4, Tri3())),
+        ((4, Tri3()), (3, Quad9())),
+    ],
+)
+def test_uniform_pressure(first: tuple[int, SurfaceElement], second: tuple[int, SurfaceElement]) -> None:
+    """Patch test: columns that press on each other, to the accuracy of the integrals over their own elements."""
+    both = combine_bodies(column(200e9, *first), column(70e9, *second))
+    problem = indentation_problem(both, np.zeros(len(both.points)), APPROACH)
+    load = solve(problem, Auto(), StoppingCriteria(tolerance=1e-12)).state.load
+    pressure = APPROACH / (COLUMN / 200e9 + COLUMN / 70e9)
+    np.testing.assert_allclose(-load[:, 2], pressure, rtol=1e-5)
+    np.testing.assert_allclose(load[:, :2], 0.0, atol=1e-12 * pressure)
 
 
 @pytest.mark.full
