@@ -39,8 +39,8 @@ CASES = ROOT / "validation" / "transversely_isotropic_indentation"
 LOOP = ROOT / "validation" / "load_histories" / "loop.toml"
 LINES = dict(zip(("EMII", "EMCI"), LINE_COLOURS, strict=False))
 MM, GPA, KV = 1e-3, 1e9, 1e3
-COARSE, FINE = 16, 32
-"""Divisions of the contact zone in the cases, and for the maps of the picture in README.md."""
+DIVISIONS = 32
+"""Divisions of the contact zone, twice those of the case files: maps of 16 show the elements."""
 
 
 @dataclass(frozen=True)
@@ -86,10 +86,10 @@ SOURCES = {
 }
 
 
-def read_case(condition: str, divisions: int = COARSE) -> meeframe.Case:
-    """Return the case of one of the four conditions of the paper, with as many divisions of the contact zone."""
+def read_case(condition: str) -> meeframe.Case:
+    """Return the case of one of the four conditions of the paper, on a finer mesh."""
     tables = tomllib.loads((CASES / f"{condition.lower()}.toml").read_text(encoding="utf-8"))
-    tables["mesh"]["divisions"] = divisions
+    tables["mesh"]["divisions"] = DIVISIONS
     return case_from_tables(tables)
 
 
@@ -151,7 +151,7 @@ def overview(system: ReducedSystem) -> Figure:
     maps, sections = figure.subfigures(1, 2, width_ratios=(2.05, 1.0))
     axes, panels = maps.subplots(1, 2), sections.subplots(2, sharex=True)
     for condition in LINES:
-        case = read_case(condition, FINE)
+        case = read_case(condition)
         result, form = solve(case, system), closed_form(case, condition)
         for quantity, panel in zip((PRESSURE, POTENTIAL), panels, strict=True):
             draw_section(panel, result, form, quantity, condition)
@@ -231,8 +231,9 @@ def middle_row(points: Array) -> tuple[Array, Array]:
 
 def draw_gallery() -> None:
     """Write the pictures of README.md and of the gallery."""
-    coarse, fine = (case.formulation.reduce(case.body) for case in (read_case("EMII"), read_case("EMII", FINE)))
-    drawn = {"overview": overview(fine), "indenters": indenters(coarse), "hysteresis": hysteresis()}
+    case = read_case("EMII")
+    system = case.formulation.reduce(case.body)
+    drawn = {"overview": overview(system), "indenters": indenters(system), "hysteresis": hysteresis()}
     for name, figure in drawn.items():
         with house_style():
             figure.savefig(HERE / "images" / f"{name}.png", dpi=120, pil_kwargs={"optimize": True})
