@@ -55,7 +55,8 @@ def wave_inverse(
             if column != row:
                 matrix[row, column].imag = layout.sign[field, other] * entry(int(layout.imaginary[field, other]), -1.0)
                 matrix[column, row] = matrix[row, column].conj()
-    for row, resistance in enumerate([] if resistances is None else resistances / np.diag(convolution.scale)[fields]):
+    own = np.diag(convolution.scale)[list(fields)]
+    for row, resistance in enumerate([] if resistances is None else resistances / own):
         matrix[row, row].real += resistance
     _invert(matrix)
     nonzero: dict[int, Array] = {}
