@@ -181,16 +181,19 @@ def test_solutions_match_factorised_matrix(law, kappa) -> None:
 
 
 def test_solutions_match_without_nested_grids() -> None:
-    """Friction, conduction and free motions are solved with nested grids and without any acceleration."""
+    """Friction, conduction and free motions are solved with nested grids and without any acceleration.
+
+    Two nodes at the contact edge may be open or closed; the iteration without accelerations starts from nearby.
+    """
     system = reduced(48)
     assert system.capability(Multigrid) is not None
-    states = [
-        solve_contact(dragged(OperationCounter.of(system, helped), kappa=CONDUCTING), tolerance=1e-11).state
-        for helped in (True, False)
-    ]
-    scale = np.abs(states[1].load).max(axis=0)
-    assert (np.abs(states[0].load - states[1].load) / scale).max() < 1e-8
-    np.testing.assert_allclose(states[0].motion, states[1].motion, atol=1e-8 * np.abs(states[1].motion).max())
+    with_grids, without = (dragged(OperationCounter.of(system, helped), kappa=CONDUCTING) for helped in (True, False))
+    state = solve_contact(with_grids, tolerance=1e-11).state
+    nearby = replace(state, load=0.999 * state.load)
+    expected = solve(without, SemismoothNewton(), StoppingCriteria(tolerance=1e-11), nearby).state
+    scale = np.abs(expected.load).max(axis=0)
+    assert (np.abs(state.load - expected.load) / scale).max() < 1e-8
+    np.testing.assert_allclose(state.motion, expected.motion, atol=1e-8 * np.abs(expected.motion).max())
 
 
 @pytest.mark.full
