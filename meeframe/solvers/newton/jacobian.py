@@ -76,9 +76,9 @@ class ReducedJacobian:
         return self.equation.load_units[self.components]
 
     @property
-    def series(self) -> list[float]:
+    def series(self) -> Array:
         """Resistances that the inverse includes, times the units, by the row of the load."""
-        return list(self.equation.series[self.fields] * self.units[: len(self.fields)])
+        return np.asarray(self.equation.series[self.fields] * self.units[: len(self.fields)])
 
     @property
     def fields(self) -> list[int]:
