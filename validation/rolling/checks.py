@@ -1,11 +1,11 @@
-"""Check rolling: Carter, Kalker's creep coefficients, examples of CONTACT, limits, symmetries, the balance of work."""
+"""Check rolling: Carter, Bufler, Kalker's creep coefficients, examples of CONTACT, limits, symmetries, work."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
-from creep_coefficients import NAMES, coefficients, extrapolate
-from equal_bodies import hertz_radii, roll, steady
+from bodies import hertz_radii, roll, steady
+from creep_coefficients import COARSEST, FINEST, GRIDS, NAMES, limits, measure
 from scipy.optimize import brentq
 
 import meeframe
@@ -17,7 +17,8 @@ from meeframe.study.validate import Check, Curve, Item, Plot
 TITLE = "Rolling: Carter, Kalker's coefficients, and CONTACT"
 SOURCE = (
     "Carter, Proc. R. Soc. A 112 (1926) 151; Kalker, Three-Dimensional Elastic Bodies in Rolling Contact (1990), table "
-    "E.3; Vollebregt, User guide for CONTACT, sections 5.5 and 5.8 (printed results of the open version)."
+    "E.3; Bufler, Ing.-Arch. 27 (1959) 137; Vollebregt, User guide for CONTACT, sections 5.3, 5.5 and 5.8 (printed "
+    "results of the open version)."
 )
 SHEAR, POISSON, FRICTION, HALF_WIDTH, RADIUS = 1e9, 0.3, 0.3, 1e-3, 1.0
 FRACTIONS = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
@@ -30,6 +31,10 @@ CONTACT = float((3.0 * FORCE * SPHERE * (1.0 - POISSON) / (4.0 * SHEAR)) ** (1.0
 """Radius [m] of their contact."""
 KALKER = (4.12, 3.67, 1.47, 1.47, 1.19)
 """C11, C22, C23, C32 and C33 of the circle, nu = 0.25."""
+STEEL, ALUMINIUM = (82e9, 0.28), (23e9, 0.31)
+"""Shear moduli [Pa] and Poisson's ratios of unlike cylinders, below and above."""
+LINE_FORCE, LINE_RADIUS = 16201.9, 25e-3
+"""Their normal force per length [N/m], and radius of their distance [m]."""
 
 
 def carter(fraction: Array) -> Array:
@@ -92,6 +97,48 @@ def ellipse() -> Iterator[Item]:
     curve = Curve("computed", np.array(creepages), forces, points=True)
     contact = Curve("CONTACT", np.array(list(printed)), np.array(list(printed.values())), points=True)
     yield Plot("Creep curve of an ellipse 1 : 2", "creepage", "F / (mu N)", (curve, contact))
+
+
+def unlike_cylinders(friction: float, spacing: float, nodes: int) -> tuple[float, float]:
+    """Return the creepage and the largest pressure [Pa] of unlike cylinders that roll without a tangential force.
+
+    They touch along 1 m, which two rows of nodes at its ends share, so that strains are plane.
+    """
+    steps = [meeframe.Step(normal_force=LINE_FORCE), meeframe.Step(tangential_force=[0.0, 0.0]), steady()]
+    radii = LINE_RADIUS, 1e9
+    result = roll(*STEEL, (spacing, 1.0), (nodes, 2), radii, friction, steps, other=ALUMINIUM)
+    creepage = rolling_totals(result.zone, result[-1])["creepage"][0]
+    return float(creepage), -float(result[-1].traction[:, 2].min())
+
+
+def free_rolling(quick: bool) -> Iterator[Item]:
+    """Check example bentall of CONTACT, and Bufler's solution without slip, of which the creepage is a closed form.
+
+    Both tractions, p + i q, then solve one singular integral equation with Dundurs' constant beta, and are bounded at
+    both ends of the contact: they are p0 cosh(pi eps) (1 - x)^(1/2 + i eps) (1 + x)^(1/2 - i eps) in half widths a,
+    with tanh(pi eps) = beta and p0 = E* a / 2 R. The force is pi a p0 (1 + 4 eps^2) / 2, the creepage 2 eps a / R.
+    """
+    words = "unlike cylinders without tangential force, 200 nodes across as CONTACT"
+    values = (1e-4, 5.260e-4, 103.1), (0.05, 4.294e-4, 103.6), (10.0, 3.591e-4, 103.8)
+    for friction, printed, peak in values[2:] if quick else values:
+        creepage, pressure = unlike_cylinders(friction, 1e-6, 216)
+        yield Check(f"{words}, friction coefficient {friction:g}: creepage", creepage, -printed, 2e-4)
+        yield Check(f"{words}, friction coefficient {friction:g}: largest pressure [MPa]", pressure / 1e6, peak, 1e-3)
+    modulus = 2.0 / sum((1.0 - poisson) / shear for shear, poisson in (STEEL, ALUMINIUM))
+    below, above = ((1.0 - 2.0 * poisson) / shear for shear, poisson in (STEEL, ALUMINIUM))
+    dundurs = (above - below) * modulus / 4.0
+    exponent = np.arctanh(dundurs) / np.pi
+    half_width = np.sqrt(4.0 * LINE_FORCE * LINE_RADIUS / (np.pi * modulus * (1.0 + 4.0 * exponent**2)))
+    grids = (25, 50) if quick else (100, 200)
+    creepages, pressures = zip(
+        *(unlike_cylinders(10.0, 2.0 * half_width / across, across + 8) for across in grids), strict=True
+    )
+    coarse, fine = (np.log(across) / across for across in grids)  # errors of a spacing h decrease as h log h
+    limit = (coarse * creepages[1] - fine * creepages[0]) / (coarse - fine)
+    words = f"unlike cylinders without slip, {grids[0]} and {grids[1]} nodes across"
+    yield Check(f"{words}, extrapolated: creepage", limit, -2.0 * exponent * half_width / LINE_RADIUS, 3e-3)
+    peak = modulus * half_width / (2.0 * LINE_RADIUS) / np.sqrt(1.0 - dundurs**2)
+    yield Check(f"{words}: largest pressure on the finer grid", pressures[1], peak, 1e-3, "Pa")
 
 
 def spheres(across: int, steps: Sequence[meeframe.Step]) -> meeframe.Result:
@@ -172,12 +219,13 @@ def run(quick: bool) -> Iterator[Item]:
         Curve("computed", np.array(FRACTIONS), fine, points=True),
     )
     yield Plot(f"Creep curve of cylinders, {across[1]} nodes across", "creepage of full slip", "F / (mu N)", curves)
-    across = (16, 32) if quick else (32, 64)
-    limits = extrapolate([coefficients(1.0, 0.25, each) for each in across], across)
-    for name, computed, reference in zip(NAMES, limits, KALKER, strict=True):
-        words = f"circle, nu = 0.25: {name}, extrapolated from {across[0]} and {across[1]} nodes across"
-        yield Check(words, float(computed), reference, 0.02)
+    grids, finest = (20, 64.0) if quick else (GRIDS, FINEST)
+    values, _ = limits(measure(1.0, 0.25, grids, finest=finest))
+    for name, computed, reference in zip(NAMES, values, KALKER, strict=True):
+        words = f"circle, nu = 0.25: {name}, extrapolated from {grids} grids, {COARSEST:g} to {finest:g} nodes across"
+        yield Check(words, float(computed), reference, 0.01)
     yield from from_cattaneo()
     yield from ellipse()
+    yield from free_rolling(quick)
     yield from limits_of_creepage(quick)
     yield from steady_limits(quick)
