@@ -66,12 +66,6 @@ def page(records: Sequence[dict[str, Any]]) -> str:
         "printed": ", ".join(str(value) for value in KALKER),
         "kalker": f"{100.0 * kalker:.1f}",
         "ellipses": table(ellipses, "ratio", "$a/b$"),
-        "other grids": "".join(
-            f"The values for $a/b$ = {record['ratio']:.3g} are from {len(record['across'])} grids, from "
-            f"{record['across'][0]:g} to {record['across'][-1]:g} spacings. "
-            for record in ellipses
-            if len(record["across"]) != GRIDS
-        ),
         "convergence": _convergence(ellipses),
     }.items():
         text = text.replace(f"<!-- {name} -->", words)
