@@ -76,11 +76,9 @@ def measure(quick: bool) -> Record:
 
 
 def highlights(record: Record) -> list[tuple[str, str]]:
-    """Return the time of contact alone of each job."""
-    return [
-        (f"load histories: contact of {name}, {row['increments']} increments", f"{row['seconds']:.1f} s")
-        for name, row in record["jobs"].items()
-    ]
+    """Return the times of contact alone."""
+    times = (f"{row['seconds']:.1f} s ({name}, {row['increments']})" for name, row in record["jobs"].items())
+    return [("load histories: contact (increments)", ", ".join(times))]
 
 
 def section(record: Record, _pictures: Path) -> str:

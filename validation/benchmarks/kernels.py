@@ -185,17 +185,12 @@ def _both_cores_us(kernel: Kernel, repeats: int) -> float:
 
 def highlights(record: Record) -> list[tuple[str, str]]:
     """Return time and error of a pair, and the speed relative to the residue form."""
-    others = record["tabulated_us"].values()
     error = max(max(errors.values()) for errors in record["errors"].values())
     same = record["same_us"]
     return [
         (
             "fundamental solution: a pair U and T on one core, in calls of an assembly",
             f"{record['assembly_us']:.3f} µs, error {error:.1e}",
-        ),
-        (
-            "fundamental solution: the same at unsorted points",
-            f"{min(others):.3f} to {max(others):.3f} µs, depending on the number of points",
         ),
         (
             "fundamental solution: speed relative to the residue form",

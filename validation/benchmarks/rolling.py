@@ -63,9 +63,12 @@ def highlights(record: Record) -> list[tuple[str, str]]:
     steady, transient = record["steady"], record["transient"]
     grids = ", ".join(steady)
     return [
-        *((f"rolling: steady state, {size} x {size}", f"{row['seconds']:.2f} s") for size, row in steady.items()),
         (
-            f"rolling: Newton steps of steady states on {grids} nodes along a side",
+            f"rolling: steady states on {grids} nodes along a side",
+            ", ".join(f"{row['seconds']:.2f}" for row in steady.values()) + " s",
+        ),
+        (
+            "rolling: Newton steps of steady states on these grids",
             ", ".join(str(row["iterations"]) for row in steady.values()),
         ),
         (
