@@ -30,8 +30,9 @@ def heat_moves_surface(problem: ContactProblem) -> bool:
     if THERMAL_FIELD.name not in problem.fields.names:
         return False
     channel = problem.fields.names.index(THERMAL_FIELD.name)
-    response = problem.system.diagonal_blocks()[:, 2, N_MECHANICAL + channel]
-    return problem.channels[channel].is_conducting and bool(response.any())
+    if not problem.channels[channel].is_conducting:
+        return False
+    return bool(problem.system.diagonal_blocks()[:, 2, N_MECHANICAL + channel].any())
 
 
 def heat_factors(problem: ContactProblem) -> dict[int, float]:

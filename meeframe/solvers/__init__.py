@@ -1,6 +1,5 @@
 """Contact solvers and the one driver loop around them."""
 
-from meeframe.common.arguments import checked_arguments
 from meeframe.contact.residual import residual
 from meeframe.solvers.auto import Auto
 from meeframe.solvers.cg.projected_cg import ProjectedCG
@@ -22,6 +21,3 @@ __all__ = [
     "solve",
     "solve_to_edges",
 ]
-
-for _made_by_users in (Auto, BarzilaiBorwein, Nesterov, ProjectedCG, SemismoothNewton, StoppingCriteria, Uzawa):
-    checked_arguments(_made_by_users)

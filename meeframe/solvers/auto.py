@@ -5,6 +5,7 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.contact.generated_heat import thermal_channel
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.residual import evaluate, law_residual
@@ -59,6 +60,7 @@ class _Memory:
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class Auto(Solver):
     """Sequence of solvers that starts with semismooth Newton and continues with gradient iterations.

@@ -6,6 +6,7 @@ from typing import Annotated, Final, Literal
 
 import numpy as np
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
 from meeframe.contact.feasibility import beyond_bound, beyond_conduction, beyond_friction, unreachable
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
@@ -23,6 +24,7 @@ MIN_FALL: Final = 0.9
 GIGA: Final = 1e9
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class StoppingCriteria:
     """Criteria that end an iteration.

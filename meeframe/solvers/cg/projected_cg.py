@@ -7,6 +7,7 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
 from meeframe.contact.conduction import conducting
 from meeframe.contact.free_motion import start_load, start_motion
@@ -76,6 +77,7 @@ class _Memory:
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class ProjectedCG(Solver):
     """Conjugate gradients on the pressure with exact line search, projected on compression.

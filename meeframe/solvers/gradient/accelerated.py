@@ -13,6 +13,7 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.generated_heat import check_no_generated_heat
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
@@ -94,6 +95,7 @@ class _Memory:
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class BarzilaiBorwein(Solver):
     """Projected Barzilai-Borwein steps for Uzawa's method.
@@ -126,6 +128,7 @@ class BarzilaiBorwein(Solver):
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class Nesterov(Solver):
     """Nesterov's extrapolation for Uzawa's method, restarted when it overshoots.

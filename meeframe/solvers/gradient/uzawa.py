@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, final
 
 import numpy as np
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
 from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.generated_heat import check_no_generated_heat
@@ -41,6 +42,7 @@ class _Memory:
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class Uzawa(Solver):
     """Uzawa's method with the paper's fixed step or an automatic one.

@@ -5,6 +5,7 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
+from meeframe.common.arguments import checked_arguments
 from meeframe.contact.conduction import Mask, conducting
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_load, start_motion
@@ -85,6 +86,7 @@ class _Memory:
 
 
 @final
+@checked_arguments
 @dataclass(frozen=True)
 class SemismoothNewton(Solver):
     """Newton's method on the residual of eqs. (27)-(29) with generalised Jacobians of the laws.
