@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.conduction import depends_on_gap
-from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant, columns_of
 from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.system.capabilities import Coarsening, Multigrid, diagonal
@@ -73,10 +73,15 @@ def restrict_problem(problem: ContactProblem, system: ReducedSystem, nodes: Indi
         )
         for resultant in problem.prescribed_resultants
     )
-    arrays = {name: getattr(problem, name)[nodes] for name in ("gap", "translation", "potentials")}
     area_fraction = None if problem.area_fraction is None else problem.area_fraction[nodes]
     return replace(
-        problem, system=system, prescribed_resultants=prescribed_resultants, area_fraction=area_fraction, **arrays
+        problem,
+        system=system,
+        gap=problem.gap[nodes],
+        translation=_columns_at(problem.translation, columns_of(problem.translation), nodes),
+        potentials=_columns_at(problem.potentials, columns_of(problem.potentials), nodes),
+        prescribed_resultants=prescribed_resultants,
+        area_fraction=area_fraction,
     )
 
 

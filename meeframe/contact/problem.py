@@ -80,15 +80,15 @@ class PrescribedResultant:
     @cached_property
     def mode_fields(self) -> tuple[int, ...]:
         """Columns of the mode that are not zero."""
-        return _columns(self.mode)
+        return columns_of(self.mode)
 
     @cached_property
     def measure_fields(self) -> tuple[int, ...]:
         """Columns of the measure that are not zero."""
-        return _columns(self.measure)
+        return columns_of(self.measure)
 
 
-def _columns(values: Array) -> tuple[int, ...]:
+def columns_of(values: Array) -> tuple[int, ...]:
     """Return the numbers of the columns of values (n, fields) that are not zero."""
     return tuple(k for k in range(values.shape[1]) if (values[:, k] != 0.0).any())  # faster than any() on numbers
 

@@ -56,15 +56,15 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
             "such as 'auto'"
         )
     system = problem.system
-    all_fields = fields is None or len(fields) == system.n_fields
-    columns = tuple(range(system.n_fields)) if fields is None else fields
-    response = system.apply(iterate.load) if all_fields else apply_load(system, iterate.load, columns)
-    displacement = np.zeros((system.n_fields, len(iterate.load))).T  # field by field, as far as fields are not zero
-    for field, values in zip(columns, response.T, strict=True):
-        offset = system.offset[:, field]
-        if values.any() or offset.any():
-            np.add(offset, values, out=displacement[:, field])
-    return ContactState(iterate.load, displacement, iterate.contact_fraction, iterate.motion)
+    if fields is None or len(fields) == system.n_fields:
+        displacement = system.apply(iterate.load)
+        if system.offset.any():
+            displacement = system.offset + displacement
+    else:
+        displacement = np.zeros((system.n_fields, len(iterate.load))).T  # field by field
+        for field, values in zip(fields, apply_load(system, iterate.load, fields).T, strict=True):
+            np.add(system.offset[:, field], values, out=displacement[:, field])
+    return ContactState(iterate.load, displacement, np.asarray(iterate.contact_fraction, float), iterate.motion)
 
 
 def residual(problem: ContactProblem, state: ContactState, scales: Scales | None = None) -> float:

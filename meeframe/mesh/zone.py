@@ -65,12 +65,17 @@ def find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     MeshError
         If there is no such group, it has no elements, or it has a sharp mesh edge.
     """
-    return _find_contact_zone(mesh, group)
+    if mesh.grid is not None and mesh.group(group) == 0:
+        return _read_only(_grid_zone(mesh, mesh.grid))  # made in less time than its memory is worth
+    return _stored_zone(mesh, group)
 
 
 @memoize_by_identity
-def _find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
-    zone = _grid_zone(mesh, mesh.grid) if mesh.grid is not None and mesh.group(group) == 0 else _zone(mesh, group)
+def _stored_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
+    return _read_only(_zone(mesh, group))
+
+
+def _read_only(zone: ContactZone) -> ContactZone:
     for array in (zone.points, zone.frames, zone.weights, zone.numbers):
         array.setflags(write=False)
     if not isinstance(zone.cells, GridCells):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.problem import ContactProblem, ContactSolution, Status, indenter_position
+from meeframe.contact.problem import ContactProblem, ContactSolution, Status, indenter_field
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import N_MECHANICAL, Array
 from meeframe.laws.base import GAPS, PRESSURES, ConductivityLaw, contact_traction
@@ -114,11 +114,11 @@ def _wrong_in_state(
 ) -> Iterator[LawEvaluation]:
     """Yield the first invalid conductivity of a law in a finite state, if there is one."""
     state = solution.state
-    relative_displacement = indenter_position(problem, state.motion) - state.displacement
-    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2]), 0.0)
-    gap = np.where(traction < 0.0, 0.0, np.maximum(relative_displacement[:, 2], 0.0))
+    gap, drop = (indenter_field(problem, field, state.motion) - state.displacement[:, field] for field in (2, column))
+    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], gap), 0.0)
+    gap = np.where(traction < 0.0, 0.0, np.maximum(gap, 0.0))
     mask = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
-    arguments = traction[mask], gap[mask], relative_displacement[mask, column]
+    arguments = traction[mask], gap[mask], drop[mask]
     with np.errstate(all="ignore"):
         kappa = law.conductivity(*arguments)
     yield from _evaluations(kappa, *arguments, ~(kappa >= 0.0))

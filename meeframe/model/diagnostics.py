@@ -206,7 +206,7 @@ class ContactOnsets:
     @classmethod
     def of(cls, gap: Array, touching: NDArray[np.bool_]) -> "ContactOnsets":
         """Return the onsets at the beginning of a load step."""
-        return cls(gap, touching, np.zeros(len(gap), np.int64))
+        return cls(gap, touching, np.zeros(len(gap), np.int32))
 
     def after(self, step: StepResult) -> "ContactOnsets":
         """Return the onsets after another increment; the same ones if it did not converge.

@@ -291,11 +291,15 @@ class IndenterKinematics:
         is_resisted = [mode[:, 2].any() or mode[:, POTENTIALS][np.isfinite(resistance)].any() for mode in modes]
         return replace(state, motion=np.where(is_resisted, state.motion, 0.0))
 
-    def converged_state(self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]) -> ConvergedState:
-        """Return the converged state to continue from, for a state of the contact zone with nodes (n,) in contact."""
+    def converged_state(
+        self, increment: Increment, state: ContactState, slip: Array, touches: NDArray[np.bool_]
+    ) -> ConvergedState:
+        """Return the converged state to continue from, for a state of the contact zone.
+
+        slip: (n, 2) in the increment [m]; touches: (n,) nodes in contact.
+        """
         start, motion = increment.start, increment.base.copy()
         motion[increment.free] += state.motion
-        slip = slip_of(increment, state)
         path, total_slip = start.slip_path.copy(), start.total_slip + slip if start.total_slip.any() else slip
         path[touches] += path_length(increment, slip)[touches]
         return replace(
@@ -308,14 +312,14 @@ class IndenterKinematics:
             state=state,
         )
 
-    def dissipation(self, increment: Increment, state: ContactState, region: Indices) -> Array:
-        """Return the work of friction in an increment, (n,) [J/m^2].
+    def dissipation(self, increment: Increment, state: ContactState, slip: Array, region: Indices) -> Array:
+        """Return the work of friction in an increment with slips (n, 2) [m], (n,) [J/m^2].
 
         It is zero except where nodes (n,) of `region` slip. While a node slips its traction is the one of the law for
         its slip and the present pressure: the mean of that at the end and of the law's for the same slip under the
         initial pressure. In rolling it is the mean of the tractions of the material at both ends of its path.
         """
-        problem, slip, start = increment.problem, slip_of(increment, state), increment.start
+        problem, start = increment.problem, increment.start
         if increment.rolling is not None:
             before = np.zeros_like(slip) if start.state is None else start.state.load[:, :2]
             return friction_work(before, state.load[:, :2], slip)
@@ -383,15 +387,15 @@ def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
         return np.asarray(resolve(law, trial, gap, r)[:, 2] < 0.0)
 
 
-def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np.bool_]) -> Indices:
+def regions(increment: Increment, solution: ContactSolution, slip: Array, touches: NDArray[np.bool_]) -> Indices:
     """Return numbers of Region, (n,): a node in contact sticks if its slip is below the resolution of the law.
 
-    Without friction nothing holds a node, and it slips wherever it touches.
+    slip: (n, 2) in the increment [m]; touches: (n,) nodes in contact. Without friction nothing holds a node, and it
+    slips wherever it touches.
     """
     scales = problem_scales(increment.problem)
-    slip = np.linalg.norm(slip_of(increment, solution.state), axis=1)
     resolution = (
         max(_MAX_STICK_SLIP, _MAX_STICK_SLIP_RATIO * solution.residual) * scales.pressure * scales.normal_compliance
     )
-    slips = (slip > resolution) | (not increment.problem.contact_law.tangential_scaling().any())
+    slips = (np.linalg.norm(slip, axis=1) > resolution) | (not increment.problem.contact_law.tangential_scaling().any())
     return np.where(touches, np.where(slips, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64)

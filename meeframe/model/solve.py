@@ -377,9 +377,10 @@ def _solve(
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))
-    region = regions(increment, solution, touches)
-    end = kinematics.converged_state(increment, solution.state, touches)
-    result = _step_result(kinematics, increment, end, solution, region, numbers)
+    slip = slip_of(increment, solution.state)
+    region = regions(increment, solution, slip, touches)
+    end = kinematics.converged_state(increment, solution.state, slip, touches)
+    result = _step_result(kinematics, increment, end, solution, slip, region, numbers)
     return (end if solution.status is Status.CONVERGED else here), result
 
 
@@ -401,6 +402,7 @@ def _step_result(
     increment: Increment,
     end: ConvergedState,
     solution: ContactSolution,
+    slip: Array,
     region: Indices,
     numbers: tuple[int, int],
 ) -> StepResult:
@@ -433,11 +435,11 @@ def _step_result(
         potentials=potentials,
         fluxes=fluxes,
         contact_fraction=state.contact_fraction,
-        slip=slip_of(increment, state),
+        slip=slip,
         total_slip=end.total_slip,
         slip_path=end.slip_path,
         wear=end.wear,
-        dissipation=kinematics.dissipation(increment, state, region),
+        dissipation=kinematics.dissipation(increment, state, slip, region),
         region=region,
         status=solution.status,
         iterations=solution.iterations,

@@ -87,7 +87,7 @@ class Auto(Solver):
             inner = stage.solver.step(problem, inner)
         residual = _residual(problem, inner, memory.scales)
         if residual < PROGRESS_FACTOR * memory.residual or not np.isfinite(memory.residual):
-            memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
+            memory = replace(memory, inner=inner, residual=residual, best=replace(inner, memory=None), idle=0)
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
         if memory.idle > stage.stall_window and len(memory.stages) > 1:

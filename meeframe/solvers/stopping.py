@@ -8,6 +8,7 @@ import numpy as np
 
 from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
+from meeframe.contact.conduction import conducting
 from meeframe.contact.feasibility import beyond_bound, beyond_conduction, beyond_friction, unreachable
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
 from meeframe.contact.residual import essential_fields, evaluate, law_residual
@@ -262,7 +263,8 @@ class ConvergenceMonitor:
             self._window = 0
         if not (self._is_due(iterate) or self._cycle.is_closed or not self._window):
             return False
-        previous = self._state
+        # memory of large grids: an earlier state is retained only as long as its change counts
+        previous, self._state = None if criteria.by_residual else self._state, None
         state = self._evaluate(iterate)
         if iterate.estimate is not None and self._residual > criteria.tolerance:
             self._follow(iterate)
@@ -304,14 +306,16 @@ class ConvergenceMonitor:
             self._residual = law_residual(problem, self._state, self._scales, fields)
             if not self._residual <= tolerance:
                 return self._state
+            self._state = None
         self._state = evaluate(problem, iterate)
         self._residual = law_residual(problem, self._state, self._scales)
         return self._state
 
     def _follow(self, iterate: Iterate) -> None:
         """Compare load, contact fraction and motion, in characteristic units, with earlier ones."""
-        loads = [iterate.load[:, field] / self._scales.load[field] for field in essential_fields(self._problem)]
-        entry = np.concatenate([*loads, iterate.contact_fraction, iterate.motion / self._motion_scales])
+        parts = [iterate.load[:, field] / self._scales.load[field] for field in essential_fields(self._problem)]
+        parts += [iterate.contact_fraction] if conducting(self._problem) else []
+        entry = np.concatenate([*parts, iterate.motion / self._motion_scales])
         self._cycle = self._cycle.add(self.iteration, entry, self._criteria.tolerance)
 
     def _is_due(self, iterate: Iterate) -> bool:

@@ -9,10 +9,11 @@ over the nodes that have pressure or overlap. For a force along one axis that is
 Wear 231 (1999) 206).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.free_motion import balanced_projection, motions
@@ -51,16 +52,16 @@ class NormalModes:
     numbers : Indices
         (k,), numbers among the problem's prescribed resultants.
     mode, measure : Array
-        (k, f), normal parts, zero where there is no indenter above.
+        (k, f), normal parts, zero where there is no indenter above; of all n nodes at first.
     nodes : Indices
-        (f,), nodes to which they belong, all n of them at first.
+        (f,), nodes to which they are restricted.
     """
 
     problem: ContactProblem
     numbers: Indices
     mode: Array
     measure: Array
-    nodes: Indices
+    nodes: Indices = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "NormalModes":
@@ -84,12 +85,12 @@ class NormalModes:
                     "force or moment along its motion; allowed: measures whose normal part is weights * mode up to a "
                     "factor. Use 'newton', 'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto'"
                 )
-        return cls(problem, numbers, mode, measure, np.arange(len(problem.gap)))
+        return cls(problem, numbers, mode, measure)
 
     def restrict(self, free: Indices) -> "NormalModes":
-        """Return the modes restricted to the free nodes (f,), numbered among the present ones."""
+        """Return the modes of all nodes restricted to the free ones (f,)."""
         mode, measure = (np.take(values, free, axis=1) for values in (self.mode, self.measure))
-        return NormalModes(self.problem, self.numbers, mode, measure, self.nodes[free])
+        return NormalModes(self.problem, self.numbers, mode, measure, free)
 
     def balance_amounts(self, values: Array) -> Array:
         """Return amounts (k,) with which values (f,) + amounts @ modes have no resultants.
@@ -119,29 +120,29 @@ class NormalModes:
         )
 
     def bring_to_rest(
-        self, pressure: Array, gap: Array, motion: Array, guess: "NormalModes"
-    ) -> tuple[Array, Array, "NormalModes"]:
-        """Return gap (n,), motion (m,) and the modes on the nodes with pressure or overlap, with the indenter at rest.
+        self, pressed: NDArray[np.bool_], gap: Array, motion: Array, guess: "NormalModes"
+    ) -> tuple[Array, "NormalModes"]:
+        """Return the motion (m,) with which the indenter is at rest, and the modes on nodes with pressure or overlap.
 
-        pressure: (n,); gap: (n,) at a motion (m,); guess: modes on an estimate of those nodes, with which the search
-        begins.
+        pressed: (n,) nodes with pressure; gap: (n,) at a motion (m,), which is changed to that at rest; guess: modes on
+        an estimate of those nodes, with which the search begins.
         """
-        pressed = pressure > 0.0
         if self.numbers.size == 0:
-            return gap, motion, self.restrict(np.flatnonzero(pressed | (gap < 0.0)))
+            return motion, self.restrict(np.flatnonzero(pressed | (gap < 0.0)))
         modes = guess if guess.nodes.size else self.restrict(np.flatnonzero(pressed))
         if not modes.nodes.size:
             modes = self.restrict(np.flatnonzero(gap < 0.0))
+        motion = motion.copy()
         for _ in range(MAX_ROUNDS):
             amounts = modes.balance_amounts(gap[modes.nodes])
-            new_gap = _add_modes(gap, amounts, self.mode)
-            touching = np.flatnonzero(pressed | (new_gap < 0.0))
+            motion[self.numbers] += amounts
+            for amount, mode in zip(amounts, self.mode, strict=True):
+                gap += amount * mode
+            touching = np.flatnonzero(pressed | (gap < 0.0))
             if np.array_equal(touching, modes.nodes):
                 break
             modes = self.restrict(touching)
-        motion = motion.copy()
-        motion[self.numbers] += amounts
-        return new_gap, motion, modes
+        return motion, modes
 
     def balance(self, pressure: Array) -> Array:
         """Return the compression (f,) with the prescribed resultants that is nearest to pressures (f,)."""

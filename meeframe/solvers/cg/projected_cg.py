@@ -50,11 +50,12 @@ class _Memory:
 
     problem, scales: of the contact; modes: normal free motions on all nodes; inverse: approximate inverse of the normal
     compliance, (n, 1) from (n, 1), if the system has one;
-    weight: (n,) of the inner product; pressure: (n,); gap: (n,) with the indenter at rest; motion: (m,); active_modes:
-    modes on the nodes with pressure or overlap, which move next; free: (f,) nodes that the last step moved;
-    restricted: approximate inverse of the normal compliance restricted to these, (f,) from (f,), if there is one;
-    direction, residual: (f,) of that step; product: of its preconditioned residual with the residual; estimate: of the
-    residual; age: steps since the gap was last recomputed; renewed: estimate then.
+    weight: (n,) of the inner product; load: (n, fields); gap: (n,) with the indenter at rest; motion: (m,);
+    active_modes: modes on the nodes with pressure or overlap, which move next;
+    free: (f,) nodes that the last step moved; restricted: approximate inverse of the normal compliance restricted to
+    these, (f,) from (f,), if there is one; direction, residual: (f,) of that step; product: of its preconditioned
+    residual with the residual; estimate: of the residual; age: steps since the gap was last recomputed; renewed:
+    estimate then.
     """
 
     problem: ContactProblem
@@ -62,7 +63,7 @@ class _Memory:
     modes: NormalModes
     inverse: Callable[[Array], Array] | None
     weight: Array
-    pressure: Array
+    load: Array
     gap: Array
     motion: Array
     active_modes: NormalModes
@@ -152,21 +153,23 @@ def _begin(problem: ContactProblem, start: ContactState | None, scales: Scales) 
     # the scales of the problem hold on any division
     start = start or nested_start(problem, lambda coarse: _coarse_solution(coarse, scales))
     motion, modes, n = start_motion(problem, start), NormalModes.of(problem), len(problem.gap)
-    pressure = np.maximum(-start_load(problem, start)[:, NORMAL], 0.0)
+    load = start_load(problem, start)
+    free = np.flatnonzero(load[:, NORMAL] < 0.0)
+    pressure = -load[free, NORMAL]
     if modes.numbers.size:
         # pressures with the prescribed resultants, which all later directions preserve
-        free, trial = np.flatnonzero(pressure > 0.0), pressure
         if not free.size:
             free = np.flatnonzero(np.isfinite(problem.gap))
-            trial = pressure - _gap(problem, pressure, motion) / scales.normal_compliance
-        pressure = _scatter(modes.restrict(free).balance(trial[free]), free, n)
+            pressure = -_gap(problem, np.zeros(n), motion)[free] / scales.normal_compliance
+        pressure = modes.restrict(free).balance(pressure)
     weight = problem.system.weights
-    weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
+    weight = weight if (weight > 0.0).all() else np.ones(n)
     none, zeros = np.zeros(0, np.int64), np.zeros(0)
     approximate = problem.system.capability(ApproximateInverse)
     inverse = None if approximate is None else approximate.approximate_inverse((NORMAL,))
     constants = (problem, scales, modes, inverse, weight)
-    memory = _Memory(*constants, pressure, zeros, motion, modes.restrict(none), none, None, zeros, zeros)
+    load = _load(problem, pressure, free)
+    memory = _Memory(*constants, load, zeros, motion, modes.restrict(none), none, None, zeros, zeros)
     return _renew(memory)
 
 
@@ -183,7 +186,7 @@ def _coarse_solution(problem: ContactProblem, scales: Scales) -> Iterate:
 def _take_step(memory: _Memory) -> _Memory:
     """Return the state after one step along a conjugate direction, whose product may be in single precision."""
     memory = _conjugate(memory)
-    free, modes, direction, n = memory.free, memory.active_modes, memory.direction, len(memory.pressure)
+    problem, free, modes, direction = memory.problem, memory.free, memory.active_modes, memory.direction
     opening = _change_of_gap(memory, direction)
     # the indenter follows: the curvature counts only the gap that its motions do not remove
     weighted = memory.weight[free] * direction
@@ -191,17 +194,19 @@ def _take_step(memory: _Memory) -> _Memory:
     if curvature <= 0.0:
         return _renew(memory)
     length = float(weighted @ memory.residual) / curvature
-    trial = memory.pressure[free] - length * direction
+    before = -memory.load[free, NORMAL]
+    trial = before - length * direction
     if (trial >= 0.0).all():
-        pressure, gap = _scatter(trial, free, n), memory.gap - length * opening
+        values = trial
+        opening *= -length
     else:
         values = modes.balance(trial)
-        pressure = _scatter(values, free, n)
-        gap = memory.gap + _change_of_gap(memory, values - memory.pressure[free])
+        opening = _change_of_gap(memory, values - before)
         # later directions are not conjugate to a step of which the projection has left little
         if np.linalg.norm(values - trial) > MAX_CUT * np.linalg.norm(length * direction):
             memory = replace(memory, product=0.0)
-    memory = _bring_to_rest(replace(memory, pressure=pressure, age=memory.age + 1), gap)
+    load = _load(problem, values, free)
+    memory = _bring_to_rest(replace(memory, load=load, age=memory.age + 1), memory.gap + opening)
     is_inexact = memory.estimate <= RENEWAL_DECREASE * memory.renewed
     return _renew(memory) if is_inexact or memory.age >= MAX_STEPS_BETWEEN_RENEWALS else memory
 
@@ -211,7 +216,7 @@ def _conjugate(memory: _Memory) -> _Memory:
 
     Without a preconditioner nodes that enter restart the conjugation.
     """
-    n, modes, free = len(memory.pressure), memory.active_modes, memory.active_modes.nodes
+    n, modes, free = len(memory.load), memory.active_modes, memory.active_modes.nodes
     residual, weight = memory.gap[free], memory.weight[free]
     previous, direction, restricted = memory.residual, memory.direction, memory.restricted
     if free is not memory.free:
@@ -242,7 +247,7 @@ def _restrict_inverse(memory: _Memory, free: Indices) -> Callable[[Array], Array
     inverse, approximate = memory.inverse, memory.problem.system.capability(ApproximateInverse)
     if inverse is None or approximate is None:
         return None
-    by_zeros = Prolongation(partial(_scatter, free=free, n=len(memory.pressure)), lambda values: values[free])
+    by_zeros = Prolongation(partial(_scatter, free=free, n=len(memory.load)), lambda values: values[free])
     prolongation = approximate.prolongation(free) or by_zeros
 
     def restricted(opening: Array) -> Array:
@@ -255,31 +260,33 @@ def _restrict_inverse(memory: _Memory, free: Indices) -> Callable[[Array], Array
 def _renew(memory: _Memory) -> _Memory:
     """Return the state at its pressure, balanced again, without accumulated round-off of the gap."""
     if memory.modes.numbers.size:
-        free = np.flatnonzero(memory.pressure > 0.0)
-        balanced = memory.modes.restrict(free).balance(memory.pressure[free])
-        memory = replace(memory, pressure=_scatter(balanced, free, len(memory.pressure)))
-    memory = _bring_to_rest(replace(memory, age=0), _gap(memory.problem, memory.pressure, memory.motion))
+        free = np.flatnonzero(memory.load[:, NORMAL] < 0.0)
+        balanced = memory.modes.restrict(free).balance(-memory.load[free, NORMAL])
+        memory = replace(memory, load=_load(memory.problem, balanced, free))
+    memory = _bring_to_rest(replace(memory, age=0), _gap(memory.problem, memory.load[:, NORMAL], memory.motion))
     return replace(memory, renewed=memory.estimate)
 
 
 def _bring_to_rest(memory: _Memory, gap: Array) -> _Memory:
-    """Return the state after the motions of the indenter that follow from a gap (n,)."""
-    gap, motion, active_modes = memory.modes.bring_to_rest(memory.pressure, gap, memory.motion, memory.active_modes)
+    """Return the state after the motions of the indenter that follow from a gap (n,), to which they are added."""
+    pressed = memory.load[:, NORMAL] < 0.0
+    motion, active_modes = memory.modes.bring_to_rest(pressed, gap, memory.motion, memory.active_modes)
     memory = replace(memory, gap=gap, motion=motion, active_modes=active_modes)
     return replace(memory, estimate=_estimate(memory))
 
 
-def _gap(problem: ContactProblem, pressure: Array, motion: Array) -> Array:
-    """Return the normal gap (n,) of a pressure (n,) at free motions (m,)."""
-    gap: Array = problem.gap - problem.system.offset[:, NORMAL] + _gap_opening(problem, pressure)
+def _gap(problem: ContactProblem, traction: Array, motion: Array) -> Array:
+    """Return the normal gap (n,) of a normal traction (n,) at free motions (m,)."""
+    gap = problem.gap - problem.system.offset[:, NORMAL]
+    gap -= _displacement(problem, traction)
     for resultant, amount in zip(problem.prescribed_resultants, motion, strict=True):
         gap += amount * resultant.mode[:, NORMAL]
     return gap
 
 
-def _gap_opening(problem: ContactProblem, pressure: Array) -> Array:
-    """Return the normal displacement (n,) of a pressure (n,), which opens the gap."""
-    return apply_fields(problem.system, pressure[:, None], (NORMAL,), (NORMAL,))[:, 0]
+def _displacement(problem: ContactProblem, traction: Array) -> Array:
+    """Return the normal displacement (n,) of a normal traction (n,)."""
+    return apply_fields(problem.system, traction[:, None], (NORMAL,), (NORMAL,))[:, 0]
 
 
 def _change_of_gap(memory: _Memory, pressure: Array) -> Array:
@@ -288,20 +295,25 @@ def _change_of_gap(memory: _Memory, pressure: Array) -> Array:
     Gain of single precision, in whole runs: 1.15 for a rough surface on 1024 x 1024 nodes, less than 1.1 on 512 x 512.
     """
     precision = np.float64 if memory.inverse is None else np.float32
-    return _gap_opening(memory.problem, _scatter(pressure.astype(precision), memory.free, len(memory.pressure)))
+    return _displacement(memory.problem, _scatter(pressure.astype(precision), memory.free, len(memory.load)))
 
 
 def _estimate(memory: _Memory) -> float:
     """Return the violation of the contact law on the nodes where there is any."""
     scales, free = memory.scales, memory.active_modes.nodes
-    complementarity = np.abs(np.minimum(memory.pressure[free], memory.gap[free] / scales.normal_compliance))
+    complementarity = np.abs(np.minimum(-memory.load[free, NORMAL], memory.gap[free] / scales.normal_compliance))
     return float(complementarity.max(initial=0.0)) / scales.pressure
 
 
 def _iterate(memory: _Memory) -> Iterate:
-    load = np.zeros((memory.problem.fields.size, len(memory.pressure))).T  # field by field
-    np.negative(memory.pressure, out=load[:, NORMAL])
-    return Iterate(load, (memory.pressure > 0.0).astype(float), memory, memory.motion, memory.estimate)
+    return Iterate(memory.load, memory.load[:, NORMAL] < 0.0, memory, memory.motion, memory.estimate)
+
+
+def _load(problem: ContactProblem, pressure: Array, free: Indices) -> Array:
+    """Return the load (n, fields) of pressures (f,) on the free nodes (f,)."""
+    load = np.zeros((problem.fields.size, len(problem.gap))).T  # columns of zeros are never written
+    load[free, NORMAL] = -pressure
+    return load
 
 
 def _scatter(values: Array, free: Indices, n: int) -> Array:

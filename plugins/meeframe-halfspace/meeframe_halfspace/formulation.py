@@ -130,8 +130,7 @@ class HalfSpace(Formulation):
         progress("surface compliance", 0.0)
         grid_response = self._grid_response(body, grid)
         progress("surface compliance", 1.0)
-        weights = grid.weights(self.periodic)
-        shares = weights / weights.max()
+        weights, fractions = grid.weights(self.periodic), grid.fractions(self.periodic)
         origin = zone.points[grid.nodes[0, 0]]
         system = HalfSpaceSystem(
             points=zone.points,
@@ -143,9 +142,9 @@ class HalfSpace(Formulation):
             grid_response=grid_response,
             convolution=convolution_of(grid_response, library),
             waves=waves_of(grid_response),
-            shares=shares,
+            fractions=fractions,
             edge_waves=grid_response.response.wave_series()[0] if self.resolves_edges() else None,
-            interior=_interior(body, grid, grid_response, origin, shares),
+            interior=_interior(body, grid, grid_response, origin, fractions),
         )
         # a system with a matrix does not know its grid any more
         return _with_matrix(system) if len(weights) <= self.matrix_up_to and not self.resolves_edges() else system
@@ -230,15 +229,15 @@ def _thermal_response(body: Body, moduli: Array, grid: Grid) -> ThermalResponse:
 
 
 def _interior(
-    body: Body, grid: Grid, grid_response: GridResponse, origin: Array, shares: Array
+    body: Body, grid: Grid, grid_response: GridResponse, origin: Array, fractions: tuple[Array, Array]
 ) -> HalfSpaceInterior | None:
     """Return the fields inside a body; None with heat."""
     if isinstance(grid_response, HeatedGrid):
         return None
     if isinstance(grid_response, LayeredFreeGrid | LayeredPeriodicGrid):
         waves = LayerWaves(body, grid.frame, mean_length(grid.size, grid.spacing))
-        return HalfSpaceInterior(grid, grid_response.homogeneous, waves.stiffnesses[0], origin, shares, waves)
-    return HalfSpaceInterior(grid, grid_response, body.stiffness, origin, shares)
+        return HalfSpaceInterior(grid, grid_response.homogeneous, waves.stiffnesses[0], origin, fractions, waves)
+    return HalfSpaceInterior(grid, grid_response, body.stiffness, origin, fractions)
 
 
 def _check_grounded(body: Body) -> None:

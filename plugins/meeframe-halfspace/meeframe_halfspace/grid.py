@@ -84,14 +84,22 @@ class Grid:
             return self.size, np.argsort(self.nodes, axis=None)
         return self.size if self._order == "C" else self.size[::-1], None
 
-    def weights(self, periodic: bool) -> Array:
-        """Return the area of each node [m^2]: a cell, or half or a quarter of it on the border of a free grid."""
-        fractions = [np.ones(n) for n in self.size]
+    def fractions(self, periodic: bool) -> tuple[Array, Array]:
+        """Return the fractions (nx,) and (ny,) of cells, whose products belong to the zone.
+
+        Cells at the border of a free grid extend half beyond it.
+        """
+        along, across = (np.ones(n) for n in self.size)
         if not periodic:
-            for fraction in fractions:
-                fraction[[0, -1]] = 0.5
-        areas = np.outer(*fractions) * (self.spacing[0] * self.spacing[1])
-        return self.scatter(areas[None])[:, 0]
+            along[[0, -1]] = across[[0, -1]] = 0.5
+        return along, across
+
+    def weights(self, periodic: bool) -> Array:
+        """Return the area of each node [m^2], for a periodic grid as a view of one number."""
+        area = self.spacing[0] * self.spacing[1]
+        if periodic:
+            return np.broadcast_to(area, self.count)
+        return self.scatter(np.outer(*self.fractions(periodic))[None] * area)[:, 0]
 
 
 def find_grid(zone: FlatZone, name: str) -> Grid:

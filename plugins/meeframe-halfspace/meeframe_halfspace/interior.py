@@ -76,8 +76,8 @@ class HalfSpaceInterior(InteriorFields):
         Extended stiffness (3, fields, fields, 3) in SI units and global axes.
     origin
         Position of the first node of the grid, (3,) [m].
-    shares
-        (n,) fraction of the density around each node that belongs to the zone.
+    fractions
+        See Grid.fractions.
     layers
         The layers of which `stiffness` is the top one; None for a homogeneous half space.
     """
@@ -86,7 +86,7 @@ class HalfSpaceInterior(InteriorFields):
     grid_response: GridResponse
     stiffness: Array
     origin: Array
-    shares: Array
+    fractions: tuple[Array, Array]
     layers: LayerWaves | None = None
 
     def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
@@ -206,7 +206,9 @@ class _Spectrum:
         self.power = POWERS[response.shape]
         self.spacing = np.array(grid.spacing)
         scaled = load * response.response.factors
-        density = grid.to_grid((scaled if self.periodic else scaled * interior.shares[:, None]).T)
+        density = grid.to_grid(scaled.T)
+        if not self.periodic:
+            density = density * np.outer(*interior.fractions)
         first, last = np.zeros(2, int), np.array(grid.size)
         if not self.periodic and density.any():  # the rectangle that is loaded
             _, *nodes = np.nonzero(density)

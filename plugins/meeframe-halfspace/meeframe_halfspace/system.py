@@ -101,9 +101,8 @@ class HalfSpaceSystem(
         See `convolution_of`.
     waves
         See `waves_of`.
-    shares
-        (n,) fraction of the density around each node that belongs to the zone, below 1 only on the border of a free
-        grid.
+    fractions
+        See Grid.fractions.
     edge_waves
         Series of Re Y with which contact edges are resolved between the nodes; None if edges are at nodes.
     interior
@@ -114,7 +113,7 @@ class HalfSpaceSystem(
     grid_response: GridResponse
     convolution: Convolution
     waves: Symbol | None
-    shares: Array
+    fractions: tuple[Array, Array]
     edge_waves: Array | None = None
     interior: InteriorFields | None = None
 
@@ -159,23 +158,34 @@ class HalfSpaceSystem(
 
     def _response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement (n, k) due to a load (l, n) in l fields."""
-        precision = np.result_type(load, np.float32)
-        if self.convolution.periodic or self._inside:
-            load = load.astype(precision, copy=False)
-        else:
-            load = np.multiply(load, self.shares.astype(precision, copy=False), dtype=precision, order="C")
-        return self.grid.scatter(self.convolution.response(self.grid.to_grid(load), loaded, fields))
+        on_grid = self.grid.to_grid(load.astype(np.result_type(load, np.float32), copy=False))
+        if not self._inside:
+            on_grid = on_grid.copy()
+            self._multiply(on_grid)
+        return self.grid.scatter(self.convolution.response(on_grid, loaded, fields))
+
+    @property
+    def shares(self) -> Array:
+        """Fraction (n,) of the density around each node that belongs to the zone, below 1 only on its border."""
+        return self.grid.scatter(np.outer(*self.fractions)[None])[:, 0]
+
+    def _multiply(self, on_grid: Array, power: float = 1.0) -> None:
+        """Multiply values (k, nx, ny) by a power of the shares, in place."""
+        for fractions, values in zip(self.fractions, (on_grid.swapaxes(1, 2), on_grid), strict=True):
+            partial_cells = np.flatnonzero(fractions != 1.0)
+            values[:, :, partial_cells] *= fractions[partial_cells].astype(on_grid.dtype) ** power
 
     @cached_property
     def _inside(self) -> bool:
         """True if the density around each node is inside the zone."""
-        return bool((self.shares == 1.0).all())
+        return all((fractions == 1.0).all() for fractions in self.fractions)
 
     def diagonal_blocks(self) -> Array:
         """Return the response of each node to its own load, (n, f, f), stored entry by entry."""
-        blocks = np.zeros((self.n_fields, self.n_fields, len(self.shares)))  # most entries stay zero, and cost nothing
+        shares = self.shares
+        blocks = np.zeros((self.n_fields, self.n_fields, len(shares)))  # most entries stay zero, and cost nothing
         for index in np.argwhere(self._block.T):
-            np.multiply(self._block.T[*index], self.shares, out=blocks[*index])
+            np.multiply(self._block.T[*index], shares, out=blocks[*index])
         return blocks.T
 
     def diagonal(self, fields: Sequence[int]) -> Array:
@@ -215,10 +225,9 @@ class HalfSpaceSystem(
             values = displacement.T if len(nonzero) == len(chosen) else displacement.T[nonzero]
             on_grid = self.grid.to_grid(values.astype(np.float32, copy=False))
             answer = waves.response(on_grid, [chosen[column] for column in nonzero], chosen)
-            load = self.grid.scatter(answer).astype(displacement.dtype, copy=False)
             if waves.size != self.convolution.padded:
-                load /= self.shares.astype(load.dtype, copy=False)[:, None]
-            return load
+                self._multiply(answer, -1.0)
+            return self.grid.scatter(answer).astype(displacement.dtype, copy=False)
 
         return inverse
 
@@ -226,17 +235,19 @@ class HalfSpaceSystem(
         """Return a prolongation whose values decay beyond the nodes."""
         size, positions = self.grid.flat
         levels = MultilevelProlongation.of(size, nodes if positions is None else positions[nodes])
-        whole = self.convolution.periodic or self._inside
-        shares = None if whole else self.shares.astype(np.float32)
+        shares = None if self._inside else self.shares[nodes].astype(np.float32)
 
         def prolong(values: Array) -> Array:
             prolonged = levels.prolong(values).ravel()
             return prolonged if positions is None else prolonged[positions]
 
         def restrict(values: Array) -> Array:
-            values = values if shares is None else values * shares
+            if shares is not None:
+                on_grid = self.grid.to_grid(values[None]).copy()
+                self._multiply(on_grid)
+                values = self.grid.scatter(on_grid)[:, 0]
             restricted = levels.restrict(values.reshape(size) if positions is None else values[self.grid.nodes])
-            return restricted if shares is None else restricted / shares[nodes]
+            return restricted if shares is None else restricted / shares
 
         return Prolongation(prolong, restrict)
 
@@ -261,7 +272,7 @@ class HalfSpaceSystem(
             grid_response=response,
             convolution=convolution_of(response, self.convolution.library),
             waves=waves_of(response),
-            shares=self.shares[nodes],
+            fractions=(self.fractions[0][::2], self.fractions[1][::2]),
         )
         return Coarsening(system, nodes, partial(_prolong, self.grid, grid.size, self.convolution.periodic))
 
@@ -269,7 +280,8 @@ class HalfSpaceSystem(
         """Return the half space on a smaller free grid, which depends on the nodes alone."""
         if not nodes.size:
             return None
-        subgrid = self.grid.nodes[box(self.grid, nodes)]
+        rows, columns = box(self.grid, nodes)
+        subgrid = self.grid.nodes[rows, columns]
         size = subgrid.shape[0], subgrid.shape[1]
         response = self._subgrids.response(size) if subgrid.size <= MAX_SUBGRID_FRACTION * len(self.points) else None
         if response is None:
@@ -277,7 +289,8 @@ class HalfSpaceSystem(
         inner, grid = subgrid.ravel(), row_major_grid(self.grid, size)
         frames, offset = self._frames(inner.size), self._no_offset(inner.size)
         arrays = self.points[inner], frames, self.weights[inner], GridCells(grid.size), offset
-        return Subsystem(HalfSpaceSystem(*arrays, grid, *response, self.shares[inner]), inner)
+        fractions = self.fractions[0][rows], self.fractions[1][columns]
+        return Subsystem(HalfSpaceSystem(*arrays, grid, *response, fractions), inner)
 
     def _frames(self, count: int) -> Array:
         """Return the frames (count, 3, 3) of that many nodes, as a view of one."""
