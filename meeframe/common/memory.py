@@ -14,6 +14,8 @@ MAX_RETAINED_BYTES: Final = 2**30
 """Number of free bytes at the end of the heap that stay with the process."""
 MIN_MAPPED_BYTES: Final = 2**25
 """Size in bytes from which an array is mapped separately and returned when freed; the upper limit of the library."""
+MIN_RELEASED_NODES: Final = 2**20
+"""Number of nodes from which free memory is returned between the stages of a run: 30 to 60 bytes per node."""
 _TRIM_THRESHOLD: Final = -1
 _MMAP_THRESHOLD: Final = -3
 _TUNING_VARIABLES: Final = "MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_", "GLIBC_TUNABLES"
@@ -42,3 +44,16 @@ def keep_freed_memory() -> bool:
     except (ValueError, OSError, AttributeError):
         return False
     return bool(mallopt(_MMAP_THRESHOLD, MIN_MAPPED_BYTES) and mallopt(_TRIM_THRESHOLD, MAX_RETAINED_BYTES))
+
+
+def release_freed_memory(nodes: int) -> None:
+    """Return free memory to the system, if the C library can, after a stage of a run on many nodes.
+
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes; with fewer than MIN_RELEASED_NODES nothing is done.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if nodes >= MIN_RELEASED_NODES else None
+    if trim is not None:
+        trim(0)

@@ -235,7 +235,7 @@ class Iterate:
         (n, fields), as in ReducedSystem.
     contact_fraction : Array
         (n,) in [0, 1], fraction of a closed contact's conductivity in force: 1 where p_nu < 0, 0 where the contact is
-        open, and between these only at biactive nodes (see ContactState).
+        open, and between these only at biactive nodes (see ContactState). Flags count as 1 and 0.
     memory : object, optional
         Data that the solver stores for its next step; read by that solver only.
     motion : Array, optional

@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
+from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting, depends_on_gap, potential_diagonal, resistances, switch, unloaded
 from meeframe.contact.generated_heat import conducted_flux
 from meeframe.contact.nested import is_uniform
@@ -57,6 +58,7 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
         )
     system = problem.system
     if fields is None or len(fields) == system.n_fields:
+        release_freed_memory(len(iterate.load))  # of steps, most of which are in single precision
         displacement = system.apply(iterate.load)
         if system.offset.any():
             displacement = system.offset + displacement

@@ -313,7 +313,7 @@ def _resultant_scale(resultant: PrescribedResultant, loaded: Mask, load: Array) 
 
 def largest(values: Array) -> float:
     """Return the largest magnitude; nan if there is one among the values, 0 for an empty array."""
-    return float(np.abs(values).max(initial=0.0))
+    return abs(float(np.maximum(values.max(initial=0.0), -values.min(initial=0.0))))
 
 
 def _positive(magnitudes: Array) -> Array:

@@ -221,11 +221,13 @@ def motion_measures(modes: Sequence[Array] | Array, weights: Array) -> Array:
 
 def motion_measure(modes: Sequence[Array] | Array, weights: Array, number: int) -> Array:
     """Return one of the measures of `motion_measures`, (n, fields)."""
-    signs, mode = weights if number < N_RIGID else -weights, modes[number]
+    sign, mode = 1.0 if number < N_RIGID else -1.0, modes[number]
+    if weights.strides == mode.strides[:1] == (0,):  # the same at all points
+        return np.broadcast_to(sign * weights[0] * mode[0], mode.shape)
     measure = np.zeros(mode.shape[::-1]).T  # field by field, as the modes
     for column, values in enumerate(mode.T):
         if values.any():
-            measure[:, column] = signs * values
+            np.multiply(sign * weights, values, out=measure[:, column])
     return measure
 
 

@@ -264,16 +264,16 @@ class HeightGrid:
 
     @cached_property
     def _interpolant(self) -> Any:
-        """Interpolant of the heights above the lowest one, made when a height between nodes is first evaluated."""
-        heights = self.heights - self._lowest
+        """Interpolant of the heights, made when a height between nodes is first evaluated."""
         if self.interpolation == "cubic":
-            return scipy.interpolate.RectBivariateSpline(self.x, self.y, heights)
-        return scipy.interpolate.RegularGridInterpolator((self.x, self.y), heights)
+            return scipy.interpolate.RectBivariateSpline(self.x, self.y, self.heights)
+        return scipy.interpolate.RegularGridInterpolator((self.x, self.y), self.heights)
 
     def _interpolate(self, x: Array, y: Array) -> Array:
+        """Return the height above the lowest one at positions on the grid, (n,) [m]."""
         if self.interpolation == "cubic":
-            return np.asarray(self._interpolant.ev(x, y))
-        return np.asarray(self._interpolant(np.stack([x, y], axis=-1)))
+            return np.asarray(self._interpolant.ev(x, y)) - self._lowest
+        return np.asarray(self._interpolant(np.stack([x, y], axis=-1))) - self._lowest
 
 
 def _nodes_at(axis: Array, values: Array) -> Indices | None:

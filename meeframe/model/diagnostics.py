@@ -230,7 +230,7 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     if step.status is not Status.CONVERGED or not step.touching.any():
         return
     count, at_edge = int(step.touching.sum()), count_edge_nodes(zone, step)
-    new = np.bincount(onsets.number, minlength=2)[1:]
+    new = np.bincount(onsets.number[step.touching], minlength=2)[1:]
     late = onsets.number == 1 + new.argmax()
     shear, pressure = (np.linalg.norm(traction) for traction in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes equidistant nodes come into contact together, whatever the increments

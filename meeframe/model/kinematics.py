@@ -301,7 +301,7 @@ class IndenterKinematics:
         start, motion = increment.start, increment.base.copy()
         motion[increment.free] += state.motion
         path, total_slip = start.slip_path.copy(), start.total_slip + slip if start.total_slip.any() else slip
-        path[touches] += path_length(increment, slip)[touches]
+        path[touches] += path_length(increment, slip[touches])
         return replace(
             start,
             motion=motion,
@@ -397,5 +397,7 @@ def regions(increment: Increment, solution: ContactSolution, slip: Array, touche
     resolution = (
         max(_MAX_STICK_SLIP, _MAX_STICK_SLIP_RATIO * solution.residual) * scales.pressure * scales.normal_compliance
     )
-    slips = (np.linalg.norm(slip, axis=1) > resolution) | (not increment.problem.contact_law.tangential_scaling().any())
-    return np.where(touches, np.where(slips, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64)
+    region = np.where(touches, np.int64(Region.SLIP), np.int64(Region.OPEN))
+    if increment.problem.contact_law.tangential_scaling().any():
+        region[touches & ~(np.linalg.norm(slip, axis=1) > resolution)] = Region.STICK
+    return region

@@ -11,6 +11,7 @@ import numba
 import numpy as np
 
 from meeframe.common.errors import TooLargeError
+from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_field
 from meeframe.contact.scales import largest, problem_scales
@@ -370,6 +371,7 @@ def _solve(
         solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, edge)
     else:  # the contact edge lies at nodes
         solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
+    release_freed_memory(len(problem.gap))
     problem, depth = without_wear(problem, solution.state)
     increment = replace(increment, problem=problem, depth=depth)
     if steady is not None:

@@ -123,14 +123,14 @@ def _resultants(step: StepResult, zone: Zone) -> Resultants:
         contact_area=_area(zone, step, step.touching),
         stick_area=_area(zone, step, step.region == Region.STICK),
         slip_area=_area(zone, step, step.region == Region.SLIP),
-        max_pressure=float(np.maximum(-normal, 0.0).max() + 0.0),
-        max_tension=float(np.maximum(normal, 0.0).max() + 0.0),
+        max_pressure=float(np.maximum(-normal.min(), 0.0) + 0.0),
+        max_tension=float(np.maximum(normal.max(), 0.0) + 0.0),
     )
 
 
 def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
-    fractions = chosen.astype(float) if step.area_fraction is None else np.where(chosen, step.area_fraction, 0.0)
-    return float(_areas(zone) @ fractions)
+    areas = _areas(zone) if step.area_fraction is None else _areas(zone) * step.area_fraction
+    return float(areas.sum(where=chosen))
 
 
 @memoize_by_identity

@@ -263,9 +263,9 @@ class ConvergenceMonitor:
             self._window = 0
         if not (self._is_due(iterate) or self._cycle.is_closed or not self._window):
             return False
-        # memory of large grids: an earlier state is retained only as long as its change counts
         previous, self._state = None if criteria.by_residual else self._state, None
         state = self._evaluate(iterate)
+        self._state = None if criteria.by_residual and self._residual > criteria.tolerance else state
         if iterate.estimate is not None and self._residual > criteria.tolerance:
             self._follow(iterate)
         value = self._residual if criteria.by_residual or previous is None else paper_change(previous, state)

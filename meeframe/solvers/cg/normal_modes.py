@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.free_motion import balanced_projection, motions
@@ -112,7 +111,7 @@ class NormalModes:
         """
         if self.numbers.size == 0:
             return values
-        remainder = _add_modes(values, self.balance_amounts(values), self.mode)
+        remainder = values + self.balance_amounts(values) @ self.mode
         return (
             remainder
             if np.linalg.norm(remainder) > RESULTANT_ROUND_OFF * np.linalg.norm(values)
@@ -120,13 +119,14 @@ class NormalModes:
         )
 
     def bring_to_rest(
-        self, pressed: NDArray[np.bool_], gap: Array, motion: Array, guess: "NormalModes"
+        self, traction: Array, gap: Array, motion: Array, guess: "NormalModes"
     ) -> tuple[Array, "NormalModes"]:
         """Return the motion (m,) with which the indenter is at rest, and the modes on nodes with pressure or overlap.
 
-        pressed: (n,) nodes with pressure; gap: (n,) at a motion (m,), which is changed to that at rest; guess: modes on
+        traction: (n,) along the normals; gap: (n,) at a motion (m,), which is changed to that at rest; guess: modes on
         an estimate of those nodes, with which the search begins.
         """
+        pressed = traction < 0.0
         if self.numbers.size == 0:
             return motion, self.restrict(np.flatnonzero(pressed | (gap < 0.0)))
         modes = guess if guess.nodes.size else self.restrict(np.flatnonzero(pressed))
@@ -175,11 +175,3 @@ class NormalModes:
         traction[self.nodes, NORMAL] = -pressure
         projection = balanced_projection(self.problem, traction, gap, (1.0, 1.0))
         return np.asarray(-projection.traction[self.nodes, NORMAL])
-
-
-def _add_modes(values: Array, amounts: Array, along: Array) -> Array:
-    """Return values (f,) + amounts (k,) @ along (k, f); with few modes and many nodes faster than a matrix product."""
-    total = values
-    for amount, mode in zip(amounts, along, strict=True):
-        total = total + amount * mode
-    return total

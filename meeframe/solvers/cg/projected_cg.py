@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar, Final, final
+from typing import ClassVar, Final, cast, final
 
 import numpy as np
 
@@ -49,13 +49,12 @@ class _Memory:
     """State of the iteration.
 
     problem, scales: of the contact; modes: normal free motions on all nodes; inverse: approximate inverse of the normal
-    compliance, (n, 1) from (n, 1), if the system has one;
-    weight: (n,) of the inner product; load: (n, fields); gap: (n,) with the indenter at rest; motion: (m,);
-    active_modes: modes on the nodes with pressure or overlap, which move next;
-    free: (f,) nodes that the last step moved; restricted: approximate inverse of the normal compliance restricted to
-    these, (f,) from (f,), if there is one; direction, residual: (f,) of that step; product: of its preconditioned
-    residual with the residual; estimate: of the residual; age: steps since the gap was last recomputed; renewed:
-    estimate then.
+    compliance, (n, 1) from (n, 1), if the system has one; weight: (n,) of the inner product; load: (n, fields);
+    gap: (n,) with the indenter at rest; motion: (m,); active_modes: modes on the nodes with pressure or overlap, which
+    move next; free: (f,) nodes that the last step moved; restricted: approximate inverse of the normal compliance
+    restricted to these, (f,) from (f,), if there is one; direction, residual: (f,) of that step; product: of its
+    preconditioned residual with the residual; estimate: of the residual; age: steps since the gap was last recomputed;
+    renewed: estimate then.
     """
 
     problem: ContactProblem
@@ -162,15 +161,12 @@ def _begin(problem: ContactProblem, start: ContactState | None, scales: Scales) 
             free = np.flatnonzero(np.isfinite(problem.gap))
             pressure = -_gap(problem, np.zeros(n), motion)[free] / scales.normal_compliance
         pressure = modes.restrict(free).balance(pressure)
-    weight = problem.system.weights
-    weight = weight if (weight > 0.0).all() else np.ones(n)
+    weight = problem.system.weights if (problem.system.weights > 0.0).all() else np.ones(n)
     none, zeros = np.zeros(0, np.int64), np.zeros(0)
     approximate = problem.system.capability(ApproximateInverse)
     inverse = None if approximate is None else approximate.approximate_inverse((NORMAL,))
-    constants = (problem, scales, modes, inverse, weight)
-    load = _load(problem, pressure, free)
-    memory = _Memory(*constants, load, zeros, motion, modes.restrict(none), none, None, zeros, zeros)
-    return _renew(memory)
+    arrays = (problem, scales, modes, inverse, weight, _load(problem, pressure, free))
+    return _renew(_Memory(*arrays, zeros, motion, modes.restrict(none), none, None, zeros, zeros))
 
 
 def _coarse_solution(problem: ContactProblem, scales: Scales) -> Iterate:
@@ -186,7 +182,7 @@ def _coarse_solution(problem: ContactProblem, scales: Scales) -> Iterate:
 def _take_step(memory: _Memory) -> _Memory:
     """Return the state after one step along a conjugate direction, whose product may be in single precision."""
     memory = _conjugate(memory)
-    problem, free, modes, direction = memory.problem, memory.free, memory.active_modes, memory.direction
+    free, modes, direction = memory.free, memory.active_modes, memory.direction
     opening = _change_of_gap(memory, direction)
     # the indenter follows: the curvature counts only the gap that its motions do not remove
     weighted = memory.weight[free] * direction
@@ -195,9 +191,8 @@ def _take_step(memory: _Memory) -> _Memory:
         return _renew(memory)
     length = float(weighted @ memory.residual) / curvature
     before = -memory.load[free, NORMAL]
-    trial = before - length * direction
+    values = trial = before - length * direction
     if (trial >= 0.0).all():
-        values = trial
         opening *= -length
     else:
         values = modes.balance(trial)
@@ -205,8 +200,8 @@ def _take_step(memory: _Memory) -> _Memory:
         # later directions are not conjugate to a step of which the projection has left little
         if np.linalg.norm(values - trial) > MAX_CUT * np.linalg.norm(length * direction):
             memory = replace(memory, product=0.0)
-    load = _load(problem, values, free)
-    memory = _bring_to_rest(replace(memory, load=load, age=memory.age + 1), memory.gap + opening)
+    memory = replace(memory, load=_load(memory.problem, values, free), age=memory.age + 1)
+    memory = _bring_to_rest(memory, memory.gap + opening)
     is_inexact = memory.estimate <= RENEWAL_DECREASE * memory.renewed
     return _renew(memory) if is_inexact or memory.age >= MAX_STEPS_BETWEEN_RENEWALS else memory
 
@@ -268,25 +263,24 @@ def _renew(memory: _Memory) -> _Memory:
 
 
 def _bring_to_rest(memory: _Memory, gap: Array) -> _Memory:
-    """Return the state after the motions of the indenter that follow from a gap (n,), to which they are added."""
-    pressed = memory.load[:, NORMAL] < 0.0
-    motion, active_modes = memory.modes.bring_to_rest(pressed, gap, memory.motion, memory.active_modes)
-    memory = replace(memory, gap=gap, motion=motion, active_modes=active_modes)
-    return replace(memory, estimate=_estimate(memory))
+    """Return the state after the motions of the indenter that follow from a gap (n,), to which they are added.
+
+    Its estimate is the violation of the contact law on the nodes where there is any.
+    """
+    traction, scales = memory.load[:, NORMAL], memory.scales
+    motion, modes = memory.modes.bring_to_rest(traction, gap, memory.motion, memory.active_modes)
+    violation = np.abs(np.minimum(-traction[modes.nodes], gap[modes.nodes] / scales.normal_compliance))
+    estimate = float(violation.max(initial=0.0)) / scales.pressure
+    return replace(memory, gap=gap, motion=motion, active_modes=modes, estimate=estimate)
 
 
 def _gap(problem: ContactProblem, traction: Array, motion: Array) -> Array:
     """Return the normal gap (n,) of a normal traction (n,) at free motions (m,)."""
     gap = problem.gap - problem.system.offset[:, NORMAL]
-    gap -= _displacement(problem, traction)
+    gap -= apply_fields(problem.system, traction[:, None], (NORMAL,), (NORMAL,))[:, 0]
     for resultant, amount in zip(problem.prescribed_resultants, motion, strict=True):
         gap += amount * resultant.mode[:, NORMAL]
     return gap
-
-
-def _displacement(problem: ContactProblem, traction: Array) -> Array:
-    """Return the normal displacement (n,) of a normal traction (n,)."""
-    return apply_fields(problem.system, traction[:, None], (NORMAL,), (NORMAL,))[:, 0]
 
 
 def _change_of_gap(memory: _Memory, pressure: Array) -> Array:
@@ -295,18 +289,13 @@ def _change_of_gap(memory: _Memory, pressure: Array) -> Array:
     Gain of single precision, in whole runs: 1.15 for a rough surface on 1024 x 1024 nodes, less than 1.1 on 512 x 512.
     """
     precision = np.float64 if memory.inverse is None else np.float32
-    return _displacement(memory.problem, _scatter(pressure.astype(precision), memory.free, len(memory.load)))
-
-
-def _estimate(memory: _Memory) -> float:
-    """Return the violation of the contact law on the nodes where there is any."""
-    scales, free = memory.scales, memory.active_modes.nodes
-    complementarity = np.abs(np.minimum(-memory.load[free, NORMAL], memory.gap[free] / scales.normal_compliance))
-    return float(complementarity.max(initial=0.0)) / scales.pressure
+    change = _scatter(pressure.astype(precision), memory.free, len(memory.load))
+    return apply_fields(memory.problem.system, change[:, None], (NORMAL,), (NORMAL,))[:, 0]
 
 
 def _iterate(memory: _Memory) -> Iterate:
-    return Iterate(memory.load, memory.load[:, NORMAL] < 0.0, memory, memory.motion, memory.estimate)
+    touches = cast(Array, memory.load[:, NORMAL] < 0.0)  # flags take an eighth of the memory
+    return Iterate(memory.load, touches, memory, memory.motion, memory.estimate)
 
 
 def _load(problem: ContactProblem, pressure: Array, free: Indices) -> Array:

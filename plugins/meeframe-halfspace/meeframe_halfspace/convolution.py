@@ -4,7 +4,7 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, final
 
@@ -174,6 +174,11 @@ class Convolution:
     @cached_property
     def _prepared(self) -> _Prepared:
         return _Prepared(self.symbol, self.scale, self.source, self.library)
+
+    def without_entries(self) -> "Convolution":
+        """Return the convolution with a symbol of which no entries are computed."""
+        symbol = Symbol(self.symbol.make, self.symbol.numbers, self.symbol.parities)
+        return replace(self, symbol=symbol)
 
     @property
     def periodic(self) -> bool:
