@@ -146,7 +146,7 @@ class HalfSpaceSystem(
     def _field_by_field(self, load: Array, loaded: int) -> Array:
         """Return the displacement (n, f) due to a load (n, f) in one field, with the spectra of one field at a time.
 
-        Entries for the other fields are needed here alone; to make them takes less time than a product.
+        Entries for the other fields are needed here alone; to make them takes about as long as a product.
         """
         displacement = np.zeros((self.n_fields, self.grid.count)).T  # columns of zeros are never written
         for number in range(self.n_fields):
