@@ -276,8 +276,9 @@ def _bring_to_rest(memory: _Memory, gap: Array) -> _Memory:
 
 def _gap(problem: ContactProblem, traction: Array, motion: Array) -> Array:
     """Return the normal gap (n,) of a normal traction (n,) at free motions (m,)."""
-    gap = problem.gap - problem.system.offset[:, NORMAL]
-    gap -= apply_fields(problem.system, traction[:, None], (NORMAL,), (NORMAL,))[:, 0]
+    gap = apply_fields(problem.system, traction[:, None], (NORMAL,), (NORMAL,))[:, 0]
+    np.subtract(problem.gap, gap, out=gap)
+    gap -= problem.system.offset[:, NORMAL]
     for resultant, amount in zip(problem.prescribed_resultants, motion, strict=True):
         gap += amount * resultant.mode[:, NORMAL]
     return gap

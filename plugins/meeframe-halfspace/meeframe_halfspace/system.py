@@ -163,15 +163,21 @@ class HalfSpaceSystem(
     def _response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement (n, k) due to a load (l, n) in l fields."""
         on_grid = self.grid.to_grid(load.astype(np.result_type(load, np.float32), copy=False))
-        if not self._inside:
-            on_grid = on_grid.copy()
-            self._multiply(on_grid)
-        return self.grid.scatter(self.convolution.response(on_grid, loaded, fields))
+        return self.grid.scatter(self.convolution.response(self._inner_part(on_grid), loaded, fields))
 
     @property
     def shares(self) -> Array:
         """Fraction (n,) of the density around each node that belongs to the zone, below 1 only on its border."""
         return self.grid.scatter(np.outer(*self.fractions)[None])[:, 0]
+
+    def _inner_part(self, on_grid: Array) -> Array:
+        """Return the parts of loads (k, nx, ny) that belong to the zone, as a view if its border bears none."""
+        along, across = (np.flatnonzero(fractions != 1.0) for fractions in self.fractions)
+        if not on_grid[:, along].any() and not on_grid[:, :, across].any():
+            return on_grid
+        part = on_grid.copy()
+        self._multiply(part)
+        return part
 
     def _multiply(self, on_grid: Array, power: float = 1.0) -> None:
         """Multiply values (k, nx, ny) by a power of the shares, in place."""
@@ -247,9 +253,7 @@ class HalfSpaceSystem(
 
         def restrict(values: Array) -> Array:
             if shares is not None:
-                on_grid = self.grid.to_grid(values[None]).copy()
-                self._multiply(on_grid)
-                values = self.grid.scatter(on_grid)[:, 0]
+                values = self.grid.scatter(self._inner_part(self.grid.to_grid(values[None])))[:, 0]
             restricted = levels.restrict(values.reshape(size) if positions is None else values[self.grid.nodes])
             return restricted if shares is None else restricted / shares
 
