@@ -105,8 +105,10 @@ def strip_cells(loops: Indices) -> Indices:
 
 def outermost_cells(shape: tuple[int, int]) -> Indices:
     """Return those cells (e, 4) of a grid of nodes of a shape that are at its border."""
-    (nx, ny), numbers = shape, np.arange(shape[0] * shape[1]).reshape(shape)
-    strips = [numbers[:2], numbers[max(nx - 2, 1) :], numbers[1:-1, :2], numbers[1:-1, max(ny - 2, 1) :]]
+    nx, ny = shape
+    rows, columns = ny * np.arange(nx)[:, None], np.arange(ny)
+    at_ends = [rows[:2] + columns, rows[max(nx - 2, 1) :] + columns]
+    strips = [*at_ends, rows[1:-1] + columns[:2], rows[1:-1] + columns[max(ny - 2, 1) :]]
     return np.concatenate([grid_cells(strip) for strip in strips if min(strip.shape) > 1])
 
 

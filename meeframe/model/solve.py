@@ -416,7 +416,7 @@ def _step_result(
     accuracy = solution.residual if solution.status is Status.CONVERGED else 0.0
     for column, scale in enumerate(expected):
         error = max(_ROUND_OFF, accuracy) if fluxes[:, column].any() else _ROUND_OFF
-        if largest(potentials[:, column]) < error * scale:
+        if 0.0 < largest(potentials[:, column]) < error * scale:
             potentials[:, column] = 0.0
     return StepResult(
         loading=Loading.of(
