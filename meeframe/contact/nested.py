@@ -87,6 +87,8 @@ def restrict_problem(problem: ContactProblem, system: ReducedSystem, nodes: Indi
 
 def _columns_at(values: Array, columns: tuple[int, ...], nodes: Indices, factors: Array | float = 1.0) -> Array:
     """Return factors * values (n, fields) at some nodes (m,), of the columns that are not zero."""
+    if values.strides[0] == 0 and np.ndim(factors) == 0:  # the same at all nodes
+        return np.broadcast_to(values[0] * factors, (len(nodes), values.shape[1]))
     if not columns:
         return np.broadcast_to(0.0, (len(nodes), values.shape[1]))
     at_nodes = np.zeros((values.shape[1], len(nodes))).T  # columns of zeros are never written, and take no memory
