@@ -137,7 +137,7 @@ class NormalModes:
             amounts = modes.balance_amounts(gap[modes.nodes])
             motion[self.numbers] += amounts
             for amount, mode in zip(amounts, self.mode, strict=True):
-                gap += amount * mode
+                gap += amount * (mode if mode.strides[0] else mode[:1])  # often the same at all nodes
             touching = np.flatnonzero(pressed | (gap < 0.0))
             if np.array_equal(touching, modes.nodes):
                 break
