@@ -74,7 +74,8 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     """Return the resultants and maxima over the contact zone.
 
     Areas are summed over elements, because the weights of nodes are not areas: those of the corners of quad8 are
-    negative, those of tri6 zero. Nodes at a resolved contact edge count with their area fraction.
+    negative, those of tri6 zero. Nodes at a resolved contact edge count with their area fraction; those outside it,
+    without pressure, in proportion to the sticking and slipping areas of the others.
 
     Parameters
     ----------
@@ -129,8 +130,14 @@ def _resultants(step: StepResult, zone: Zone) -> Resultants:
 
 
 def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
-    fractions = chosen.astype(float) if step.area_fraction is None else np.where(chosen, step.area_fraction, 0.0)
-    return float(_areas(zone) @ fractions)
+    areas = _areas(zone)
+    if step.area_fraction is None:
+        return float(areas @ chosen.astype(float))
+    covered = areas * step.area_fraction
+    at_edge = (step.area_fraction < 1.0) & step.touching
+    beside = covered[(step.area_fraction < 1.0) & ~step.touching].sum()
+    share = covered[at_edge & chosen].sum() / covered[at_edge].sum() if at_edge.any() else 0.0
+    return float(covered[chosen].sum() + share * beside)
 
 
 @memoize_by_identity
