@@ -17,6 +17,13 @@ COMPOSITE = library_material("batio3-cofe2o4").with_heat(
 )
 
 
+def surface(material: Material) -> tuple[Array, Array, float]:
+    """Return xi, delta and kappa of a material that is axisymmetric about x3."""
+    coupled = material.stiffness[:, :5, :5]
+    y, kappa = thermal_response(coupled, material.thermal_moduli, material.decoupled[0][1], (0, 0, 1), [[1.0, 0, 0]])
+    return axisymmetric_compliance(coupled), -y[0, 2:].real, float(kappa[0])
+
+
 def integration_rule(x: float, count: int = 60, step: float = 0.07) -> tuple[Array, Array, Array]:
     """Return radii, distances from a point at x < A, and weights of a rule on the disc of radius A.
 
@@ -49,12 +56,8 @@ def test_fluxes_cause_the_prescribed_fields(
     material: Material, shape: Shape, approach: float | None, potentials: tuple[float | None, float | None], x: float
 ) -> None:
     """Height, potentials and temperature of the indenter, and of the surface, at a point of the contact."""
-    coupled = material.stiffness[:, :5, :5]
-    y, kappa = thermal_response(coupled, material.thermal_moduli, material.decoupled[0][1], (0, 0, 1), [[1.0, 0, 0]])
-    xi, distortivity = axisymmetric_compliance(coupled), -y[0, 2:].real
-    exact = HotIndentation(
-        xi, distortivity, float(kappa[0]), shape, A, TEMPERATURE, potentials, REFERENCE_RADIUS, approach
-    )
+    xi, distortivity, kappa = surface(material)
+    exact = HotIndentation(xi, distortivity, kappa, shape, A, TEMPERATURE, potentials, REFERENCE_RADIUS, approach)
     radius, distance, weights = integration_rule(x * A)
     inside = radius < A * (1.0 - 1e-15)
     radius, distance, weights = radius[inside], distance[inside], weights[inside]
@@ -70,3 +73,20 @@ def test_fluxes_cause_the_prescribed_fields(
         assert abs(potential[field] + thermal[field] - values[field]) <= 1e-7 * sizes[field]
         if value is not None:
             assert abs(values[field] - value) < 1e-12 * sizes[field]
+
+
+@pytest.mark.parametrize("x", [1.01, 1.1, 2.0, 5.0])
+def test_gap_opens_outside_the_contact(x: float) -> None:
+    """A hot sphere in perfect contact does not overlap the surface beside it, which expands as well."""
+    xi, distortivity, kappa = surface(STEEL)
+    exact = HotIndentation(xi, distortivity, kappa, Sphere(0.1), A, TEMPERATURE, (None, None), REFERENCE_RADIUS)
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    angle, azimuth = np.pi / 4.0 * (nodes + 1.0), 2.0 * np.pi * np.arange(2000) / 2000
+    r = A * np.sin(angle)  # without the singularity of the heat at the edge
+    distance = np.sqrt((x * A) ** 2 + r[:, None] ** 2 - 2.0 * x * A * r[:, None] * np.cos(azimuth))
+    area = np.pi / 4.0 * weights * A * np.cos(angle) * r * 2.0 * np.pi
+    pressed = xi[0] @ (exact.tractions(r) @ (area * (1.0 / distance).mean(axis=1)))
+    heat = area * 2.0 * kappa * TEMPERATURE / np.pi / np.sqrt(A**2 - r**2)
+    bulge = -distortivity[0] / (2.0 * np.pi) * heat @ np.log(distance / REFERENCE_RADIUS).mean(axis=1)
+    gap = (x * A) ** 2 / 0.2 - exact.solved_approach - pressed - bulge
+    assert gap > 1e-4 * (x - 1.0) ** 1.5 * exact.solved_approach
