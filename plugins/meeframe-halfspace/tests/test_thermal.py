@@ -14,8 +14,8 @@ from meeframe.material.half_space import surface_compliance
 from meeframe.material.thermal_half_space import thermal_response
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
-from meeframe.testing.closed_forms_layers import collocated_compliance
 from meeframe.testing.capabilities import check_capabilities
+from meeframe.testing.closed_forms_layers import collocated_compliance
 
 EXPANSION = np.array([[1.2e-5, 0.2e-5, -0.1e-5], [0.2e-5, 2e-5, 0.3e-5], [-0.1e-5, 0.3e-5, 0.8e-5]])
 CONDUCTIVITY = np.array([[3.0, 0.4, -0.2], [0.4, 2.5, 0.5], [-0.2, 0.5, 4.0]])
