@@ -523,9 +523,16 @@ def test_messages_state_frictional_heat_and_reference_radius(load_changed: Any) 
     assert float(text.split("lambda = ")[1].split(",")[0]) == pytest.approx(expected, rel=1e-2)
 
 
+def test_warns_of_friction_heat_without_duration(load_changed: Any) -> None:
+    assert not any("friction_heat" in text for text in load_changed(CASE).warnings)
+    still = load_changed(CASE, ('duration = "0.1 s"', ""))
+    assert any("friction_heat = 0.5 has no effect: no load step has a duration" in text for text in still.warnings)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ([('temperature = "100 K"', 'temperature = "100 degC"')], "indenter.temperature = '100 degC': names a scale"),
         ([('normal_force = "1 kN"', 'approach = "5 um"')], r"steps\[1\]: prescribes approach, whose level"),
         ([("[conductivity]", "[conductivity]\nelectric = 'step'")], "kappa"),
         (
