@@ -1,6 +1,6 @@
 """Checks of heat in a case: heat of friction and currents, and levels that heat flow leaves undetermined."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -32,7 +32,7 @@ def check_friction_heat(friction_heat: float, fields: FieldSet, two_bodies: bool
         raise CaseError(f"friction_heat = {friction_heat:g} with [second_body]; allowed: 0, or a rigid indenter")
 
 
-def unused_friction_heat(friction_heat: float, steps: Iterable[Step]) -> Iterator[str]:
+def unused_friction_heat(friction_heat: float, steps: Sequence[Step]) -> Iterator[str]:
     """Yield a warning if friction heats the body, but no load step has a duration."""
     if friction_heat and all(step.duration is None for step in steps):
         yield (

@@ -104,8 +104,8 @@ class HotIndentation:
         Fields that the indenter does not insulate have its height and potentials.
         """
         a, stiffness = self.contact_radius, self._stiffness
-        rho = np.sqrt(1.0 - (r / a) ** 2)
-        bulge = np.log((1.0 + rho) / 2.0) + 1.0 - rho  # Phi
+        root = np.sqrt(1.0 - (r / a) ** 2)
+        bulge = np.log((1.0 + root) / 2.0) + 1.0 - root  # Phi
         heat = self._flux_scale * a * self.distortivity
         densities = (
             (stiffness @ self._edge(self.solved_approach))[:, None]
