@@ -90,7 +90,7 @@ for speed in speeds:
 radii, pressures, heats = np.array(radii), np.array(pressures), np.array(heats)
 limits = 2 * np.pi * 0.6386 / (DISTORTIVITY * FRICTION * speeds * MODULUS)
 
-fig, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4))
+fig, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
 left.plot(speeds, radii * 1e3, "o-", label="computed")
 left.plot(
     speeds, np.minimum(limits, 3 * HERTZ_RADIUS) * 1e3, "--", label="upper limit"
@@ -101,6 +101,9 @@ left.legend()
 right.plot(speeds, pressures / 1e6, "o-")
 right.axhline(HERTZ_PRESSURE / 1e6, color="grey")
 right.set(xlabel="speed [m/s]", ylabel="largest pressure [MPa]", xscale="log")
+for axes in (left, right):
+    axes.minorticks_off()
+    axes.set_xticks(speeds, [f"{speed:g}" for speed in speeds])
 
 # %% [markdown]
 # The contact shrinks with speed and stays below its limit, and all power of friction enters the body.

@@ -24,6 +24,7 @@ _TEXT: Final = re.compile(
 _DIGITS: Final = 20
 """Number of digits of rounded exponents: a decimal third has 28, and three of them do not add up to one."""
 _OTHER: Final = "cannot be read as one number and then units"
+_SCALE: Final = "names a scale whose zero is not that of the unit; temperatures count from the reference, so give K"
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
 MAX_MAGNITUDE: Final = 1e60
@@ -206,9 +207,12 @@ def read_quantity(text: str) -> Any:
         units = registry.parse_units(re.sub(r"^\s*/", "1/", match[2]))
         quantity = _in_base_units(registry.Quantity(number, units))
         finite = math.isfinite(float(quantity.magnitude))
+        zero = registry.Quantity(Decimal(0), units).to_base_units().magnitude
     except Exception as error:  # pint raises many kinds of exceptions
         name = next(iter(getattr(error, "unit_names", ())), "")
         raise ValueError(_unknown(name) if name and name in text else _OTHER) from None
+    if zero:  # degC and degF; 1/degC is a difference
+        raise ValueError(_SCALE)
     if number.is_finite() and not finite:
         raise ValueError(_OTHER)
     return quantity

@@ -20,7 +20,7 @@ from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.data import CaseData
 from meeframe.model.data import Output as Output
 from meeframe.model.frames import frames_along
-from meeframe.model.heat import check_friction_heat, check_joule_heat, check_levels
+from meeframe.model.heat import check_friction_heat, check_joule_heat, check_levels, unused_friction_heat
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.memory import check_memory, memory_warning
 from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
@@ -173,7 +173,7 @@ class Case(CaseData):
     def warnings(self) -> tuple[str, ...]:
         """Warnings of the case, in words, none of which stops a run.
 
-        They come from the formulations, or report an indenter that touches nothing or whose potential has no effect.
+        They come from the formulations, or report an indenter that touches nothing, or input that has no effect.
         """
         second_body = () if self.second_body is None else ((self.second_body.formulation, self.second_body.body),)
         return (*warnings_of(((self.formulation, self.body), *second_body)), *self.preflight)
@@ -188,6 +188,7 @@ class Case(CaseData):
                 *unused_potentials(kinematics),
                 *memory_warning(self.mesh, self.contact_law, self.channels),
                 *coarse_zone(self.second_body, self.mesh, self.zone),
+                *unused_friction_heat(self.friction_heat, self.steps),
             )
 
     @property

@@ -32,6 +32,15 @@ def check_friction_heat(friction_heat: float, fields: FieldSet, two_bodies: bool
         raise CaseError(f"friction_heat = {friction_heat:g} with [second_body]; allowed: 0, or a rigid indenter")
 
 
+def unused_friction_heat(friction_heat: float, steps: Sequence[Step]) -> Iterator[str]:
+    """Yield a warning if friction heats the body, but no load step has a duration."""
+    if friction_heat and all(step.duration is None for step in steps):
+        yield (
+            f"friction_heat = {friction_heat:g} has no effect: no load step has a duration, from which the speed of "
+            "sliding follows"
+        )
+
+
 def check_joule_heat(joule_heat: float, body: Body, channels: Sequence[FluxChannel], two_bodies: bool) -> None:
     """Raise CaseError unless a current through the contact may heat a body.
 

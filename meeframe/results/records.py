@@ -236,8 +236,8 @@ class StepResult:
     second_body : SecondSurface, optional
         Surface of the second body, if there is one instead of a rigid indenter.
     area_fraction : Array, optional
-        (n,), fraction of each node's area that is in contact if it touches, where the contact edge is resolved between
-        the nodes (EdgeCorrection); None where it is resolved to nodes.
+        (n,), fraction of each node's area inside the contact edge, where that is resolved between the nodes
+        (EdgeCorrection), also of nodes without pressure; None where it is resolved to nodes.
     contact_at_zone_boundary : bool, optional
         True if the boundary of the zone cuts the contact off.
     fields : FieldSet, optional

@@ -74,7 +74,8 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     """Return the resultants and maxima over the contact zone.
 
     Areas are summed over elements, because the weights of nodes are not areas: those of the corners of quad8 are
-    negative, those of tri6 zero. Nodes at a resolved contact edge count with their area fraction.
+    negative, those of tri6 zero. Nodes at a resolved contact edge count with their area fraction. That of open
+    nodes is divided between stick and slip as that of the others there is.
 
     Parameters
     ----------
@@ -129,8 +130,13 @@ def _resultants(step: StepResult, zone: Zone) -> Resultants:
 
 
 def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
-    areas = _areas(zone) if step.area_fraction is None else _areas(zone) * step.area_fraction
-    return float(areas.sum(where=chosen))
+    areas = _areas(zone)
+    if step.area_fraction is None:
+        return float(areas.sum(where=chosen))
+    covered, at_edge = areas * step.area_fraction, step.area_fraction < 1.0
+    touching, still_open = (covered[at_edge & nodes].sum() for nodes in (step.touching, ~step.touching))
+    share = covered[at_edge & chosen].sum() / touching if touching > 0.0 else 0.0
+    return float(covered[chosen].sum() + share * still_open)
 
 
 @memoize_by_identity

@@ -98,6 +98,23 @@ class HotIndentation:
         ) / np.pi**2 - np.outer(stiffness[:, 0], self.shape.density(r, a))
         return tractions
 
+    def values(self, r: Array) -> Array:
+        """Return u3, phi and psi of the surface, (3, n), at distances (n,) r <= a from the axis.
+
+        Fields that the indenter does not insulate have its height and potentials.
+        """
+        a, stiffness = self.contact_radius, self._stiffness
+        root = np.sqrt(1.0 - (r / a) ** 2)
+        bulge = np.log((1.0 + root) / 2.0) + 1.0 - root  # Phi
+        heat = self._flux_scale * a * self.distortivity
+        densities = (
+            (stiffness @ self._edge(self.solved_approach))[:, None]
+            - np.outer(stiffness[:, 0], self.shape.potential(r, a))
+            - np.outer(stiffness @ heat[self._fields], np.log(2.0) - bulge)
+        )
+        level = 1.0 - np.log(2.0) + np.log(self.reference_radius / a)
+        return np.asarray(self.xi[:, self._fields] @ densities + np.outer(heat, level - bulge))
+
     def pressure(self, r: Array) -> Array:
         """Return the pressure [Pa] at distances (n,) r < a from the axis."""
         return np.asarray(-self.tractions(r)[0])

@@ -86,20 +86,17 @@ class Contact:
         def mean(values: Array) -> float:
             return float(weights @ values) / area
 
-        touching = step.touching.astype(float)
-        if step.area_fraction is not None:
-            touching *= step.area_fraction
-        gap = step.gap
+        gap, totals = step.gap, resultants(zone, step)
         potential = float(getattr(step.loading, step.fields.scalars[CHARGE].value_name))
         if is_periodic:
             potential -= mean(step.potentials[:, CHARGE])
         return cls(
             pressure=mean(-step.traction[:, 2]),
-            area_fraction=mean(touching),
+            area_fraction=totals.contact_area / area,
             mean_gap=mean(np.maximum(gap, 0.0)),
             separation=mean(gap),
             approach=step.loading.approach,
-            max_pressure=resultants(zone, step).max_pressure,
+            max_pressure=totals.max_pressure,
             charge_density=-mean(step.fluxes[:, CHARGE]),
             potential_drop=potential,
         )

@@ -15,6 +15,7 @@ from meeframe.material.thermal_half_space import thermal_response
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.testing.capabilities import check_capabilities
+from meeframe.testing.closed_forms_layers import collocated_compliance
 
 EXPANSION = np.array([[1.2e-5, 0.2e-5, -0.1e-5], [0.2e-5, 2e-5, 0.3e-5], [-0.1e-5, 0.3e-5, 0.8e-5]])
 CONDUCTIVITY = np.array([[3.0, 0.4, -0.2], [0.4, 2.5, 0.5], [-0.2, 0.5, 4.0]])
@@ -91,6 +92,22 @@ def test_response_is_that_of_an_ordered_schur_form(material: Material) -> None:
         alone = surface_compliance(material.stiffness[:, :5, :5], NORMAL, [direction])[0]
         alone /= np.outer(factors[:5], factors[:5])
         np.testing.assert_allclose(compliance[:5, :5], alone, rtol=0.0, atol=1e-11 * np.abs(alone).max())
+
+
+@pytest.mark.parametrize("material", [TRICLINIC, TABLE_1], ids=["triclinic", "table 1"])
+def test_response_is_that_of_a_deep_slab(material: Material) -> None:
+    """The differential equations in the depth by collocation, in a slab in which all waves decay to round-off."""
+    scaling = material.scaling
+    stiffness, factors = scaling.scale_stiffness(material.stiffness), scaling.factors
+    moduli, depths = material.thermal_moduli * factors[:5] * factors[5], (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+    count = len(depths)
+    joints = [np.zeros(6)] * (count - 1), [False] * (count - 1)
+    y, kappa = response_of(material, DIRECTIONS[:3])
+    for direction, heat, conductivity in zip(DIRECTIONS[:3], y, kappa, strict=True):
+        slab = collocated_compliance([stiffness] * count, depths, *joints, direction[:2], 18, [moduli] * count)
+        expected = slab * np.outer(factors, factors)
+        np.testing.assert_allclose(heat, expected[:5, 5], rtol=0.0, atol=1e-9 * np.abs(expected[:5, 5]).max())
+        assert -1.0 / conductivity == pytest.approx(expected[5, 5], rel=1e-9)
 
 
 def test_response_of_opposite_waves_is_conjugate() -> None:

@@ -1,6 +1,7 @@
 """The response to a heat source: closed form, field equations, quadrature over a heated volume, order in the length."""
 
 from dataclasses import dataclass
+from itertools import permutations
 from typing import final
 
 import numpy as np
@@ -207,6 +208,38 @@ def test_boundary_equation_holds_on_the_surface_of_an_ellipsoid(constants, kerne
     left[:5] += area * values[:, 5] @ t[:, 5, :5]
     left[5] += area * (values[:, 5] - here[5]) @ t[:, 5, 5]
     np.testing.assert_allclose(left, right, atol=1e-8 * np.abs(np.einsum("n,nJ,nJP->JP", area, fluxes, u)).max())
+
+
+def test_representation_of_a_polynomial_field_inside_an_ellipsoid(constants, kernel, random):
+    """A temperature of second and displacements and potentials of third degree, at points far from the surface."""
+    axes, count = np.array([1.0, 0.7, 1.3]), 40
+    directions, weights = sphere_rule(count)
+    points, normal = axes * directions, directions / axes
+    area = weights * axes.prod() * np.linalg.norm(normal, axis=1)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    # theta = x.Qx without heat sources, u_J = a_Jpqr x_p x_q x_r with C_iJKm u_K,mi = beta_iJ theta,i
+    q = random.normal(size=(3, 3))
+    q += q.T
+    q -= np.eye(3) * (q * constants.conductivity).sum() / np.trace(constants.conductivity)
+    symmetric = np.array([np.eye(27).reshape(27, 3, 3, 3).transpose(0, *order) for order in permutations((1, 2, 3))])
+    basis = symmetric.sum(axis=0)  # u_K,mi = basis_mir x_r
+    equations = np.einsum("iJKm,bmir->JrKb", constants.coupled, basis).reshape(15, -1)
+    source = np.einsum("iJ,ir->Jr", constants.moduli, 2.0 * q).ravel()
+    a = np.einsum("Kb,bmir->Kmir", np.linalg.lstsq(equations, source)[0].reshape(5, 27), basis) / 6.0
+
+    def values(x: Array) -> Array:
+        return np.column_stack([np.einsum("Kpqr,np,nq,nr->nK", a, x, x, x), np.einsum("np,pq,nq->n", x, q, x)])
+
+    gradient = 3.0 * np.einsum("Kmqr,nq,nr->nKm", a, points, points)
+    flux = np.einsum("ni,iJKm,nKm->nJ", normal, constants.coupled, gradient)
+    flux -= (normal @ constants.moduli) * values(points)[:, 5:]
+    heat = -2.0 * np.einsum("ni,ij,jq,nq->n", normal, constants.conductivity, q, points)
+    inside = 0.25 * axes * unit_vectors(random, 3)
+    for point, exact in zip(inside, values(inside), strict=True):
+        u, t = kernel.evaluate(points - point, normal)
+        terms = np.einsum("nJ,nJP->nP", np.column_stack([flux, heat]), u)
+        terms -= np.einsum("nJ,nJP->nP", values(points), t)
+        np.testing.assert_allclose(area @ terms, exact, atol=1e-8 * (area @ np.abs(terms)).max())
 
 
 def test_harmonics_integrate_over_half_spheres():

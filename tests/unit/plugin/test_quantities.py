@@ -52,6 +52,14 @@ def test_infinity(unit, quantity):
     assert Quantity(unit).convert(quantity) == float("inf")
 
 
+def test_scales_of_temperature_are_refused_and_their_degrees_are_not():
+    for text in ("100 degC", "0 celsius", "212 degF"):
+        with pytest.raises(ValueError, match="names a scale whose zero"):
+            Quantity("K").convert(text)
+    assert Quantity("W/m/K").convert("40 W/m/degC") == Quantity("1/K").convert("40 1/degC") == 40.0
+    assert Quantity("K").convert("5 delta_degC") == 5.0
+
+
 def test_prefixed_numbers_are_correctly_rounded():
     assert [Quantity("m").convert(f"{number} um") for number in (3, 0.7, 50)] == [3e-6, 0.7e-6, 50e-6]
 

@@ -40,12 +40,16 @@ def test_area_of_a_circle(name, synthetic):
 
 
 def test_area_fractions_of_nodes(synthetic):
-    """Nodes in contact count by their area fraction, open nodes do not count."""
+    """Nodes count by their area fraction; open ones that an edge covers in part are shared by stick and slip."""
     zone, whole = synthetic.zone(), synthetic.step(1e-6)
     full = resultants(zone, dataclasses.replace(whole, area_fraction=np.ones(25)))
     assert full.contact_area == pytest.approx(resultants(zone, whole).contact_area) == pytest.approx(9e-6)
-    half = resultants(zone, dataclasses.replace(whole, area_fraction=np.full(25, 0.5)))
+    covered = np.where(whole.touching, 0.5, 0.0)
+    half = resultants(zone, dataclasses.replace(whole, area_fraction=covered))
     assert (half.stick_area, half.slip_area, half.contact_area) == pytest.approx((0.5e-6, 4e-6, 4.5e-6))
+    covered[np.flatnonzero(~whole.touching)[:6]] = 0.36  # of 2.5 cells
+    more = resultants(zone, dataclasses.replace(whole, area_fraction=covered))
+    assert (more.stick_area, more.slip_area, more.contact_area) == pytest.approx((0.6e-6, 4.8e-6, 5.4e-6))
 
 
 @pytest.mark.full(except_for=2)
