@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Final, TypeVar, final
 
 import numpy as np
+import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
@@ -18,6 +19,8 @@ C = TypeVar("C")
 TANGENTIAL: Final = (0, 1)
 MAX_ASPECT_RATIO: Final = 9.0
 """Largest ratio of the sides of a zone with which approximate inverses save products; at 10 they take more."""
+RELAXATIONS: Final = (0.1, 1.0, 10.0)
+"""Resistances, relative to the response to the shortest wave across the rolling direction, with a relaxation each."""
 _POSITION_TOLERANCE: Final = 1e-3
 """Largest distance of a node from its position on the grid, in spacings."""
 
@@ -208,17 +211,26 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
 
         Gain: a quarter of the products on 64 x 64 nodes, half of them on 32 x 32.
         """
+        return self.inverse_with_friction(fields, np.zeros(len(self.points)))
+
+    def inverse_with_friction(self, fields: Sequence[int], resistance: Array) -> Callable[[Array], Array] | None:
+        """Return the inverse of the body after accumulation of changes, which relax where friction resists.
+
+        Gain: two thirds of the products on 256 x 256 nodes.
+        """
         body = self.body.capability(ApproximateInverse)
         inverse = None if body is None else body.approximate_inverse(fields)
         if inverse is None:
             return None
         columns = [column for column, field in enumerate(fields) if field in TANGENTIAL]
+        relaxation = _Relaxation.of(self.cell_shift.grid, resistance / self.cell, self._of_middle[2])
 
         def solve(changes: Array) -> Array:
             displacement = changes.copy(order="K")
             is_changed = changes.any(axis=1)  # beyond these nodes the displacement decays
-            for column in columns:
-                displacement[:, column] = self.cell_shift.accumulate(changes[:, column]) / self.cell * is_changed
+            if columns:
+                accumulated = relaxation.accumulate(changes[:, columns] / self.cell)
+                displacement[:, columns] = accumulated * is_changed[:, None]
             return inverse(displacement)
 
         return solve
@@ -229,7 +241,7 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
         The response of the node ahead is that in the middle of the grid, in proportion to the area of each node.
         """
         blocks = self.body.diagonal_blocks().copy()
-        node, ahead = self._ahead_of_middle
+        node, ahead, _ = self._of_middle
         share = blocks[:, 2, 2] / blocks[node, 2, 2]
         blocks[:, TANGENTIAL] -= share[:, None, None] * ahead[list(TANGENTIAL)]
         blocks[:, TANGENTIAL] *= self.cell
@@ -252,16 +264,23 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
         return replace(coarse, system=SteadyRollingSystem.of(body, shift, cell))
 
     @cached_property
-    def _ahead_of_middle(self) -> tuple[int, Array]:
-        """A node in the middle, and the displacements (fields, fields) of the node ahead of it due to its loads."""
-        node = int(self.cell_shift.grid[len(self.cell_shift.grid) // 2 - 1, self.cell_shift.grid.shape[1] // 2])
-        ahead = np.empty((self.n_fields, self.n_fields))
+    def _of_middle(self) -> tuple[int, Array, Array]:
+        """A node in the middle, and what its loads cause.
+
+        These are the displacements (fields, fields) of the node ahead of it, and the mean tangential ones in the
+        direction of the load, (ny,), summed up along the rolling direction.
+        """
+        grid = self.cell_shift.grid
+        node, ahead = int(grid[len(grid) // 2 - 1, grid.shape[1] // 2]), np.empty((self.n_fields, self.n_fields))
+        across = np.zeros(grid.shape[1])
         for field in range(self.n_fields):
             load = np.zeros_like(self.offset)
             load[node, field] = 1.0
             response = self.body.apply(load)
             ahead[:, field] = response[node] - _change(self.cell_shift, response, 1.0)[node]
-        return node, ahead
+            if field in TANGENTIAL:
+                across += response[grid, field].sum(axis=0) / len(TANGENTIAL)
+        return node, ahead, across
 
     def dense(self) -> Array | None:
         """Return the compliance (n, fields, n, fields) if that of the body is a matrix."""
@@ -279,6 +298,54 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
     def recover(self, load: Array) -> NodalFields:
         """Return the fields on the whole boundary of the body."""
         return self.body.recover(load)
+
+
+@dataclass(frozen=True, eq=False)
+class _Relaxation:
+    """Accumulation of changes f over each cell to displacements u that relax: r K u + du = f, with resistances r.
+
+    K is the stiffness of the body against waves across the rolling direction, among which those that relax slowly are.
+    A step over a cell follows from those at a few resistances, between which those of the nodes are interpolated.
+
+    Attributes
+    ----------
+    grid
+        (nx, ny) numbers of the nodes.
+    factors
+        (levels, 1, waves), factors of the waves in one cell.
+    shares
+        (1 + levels, nx, ny), shares of no resistance and of each level at each node.
+    """
+
+    grid: Indices
+    factors: Array
+    shares: Array
+
+    @classmethod
+    def of(cls, grid: Indices, resistance: Array, response: Array) -> "_Relaxation":
+        """Return the accumulation with resistances (n,) in a body with the response (ny,) to a line in its middle."""
+        stiffness = 1.0 / np.maximum(np.abs(scipy.fft.rfft(response)), np.finfo(np.float32).tiny)
+        relative = resistance[grid] * stiffness.max()
+        levels = np.array(RELAXATIONS)
+        position = 1.0 + np.interp(np.log(np.maximum(relative, levels[0])), np.log(levels), np.arange(len(levels)))
+        position = np.where(relative < levels[0], relative / levels[0], position)
+        shares = np.maximum(1.0 - np.abs(position - np.arange(1 + len(levels))[:, None, None]), 0.0)
+        factors = 1.0 / (1.0 + np.outer(levels, stiffness / stiffness.max()))
+        return cls(grid, factors[:, None].astype(np.float32), shares.astype(np.float32))
+
+    def accumulate(self, changes: Array) -> Array:
+        """Return the displacements (n, k) of changes (n, k), from the leading border to the last change."""
+        accumulated = np.zeros_like(changes)
+        places = np.flatnonzero(changes.any(axis=1)[self.grid].any(axis=1))
+        values, relaxing = np.zeros((changes.shape[1], self.grid.shape[1]), changes.dtype), self.shares[1:].any(axis=(0, 2))
+        for place in range(places.max(initial=-1), places.min(initial=0) - 1, -1):
+            values = values + changes[self.grid[place]].T
+            if relaxing[place]:
+                none, *shares = self.shares[:, place]
+                waves = scipy.fft.irfft(self.factors * scipy.fft.rfft(values), values.shape[1])
+                values = none * values + np.einsum("ly,lky->ky", shares, waves)
+            accumulated[self.grid[place]] = values.T
+        return accumulated
 
 
 def _change(cell_shift: CellShift, displacement: Array, cell: float) -> Array:

@@ -20,6 +20,7 @@ from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.jacobian import TANGENTIAL, ReducedJacobian
 from meeframe.solvers.newton.node_blocks import NodeBlocks
+from meeframe.system.capabilities import ApproximateInverse
 
 NEARBY_RADIUS: Final = 1.1
 """Radius, in spacings of nodes, beyond which the response to a single node is neglected.
@@ -124,7 +125,13 @@ def _solution_of_loads(jacobian: ReducedJacobian) -> Linear:
     jacobian = replace(jacobian, a=rotation.to_rotated(jacobian.a), b=rotation.to_rotated(jacobian.b))
     loads = slice(len(jacobian.fields))
     prescribing = _displacement_rows(jacobian, node_compliance) if inverse else np.zeros_like(jacobian.coupled[loads])
-    to_displacement = _prescribed_displacements(jacobian, node_compliance, prescribing)
+    friction = _friction(jacobian, prescribing)
+    with_friction = _inverse_with_friction(jacobian, friction)
+    if with_friction is None:
+        friction[:] = 0.0
+    else:
+        inverse = with_friction
+    to_displacement = _prescribed_displacements(jacobian, node_compliance, prescribing, friction)
     node_inverse, by_loads, by_displacement = _node_solution(
         jacobian, node_compliance, jacobian.coupled[loads] & ~prescribing, prescribing
     )
@@ -238,7 +245,27 @@ def _node_compliance(jacobian: ReducedJacobian) -> NodeBlocks:
     return NodeBlocks.of(entries, (len(jacobian.displacement_fields), len(jacobian.nodes)))
 
 
-def _prescribed_displacements(jacobian: ReducedJacobian, self_compliance: NodeBlocks, prescribing: Mask) -> NodeBlocks:
+def _friction(jacobian: ReducedJacobian, prescribing: Mask) -> Array:
+    """Return the resistances (l, c) to tangential loads in rows (l, c) that prescribe displacements, times the units."""
+    friction = np.zeros(prescribing.shape)
+    for position, field in enumerate(jacobian.fields):
+        if field in TANGENTIAL:
+            own, moved = (blocks.entry(position, column) for blocks, column in ((jacobian.a, position), (jacobian.b, jacobian.displacement_fields.index(field))))
+            np.divide(own, moved, out=friction[position], where=prescribing[position])
+    return np.maximum(friction, 0.0)
+
+
+def _inverse_with_friction(jacobian: ReducedJacobian, friction: Array) -> Linear | None:
+    system = jacobian.equation.problem.system
+    approximate = system.capability(ApproximateInverse)
+    if approximate is None or jacobian.equation.inverse is None or not friction.any():
+        return None
+    resistance = np.zeros(len(system.points))
+    resistance[jacobian.nodes] = (friction / jacobian.units[: len(friction), None]).max(axis=0)
+    return approximate.inverse_with_friction(jacobian.equation.loaded, resistance)
+
+
+def _prescribed_displacements(jacobian: ReducedJacobian, self_compliance: NodeBlocks, prescribing: Mask, friction) -> NodeBlocks:
     """Return the displacements (l, c), in the fields of the loads, that right-hand sides (r, c) prescribe.
 
     The right-hand sides are those of the rows `prescribing` (l, c). The displacements are those that loads cause at
@@ -255,7 +282,7 @@ def _prescribed_displacements(jacobian: ReducedJacobian, self_compliance: NodeBl
     equations = jacobian.a.plus(NodeBlocks(by_cause, prescribing.shape))
     inverses = equations.inverses(prescribing)
     return NodeBlocks(
-        {(i, j): (causes[i] + jacobian.series[i]) * entry for (i, j), entry in inverses.entries.items()},
+        {(i, j): (causes[i] + jacobian.series[i] + friction[i]) * entry for (i, j), entry in inverses.entries.items()},
         prescribing.shape,
     )
 
