@@ -304,17 +304,17 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
 class _Relaxation:
     """Accumulation of changes f over each cell to displacements u that relax: r K u + du = f, with resistances r.
 
-    K is the stiffness of the body against waves across the rolling direction, among which those that relax slowly are.
-    A step over a cell follows from those at a few resistances, between which those of the nodes are interpolated.
+    K is the stiffness of the body against waves across the rolling direction, among which are those that relax slowly.
+    The relaxation in a cell is interpolated between those at a few resistances, and none.
 
     Attributes
     ----------
     grid
         (nx, ny) numbers of the nodes.
     factors
-        (levels, 1, waves), factors of the waves in one cell.
+        (levels, 1, waves), factors of the waves in a cell at each of these resistances.
     shares
-        (1 + levels, nx, ny), shares of no resistance and of each level at each node.
+        (nx, 1 + levels, ny), shares of no relaxation and of that at each resistance.
     """
 
     grid: Indices
@@ -323,28 +323,33 @@ class _Relaxation:
 
     @classmethod
     def of(cls, grid: Indices, resistance: Array, response: Array) -> "_Relaxation":
-        """Return the accumulation with resistances (n,) in a body with the response (ny,) to a line in its middle."""
-        stiffness = 1.0 / np.maximum(np.abs(scipy.fft.rfft(response)), np.finfo(np.float32).tiny)
-        relative = resistance[grid] * stiffness.max()
-        levels = np.array(RELAXATIONS)
+        """Return the accumulation with resistances (n,) of the nodes.
+
+        response: (ny,), displacement of the body by loads along a line in the rolling direction, in the middle.
+        """
+        compliance, levels = np.abs(scipy.fft.rfft(response)) + np.finfo(float).tiny, np.array(RELAXATIONS)
+        compliance[0] = compliance.max()  # a periodic surface has none against uniform load
+        relative = resistance[grid] / compliance.min()
         position = 1.0 + np.interp(np.log(np.maximum(relative, levels[0])), np.log(levels), np.arange(len(levels)))
-        position = np.where(relative < levels[0], relative / levels[0], position)
-        shares = np.maximum(1.0 - np.abs(position - np.arange(1 + len(levels))[:, None, None]), 0.0)
-        factors = 1.0 / (1.0 + np.outer(levels, stiffness / stiffness.max()))
+        position = np.minimum(position, relative / levels[0])
+        shares = np.maximum(1.0 - np.abs(position[:, None] - np.arange(1 + len(levels))[:, None]), 0.0)
+        factors = 1.0 / (1.0 + np.outer(levels, compliance.min() / compliance))
         return cls(grid, factors[:, None].astype(np.float32), shares.astype(np.float32))
 
     def accumulate(self, changes: Array) -> Array:
         """Return the displacements (n, k) of changes (n, k), from the leading border to the last change."""
-        accumulated = np.zeros_like(changes)
-        places = np.flatnonzero(changes.any(axis=1)[self.grid].any(axis=1))
-        values, relaxing = np.zeros((changes.shape[1], self.grid.shape[1]), changes.dtype), self.shares[1:].any(axis=(0, 2))
+        on_grid = changes.T[:, self.grid].swapaxes(0, 1)
+        relaxing, places = self.shares[:, 1:].any(axis=(1, 2)), np.flatnonzero(on_grid.any(axis=(1, 2)))
+        values = np.zeros_like(on_grid[0])
         for place in range(places.max(initial=-1), places.min(initial=0) - 1, -1):
-            values = values + changes[self.grid[place]].T
+            values = values + on_grid[place]
             if relaxing[place]:
-                none, *shares = self.shares[:, place]
                 waves = scipy.fft.irfft(self.factors * scipy.fft.rfft(values), values.shape[1])
-                values = none * values + np.einsum("ly,lky->ky", shares, waves)
-            accumulated[self.grid[place]] = values.T
+                share = self.shares[place, :, None]
+                values = share[0] * values + (share[1:] * waves).sum(axis=0)
+            on_grid[place] = values
+        accumulated = np.empty_like(changes)
+        accumulated[self.grid] = on_grid.swapaxes(1, 2)
         return accumulated
 
 
