@@ -230,7 +230,7 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
             is_changed = changes.any(axis=1)  # beyond these nodes the displacement decays
             if columns:
                 accumulated = relaxation.accumulate(changes[:, columns] / self.cell)
-                displacement[:, columns] = accumulated * is_changed[:, None]
+                displacement[:, columns] = np.where(is_changed, accumulated.T, 0.0).T
             return inverse(displacement)
 
         return solve
@@ -339,7 +339,8 @@ class _Relaxation:
     def accumulate(self, changes: Array) -> Array:
         """Return the displacements (n, k) of changes (n, k), from the leading border to the last change."""
         on_grid = changes.T[:, self.grid].swapaxes(0, 1)
-        relaxing, places = self.shares[:, 1:].any(axis=(1, 2)), np.flatnonzero(on_grid.any(axis=(1, 2)))
+        relaxing = np.asarray(self.shares[:, 1:].sum(axis=(1, 2)) > 0.0)
+        places = np.flatnonzero(np.abs(on_grid).sum(axis=(1, 2)))
         values = np.zeros_like(on_grid[0])
         for place in range(places.max(initial=-1), places.min(initial=0) - 1, -1):
             values = values + on_grid[place]
