@@ -542,8 +542,8 @@ def test_inverse_with_friction_recovers_loads_where_some_nodes_slip() -> None:
     for inverse in (system.inverse_with_friction((0, 1, 2), resistance), system.approximate_inverse((0, 1, 2))):
         found = inverse(sums) * (inside > 0.0)[:, None]
         errors.append(np.linalg.norm(found - load[:, :3]) / np.linalg.norm(load))
-    print(errors)
-    assert errors[0] < 0.3 * errors[1]
+    assert errors[0] < 0.2
+    assert errors[1] > 1.0
 
 
 def test_coarser_grids_see_the_change_over_a_cell_of_the_finest() -> None:
