@@ -106,6 +106,25 @@ class ApproximateInverse(ABC):
         """
         return None
 
+    def inverse_with_friction(self, fields: Sequence[int], resistance: Array) -> Callable[[Array], Array] | None:
+        """Return an approximate inverse of the compliance in series with friction; None, its absence, by default.
+
+        Useful where the compliance is almost singular for some waves, as that of steady rolling is.
+
+        Parameters
+        ----------
+        fields : sequence of int
+            Numbers of k fields.
+        resistance : Array
+            (n,) of the nodes. It adds its product with a tangential load to the displacement.
+
+        Returns
+        -------
+        callable or None
+            Linear map from the sums (n, k) to loads (n, k) that cause them.
+        """
+        return None
+
     def prolongation(self, nodes: Indices) -> "Prolongation | None":
         """Return a prolongation of displacements from some nodes to all nodes; None, for that by zeros, by default.
 

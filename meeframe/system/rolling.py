@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Final, TypeVar, final
 
 import numpy as np
+import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
@@ -18,6 +19,8 @@ C = TypeVar("C")
 TANGENTIAL: Final = (0, 1)
 MAX_ASPECT_RATIO: Final = 9.0
 """Largest ratio of the sides of a zone with which approximate inverses save products; at 10 they take more."""
+RELAXATIONS: Final = (0.1, 1.0, 10.0)
+"""Resistances, relative to the response to the shortest wave across the rolling direction, with a relaxation each."""
 _POSITION_TOLERANCE: Final = 1e-3
 """Largest distance of a node from its position on the grid, in spacings."""
 
@@ -208,17 +211,26 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
 
         Gain: a quarter of the products on 64 x 64 nodes, half of them on 32 x 32.
         """
+        return self.inverse_with_friction(fields, np.zeros(len(self.points)))
+
+    def inverse_with_friction(self, fields: Sequence[int], resistance: Array) -> Callable[[Array], Array] | None:
+        """Return the inverse of the body after accumulation of changes, which relax where friction resists.
+
+        Waves across the rolling direction would otherwise not decay. Gain: half of the products on 128 x 128 nodes.
+        """
         body = self.body.capability(ApproximateInverse)
         inverse = None if body is None else body.approximate_inverse(fields)
         if inverse is None:
             return None
         columns = [column for column, field in enumerate(fields) if field in TANGENTIAL]
+        relaxation = _Relaxation.of(self.cell_shift.grid, resistance / self.cell, self._of_middle[2])
 
         def solve(changes: Array) -> Array:
             displacement = changes.copy(order="K")
             is_changed = changes.any(axis=1)  # beyond these nodes the displacement decays
-            for column in columns:
-                displacement[:, column] = self.cell_shift.accumulate(changes[:, column]) / self.cell * is_changed
+            if columns:
+                accumulated = relaxation.accumulate(changes[:, columns] / self.cell)
+                displacement[:, columns] = np.where(is_changed, accumulated.T, 0.0).T
             return inverse(displacement)
 
         return solve
@@ -229,7 +241,7 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
         The response of the node ahead is that in the middle of the grid, in proportion to the area of each node.
         """
         blocks = self.body.diagonal_blocks().copy()
-        node, ahead = self._ahead_of_middle
+        node, ahead, _ = self._of_middle
         share = blocks[:, 2, 2] / blocks[node, 2, 2]
         blocks[:, TANGENTIAL] -= share[:, None, None] * ahead[list(TANGENTIAL)]
         blocks[:, TANGENTIAL] *= self.cell
@@ -252,16 +264,23 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
         return replace(coarse, system=SteadyRollingSystem.of(body, shift, cell))
 
     @cached_property
-    def _ahead_of_middle(self) -> tuple[int, Array]:
-        """A node in the middle, and the displacements (fields, fields) of the node ahead of it due to its loads."""
-        node = int(self.cell_shift.grid[len(self.cell_shift.grid) // 2 - 1, self.cell_shift.grid.shape[1] // 2])
-        ahead = np.empty((self.n_fields, self.n_fields))
+    def _of_middle(self) -> tuple[int, Array, Array]:
+        """A node in the middle, and what its loads cause.
+
+        These are the displacements (fields, fields) of the node ahead of it, and the mean tangential ones in the
+        direction of the load, (ny,), summed up along the rolling direction.
+        """
+        grid = self.cell_shift.grid
+        node, ahead = int(grid[len(grid) // 2 - 1, grid.shape[1] // 2]), np.empty((self.n_fields, self.n_fields))
+        across = np.zeros(grid.shape[1])
         for field in range(self.n_fields):
             load = np.zeros_like(self.offset)
             load[node, field] = 1.0
             response = self.body.apply(load)
             ahead[:, field] = response[node] - _change(self.cell_shift, response, 1.0)[node]
-        return node, ahead
+            if field in TANGENTIAL:
+                across += response[grid, field].sum(axis=0) / len(TANGENTIAL)
+        return node, ahead, across
 
     def dense(self) -> Array | None:
         """Return the compliance (n, fields, n, fields) if that of the body is a matrix."""
@@ -279,6 +298,60 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
     def recover(self, load: Array) -> NodalFields:
         """Return the fields on the whole boundary of the body."""
         return self.body.recover(load)
+
+
+@dataclass(frozen=True, eq=False)
+class _Relaxation:
+    """Accumulation of changes f over each cell to displacements u that relax: r K u + du = f, with resistances r.
+
+    K is the stiffness of the body against waves across the rolling direction, among which are those that relax slowly.
+    The relaxation in a cell is interpolated between those at a few resistances, and none.
+
+    Attributes
+    ----------
+    grid
+        (nx, ny) numbers of the nodes.
+    factors
+        (levels, 1, waves), factors of the waves in a cell at each of these resistances.
+    shares
+        (nx, 1 + levels, ny), shares of no relaxation and of that at each resistance.
+    """
+
+    grid: Indices
+    factors: Array
+    shares: Array
+
+    @classmethod
+    def of(cls, grid: Indices, resistance: Array, response: Array) -> "_Relaxation":
+        """Return the accumulation with resistances (n,) of the nodes.
+
+        response: (ny,), displacement of the body by loads along a line in the rolling direction, in the middle.
+        """
+        compliance, levels = np.abs(scipy.fft.rfft(response)) + np.finfo(float).tiny, np.array(RELAXATIONS)
+        compliance[0] = compliance.max()  # a periodic surface has none against uniform load
+        relative = resistance[grid] / compliance.min()
+        position = 1.0 + np.interp(np.log(np.maximum(relative, levels[0])), np.log(levels), np.arange(len(levels)))
+        position = np.minimum(position, relative / levels[0])
+        shares = np.maximum(1.0 - np.abs(position[:, None] - np.arange(1 + len(levels))[:, None]), 0.0)
+        factors = 1.0 / (1.0 + np.outer(levels, compliance.min() / compliance))
+        return cls(grid, factors[:, None].astype(np.float32), shares.astype(np.float32))
+
+    def accumulate(self, changes: Array) -> Array:
+        """Return the displacements (n, k) of changes (n, k), from the leading border to the last change."""
+        on_grid = changes.T[:, self.grid].swapaxes(0, 1)
+        relaxing = np.asarray(self.shares[:, 1:].sum(axis=(1, 2)) > 0.0)
+        places = np.flatnonzero(np.abs(on_grid).sum(axis=(1, 2)))
+        values = np.zeros_like(on_grid[0])
+        for place in range(places.max(initial=-1), places.min(initial=0) - 1, -1):
+            values = values + on_grid[place]
+            if relaxing[place]:
+                waves = scipy.fft.irfft(self.factors * scipy.fft.rfft(values), values.shape[1])
+                share = self.shares[place, :, None]
+                values = share[0] * values + (share[1:] * waves).sum(axis=0)
+            on_grid[place] = values
+        accumulated = np.empty_like(changes)
+        accumulated[self.grid] = on_grid.swapaxes(1, 2)
+        return accumulated
 
 
 def _change(cell_shift: CellShift, displacement: Array, cell: float) -> Array:

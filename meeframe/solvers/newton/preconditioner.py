@@ -20,6 +20,7 @@ from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.jacobian import TANGENTIAL, ReducedJacobian
 from meeframe.solvers.newton.node_blocks import NodeBlocks
+from meeframe.system.capabilities import ApproximateInverse
 
 NEARBY_RADIUS: Final = 1.1
 """Radius, in spacings of nodes, beyond which the response to a single node is neglected.
@@ -107,9 +108,8 @@ def _responses_nearby(solve: Linear, jumps: Array, jacobian: ReducedJacobian, no
         of_color = colors[cause] == color
         values[:, of_color] = solve(right)[:, neighbours[of_color]]
     positions = np.arange(len(jumps))[:, None] * len(points) + neighbours
-    columns = np.broadcast_to(cause, positions.shape)
     touched, which = np.unique(positions, return_inverse=True)
-    entries = values.ravel(), (which.ravel(), columns.ravel())
+    entries = values.ravel(), (which.ravel(), np.broadcast_to(cause, positions.shape).ravel())
     return touched, scipy.sparse.csr_array(entries, (len(touched), len(nodes)))
 
 
@@ -119,14 +119,15 @@ def _solution_of_loads(jacobian: ReducedJacobian) -> Linear:
     Rows that prescribe displacements come first, then the others, node by node; tangential rows are solved along and
     across the direction in which a node slips.
     """
-    inverse, loaded = jacobian.equation.inverse, jacobian.equation.loaded
-    rotation, node_compliance = _Rotation.of(jacobian), _node_compliance(jacobian)
+    loaded, rotation, node_compliance = jacobian.equation.loaded, _Rotation.of(jacobian), _node_compliance(jacobian)
     jacobian = replace(jacobian, a=rotation.to_rotated(jacobian.a), b=rotation.to_rotated(jacobian.b))
-    loads = slice(len(jacobian.fields))
-    prescribing = _displacement_rows(jacobian, node_compliance) if inverse else np.zeros_like(jacobian.coupled[loads])
-    to_displacement = _prescribed_displacements(jacobian, node_compliance, prescribing)
+    prescribing, friction = _displacement_rows(jacobian, node_compliance)
+    inverse = _inverse_with_friction(jacobian, friction)
+    if inverse is None:
+        inverse, friction = jacobian.equation.inverse, np.zeros_like(friction)
+    to_displacement = _prescribed_displacements(jacobian, node_compliance, prescribing, friction)
     node_inverse, by_loads, by_displacement = _node_solution(
-        jacobian, node_compliance, jacobian.coupled[loads] & ~prescribing, prescribing
+        jacobian, node_compliance, jacobian.coupled[: len(prescribing)] & ~prescribing, prescribing
     )
     by_inverse = NodeBlocks.of(
         {(i, i): mask / jacobian.units[i] for i, mask in enumerate(prescribing)}, prescribing.shape
@@ -195,31 +196,28 @@ class _Rotation:
 
     def to_original(self, blocks: NodeBlocks) -> NodeBlocks:
         """Return the blocks in the original axes."""
-        if self.angle is None:
-            return blocks
-        cosine, sine = self.angle
-        return blocks.rotate(cosine, -sine)
+        return blocks if self.angle is None else blocks.rotate(self.angle[0], -self.angle[1])
 
 
-def _displacement_rows(jacobian: ReducedJacobian, self_compliance: NodeBlocks) -> Mask:
-    """Return the rows (l, c) that prescribe displacements.
+def _displacement_rows(jacobian: ReducedJacobian, self_compliance: NodeBlocks) -> tuple[Mask, Array]:
+    """Return the rows (l, c) that prescribe displacements, and the resistances of friction in them, times the units.
 
     In these the response of a node to its own load outweighs the load itself, or is not much smaller, where a node
     slips: loads of its neighbours move it as well. self_compliance: (f, l) response of the displacements to the
     unknowns of the node.
     """
-    fields = jacobian.fields
-    prescribing = np.zeros((len(fields), len(jacobian.nodes)), bool)
-    for position, field in enumerate(fields):
-        if field in jacobian.equation.loaded:
+    friction = np.zeros((len(jacobian.fields), len(jacobian.nodes)))
+    prescribing = friction > 0.0
+    for position, field in enumerate(jacobian.fields):
+        if jacobian.equation.inverse and field in jacobian.equation.loaded:
             column = jacobian.displacement_fields.index(field)
+            itself, moved = jacobian.a.entry(position, position), jacobian.b.entry(position, column)
             own = self_compliance.entry(column, position) + jacobian.series[position]
-            displaced = np.abs(jacobian.b.entry(position, column) * own)
-            threshold = np.abs(jacobian.a.entry(position, position)) / (
-                MAX_TANGENTIAL_RATIO if field in TANGENTIAL else 1.0
-            )
-            prescribing[position] = jacobian.coupled[position] & (displaced > threshold)
-    return prescribing
+            threshold = np.abs(itself) / (MAX_TANGENTIAL_RATIO if field in TANGENTIAL else 1.0)
+            prescribing[position] = jacobian.coupled[position] & (np.abs(moved * own) > threshold)
+            if field in TANGENTIAL:
+                np.divide(itself, moved, out=friction[position], where=prescribing[position])
+    return prescribing, np.maximum(friction, 0.0)
 
 
 def _node_compliance(jacobian: ReducedJacobian) -> NodeBlocks:
@@ -238,11 +236,22 @@ def _node_compliance(jacobian: ReducedJacobian) -> NodeBlocks:
     return NodeBlocks.of(entries, (len(jacobian.displacement_fields), len(jacobian.nodes)))
 
 
-def _prescribed_displacements(jacobian: ReducedJacobian, self_compliance: NodeBlocks, prescribing: Mask) -> NodeBlocks:
+def _inverse_with_friction(jacobian: ReducedJacobian, friction: Array) -> Linear | None:
+    """Return the inverse in series with friction (l, c), times the units; None if there is none."""
+    equation, resistance = jacobian.equation, np.zeros(len(jacobian.equation.blocks))
+    resistance[jacobian.nodes] = (friction / jacobian.units[: len(friction), None]).max(axis=0, initial=0.0)
+    approximate = equation.problem.system.capability(ApproximateInverse) if resistance.any() else None
+    return None if approximate is None else approximate.inverse_with_friction(equation.loaded, resistance)
+
+
+def _prescribed_displacements(
+    jacobian: ReducedJacobian, self_compliance: NodeBlocks, prescribing: Mask, friction: Array
+) -> NodeBlocks:
     """Return the displacements (l, c), in the fields of the loads, that right-hand sides (r, c) prescribe.
 
     The right-hand sides are those of the rows `prescribing` (l, c). The displacements are those that loads cause at
-    their own node if they satisfy its rows alone, and the drops of the resistances that the inverse includes.
+    their own node if they satisfy its rows alone, and the drops of the resistances that the inverse includes, with
+    those of friction (l, c).
     """
     positions = [jacobian.displacement_fields.index(field) for field in jacobian.fields]
     causes = [self_compliance.entry(column, position) for position, column in enumerate(positions)]
@@ -252,10 +261,9 @@ def _prescribed_displacements(jacobian: ReducedJacobian, self_compliance: NodeBl
         for position, column in enumerate(positions)
         if (row, column) in jacobian.b.entries
     }
-    equations = jacobian.a.plus(NodeBlocks(by_cause, prescribing.shape))
-    inverses = equations.inverses(prescribing)
+    inverses = jacobian.a.plus(NodeBlocks(by_cause, prescribing.shape)).inverses(prescribing)
     return NodeBlocks(
-        {(i, j): (causes[i] + jacobian.series[i]) * entry for (i, j), entry in inverses.entries.items()},
+        {(i, j): (causes[i] + jacobian.series[i] + friction[i]) * entry for (i, j), entry in inverses.entries.items()},
         prescribing.shape,
     )
 
