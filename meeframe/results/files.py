@@ -203,10 +203,28 @@ def read_result(folder: str | Path) -> Result:
         return _read(file)
 
 
-def stored_steps(folder: Path, zone: Zone) -> Iterator[StepResult]:
-    """Yield the finished increments of a run of this process, whose zone is given, from its folder."""
+def stored_steps(folder: Path, zone: Zone, numbers: Collection[int] | None = None) -> Iterator[StepResult]:
+    """Yield increments of a run of this process, whose zone is given, from its folder, in order.
+
+    numbers: of the increments, from 0; by default all. Others are read only if slips are restored from them.
+    """
     with _reading(folder), h5py.File(folder / RESULT_FILE, "r") as file:
-        yield from _get_steps(file, zone)
+        if numbers is None:
+            yield from _get_steps(file, zone)
+            return
+        names = [f"steps/{_name(number + 1)}" for number in sorted(numbers)]
+        if all(_holds_slips(file[name]) for name in names):
+            start = np.zeros((len(zone.points), 2)), np.zeros(len(zone.points))
+            yield from (_get_step(file, file[name], zone, *start) for name in names)
+        else:
+            yield from (step for number, step in enumerate(_get_steps(file, zone)) if number in numbers)
+
+
+def _holds_slips(group: Any) -> bool:
+    """Return whether the group of an increment holds its slips."""
+    zero = text_of(group, "zero").split()
+    slips = (field.name for field in schema.NODAL_FIELDS if field.stored is StorageCondition.WITH_FRICTION)
+    return all(name in group or name in zero for name in slips)
 
 
 @contextmanager

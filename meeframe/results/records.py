@@ -1,9 +1,8 @@
 """Frozen records of a result, which are written to and read from the result file and used by all reports."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
-from itertools import islice
 from typing import NamedTuple, final, overload
 
 import numpy as np
@@ -323,10 +322,10 @@ class StoredSteps(Sequence[StepResult]):
     Parameters
     ----------
     read : callable
-        Returns an iterator that reads all increments in order.
+        Returns an iterator over increments in order: those of the given numbers, from 0, or all with None.
     """
 
-    def __init__(self, read: Callable[[], Iterator[StepResult]]) -> None:
+    def __init__(self, read: Callable[[Collection[int] | None], Iterator[StepResult]]) -> None:
         self._read = read
         self.overviews: list[Overview] = []
 
@@ -334,7 +333,7 @@ class StoredSteps(Sequence[StepResult]):
         return len(self.overviews)
 
     def __iter__(self) -> Iterator[StepResult]:
-        return self._read()
+        return self._read(None)
 
     @overload
     def __getitem__(self, index: int) -> StepResult: ...
@@ -343,9 +342,13 @@ class StoredSteps(Sequence[StepResult]):
     def __getitem__(self, index: int | slice) -> StepResult | tuple[StepResult, ...]:
         numbers = range(len(self))[index]  # IndexError if there is none
         if isinstance(numbers, range):
-            steps = {number: step for number, step in enumerate(self._read()) if number in numbers}
-            return tuple(steps[number] for number in numbers)
-        return next(islice(self._read(), numbers, None))
+            steps = tuple(self.chosen(numbers))
+            return steps if numbers.step > 0 else steps[::-1]
+        return next(self.chosen([numbers]))
+
+    def chosen(self, numbers: Collection[int]) -> Iterator[StepResult]:
+        """Return an iterator over the increments of these numbers, from 0, in order."""
+        return self._read(numbers)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
 from meeframe.results import schema
 from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
-from meeframe.results.records import Overview, Result, RunStatus, StepResult, Zone
+from meeframe.results.records import Overview, Result, RunStatus, StepResult, StoredSteps, Zone
 from meeframe.results.selection import Which, overviews, position, select
 
 AT_BOUNDARY: Final = (
@@ -244,8 +244,9 @@ def _ends_and_peak(result: Result) -> list[StepResult]:
     if not finished:
         return []
     chosen = {step.step: number for number, step in enumerate(finished)}
-    numbers = {*chosen.values(), position(finished)}
-    return [step for number, step in enumerate(result.steps) if number in numbers]
+    numbers = sorted({*chosen.values(), position(finished)})
+    steps = result.steps
+    return list(steps.chosen(numbers)) if isinstance(steps, StoredSteps) else [steps[number] for number in numbers]
 
 
 def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:

@@ -14,7 +14,7 @@ import pytest
 import meeframe
 from meeframe.common.errors import CaseError, MeshError, ResultError
 from meeframe.contact.problem import Status
-from meeframe.laws import Signorini
+from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.model.case import Output
 from meeframe.model.load import load_case
 from meeframe.results.figures import write_figures
@@ -81,7 +81,8 @@ def test_increments_read_from_the_folder_give_the_same_files(case, tmp_path, fie
             assert ("boundary" in file["steps/0002"]) == (fields is None)
 
 
-def test_increments_do_not_stay_in_memory(write_case, registry, tmp_path):
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3)], ids=["slips restored", "slips stored"])
+def test_increments_do_not_stay_in_memory(write_case, registry, tmp_path, law):
     steps = '\n[[steps]]\napproach = "20 um"\nincrements = 8\n'
     alive = set()
 
@@ -89,13 +90,16 @@ def test_increments_do_not_stay_in_memory(write_case, registry, tmp_path):
         if stage in {"writing", "figures"}:
             alive.add(sum(isinstance(each, StepResult) for each in gc.get_objects()))
 
-    case = replace(load_case(write_case(more=steps), registry), output=Output(figures=True, vtu=False))
+    case = replace(load_case(write_case(more=steps), registry), contact_law=law, output=Output(figures=True, vtu=False))
     gc.collect()
     result = run_module.run(case, tmp_path / "out", progress=count, stored=True)
     assert max(alive) - min(alive) <= 3, "that solved, that before, and that to start from"
     assert [step.increment for step in result.steps] == [1, *range(1, 9)]
     assert result.steps[-1].increment == result.steps[8].increment == 8
     assert [step.increment for step in result.steps[2:4]] == [2, 3]
+    assert [step.increment for step in result.steps[:-3:-1]] == [8, 7]
+    for number, step in enumerate(result.steps):
+        np.testing.assert_array_equal(result.steps[number].slip_path, step.slip_path)
     assert meeframe.Result.of(result).select("2.5").increment == 5
     with pytest.raises(IndexError):
         result.steps[9]
