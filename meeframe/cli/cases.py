@@ -27,14 +27,15 @@ def run(
             from meeframe.model.load import load_case
             from meeframe.model.threads import limited
             from meeframe.results.records import RunStatus
+            from meeframe.results.selection import overviews
             from meeframe.results.summary import AT_BOUNDARY, summary_table
             from meeframe.study.run import run as run_case
 
             registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
-            result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress)
+            result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress, stored=True)
         console.stdout().print(summary_table(result))
-        if any(step.contact_at_zone_boundary for step in result.steps):
+        if any(step.contact_at_zone_boundary for step in overviews(result)):
             console.warn(AT_BOUNDARY)
         raise typer.Exit(console.CONVERGED if result.status is RunStatus.CONVERGED else console.NOT_CONVERGED)
 

@@ -85,7 +85,7 @@ def resistances(
     return (
         resistance
         if problem.area_fraction is None
-        else _with_area_fraction(problem, problem.area_fraction, normal_traction, resistance)
+        else _with_area_fraction(problem, problem.area_fraction, normal_traction, contact_fraction, resistance)
     )
 
 
@@ -306,20 +306,23 @@ def _conductivity_at_root(
 
 
 def _with_area_fraction(
-    problem: ContactProblem, area_fraction: Array, normal_traction: Array, unscaled: Array
+    problem: ContactProblem, area_fraction: Array, normal_traction: Array, contact_fraction: Array, unscaled: Array
 ) -> Array:
     """Return the resistances (n, channels) corrected at nodes whose area is partly in contact.
 
     At these nodes, conduction without pressure counts on the area fraction (n,) alone, whether the node itself has
-    pressure or not: a node outside the contact edge may bear a little pressure, but no area of it touches.
+    pressure or not: a node outside the contact edge may bear a little pressure, but no area of it touches. The pressure
+    of nodes without contact fraction is zero: round-off where their attraction is subtracted, of which a power law of a
+    small exponent would make a notable conductivity.
     """
     resistance = unscaled.copy()
     nodes = np.flatnonzero(area_fraction < 1.0)
+    pressure = np.where(contact_fraction[nodes] > 0.0, np.minimum(normal_traction[nodes], MIN_TRACTION), MIN_TRACTION)
     for k, law in enumerate(channel.law for channel in problem.channels):
         if law.across_gap:
             continue
         touching = contact_conductivity(law, np.full(len(nodes), MIN_TRACTION))
-        pressed = contact_conductivity(law, np.minimum(normal_traction[nodes], MIN_TRACTION))
+        pressed = contact_conductivity(law, pressure)
         with np.errstate(divide="ignore", invalid="ignore"):
             increase = np.where(touching < pressed, pressed - touching, 0.0)
             partial = np.where(area_fraction[nodes] > 0.0, area_fraction[nodes] * touching, 0.0)

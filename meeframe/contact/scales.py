@@ -22,6 +22,8 @@ MIN_DEPTH_RATIO: Final = 4e-5
 """Least depth as a fraction of the free indenter's way to the body; round-off of the gap limits smaller depths."""
 MAX_REPRESENTATIVE_NODES: Final = 5_000
 """Number of nodes that suffice to estimate the magnitude of a compliance."""
+_LEAST_POTENTIAL: Final = 1e-20
+"""Least unit of a potential, as a fraction of the one whose energy equals that of the pressure."""
 _SLIDING: Final = 1e6
 """Trial tangential traction, in pressures, under which any surface slides."""
 MAX_FOUNDATION_STEPS: Final = 3
@@ -125,6 +127,11 @@ def problem_scales(problem: ContactProblem) -> Scales:
     displacement[:2] = np.maximum(displacement[:2], tangential_motion)
     displacement[POTENTIALS] = np.maximum(displacement[POTENTIALS], potential)
     transmitted = np.maximum(share * displacement[POTENTIALS], prescribed_flux * self_compliance)
+    # the potential of a body without charge falls to a fraction in each increment, down to what numbers can represent
+    least = _LEAST_POTENTIAL * np.sqrt(pressure * depth * self_compliance)
+    for magnitudes, bound in ((displacement[POTENTIALS], least), (load[POTENTIALS], least / self_compliance)):
+        np.maximum(magnitudes, bound, out=magnitudes, where=magnitudes > 0.0)
+    np.maximum(transmitted, share * least, out=transmitted, where=transmitted > 0.0)
     load = _positive(load)
     totals = [
         max(abs(resultant.total), _resultant_scale(resultant, loaded, load))

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Final
 
 import numpy as np
@@ -62,10 +63,11 @@ class Placement:
                 f"Placement: axis = {self.axis!r}: must be a direction in space, three numbers not all zero"
             )
 
-    @property
+    @cached_property
     def base(self) -> Array:
-        """Axes of the placement, (3, 3), with rows e1, e2, axis."""
+        """Axes of the placement, (3, 3), with rows e1, e2, axis; read-only."""
         base: Array = local_frames(np.array([self.axis]) / math.hypot(*self.axis))[0]
+        base.setflags(write=False)
         return base
 
     @property

@@ -8,6 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from meeframe.common.errors import MeshError
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import gauss_rule, normal_vectors, volume_shares
 from meeframe.mesh.nearby import close_point_pairs
@@ -24,6 +25,7 @@ MIN_JACOBIAN_RATIO = 1e-6  # least Jacobian of an element relative to its mean
 MAX_COORDINATE = 1e60  # largest coordinate [m] for which areas and volumes do not overflow
 
 
+@memoize_by_identity
 def check_mesh(mesh: SurfaceMesh) -> None:
     """Check that a mesh is the boundary of a body.
 

@@ -1,14 +1,24 @@
 """Nodes without an admissible state because friction, whose limit jumps where contact begins, lifts them."""
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from meeframe.contact.conduction import MIN_TRACTION
 from meeframe.contact.nested import has_nodal_data
-from meeframe.contact.problem import contact_gap
+from meeframe.contact.problem import ContactProblem, indenter_position
 from meeframe.contact.scales import problem_scales
-from meeframe.fields import MECHANICAL, Array
-from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, has_resolvent
+from meeframe.fields import MECHANICAL, N_MECHANICAL, Array
+from meeframe.laws.base import (
+    ConductivityLaw,
+    ContactLaw,
+    attraction,
+    augmented_traction,
+    contact_conductivity,
+    fixed_point_map,
+    has_resolvent,
+)
 from meeframe.model.kinematics import Increment
 from meeframe.results.records import StepResult
 
@@ -16,6 +26,8 @@ _CANDIDATES: Final = 4
 """Number of nodes that are examined, those that violate the law most."""
 _TRIALS: Final = np.logspace(-9, 3, 200)
 """Trial pressures and gaps, in units of the characteristic pressure and of the closure under it."""
+_FRACTIONS: Final = np.linspace(0.0, 1.0, 21)
+"""Trial fractions of the conduction of a node between open and closed."""
 _SWEEPS: Final = 200
 """Projection steps for the friction of one node, which converge as one minus the ratio of two compliances."""
 _MARGIN: Final = 1e-6
@@ -25,59 +37,101 @@ _MARGIN: Final = 1e-6
 def lifted_node(increment: Increment, step: StepResult) -> int | None:
     """Return a node without any admissible state under the loads of the others in a result; None if none is found.
 
-    Open, such a node would overlap the indenter; in contact, friction lifts it, whatever its pressure. Results with
-    contact edges between nodes, and laws that depend on the slip or the node, are not examined.
+    Open, such a node would overlap the indenter; in contact, friction lifts it, whatever its pressure. Fluxes of the
+    node follow its state where they depend on the pressure alone. Results with contact edges between nodes, and laws
+    that depend on the slip or the node, are not examined.
     """
     problem, law = increment.problem, increment.problem.contact_law
     if step.area_fraction is not None or has_resolvent(law) or has_nodal_data(law, len(problem.gap)):
         return None
-    if not np.isfinite(step.traction).all():
-        return None
     load = step.state.load
-    displacement = problem.system.offset + problem.system.apply(load)
+    if not np.isfinite(load).all():
+        return None
     motion = (step.loading.motion - increment.base)[increment.free]
-    gap = contact_gap(problem, displacement, motion)
+    position = indenter_position(problem, motion) - problem.system.offset - problem.system.apply(load)
     scales = problem_scales(problem)
     r = (1.0 / scales.normal_compliance,) * 2
-    traction = load[:, MECHANICAL]
+    traction, gap = load[:, MECHANICAL], position[:, MECHANICAL]
     change = traction - fixed_point_map(law, augmented_traction(law, traction, gap, r), gap, r)
     violation = np.where(np.isfinite(problem.gap), np.linalg.norm(change, axis=1), 0.0)
-    compliances = problem.system.diagonal_blocks()[:, MECHANICAL, MECHANICAL]
-    for node in np.argsort(-violation)[:_CANDIDATES]:
-        if not violation[node] > 0.0:
+    conducting = _pressed_conductors(problem)
+    fields = [*range(N_MECHANICAL), *conducting]
+    compliances = problem.system.diagonal_blocks()[:, fields][:, :, fields]
+    for number in np.argsort(-violation)[:_CANDIDATES]:
+        if not violation[number] > 0.0:
             continue
-        compliance = compliances[node]
-        unit = scales.pressure * compliance[2, 2]
-        unloaded = gap[node] + compliance @ traction[node]
-        if (
-            _overlaps(law, compliance, unloaded, unit).min() > _MARGIN * unit
-            and _gaps_in_contact(law, compliance, unloaded, scales.pressure).min() > _MARGIN * unit
-        ):
-            return int(node)
+        unloaded = position[number, fields] + compliances[number] @ load[number, fields]
+        node = _Node(law, tuple(conducting.values()), compliances[number], unloaded)
+        unit = scales.pressure * compliances[number, 2, 2]
+        if node.overlaps(unit).min() > _MARGIN * unit and node.gaps_in_contact(scales.pressure).min() > _MARGIN * unit:
+            return int(number)
     return None
 
 
-def _overlaps(law: ContactLaw, compliance: Array, unloaded: Array, unit: float) -> Array:
-    """Return by how much trial gaps of an open node exceed those that result under their attraction, from zero on.
+def _pressed_conductors(problem: ContactProblem) -> dict[int, ConductivityLaw]:
+    """Return the laws of conduction that depend on the pressure alone, by field; none where heat is generated."""
+    if problem.friction_heat or problem.joule_heat:
+        return {}
+    channels = enumerate(problem.channels, N_MECHANICAL)
+    return {k: channel.law for k, channel in channels if channel.is_conducting and not channel.law.across_gap}
 
-    compliance, unloaded: as for _gaps_in_contact; unit: of the gaps [m].
+
+@dataclass(frozen=True, eq=False)
+class _Node:
+    """A node under the loads of all others.
+
+    conductors: laws of the fluxes that follow its state; compliance: (fields, fields) of the node, for its tractions
+    and these fluxes; unloaded: (fields,), displacement of the indenter relative to the node without its own loads.
     """
-    gaps = np.append(0.0, unit * _TRIALS)
-    exceeded: Array = gaps + compliance[2, 2] * attraction(law, gaps) - unloaded[2]
-    return exceeded
 
+    law: ContactLaw
+    conductors: tuple[ConductivityLaw, ...]
+    compliance: Array
+    unloaded: Array
 
-def _gaps_in_contact(law: ContactLaw, compliance: Array, unloaded: Array, pressure: float) -> Array:
-    """Return the normal gap of a node under each trial pressure and the friction that then satisfies the law.
+    def overlaps(self, unit: float) -> Array:
+        """Return by how much trial gaps without pressure exceed those that result, with all fractions of conduction.
 
-    compliance: (3, 3) of the node; unloaded: (3,), its gap without load; pressure: characteristic one [Pa].
-    """
-    contact = -pressure * _TRIALS
-    normal = contact + attraction(law, np.zeros(1))
-    friction, scaling = np.zeros((len(normal), 2)), law.tangential_scaling()
-    step = 1.0 / max(np.linalg.norm(compliance[:2, :2] @ scaling, 2), np.finfo(float).tiny)
-    for _ in range(_SWEEPS):
-        slip = unloaded[:2] - friction @ compliance[:2, :2].T - normal[:, None] * compliance[:2, 2]
-        friction = law.project(np.column_stack([friction + step * (slip @ scaling), contact]))[:, :2]
-    gaps: Array = unloaded[2] - friction @ compliance[2, :2] - normal * compliance[2, 2]
-    return gaps
+        These are gaps of an open node under their attraction, from zero on; at zero the node may conduct. unit: [m].
+        """
+        gaps = np.concatenate([np.zeros(len(_FRACTIONS)), unit * _TRIALS])
+        fraction = np.concatenate([_FRACTIONS, np.zeros(len(_TRIALS))])
+        traction = np.zeros((len(gaps), N_MECHANICAL))
+        traction[:, 2] = attraction(self.law, gaps)
+        exceeded: Array = gaps - self._position(traction, np.full(len(gaps), MIN_TRACTION), fraction)[:, 2]
+        return exceeded
+
+    def gaps_in_contact(self, pressure: float) -> Array:
+        """Return the normal gap under each trial pressure and the friction and fluxes that then satisfy the laws.
+
+        pressure: characteristic one [Pa].
+        """
+        contact = -pressure * _TRIALS
+        traction, whole = np.zeros((len(contact), N_MECHANICAL)), np.ones(len(contact))
+        traction[:, 2] = contact + attraction(self.law, np.zeros(1))
+        scaling = self.law.tangential_scaling()
+        step = 1.0 / max(np.linalg.norm(self.compliance[:2, :2] @ scaling, 2), np.finfo(float).tiny)
+        for _ in range(_SWEEPS):
+            slip = self._position(traction, contact, whole)[:, :2]
+            trial = np.column_stack([traction[:, :2] + step * (slip @ scaling), contact])
+            traction[:, :2] = self.law.project(trial)[:, :2]
+        gaps: Array = self._position(traction, contact, whole)[:, 2]
+        return gaps
+
+    def _position(self, traction: Array, contact: Array, fraction: Array) -> Array:
+        """Return the displacement of the indenter relative to the node, (m, 3), under tractions (m, 3) and its fluxes.
+
+        contact: (m,), normal tractions without attraction; fraction: (m,), of the conduction in contact.
+        """
+        own = self.compliance[N_MECHANICAL:, N_MECHANICAL:]
+        position = self.unloaded - traction @ self.compliance[:, MECHANICAL].T
+        if self.conductors:
+            kappa = np.column_stack([contact_conductivity(law, contact) for law in self.conductors])
+            with np.errstate(divide="ignore"):
+                transmitted = fraction[:, None] / (1.0 + 1.0 / (kappa * np.diag(own)))
+            # drop = flux / kappa, times the share of the drop that is transmitted
+            matrix = transmitted[:, :, None] * own + (1.0 - transmitted)[:, :, None] * np.diag(np.diag(own))
+            drive = transmitted * position[:, N_MECHANICAL:]
+            flux = np.linalg.solve(matrix, drive[:, :, None])[:, :, 0]
+            position = position - flux @ self.compliance[:, N_MECHANICAL:].T
+        return np.asarray(position[:, MECHANICAL])

@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
+from weakref import WeakValueDictionary
 
 from pydantic import ValidationError
 
@@ -18,7 +19,7 @@ from meeframe.material.tables import rotate_by_table
 from meeframe.mesh import Grading, block_mesh, half_space_mesh, read_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
-from meeframe.model.body_tables import BoundaryTable, FileTable, HalfSpaceTable, MeshTable, SecondBodyTable
+from meeframe.model.body_tables import BlockTable, BoundaryTable, FileTable, HalfSpaceTable, MeshTable, SecondBodyTable
 from meeframe.model.case import Case
 from meeframe.model.data import Output
 from meeframe.model.layer_tables import GradingTable, LayerTable
@@ -31,6 +32,9 @@ from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import Problem, TableError, problems_of
 
 T = TypeVar("T")
+
+_MESHES: Final[WeakValueDictionary[BlockTable | HalfSpaceTable, SurfaceMesh]] = WeakValueDictionary()
+"""Generated meshes of the cases that exist: the points of a sweep share one, with its checks and its contact zone."""
 
 
 def load_case(path: str | Path, registry: Registry | None = None) -> Case:
@@ -263,6 +267,13 @@ def _mesh(table: MeshTable, registry: Registry, folder: Path) -> SurfaceMesh:
             group_data=table.group_data,
             reorient=table.reorient,
         )
+    mesh = _MESHES.get(table)
+    if mesh is None:
+        mesh = _MESHES[table] = _generated_mesh(table)
+    return mesh
+
+
+def _generated_mesh(table: BlockTable | HalfSpaceTable) -> SurfaceMesh:
     if isinstance(table, HalfSpaceTable):
         return half_space_mesh(
             table.half_widths,

@@ -55,6 +55,8 @@ from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies, second_displacement
 
+_PART_OF_WINDOW: Final = 16
+"""Divisor of the stall window of an increment for parts of its load, which converge soon or lead nowhere."""
 _ROUND_OFF: Final = 1e-12
 """Fraction of the expected magnitude of a potential below which it is zero, as on grounded conductors."""
 
@@ -339,7 +341,7 @@ class _Subincrement:
         solution = solve_part(1.0, None, stall_window)
         if stall_window is not None or not self._may_continue(solution[2]):
             return solution
-        window = max(1, self.kinematics.case.solver.stall_window // 8)
+        window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
         return solve_by_continuation(partial(solve_part, stall_window=window), solution)
 
     def _may_continue(self, result: StepResult) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import ResultError
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.fields import Array
 from meeframe.results import schema
 from meeframe.results.canvas import (
@@ -129,8 +130,17 @@ def shown_fields(result: Result, step: StepResult) -> list[NodalField]:
 def nodal_values(result: Result, field: NodalField, step: StepResult) -> Array:
     """Return the values of a nodal field, with round-off as zero: it is small against other increments."""
     values = field.values(result.zone, step)
-    peak = max((np.abs(field.values(result.zone, other)).max() for other in result.steps), default=0.0)
-    return np.where(np.abs(values) > _ROUND_OFF * peak, values, 0.0)
+    return np.where(np.abs(values) > _ROUND_OFF * _peaks(result)[field.name], values, 0.0)
+
+
+@memoize_by_identity
+def _peaks(result: Result) -> dict[str, float]:
+    """Return the largest moduli of all nodal fields over all increments, by name."""
+    peaks: dict[str, float] = {}
+    for step in result.steps:
+        for field in schema.nodal_fields(step.fields):
+            peaks[field.name] = max(peaks.get(field.name, 0.0), np.abs(field.values(result.zone, step)).max())
+    return peaks
 
 
 def title_of(result: Result, step: StepResult) -> str:

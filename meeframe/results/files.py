@@ -13,6 +13,7 @@ result.h5.
 import json
 import shutil
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final, TypeVar, final
@@ -100,12 +101,13 @@ class ResultWriter:
             increments.mkdir(exist_ok=True)
         except OSError as error:
             raise ResultError(f"folder {increments} cannot be written: {error.strerror or error}") from None
-        if isinstance(step.boundary, NodalFields) and not self._has_boundary and self._stores(BOUNDARY):
+        if isinstance(step.boundary, NodalFields) and not self._has_boundary:
             with replacing(increments / _BOUNDARY_FILE) as path, changed_file(path, "w") as file:
                 _put_boundary_mesh(file, step.boundary)
             self._has_boundary = True
         with replacing(self._path(self.count + 1)) as path, changed_file(path, "w") as file:
-            _put_step(file, self.result.zone, step, self.fields)
+            # fields.vtu and the balance need the fields on the boundary, whether or not result.h5 holds them
+            _put_step(file, self.result.zone, step, None if self.fields is None else {*self.fields, BOUNDARY})
         if self.count == 0:
             self._write_links()
         self.count += 1
@@ -123,13 +125,17 @@ class ResultWriter:
                     earlier.copy(earlier["zone"], file, "zone")
             else:
                 _put_zone(file, self.result.zone)
-            if self._has_boundary:
+            stores_boundary = self.fields is None or BOUNDARY in self.fields
+            if self._has_boundary and stores_boundary:
                 with h5py.File(self.folder / INCREMENTS / _BOUNDARY_FILE, "r") as source:
                     source.copy(source["/"], file, "boundary")
             steps = file.create_group("steps")
             for number in range(1, self.count + 1):
                 with h5py.File(self._path(number), "r") as source:
                     source.copy(source["/"], steps, _name(number))
+                if not stores_boundary:
+                    steps[_name(number)].attrs.pop(BOUNDARY, None)
+                    steps[_name(number)].pop(BOUNDARY, None)
             result = ended()
             _put_end(file, result)
         shutil.rmtree(self.folder / INCREMENTS, ignore_errors=True)
@@ -144,9 +150,6 @@ class ResultWriter:
             steps = file.create_group("steps")
             for number in range(1, self.result.planned_steps + 1):
                 steps[_name(number)] = h5py.ExternalLink(f"{INCREMENTS}/{self._path(number).name}", "/")
-
-    def _stores(self, name: str) -> bool:
-        return self.fields is None or name in self.fields
 
     def _path(self, number: int) -> Path:
         return self.folder / INCREMENTS / f"{_name(number)}.h5"
@@ -189,19 +192,49 @@ def read_result(folder: str | Path) -> Result:
         If the folder contains no result, or if the file is damaged or of another format.
     """
     folder = Path(folder)
+    with _reading(folder), open_hdf5(folder / RESULT_FILE, _is_increment) as file:
+        version = file.attrs.get("format")
+        if version not in _READABLE:
+            again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""
+            renamed = f"; {_RENAMED[version]}" if version in _RENAMED else ""
+            raise ResultError(
+                f"{folder / RESULT_FILE}: format {version!r} is unknown; this version reads {FORMAT!r}{again}{renamed}"
+            )
+        return _read(file)
+
+
+def stored_steps(folder: Path, zone: Zone, numbers: Collection[int] | None = None) -> Iterator[StepResult]:
+    """Yield increments of a run of this process, whose zone is given, from its folder, in order.
+
+    numbers: of the increments, from 0; by default all. Others are read only if slips are restored from them.
+    """
+    with _reading(folder), h5py.File(folder / RESULT_FILE, "r") as file:
+        if numbers is None:
+            yield from _get_steps(file, zone)
+            return
+        names = [f"steps/{_name(number + 1)}" for number in sorted(numbers)]
+        if all(_holds_slips(file[name]) for name in names):
+            start = np.zeros((len(zone.points), 2)), np.zeros(len(zone.points))
+            yield from (_get_step(file, file[name], zone, *start) for name in names)
+        else:
+            yield from (step for number, step in enumerate(_get_steps(file, zone)) if number in numbers)
+
+
+def _holds_slips(group: Any) -> bool:
+    """Return whether the group of an increment holds its slips."""
+    zero = text_of(group, "zero").split()
+    slips = (field.name for field in schema.NODAL_FIELDS if field.stored is StorageCondition.WITH_FRICTION)
+    return all(name in group or name in zero for name in slips)
+
+
+@contextmanager
+def _reading(folder: Path) -> Iterator[None]:
+    """Report what prevents the reading of a result in a folder as a ResultError."""
     path = folder / RESULT_FILE
     try:
         if folder.is_file():
             raise ResultError(f"no result in {folder}: it is a file; name the folder of a run")
-        with open_hdf5(path, _is_increment) as file:
-            version = file.attrs.get("format")
-            if version not in _READABLE:
-                again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""
-                renamed = f"; {_RENAMED[version]}" if version in _RENAMED else ""
-                raise ResultError(
-                    f"{path}: format {version!r} is unknown; this version reads {FORMAT!r}{again}{renamed}"
-                )
-            return _read(file)
+        yield
     except PermissionError:
         raise ResultError(f"no result in {folder}: {path} cannot be read: Permission denied") from None
     except OSError:

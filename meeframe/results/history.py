@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.contact.problem import Status
-from meeframe.fields import Array
+from meeframe.fields import MEE, Array, FieldSet
 from meeframe.results.canvas import LINE_COLOURS, add_legend, head, label_panels, prefixed, sheet, styled
-from meeframe.results.records import Result, StepResult
+from meeframe.results.records import Overview, Result, StepResult, Zone
 from meeframe.results.resultants import resultants
 from meeframe.results.schema import rolling_totals
-from meeframe.results.selection import Increments
+from meeframe.results.selection import Increments, overviews
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,15 +26,17 @@ _ROUND_OFF: Final = 1e-12
 _CONSTANT_RANGE: Final = 1e-6
 """Range that counts as constant, as a fraction of the largest value; pictures show it with a margin `_MARGIN`."""
 _MARGIN: Final = 0.05
+_MODULUS: Final = "modulus of "
+"""Prefix of the integral of the modulus of a flux."""
 _POWERS: Final = {"²": 2, "³": 3}
 _WIDTH: Final = 5.6
 _RING: Final = 7.5
 """Diameter of the markers of unloading in points."""
 
 
-def name_of(result: Increments, step: StepResult) -> str:
+def name_of(result: Increments, step: StepResult | Overview) -> str:
     """Return an increment in words: 'step 2', or 'step 2, increment 5' where the step has several."""
-    several = any(other.step == step.step and other.increment > 1 for other in result.steps)
+    several = any(other.step == step.step and other.increment > 1 for other in overviews(result))
     return f"step {step.step}, increment {step.increment}" if several else f"step {step.step}"
 
 
@@ -54,15 +56,11 @@ class Curve:
 
 def curves(result: Result) -> list[Curve]:
     """Return the curves of the converged increments; those of absent phenomena are left out."""
-    steps = [step for step in result.steps if step.status is Status.CONVERGED]
-    if len(steps) < 2:
+    table, fields = _Table(result), result.steps[0].fields if result.steps else MEE
+    if len(table) < 2:
         return []
-    totals = [resultants(result.zone, step) for step in steps]
-    approach = _column([step.loading.approach for step in steps])
-    forces = _column([total.normal_force for total in totals])
-    translation = np.array([step.loading.translation for step in steps])
-    tangential = np.array([total.tangential_force for total in totals])
-    area = _column([total.contact_area for total in totals])
+    approach, forces = table["approach"], table["normal_force"]
+    translation, tangential = table["translation"], table["tangential_force"]
     drawn = [Curve("normal force", ("approach", "m", approach), ("normal force", "N", forces))]
     # rounding of a vanishing force is no curve
     if np.abs(tangential).max() > _ZERO_RATIO * np.abs(forces).max():
@@ -71,77 +69,102 @@ def curves(result: Result) -> list[Curve]:
             components = components[:1]
         curve = ("translation", "m", translation), ("tangential force", "N", tangential)
         drawn.append(Curve("tangential force", *curve, components))
-    drawn.append(Curve("contact area", ("approach", "m", approach), ("contact area", "m²", area)))
-    for column, scalar in enumerate(steps[0].fields.scalars):
-        flux = _column([getattr(total, scalar.resultant) for total in totals])
-        moduli = [float(result.zone.weights @ np.abs(step.fluxes[:, column])) for step in steps]
-        if np.abs(flux).max() > _ROUND_OFF * max(moduli, default=0.0) and flux.any():
+    drawn.append(Curve("contact area", ("approach", "m", approach), ("contact area", "m²", table["contact_area"])))
+    for scalar in fields.scalars:
+        flux = table[scalar.resultant]
+        if np.abs(flux).max() > _ROUND_OFF * table[_MODULUS + scalar.resultant].max() and flux.any():
             name = scalar.resultant.replace("_", " ")
             drawn.append(Curve(name, ("normal force", "N", forces), (name, scalar.resultant_unit, flux)))
-    drawn += _rolling_curves(result, [step for step in steps if step.loading.rolling is not None])
-    dissipated = np.cumsum([total.dissipated_energy for total in totals])[:, None]
+    drawn += _rolling_curves(table, fields)
+    dissipated = np.cumsum(table["dissipated_energy"], axis=0)
     if dissipated.any():
         words = "dissipated energy\nsince the beginning"
-        drawn.append(Curve("dissipated energy", _numbers("increment", steps), (words, "J", dissipated)))
-    volumes = _column([total.worn_volume for total in totals])
+        drawn.append(Curve("dissipated energy", _numbers("increment", len(table)), (words, "J", dissipated)))
+    volumes = table["worn_volume"]
     if volumes.any():
-        drawn.append(Curve("worn volume", _numbers("increment", steps), ("worn volume", "m³", volumes)))
+        drawn.append(Curve("worn volume", _numbers("increment", len(table)), ("worn volume", "m³", volumes)))
     return drawn
 
 
-def _rolling_curves(result: Result, steps: Sequence[StepResult]) -> Iterator[Curve]:
+class _Table:
+    """Numbers of the converged increments, (increments, components) by name; nan where the contact does not roll."""
+
+    def __init__(self, result: Result) -> None:
+        rows: list[Array] = []
+        self._columns: dict[str, slice] = {}
+        for step in result.steps:
+            if step.status is not Status.CONVERGED:
+                continue
+            entries = {name: np.atleast_1d(value) for name, value in _numbers_of(result.zone, step)}
+            if not rows:
+                ends = np.cumsum([len(entry) for entry in entries.values()]).tolist()
+                self._columns = {
+                    name: slice(end - len(entries[name]), end) for name, end in zip(entries, ends, strict=True)
+                }
+            rows.append(np.concatenate(list(entries.values()), dtype=float))  # little memory for each of thousands
+        self._rows = np.array(rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, name: str) -> Array:
+        return self._rows[:, self._columns[name]]
+
+
+def _numbers_of(zone: Zone, step: StepResult) -> Iterator[tuple[str, Any]]:
+    """Yield the numbers of an increment that curves show, and their names."""
+    totals, rolling = resultants(zone, step), rolling_totals(zone, step)
+    yield from (("approach", step.loading.approach), ("translation", step.loading.translation))
+    for name in ("normal_force", "tangential_force", "contact_area", "stick_area", "dissipated_energy", "worn_volume"):
+        yield name, getattr(totals, name)
+    for column, scalar in enumerate(step.fields.scalars):
+        yield scalar.resultant, totals.scalars[scalar.resultant]
+        yield _MODULUS + scalar.resultant, zone.weights @ np.abs(step.fluxes[:, column])
+        yield scalar.value_name, step.loading.scalars[scalar.value_name]
+    for name, components in (("rolled_distance", 1), ("creep_force", 2), ("creepage", 2)):
+        yield name, rolling.get(name, np.full(components, np.nan))
+
+
+def _rolling_curves(table: _Table, fields: FieldSet) -> Iterator[Curve]:
     """Yield the curves of increments in which the contact rolls, over the rolled distance if it grows.
 
     Those of steady rolling, without a distance, are over their number.
     """
-    if len(steps) < 2:
+    rolls = np.isfinite(table["rolled_distance"][:, 0])
+    if rolls.sum() < 2:
         return
-    numbers = [rolling_totals(result.zone, step) for step in steps]
-    distance = _column([each["rolled_distance"] for each in numbers])
+    distance = table["rolled_distance"][rolls]
     across = ("rolled distance", "m", distance)
     if not np.ptp(distance):
-        across = _numbers("steady increment", steps)
+        across = _numbers("steady increment", len(distance))
     for name, unit in (("creep_force", "N"), ("creepage", "")):
-        values = np.array([each[name] for each in numbers])
         words = name.replace("_", " ")
-        yield Curve(words, across, (words, unit, values), ("longitudinal", "lateral"), covers_all=False)
-    totals = [resultants(result.zone, step) for step in steps]
-    for scalar in steps[0].fields.scalars:
-        signals: tuple[tuple[str, str, Sequence[Any]], ...] = (
-            (scalar.resultant, scalar.resultant_unit, totals),
-            (scalar.value_name, scalar.value_unit, [step.loading for step in steps]),
-        )
-        for name, unit, records in signals:
-            values = _column([getattr(record, name) for record in records])
+        yield Curve(words, across, (words, unit, table[name][rolls]), ("longitudinal", "lateral"), covers_all=False)
+    for scalar in fields.scalars:
+        for name, unit in ((scalar.resultant, scalar.resultant_unit), (scalar.value_name, scalar.value_unit)):
+            values = table[name][rolls]
             if np.ptp(values) > _CONSTANT_RANGE * np.abs(values).max():
                 words = name.replace("_", " ")
                 yield Curve(f"{words} in rolling", across, (words, unit, values), covers_all=False)
-    sticking = _column([total.stick_area for total in totals])
-    yield Curve("sticking area", across, ("sticking area", "m²", sticking), covers_all=False)
+    yield Curve("sticking area", across, ("sticking area", "m²", table["stick_area"][rolls]), covers_all=False)
 
 
-def _numbers(name: str, steps: Sequence[StepResult]) -> tuple[str, str, Array]:
+def _numbers(name: str, count: int) -> tuple[str, str, Array]:
     """Return the numbers of increments from 1, across a curve."""
-    return name, "", _column(list(range(1, len(steps) + 1)))
+    return name, "", np.arange(1.0, count + 1)[:, None]
 
 
-def _column(values: Sequence[float]) -> Array:
-    return np.array(values, float)[:, None]
-
-
-def unloading(result: Result, curve: Curve) -> NDArray[np.bool_]:
+def unloading(drawn: Sequence[Curve], curve: Curve) -> NDArray[np.bool_]:
     """Return a mask of the increments of a curve in which both normal force and approach decrease, (increments,).
 
-    None is marked on curves of some of the increments.
+    None is marked on curves of some of the increments. drawn: all curves, of which the first is that of the force.
     """
     if not curve.covers_all:
         return np.zeros(len(curve.up[2]), bool)
-    steps = [step for step in result.steps if step.status is Status.CONVERGED]
-    forces = [resultants(result.zone, step).normal_force for step in steps]
-    return np.asarray(_falls(forces) & _falls([step.loading.approach for step in steps]))
+    return np.asarray(_falls(drawn[0].up[2][:, 0]) & _falls(drawn[0].across[2][:, 0]))
 
 
-def _falls(values: Sequence[float]) -> NDArray[np.bool_]:
+def _falls(values: Array) -> NDArray[np.bool_]:
     return np.asarray(np.diff(values, prepend=0.0) < -_CONSTANT_RANGE * np.max(np.abs(values), initial=0.0))
 
 
@@ -154,7 +177,7 @@ def history(result: Result) -> "Figure | None":
     figure = sheet((_WIDTH, 0.6 + 2.5 * len(drawn)))
     rows = figure.subplots(len(drawn), squeeze=False)[:, 0]
     for axes, curve in zip(rows, drawn, strict=True):
-        draw_curve(axes, curve, unloading(result, curve))
+        draw_curve(axes, curve, unloading(drawn, curve))
     head(rows[0], "history", result.provenance.title)
     label_panels(rows)
     return figure

@@ -55,7 +55,7 @@ class Plots:
             raise ResultError("a history needs at least two converged increments")
         if name not in drawn:
             raise ResultError(f"the history has no curve {name!r}; allowed: {', '.join(drawn)}")
-        return on_axes(ax, lambda axes: draw_curve(axes, drawn[name], unloading(self.result, drawn[name])))
+        return on_axes(ax, lambda axes: draw_curve(axes, drawn[name], unloading(list(drawn.values()), drawn[name])))
 
     def convergence(self, ax: Any = None, *, step: Which = None) -> Any:
         """Draw the residual of the solver over its iterations."""

@@ -82,7 +82,8 @@ class Result(records.Result):
     @overload
     def __getitem__(self, index: slice) -> tuple[StepResult, ...]: ...
     def __getitem__(self, index: int | slice) -> StepResult | tuple[StepResult, ...]:
-        return self.steps[index]
+        chosen = self.steps[index]
+        return chosen if isinstance(chosen, StepResult) else tuple(chosen)
 
     @property
     def plot(self) -> Plots:

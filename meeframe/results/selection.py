@@ -6,7 +6,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from meeframe.common.errors import ResultError
-from meeframe.results.records import StepResult, Zone
+from meeframe.results.records import Overview, StepResult, StoredSteps, Zone
 from meeframe.results.resultants import resultants
 
 Which = int | tuple[int, int] | str | StepResult | None
@@ -28,8 +28,30 @@ class Increments(Protocol):
         """Nodes of the contact zone."""
 
     @property
-    def steps(self) -> tuple[StepResult, ...]:
+    def steps(self) -> Sequence[StepResult]:
         """Finished increments, in order."""
+
+
+def overview(zone: Zone, step: StepResult) -> Overview:
+    """Return the overview of an increment."""
+    totals = resultants(zone, step)
+    return Overview(
+        step.step,
+        step.increment,
+        step.status,
+        step.message,
+        step.contact_at_zone_boundary,
+        step.loading.duration,
+        totals.normal_force,
+        totals.dissipated_energy,
+    )
+
+
+def overviews(result: Increments) -> Sequence[Overview]:
+    """Return the overviews of all increments, which are in memory even if the increments are not."""
+    if isinstance(result.steps, StoredSteps):
+        return result.steps.overviews
+    return [overview(result.zone, step) for step in result.steps]
 
 
 def select(result: Increments, which: Which = None) -> StepResult:
@@ -53,25 +75,30 @@ def select(result: Increments, which: Which = None) -> StepResult:
         return which
     if not result.steps:
         raise ResultError("no increment of the run is finished")
+    return result.steps[position(overviews(result), which)]
+
+
+def position(steps: Sequence[Overview], which: int | tuple[int, int] | str | None = None) -> int:
+    """Return the number of an increment from 0, as in `select`; there is at least one increment."""
     if which is None or which == "peak":
-        forces = np.array([abs(resultants(result.zone, step).normal_force) for step in result.steps])
+        forces = np.array([abs(step.normal_force) for step in steps])
         forces[~np.isfinite(forces)] = -1.0
-        return result.steps[int(np.flatnonzero(forces >= forces.max() - _PEAK * abs(forces.max()))[-1])]
+        return int(np.flatnonzero(forces >= forces.max() - _PEAK * abs(forces.max()))[-1])
     if which == "last":
-        return result.steps[-1]
+        return len(steps) - 1
     numbers = step_numbers(which)
-    matches = [step for step in result.steps if numbers == (step.step, step.increment)[: len(numbers)]]
+    matches = [number for number, step in enumerate(steps) if numbers == step[: len(numbers)]]
     if not numbers or not matches:
-        last: dict[int, int] = {step.step: step.increment for step in result.steps}
-        steps = ", ".join(f"{step} (increments 1 to {count})" for step, count in last.items())
-        raise ResultError(f"step {which!r}: no such increment; allowed: peak, last, and load steps {steps}")
+        last = {step.step: step.increment for step in steps}
+        words = ", ".join(f"{step} (increments 1 to {count})" for step, count in last.items())
+        raise ResultError(f"step {which!r}: no such increment; allowed: peak, last, and load steps {words}")
     return matches[-1]
 
 
 def has_increment(result: Increments, which: str) -> bool:
     """Return whether a result has the increment that a text names."""
     numbers = step_numbers(which)
-    return which in NAMED or any(numbers == (step.step, step.increment)[: len(numbers)] for step in result.steps)
+    return which in NAMED or any(numbers == step[: len(numbers)] for step in overviews(result))
 
 
 def step_numbers(which: int | tuple[int, int] | str) -> Sequence[int]:

@@ -2,7 +2,9 @@
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from textwrap import indent
 from typing import Any, Final
 
 import numpy as np
@@ -16,9 +18,8 @@ from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
 from meeframe.results import schema
 from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
-from meeframe.results.records import Result, RunStatus, StepResult, Zone
-from meeframe.results.resultants import resultants
-from meeframe.results.selection import Which, select
+from meeframe.results.records import Overview, Result, RunStatus, StepResult, StoredSteps, Zone
+from meeframe.results.selection import Which, overviews, position, select
 
 AT_BOUNDARY: Final = (
     "the contact reaches the boundary of its zone and is cut off there: forces and areas are inaccurate"
@@ -37,6 +38,25 @@ def summary(result: Result) -> dict[str, Any]:
 
     Numbers that are not finite become None.
     """
+    return _run(result) | {"steps": [_plain(_step(result.zone, step)) for step in result.steps]}
+
+
+def summary_json(result: Result) -> Iterator[str]:
+    """Yield the text of summary.json, increment by increment: the whole of a long history takes much memory."""
+    yield _json(_run(result) | {"steps": []}).removesuffix("[]\n}") + "["
+    separator = "\n"
+    for step in result.steps:
+        yield separator + indent(_json(_plain(_step(result.zone, step))), "    ")
+        separator = ",\n"
+    yield "]\n}\n" if separator == "\n" else "\n  ]\n}\n"
+
+
+def _json(data: Mapping[str, Any]) -> str:
+    return json.dumps(data, indent=2, allow_nan=False)
+
+
+def _run(result: Result) -> dict[str, Any]:
+    """Return the summary of a run but for its increments."""
     made = result.provenance
     data = {
         "title": made.title,
@@ -45,18 +65,12 @@ def summary(result: Result) -> dict[str, Any]:
         "peak_memory_mb": result.peak_memory_mb,
         "versions": dict(made.versions),
         "threads": made.threads,
-        "contact_at_zone_boundary": any(step.contact_at_zone_boundary for step in result.steps),
+        "contact_at_zone_boundary": any(step.contact_at_zone_boundary for step in overviews(result)),
         "planned_increments": result.planned_steps,
         "load_steps": _load_steps(result),
-        "steps": [_step(result.zone, step) for step in result.steps],
     }
     plain: dict[str, Any] = _plain(data)
     return plain
-
-
-def summary_json(result: Result) -> str:
-    """Return the text of summary.json."""
-    return json.dumps(summary(result), indent=2, allow_nan=False) + "\n"
 
 
 def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
@@ -89,12 +103,11 @@ def _load_steps(result: Result) -> list[dict[str, Any]]:
 
     These are its finished increments, and the energy that friction dissipates in it.
     """
-    numbers = sorted({step.step for step in result.steps})
-    counts = [sum(step.step == number for step in result.steps) for number in numbers]
-    energies = _dissipated(result, numbers)
+    counts = Counter(step.step for step in overviews(result))
+    energies = _dissipated(result)
     return [
-        {"step": number, "increments": count, "dissipated_energy": energy}
-        for number, count, energy in zip(numbers, counts, energies, strict=True)
+        {"step": number, "increments": count, "dissipated_energy": energies[number]}
+        for number, count in sorted(counts.items())
     ]
 
 
@@ -119,9 +132,9 @@ def summary_table(result: Result, which: Sequence[Which] = ()) -> RenderableType
     shown = [select(result, one) for one in which] or _ends_and_peak(result)
     for step in shown:
         table.add_column(name_of(result, step), justify="right")
-    totals = [schema.totals(result.zone, step) for step in shown]
-    for total, energy in zip(totals, _dissipated(result, [step.step for step in shown]), strict=True):
-        total[_ENERGY] = energy
+    totals, energies = [schema.totals(result.zone, step) for step in shown], _dissipated(result)
+    for total, step in zip(totals, shown, strict=True):
+        total[_ENERGY] = energies[step.step]
     rows: list[_Row] = [
         ("approach", "m", [step.loading.approach for step in shown]),
         *_motions(shown, totals),
@@ -135,13 +148,16 @@ def summary_table(result: Result, which: Sequence[Which] = ()) -> RenderableType
     ]
     for label, unit, values in rows:
         table.add_row(label, unit, *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in values))
+    numbers = {(step.step, step.increment) for step in shown}
     reporting = [
-        step for step in result.steps if step.message and (step in shown or step.status is not Status.CONVERGED)
+        step
+        for step in overviews(result)
+        if step.message and (step[:2] in numbers or step.status is not Status.CONVERGED)
     ]
     return Group(table, *_messages(result, reporting), _headline(result))
 
 
-def _messages(result: Result, reporting: Sequence[StepResult]) -> Iterator[Text]:
+def _messages(result: Result, reporting: Sequence[Overview]) -> Iterator[Text]:
     """Yield the messages of increments; what several of them share is written once, after the others."""
     numbers: dict[str, list[int]] = {}
     for number, step in enumerate(reporting):
@@ -155,7 +171,7 @@ def _messages(result: Result, reporting: Sequence[StepResult]) -> Iterator[Text]
         yield Text(f"{names}: {'; '.join(clauses[positions])}")
 
 
-def _names(result: Result, steps: Sequence[StepResult], reporting: Sequence[StepResult]) -> str:
+def _names(result: Result, steps: Sequence[Overview], reporting: Sequence[Overview]) -> str:
     """Return the names of increments; their load steps suffice if only one increment of each reports."""
     names = [name_of(result, step) for step in steps]
     if len(steps) > 1 and len({step.step for step in reporting}) == len(reporting):
@@ -224,9 +240,13 @@ def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
 
 def _ends_and_peak(result: Result) -> list[StepResult]:
     """Return the last increment of each load step so far, and that of the peak load."""
-    ends = {step.step: step for step in result.steps}
-    peak = select(result) if result.steps else None
-    return [step for step in result.steps if step is peak or step is ends[step.step]]
+    finished = overviews(result)
+    if not finished:
+        return []
+    chosen = {step.step: number for number, step in enumerate(finished)}
+    numbers = sorted({*chosen.values(), position(finished)})
+    steps = result.steps
+    return list(steps.chosen(numbers)) if isinstance(steps, StoredSteps) else [steps[number] for number in numbers]
 
 
 def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:
@@ -236,24 +256,28 @@ def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, 
     """
     if all(end.loading.duration is None for end in shown):
         return []
-    all_times = [[s.loading.duration or math.nan for s in result.steps if s.step == end.step] for end in shown]
-    sums = [float(sum(times)) for times in all_times]
+    times: dict[int, float] = {}
+    for step in overviews(result):
+        times[step.step] = times.get(step.step, 0.0) + (step.duration or math.nan)
+    sums = [times[end.step] for end in shown]
     return [("duration", "s", [total if math.isfinite(total) else "-" for total in sums])]
 
 
-def _dissipated(result: Result, numbers: list[int]) -> list[float]:
-    """Return the energy that friction dissipates in the whole of each load step of these numbers [J].
+def _dissipated(result: Result) -> Mapping[int, float]:
+    """Return the energy that friction dissipates in the whole of each load step, by its number [J].
 
     Increments that did not converge do not count.
     """
-    done = [step for step in result.steps if step.status is Status.CONVERGED]
-    energies = [(step.step, resultants(result.zone, step).dissipated_energy) for step in done]
-    return [float(sum(energy for number, energy in energies if number == wanted)) for wanted in numbers]
+    energies: dict[int, float] = {}
+    for step in overviews(result):
+        counts = step.status is Status.CONVERGED
+        energies[step.step] = energies.get(step.step, 0.0) + (step.dissipated_energy if counts else 0.0)
+    return energies
 
 
 def _headline(result: Result) -> Text:
     style = {RunStatus.CONVERGED: "green", RunStatus.NOT_CONVERGED: "red", RunStatus.UNFINISHED: "yellow"}
-    one_each = all(step.increment == 1 for step in result.steps) and len(result.steps) == result.planned_steps
+    one_each = all(step.increment == 1 for step in overviews(result)) and len(result.steps) == result.planned_steps
     counted = "steps" if one_each else "increments"
     line = f"{result.status}: {len(result.steps)} of {result.planned_steps} {counted}"
     if result.timings:

@@ -32,23 +32,22 @@ def write_fields(folder: Path, result: Result) -> None:
 
     Raises ResultError if the result holds no boundary fields.
     """
-    numbered = [(number, step) for number, step in enumerate(result.steps, 1) if step.boundary is not None]
-    if not numbered:
+    series, entries, last = folder / SERIES, [], None
+    for number, step in enumerate(result.steps, 1):
+        if step.boundary is None:
+            continue
+        if last is not None:  # a single step has no series
+            entries.append(_write_member(series, result, *last))
+        last = number, step
+    if last is None:
         raise ResultError(
             "the result holds no fields on the whole boundary; with [output] fields in the case file, name 'boundary'"
         )
     with replacing(folder / FIELDS_FILE) as path:
-        _write(path, result, numbered[-1][1])
-    if len(numbered) == 1:
+        _write(path, result, last[1])
+    if not entries:
         return
-    series = folder / SERIES
-    series.mkdir(exist_ok=True)
-    entries = []
-    for number, step in numbered:
-        name = f"{number:04d}.vtu"
-        with replacing(series / name) as path:
-            _write(path, result, step)
-        entries.append(f'<DataSet timestep="{number}" part="0" file="{SERIES}/{name}"/>')
+    entries.append(_write_member(series, result, *last))
     with replacing(folder / SERIES_FILE) as path:
         path.write_text(
             '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1"><Collection>\n'
@@ -56,6 +55,15 @@ def write_fields(folder: Path, result: Result) -> None:
             + "\n</Collection></VTKFile>\n",
             encoding="utf-8",
         )
+
+
+def _write_member(series: Path, result: Result, number: int, step: StepResult) -> str:
+    """Write the file of an increment into the folder of a series, and return its entry in the series."""
+    series.mkdir(exist_ok=True)
+    name = f"{number:04d}.vtu"
+    with replacing(series / name) as path:
+        _write(path, result, step)
+    return f'<DataSet timestep="{number}" part="0" file="{SERIES}/{name}"/>'
 
 
 def boundary_mesh(result: Result, step: StepResult) -> Any:

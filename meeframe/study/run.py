@@ -1,6 +1,7 @@
 """Run of a case into files: every finished increment, then result.h5, summary.json, figures and fields.vtu."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from meeframe.model.case import Case
@@ -8,18 +9,20 @@ from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.load import load_case
 from meeframe.model.solve import provenance, reduce, solve_steps
 from meeframe.results.figures import write_figures
-from meeframe.results.files import ResultWriter
+from meeframe.results.files import ResultWriter, stored_steps
 from meeframe.results.output import RESULT_FILE, SUMMARY_FILE, clear_output, open_output, replacing
-from meeframe.results.records import zone_of
+from meeframe.results.records import StoredSteps, zone_of
 from meeframe.results.result import Interrupted, Result
 from meeframe.results.schema import loaded_fields
-from meeframe.results.selection import has_increment
+from meeframe.results.selection import has_increment, overview
 from meeframe.results.summary import summary_json
 from meeframe.results.vtk import write_fields
 from meeframe.system.reduced import Progress, silent
 
 
-def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progress: Progress = silent) -> Result:
+def run(
+    case: Case | str | Path, out: str | Path, overwrite: bool = False, progress: Progress = silent, stored: bool = False
+) -> Result:
     """Solve a case and write its results into a folder.
 
     Nothing in the folder is touched before the first increment is finished. From then on, finished increments can be
@@ -36,6 +39,9 @@ def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progr
         Whether results of an earlier run in it are replaced.
     progress
         Called with the stage and the fraction of it that is done.
+    stored
+        Whether the increments of the result are read from the folder whenever they are asked for, so that memory does
+        not grow with their number.
 
     Returns
     -------
@@ -55,7 +61,7 @@ def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progr
     case = case if isinstance(case, Case) else load_case(case)
     folder = Path(out)
     with open_output(folder, overwrite):
-        return _Run(case, folder, clock).run()
+        return _Run(case, folder, clock, stored).run()
 
 
 def stored_fields(case: Case) -> frozenset[str]:
@@ -74,8 +80,8 @@ def stored_fields(case: Case) -> frozenset[str]:
 class _Run:
     """One run into an output folder."""
 
-    def __init__(self, case: Case, folder: Path, clock: Clock) -> None:
-        self._case, self._folder, self._clock = case, folder, clock
+    def __init__(self, case: Case, folder: Path, clock: Clock, stored: bool) -> None:
+        self._case, self._folder, self._clock, self._stored = case, folder, clock, stored
         self._earlier = (folder / RESULT_FILE).is_file()
         self._cleared = False
         self._finished = 0
@@ -100,6 +106,8 @@ class _Run:
     def _solve(self) -> Result:
         system = reduce(self._case, self._clock)
         result = Result(provenance(self._case), zone_of(system), self._case.n_increments)
+        if self._stored:
+            result = replace(result, steps=StoredSteps(partial(stored_steps, self._folder, result.zone)))
         self._result = result
         writer = ResultWriter(self._folder, result, stored_fields(self._case))
         try:
@@ -110,7 +118,10 @@ class _Run:
                     clear_output(self._folder)
                 writer.append(step)
                 self._finished += 1
-                self._result = result = replace(result, steps=(*result.steps, step))
+                if isinstance(result.steps, StoredSteps):
+                    result.steps.overviews.append(overview(result.zone, step))
+                else:
+                    self._result = result = replace(result, steps=(*result.steps, step))
             self._write_reports(result)
         finally:
             if result.steps:
@@ -129,8 +140,8 @@ class _Run:
     def _finish(self, writer: ResultWriter, result: Result) -> Result:
         self._clock("writing", 0.0)
         result = writer.finish(lambda: replace(result, timings=self._clock.timings(), peak_memory_mb=peak_memory_mb()))
-        with replacing(self._folder / SUMMARY_FILE) as path:
-            path.write_text(summary_json(result), encoding="utf-8")
+        with replacing(self._folder / SUMMARY_FILE) as path, path.open("w", encoding="utf-8") as file:
+            file.writelines(summary_json(result))
         return result
 
     def _content(self) -> str:

@@ -396,7 +396,23 @@ def _steps(random: Random, of: Magnitudes, law: Table, conductivity: Table) -> l
         step["increments"] = int(random.integers(1, 4))
         if law["name"] == "rate-and-pressure":
             step["duration"] = DURATION * step["increments"]
+    _float_where_insulated(steps, conductivity)
     return steps
+
+
+def _float_where_insulated(steps: list[Table], conductivity: Table) -> None:
+    """Replace charges and fluxes by zero where no contact conducts them, after all random numbers are drawn.
+
+    Those are laws that insulate below a threshold of the pressure, and histories that open a contact which conducts
+    only where it touches.
+    """
+    for name, key in (("electric", "charge"), ("magnetic", "magnetic_flux")):
+        law = conductivity.get(name, {"name": ""})["name"]
+        opens = any(step.get("approach", 1.0) <= 0.0 for step in steps)
+        if law == "thresholded" or (opens and law not in ("across-gap", "breakdown", "robin")):
+            for step in steps:
+                if key in step:
+                    step[key] = 0.0
 
 
 def _has_friction(law: Table) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.elements.base import shape_derivatives
 from meeframe.fields import Array, Indices
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
@@ -59,6 +60,7 @@ class Patches:
     corner_patch: Indices
 
 
+@memoize_by_identity
 def find_patches(mesh: SurfaceMesh, edge_angle: float) -> Patches:
     """Return the flux nodes of a mesh.
 

@@ -68,7 +68,7 @@ def test_overall_status(synthetic, statuses, planned, expected):
 def test_nonfinite_numbers_are_valid_json(synthetic):
     step = synthetic.step(1e-6, Status.DIVERGED)
     broken = dataclasses.replace(step, traction=np.full_like(step.traction, np.nan), residual=float("inf"))
-    data = json.loads(summary_json(synthetic.result(broken)))
+    data = json.loads("".join(summary_json(synthetic.result(broken))))
     assert data["steps"][0]["force"] == [None, None, None]
     assert data["steps"][0]["residual"] is None
     assert figures(synthetic.result(broken)) == {}

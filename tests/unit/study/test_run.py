@@ -1,5 +1,6 @@
 """Test runs into a folder: written files, rejected folders, interruptions."""
 
+import gc
 import json
 import time
 from dataclasses import dataclass, replace
@@ -13,12 +14,13 @@ import pytest
 import meeframe
 from meeframe.common.errors import CaseError, MeshError, ResultError
 from meeframe.contact.problem import Status
-from meeframe.laws import Signorini
+from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.model.case import Output
 from meeframe.model.load import load_case
 from meeframe.results.figures import write_figures
 from meeframe.results.files import write_result
 from meeframe.results.output import RESULT_FILE, SERIES, output_files
+from meeframe.results.records import StepResult
 from meeframe.study import run as run_module
 
 TWO_STEPS = '\n[[steps]]\napproach = "20 um"\n'
@@ -58,6 +60,52 @@ def test_figures_and_fields_are_optional(write_case, registry, tmp_path):
     case = load_case(write_case(more="\n[output]\nfigures = false\nvtu = false\n"), registry)
     meeframe.run(case, tmp_path / "out")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["result.h5", "summary.json"]
+
+
+@pytest.mark.parametrize("fields", [None, ()])
+def test_increments_read_from_the_folder_give_the_same_files(case, tmp_path, fields):
+    case = replace(case, output=replace(case.output, figures=False, fields=fields))
+    for name, stored in (("memory", False), ("folder", True)):
+        run_module.run(case, tmp_path / name, stored=stored)
+    written = {path.relative_to(tmp_path / "memory") for path in (tmp_path / "memory").rglob("*") if path.is_file()}
+    for path in written:
+        texts = [(tmp_path / name / path).read_bytes() for name in ("memory", "folder")]
+        if path.name == "summary.json":
+            texts = [{**json.loads(text), "timings": {}, "peak_memory_mb": 0.0} for text in texts]
+        if path.name != RESULT_FILE:
+            assert texts[0] == texts[1], path
+    assert len(written) == 6
+    for name in ("memory", "folder"):
+        with h5py.File(tmp_path / name / RESULT_FILE, "r") as file:
+            assert ("boundary" in file) == (fields is None), "the fields on the boundary are stored only if chosen"
+            assert ("boundary" in file["steps/0002"]) == (fields is None)
+
+
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3)], ids=["slips restored", "slips stored"])
+def test_increments_do_not_stay_in_memory(write_case, registry, tmp_path, law):
+    steps = '\n[[steps]]\napproach = "20 um"\nincrements = 8\n'
+    alive = set()
+
+    def count(stage, _):
+        if stage in {"writing", "figures"}:
+            alive.add(sum(isinstance(each, StepResult) for each in gc.get_objects()))
+
+    case = replace(load_case(write_case(more=steps), registry), contact_law=law, output=Output(figures=True, vtu=False))
+    gc.collect()
+    result = run_module.run(case, tmp_path / "out", progress=count, stored=True)
+    assert max(alive) - min(alive) <= 3, "that solved, that before, and that to start from"
+    assert [step.increment for step in result.steps] == [1, *range(1, 9)]
+    assert result.steps[-1].increment == result.steps[8].increment == 8
+    assert [step.increment for step in result.steps[2:4]] == [2, 3]
+    assert [step.increment for step in result.steps[:-3:-1]] == [8, 7]
+    for number, step in enumerate(result.steps):
+        np.testing.assert_array_equal(result.steps[number].slip_path, step.slip_path)
+    assert meeframe.Result.of(result).select("2.5").increment == 5
+    with pytest.raises(IndexError):
+        result.steps[9]
+    (tmp_path / "out" / RESULT_FILE).unlink()
+    with pytest.raises(ResultError, match=r"result\.h5 does not exist"):
+        result.steps[0]
 
 
 def test_results_are_replaced_on_request_only(without_figures, tmp_path):
