@@ -22,7 +22,7 @@ Integration by parts: Bonnet, Boundary Integral Equation Methods for Solids and 
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, final
 
@@ -37,6 +37,7 @@ from meeframe.formulations.dense_bem._kernels.interior import add_points, surfac
 from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.units import Units
 from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.material.layers import LayerStack
 from meeframe.mesh.body import Body
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.system.capabilities import INTERIOR_STAGE, InteriorFields, PointFields
@@ -181,6 +182,50 @@ class BoundaryInterior(InteriorFields):
     def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) inside the body for a load (n, fields) on the contact zone."""
         return self.representation.evaluate(self.recovery(load), points, progress)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class LayeredInterior(InteriorFields):
+    """Interior fields of a layered body by the interior representations of its regions.
+
+    Attributes
+    ----------
+    recovery
+        Function that returns the fields on the boundaries of all regions, one after the other, for a load (n, fields).
+    representations
+        Those of the regions from the contact zone down.
+    layers
+        The layers.
+    origin, downward
+        Point of the contact zone [m] and unit vector into the body, (3,) each.
+    """
+
+    recovery: Callable[[Array], NodalFields]
+    representations: tuple[InteriorRepresentation, ...]
+    layers: LayerStack
+    origin: Array
+    downward: Array
+
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
+        """Return the fields at points (m, 3) inside the regions for a load (n, fields) on the contact zone."""
+        points = np.asarray(points, float)
+        boundary, first, done = self.recovery(load), 0, 0
+        size = len(points), boundary.values.shape[1]
+        found = PointFields(points, np.empty(size), np.empty((*size, 3)), np.empty((size[0], 3, size[1])))
+        numbers = self.layers.numbers_at((points - self.origin) @ self.downward)
+        numbers = np.minimum(numbers, len(self.representations) - 1)
+        for number, representation in enumerate(self.representations):
+            last = first + len(representation.mesh.blocks)
+            members = np.flatnonzero(numbers == number)
+            if members.size:
+                fields = replace(boundary, cells=boundary.cells[first:last])
+                part = representation.evaluate(fields, points[members])
+                for name in ("values", "gradients", "fluxes"):
+                    getattr(found, name)[members] = getattr(part, name)
+            first, done = last, done + len(members)
+            progress(INTERIOR_STAGE, done / max(len(points), 1))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
