@@ -77,7 +77,6 @@ class DenseBEM(Formulation):
         MaterialError
             If the fundamental solution does not apply, or the material is too close to inadmissible.
         """
-        check_expansion(body)
         _check_memory(body)
         check_mesh(body.mesh)
         regions = divide(body)
@@ -85,6 +84,7 @@ class DenseBEM(Formulation):
             _check_memory(*(region.body for region in regions))
             check_supports(body)
         for number, region in enumerate(regions):
+            check_expansion(region.body)
             with located_below(number):
                 self._layout(region)
             bind_body(self.fundamental_solution, region.body)

@@ -144,7 +144,8 @@ class LayeredSolution:
             count, floats = len(layout.lower_patches), layout.joints.floats_below
             n = layout.n_fields * count
             unknowns, joined = region.unknowns(loads), np.zeros(layout.n_joined)
-            joined[n:] = loads[-1]  # the potential of an electrode above
+            if layout.joints.floats_above:
+                joined[n:] = loads[-1]
             added = unknowns[layout.n_unknowns - layout.n_added :]
             below = np.append(-unknowns[layout.flux_column[layout.lower_patches].ravel()], added[:1] if floats else [])
             if count:
