@@ -7,6 +7,7 @@ each interface and on the base, so that the meshes of neighbouring regions have 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from meeframe.elements.base import SurfaceElement
 from meeframe.fields import ELECTRIC, Array, Indices
 from meeframe.formulations.dense_bem.layout import BODY, Joint, Joints
 from meeframe.formulations.dense_bem.patches import mesh_corners
-from meeframe.material.layers import Interface
+from meeframe.material.layers import Interface, LayerStack
 from meeframe.mesh import area, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
@@ -116,25 +117,27 @@ def divide(body: Body) -> tuple[Region, ...]:
             f"the layers are {depths[-1]:.6g} m thick, the body is {prism.height:.6g} m deep below the contact zone; "
             "allowed: thinner layers, below which there is some of [material]"
         )
-    names = [f"interface below layer {number}" for number in range(1, len(layers) + 1)]
-    joints = [Joint(name, _potential(body, prism, layer.interface)) for name, layer in zip(names, layers, strict=True)]
+    prefix = "interface below layer"
+    while any(name.startswith(prefix) for name in body.mesh.group_names):
+        prefix += "'"
+    joints = [
+        Joint(f"{prefix} {number}", _potential(body, prism, layer.interface)) for number, layer in enumerate(layers, 1)
+    ]
     regions = []
-    for number, depth in enumerate(depths):
-        above = joints[number - 1] if number > 0 else None
-        below = joints[number] if number < len(layers) else None
-        bottom = prism.height if below is None else depths[number + 1]
-        mesh = _mesh(prism, depth, bottom, above, below)
-        material = None if below is None else layers[number].material
-        homogeneous = replace(
+    for number, (top, bottom) in enumerate(pairwise([*depths, prism.height])):
+        above, below = [None, *joints][number], [*joints, None][number]
+        mesh = _mesh(prism, top, bottom, above, below)
+        material = body if below is None else layers[number].material
+        region = replace(
             body,
+            stiffness=material.stiffness,
+            thermal_moduli=material.thermal_moduli,
             mesh=mesh,
             conditions=tuple(c for c in body.conditions if len(mesh.group_points(c.group))),
             contact_group=body.contact_group if above is None else above.group,
-            layers=replace(body.layers, layers=()),
+            layers=LayerStack(),
         )
-        if material is not None:
-            homogeneous = replace(homogeneous, stiffness=material.stiffness, thermal_moduli=material.thermal_moduli)
-        regions.append(Region(homogeneous, Joints(above, below), None if below is None else layers[number].interface))
+        regions.append(Region(region, Joints(above, below), None if below is None else layers[number].interface))
     return tuple(regions)
 
 
