@@ -27,7 +27,9 @@ from meeframe.mesh.topology import boundary_polygon, find_edges, reflection
 GROWTH: Final = 1.5
 """Largest ratio of the heights of successive elements on the sides of a region, downwards."""
 TOLERANCE: Final = 1e-6
-"""Distance of points from a plane, relative to the size of the body; difference of normals; of areas; of potentials."""
+"""Distance of points from a plane, relative to the size of the body; difference of normals; of potentials."""
+MAX_AREA_DIFFERENCE: Final = 1e-3
+"""Largest relative difference of areas of a face group, whose curved border may be divided anew."""
 FAR_GROUPS: Final = ("side", "base")
 """Face groups of the box for layers on a rigid base."""
 _ALLOWED: Final = "allowed: prisms with sides at right angles to the zone, such as blocks, or the formulation skfem"
@@ -265,7 +267,7 @@ def _check_groups(body: Body, prism: _Prism) -> None:
     mesh = _mesh(prism, 0.0, prism.height, None, None)
     for name in body.mesh.group_names:
         expected, actual = area(body.mesh, name), area(mesh, name)
-        if abs(actual - expected) > TOLERANCE * (expected + actual):
+        if abs(actual - expected) > MAX_AREA_DIFFERENCE * expected:
             raise MeshError(
                 f"layers: the face group {name!r} has an area of {expected:g} m^2, the sides below its upper edge "
                 f"{actual:g} m^2; allowed: groups that reach from the face of the contact zone to the opposite face"
