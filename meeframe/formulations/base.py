@@ -154,7 +154,7 @@ def check_layered(formulation: Formulation, body: Body) -> None:
     if not formulation.supports_layers():
         raise CaseError(
             f"formulation {type(formulation).__name__} does not support layers or a rigid base; allowed: formulations "
-            "that do, such as half-space, or skfem for blocks and for half spaces on a rigid base"
+            "that do, such as half-space, or dense-bem and skfem for blocks and for half spaces on a rigid base"
         )
     check_layers(body)
 

@@ -47,6 +47,8 @@ _POSITION: Final = 1e-14
 """Largest error of a position in the plane, relative to the largest coordinate."""
 _CANDIDATES: Final = 12
 """Number of triangles, the nearest ones, among which the one that contains a node is searched."""
+_CANDIDATE_PAIRS: Final = 300_000
+"""Number of pairs of points and candidate triangles that are compared at once."""
 _CHUNK: Final = 20_000
 """Number of pairs of triangles that are intersected at once."""
 
@@ -120,6 +122,41 @@ def find_mortar(points: Array, cells: Cells, other_points: Array, other_cells: C
     return Mortar(axes, _corrected(mixed, mass, first, second, located), mass, _mass(second))
 
 
+def locate_on_plane(points: Array, nodes: Array, cells: Cells, normal: Array) -> "Located":
+    """Return the shape functions of a plane surface at points.
+
+    Parameters
+    ----------
+    points
+        (m, 3) positions on it [m].
+    nodes
+        (n, 3) nodes of its elements [m].
+    cells
+        Pairs of a meshio cell type and its connectivity, counter-clockwise seen against the normal.
+    normal
+        (3,) its unit normal.
+
+    Returns
+    -------
+    Located
+        Shape functions, and their derivatives in global axes.
+
+    Raises
+    ------
+    MeshError
+        If an element has an unknown type.
+    """
+    axes = local_frames(normal[None])[0]
+    surface = _surface(nodes @ axes.T, cells, 1.0, "body")
+    count = len(surface.corners)  # any triangle is a candidate, as elements may differ in size by any factor
+    parts = np.array_split(points @ axes.T, 1 + len(points) * count // _CANDIDATE_PAIRS)
+    located = [_locate(part, surface, count) for part in parts]
+    numbers = np.concatenate([part.nodes for part in located])
+    names = ("shapes", "slopes", "inside")
+    shapes, slopes, inside = (np.concatenate([getattr(part, name) for part in located]) for name in names)
+    return Located(numbers, shapes, slopes @ axes[:2], inside)
+
+
 def check_facing(points: Array, cells: Cells, other_points: Array, other_cells: Cells) -> None:
     """Raise MeshError as `find_mortar`, without integration."""
     _facing(points, cells, other_points, other_cells)
@@ -127,7 +164,7 @@ def check_facing(points: Array, cells: Cells, other_points: Array, other_cells: 
 
 def _facing(
     points: Array, cells: Cells, other_points: Array, other_cells: Cells
-) -> tuple[Array, _Surface, _Surface, "_Located"]:
+) -> tuple[Array, _Surface, _Surface, "Located"]:
     """Return the axes of the projection, both surfaces in them, and the nodes of the first on the second."""
     area = np.concatenate([vector_areas(points[outline]) for outline in corners(cells)]).sum(axis=0)
     axes = local_frames((area / np.linalg.norm(area))[None])[0]
@@ -338,22 +375,24 @@ def _check_covered(first: _Surface, second: _Surface) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Located:
-    """Shape functions of the second surface near nodes (n,) of the first.
+class Located:
+    """Shape functions of a surface near points (n,).
 
-    nodes: (n, k); shapes: (n, k); slopes: (n, k, 2), derivatives in the plane. Surplus columns are zero.
+    nodes: (n, k); shapes: (n, k); slopes: (n, k, d), derivatives in the plane. Surplus columns are zero. inside: (n,),
+    distance from the nearest side of the triangle around the point, in its heights; negative outside the surface.
     """
 
     nodes: Indices
     shapes: Array
     slopes: Array
+    inside: Array
 
 
-def _locate(points: Array, second: _Surface) -> _Located:
+def _locate(points: Array, second: _Surface, candidates: int = _CANDIDATES) -> Located:
     """Return the shape functions of the element of a surface in which, or nearest to which, each point (n, 3) lies."""
     n, width = len(points), max(block.nodes.shape[1] for block in second.blocks)
     tree = scipy.spatial.cKDTree(second.corners.mean(axis=1))
-    _, near = tree.query(points[:, :2], min(_CANDIDATES, len(second.corners)))
+    _, near = tree.query(points[:, :2], min(candidates, len(second.corners)))
     near = near.reshape(n, -1)
     sides = second.corners[near]  # (n, c, 3, 2)
     parts = [
@@ -366,7 +405,8 @@ def _locate(points: Array, second: _Surface) -> _Located:
     ]
     inside = np.min(parts, axis=0) / _areas(sides)
     triangle = near[np.arange(n), inside.argmax(axis=1)]
-    located = _Located(np.zeros((n, width), np.int64), np.zeros((n, width)), np.zeros((n, width, 2)))
+    arrays = np.zeros((n, width), np.int64), np.zeros((n, width)), np.zeros((n, width, 2))
+    located = Located(*arrays, inside.max(axis=1))
     for j, block in enumerate(second.blocks):
         chosen = np.flatnonzero(second.block[triangle] == j)
         nodes = block.nodes[second.element[triangle[chosen]]]
@@ -379,7 +419,7 @@ def _locate(points: Array, second: _Surface) -> _Located:
     return located
 
 
-def _check_distance(first: _Surface, second: _Surface, located: _Located) -> None:
+def _check_distance(first: _Surface, second: _Surface, located: Located) -> None:
     extent = float(np.linalg.norm(np.ptp(first.points, axis=0)))
     heights = np.einsum("nk,nk->n", located.shapes, second.points[located.nodes, 2])
     distances: Array = np.abs(heights - first.points[:, 2])
@@ -395,7 +435,7 @@ def _corrected(
     mass: "scipy.sparse.csr_array",
     first: _Surface,
     second: _Surface,
-    located: _Located,
+    located: Located,
 ) -> "scipy.sparse.csr_array":
     """Return mixed integrals with the integrals and first moments of the shape functions of the first surface.
 

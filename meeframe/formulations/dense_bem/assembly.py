@@ -30,15 +30,24 @@ SOURCES_PER_TASK = 8
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The system matrix @ unknowns = load_matrix @ loads + rhs.
+    """The system matrix @ unknowns + joined @ values = load_matrix @ loads + rhs, with values on interfaces.
 
     Attributes
     ----------
     columns : Array
-        Matrix, load matrix and right-hand side, (u, u + f n + 1), in Fortran order.
+        Matrix, load matrix, right-hand side and coefficients of values that interfaces determine, (u, w), in Fortran
+        order.
+    n_loads : int
+        Number of loads.
     """
 
     columns: Array
+    n_loads: int
+
+    @property
+    def equations(self) -> Array:
+        """Matrix, load matrix and right-hand side, (u, u + n_loads + 1)."""
+        return self.columns[:, : len(self.columns) + self.n_loads + 1]
 
     @property
     def matrix(self) -> Array:
@@ -47,13 +56,18 @@ class System:
 
     @property
     def load_matrix(self) -> Array:
-        """Load matrix, (u, f n)."""
-        return self.columns[:, len(self.columns) : -1]
+        """Load matrix, (u, n_loads)."""
+        return self.equations[:, len(self.columns) : -1]
 
     @property
     def rhs(self) -> Array:
         """Right-hand side, (u,)."""
-        return self.columns[:, -1]
+        return self.equations[:, -1]
+
+    @property
+    def joined(self) -> Array:
+        """Coefficients of values that interfaces determine, (u, j)."""
+        return self.columns[:, len(self.columns) + self.n_loads + 1 :]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +142,10 @@ def assemble(
     planes = tuple(plane_normals(rule) for rule in rules)
     singular_shape = _singular_shapes(mesh, sources)
     problem = Problem(mesh, layout, sources, singular_shape, kernel, accuracy, exterior, rules, planes)
-    n, n_fields = layout.n_unknowns, layout.value_column.shape[1]
+    n, collocated = layout.n_unknowns, layout.n_unknowns - layout.n_added
     # Not np.zeros, for which NumPy requests no huge pages; the tasks write every entry of the matrix.
-    system = System(np.empty((n, n + n_fields * len(layout.zone) + 1), order="F"))
-    system.columns[:, n:] = 0.0
+    system = System(np.empty((n, layout.first_joined + layout.n_joined), order="F"), layout.n_loads)
+    system.columns[:, collocated:], system.columns[collocated:] = 0.0, 0.0
     n_sources = len(sources.position)
     tasks = [range(i, min(i + SOURCES_PER_TASK, n_sources)) for i in range(0, n_sources, SOURCES_PER_TASK)]
     with ThreadPoolExecutor(get_num_threads()) as pool:
@@ -182,7 +196,7 @@ def _collocate(problem: Problem, task: range, system: System) -> None:
             layout.flux_column,
             layout.flux_data,
             layout.load_column,
-            system.matrix,
+            system.columns,
             system.load_matrix,
             system.rhs,
         )

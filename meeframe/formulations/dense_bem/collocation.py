@@ -67,7 +67,7 @@ def collocate(mesh: SurfaceMesh, layout: Layout) -> Sources:
     n_flux_unknowns = np.zeros((len(mesh.points), layout.flux_column.shape[1]), int)
     np.add.at(n_flux_unknowns, patches.point, layout.flux_column != NONE)
     shared = n_flux_unknowns[patches.point] > 1
-    at_node = layout.value_column.copy()
+    at_node = np.where(layout.value_column < layout.n_unknowns, layout.value_column, NONE)
     single = (layout.flux_column != NONE) & ~shared
     patch, field = np.nonzero(single)
     at_node[patches.point[patch], field] = layout.flux_column[patch, field]

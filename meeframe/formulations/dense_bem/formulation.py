@@ -1,5 +1,6 @@
 """The dense boundary element formulation, which condenses a body to a reduced system."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Annotated, final
 
@@ -16,16 +17,19 @@ from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.fundamental import bind_body
-from meeframe.formulations.dense_bem.interior import BoundaryInterior, InteriorRepresentation
+from meeframe.formulations.dense_bem.interfaces import Foundation, LayeredSolution, couple
+from meeframe.formulations.dense_bem.interior import BoundaryInterior, InteriorRepresentation, LayeredInterior
 from meeframe.formulations.dense_bem.layout import Layout, lay_out, number_first
 from meeframe.formulations.dense_bem.patches import find_patches
+from meeframe.formulations.dense_bem.regions import Region, divide, located_below
 from meeframe.formulations.dense_bem.system import BoundarySolution, factorise, zone_relation
 from meeframe.formulations.dense_bem.units import Units, check_expansion
 from meeframe.greens import Tabulated
 from meeframe.greens.base import FundamentalSolution
-from meeframe.mesh import check_mesh, find_contact_zone
+from meeframe.mesh import check_mesh, check_supports, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.slenderness import bending_warnings
+from meeframe.system.capabilities import InteriorFields
 from meeframe.system.dense import in_local_frames
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
@@ -73,12 +77,22 @@ class DenseBEM(Formulation):
         MaterialError
             If the fundamental solution does not apply, or the material is too close to inadmissible.
         """
-        check_expansion(body)
         _check_memory(body)
         check_mesh(body.mesh)
-        self._layout(body)
-        bind_body(self.fundamental_solution, body)
-        anisotropy(_scaled_stiffness(body))
+        regions = divide(body)
+        if body.layers:
+            _check_memory(*(region.body for region in regions))
+            check_supports(body)
+        for number, region in enumerate(regions):
+            check_expansion(region.body)
+            with located_below(number):
+                self._layout(region)
+            bind_body(self.fundamental_solution, region.body)
+            anisotropy(_scaled_stiffness(region.body))
+
+    def supports_layers(self) -> bool:
+        """Return True: each layer is a region with its own closed surface."""
+        return True
 
     def couples_heat(self) -> bool:
         """Return True: the temperature may act on the other fields of the body."""
@@ -102,12 +116,10 @@ class DenseBEM(Formulation):
             raise CaseError("the body has no contact zone; use boundary_fields")
         solution = self._solve(body, progress)
         zone = find_contact_zone(body.mesh, body.contact_group)
-        offset, compliance = zone_relation(solution)
+        offset, compliance = zone_relation(solution.regions[0])
         geometry = zone.points, zone.frames, zone.weights, zone.cells
         system = in_local_frames(*geometry, offset, compliance, solution.fields)
-        spread = anisotropy(_scaled_stiffness(body))
-        representation = InteriorRepresentation.of(self.fundamental_solution, body, solution.units, spread)
-        return replace(system, interior=BoundaryInterior(system.recovery, representation))
+        return replace(system, interior=self._interior(body, solution, system.recovery))
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
         """Return the fields on the boundary of a body without contact zone.
@@ -135,24 +147,55 @@ class DenseBEM(Formulation):
             raise CaseError(f"the body has a contact zone {body.contact_group!r}; use reduce")
         return self._solve(body, progress).fields(np.zeros((0, body.fields.size)))
 
-    def _solve(self, body: Body, progress: Progress) -> BoundarySolution:
+    def _solve(self, body: Body, progress: Progress) -> LayeredSolution:
         progress("fundamental solution", 0.0)
         self.check(body)
+        regions = divide(body)
+        solutions: list[BoundarySolution] = []
+        foundations: list[Foundation] = []
+        for number, region in enumerate(reversed(regions)):  # from the base up
+            layout, units = self._layout(region)
+            if region.interface is not None:
+                foundations.insert(0, Foundation.of(solutions[0], region).scaled(units, layout))
+            foundation = foundations[0] if foundations else None
+            solutions.insert(
+                0, self._solve_region(region, layout, units, foundation, _part(progress, number, len(regions)))
+            )
+        return LayeredSolution(tuple(solutions), tuple(foundations))
+
+    def _solve_region(
+        self, region: Region, layout: Layout, units: Units, foundation: Foundation | None, progress: Progress
+    ) -> BoundarySolution:
+        body = region.body
         accuracy = Accuracy(self.quadrature_tolerance, anisotropy(_scaled_stiffness(body)))
         progress("assembly", 0.0)
-        layout, units = self._layout(body)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         system = assemble(
             mesh, layout, collocate(mesh, layout), bind_body(self.fundamental_solution, body), accuracy, progress
         )
+        couple(system, layout, foundation, region)
         progress("factorisation", 0.0)
         factors, independent = factorise(system, layout)
         progress("factorisation", 1.0)
         return BoundarySolution(factors, independent, layout, units, body.mesh)
 
-    def _layout(self, body: Body) -> tuple[Layout, Units]:
-        units = Units.of(body)
-        layout = lay_out(body, find_patches(body.mesh, self.edge_angle), units)
+    def _interior(
+        self, body: Body, solution: LayeredSolution, recovery: Callable[[Array], NodalFields]
+    ) -> InteriorFields:
+        representations = tuple(
+            InteriorRepresentation.of(
+                self.fundamental_solution, region.body, solved.units, anisotropy(_scaled_stiffness(region.body))
+            )
+            for region, solved in zip(divide(body), solution.regions, strict=True)
+        )
+        if not body.layers:
+            return BoundaryInterior(recovery, representations[0])
+        zone = find_contact_zone(body.mesh, body.contact_group or "")
+        return LayeredInterior(recovery, representations, body.layers, zone.points[0], -zone.frames[0, 2])
+
+    def _layout(self, region: Region) -> tuple[Layout, Units]:
+        body, units = region.body, Units.of(region.body)
+        layout = lay_out(body, find_patches(body.mesh, self.edge_angle), units, region.joints)
         if THERMAL_FIELD in body.fields.scalars:
             layout = number_first(layout, body.fields.index(THERMAL_FIELD.name))
         return layout, units
@@ -162,17 +205,27 @@ def _scaled_stiffness(body: Body) -> Array:
     return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
 
 
-def _check_memory(body: Body) -> None:
-    """Raise TooLargeError if the matrices, with one unknown for each field and point, exceed the memory."""
+def _part(progress: Progress, number: int, count: int) -> Progress:
+    """Return a function that reports the progress of one of several regions as part of the whole."""
+    return lambda stage, fraction: progress(stage, (number + fraction) / count)
+
+
+def _check_memory(*regions: Body) -> None:
+    """Raise TooLargeError if the matrices, with one unknown for each field and point, exceed the memory.
+
+    Matrices of a region have columns for loads on its contact zone, and for values on the interface below it.
+    """
+    body = regions[0]
     n_fields = body.fields.size
-    unknowns = n_fields * len(body.mesh.points)
-    loads = 0 if body.contact_group is None else n_fields * len(body.mesh.group_points(body.contact_group))
-    required = 8 * unknowns * (unknowns + loads)
+    unknowns = np.array([n_fields * len(region.mesh.points) for region in regions])
+    zones = [0 if r.contact_group is None else len(r.mesh.group_points(r.contact_group)) for r in regions]
+    loads = n_fields * np.array(zones)
+    required = int(8 * unknowns @ (unknowns + loads + np.append(loads[1:], 0)))
     available = physical_memory()
     if required > available:
-        other = "half-space" if body.mesh.semi_infinite else "hmatrix-bem"
+        other = "half-space" if body.mesh.semi_infinite else "skfem" if len(regions) > 1 else "hmatrix-bem"
         raise TooLargeError(
-            f"{len(body.mesh.points)} points, {loads // n_fields} of them in the contact zone, require matrices of "
+            f"{unknowns.sum() // n_fields} points, {zones[0]} of them in the contact zone, require matrices of "
             f"{required / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh, or the "
             f"formulation {other!r}"
         )

@@ -22,7 +22,7 @@ Integration by parts: Bonnet, Boundary Integral Equation Methods for Solids and 
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, final
 
@@ -37,7 +37,9 @@ from meeframe.formulations.dense_bem._kernels.interior import add_points, surfac
 from meeframe.formulations.dense_bem.fundamental import bind_body
 from meeframe.formulations.dense_bem.units import Units
 from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.material.layers import LayerStack
 from meeframe.mesh.body import Body
+from meeframe.mesh.mortar import locate_on_plane
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.system.capabilities import INTERIOR_STAGE, InteriorFields, PointFields
 from meeframe.system.reduced import NodalFields, Progress, silent
@@ -47,6 +49,8 @@ TOLERANCE: Final = 1e-6
 MIN_DISTANCE: Final = 1e-4
 """Smallest distance of a point from the surface, relative to the unit of length, the diameter of the contact zone."""
 _LEVI_CIVITA: Final = np.array([[np.cross(a, b) for b in np.eye(3)] for a in np.eye(3)])
+_BEYOND: Final = 1e-6
+"""Distance beyond the border of a plane, in heights of an element, that is round-off."""
 _INSIDE: Final = 0.5
 """Solid angle, in parts of the full one, that the surface of a body subtends from inside."""
 _CAPACITY: Final = 1024
@@ -141,6 +145,42 @@ class InteriorRepresentation:
         found = PointFields.of(points, u, gradients, self.stiffness)
         return found if self.moduli is None else found.with_heat(self.moduli, self.temperature)
 
+    def on_plane(self, boundary: NodalFields, points: Array, normal: Array) -> PointFields:
+        """Return the fields at points (m, 3) on the plane part of the boundary with an outward normal (3,).
+
+        Raises
+        ------
+        CaseError
+            If a point is beyond its border.
+        """
+        cells = []
+        for block, (name, nodes) in zip(self.mesh.blocks, boundary.cells, strict=True):
+            along = (self.mesh.points[block.connectivity] - points[0]) @ normal
+            cells.append((name, nodes[np.abs(along).max(axis=1) <= MIN_DISTANCE * self.units.length]))
+        cells = [(name, nodes) for name, nodes in cells if len(nodes)]
+        located = locate_on_plane(points, boundary.points, cells, normal)
+        if located.inside.min() < -_BEYOND:
+            count, worst = np.count_nonzero(located.inside < -_BEYOND), points[located.inside.argmin()]
+            raise CaseError(
+                f"{count} of {len(points)} points are outside the body, the first one at {worst} [m]; allowed: points "
+                "inside the body"
+            )
+        values, fluxes = (
+            np.einsum("mk,mkf->mf", located.shapes, nodal[located.nodes])
+            for nodal in (boundary.values, boundary.fluxes)
+        )
+        gradients = np.einsum("mki,mkf->mfi", located.slopes, boundary.values[located.nodes])
+        rest = fluxes - np.einsum("i,iJKl,mKl->mJ", normal, self.stiffness, gradients, optimize=True)
+        if self.moduli is not None:
+            rest[:, :N_FIELDS] += values[:, self.temperature, None] * (normal @ self.moduli)
+        factors = self.units.scaling.factors
+        matrix = np.einsum("i,iJKl,l->JK", normal, self.stiffness, normal) * np.outer(factors, factors)
+        gradients += (np.linalg.solve(matrix, (rest * factors).T).T * factors)[:, :, None] * normal
+        beside = points - np.einsum("mk,mki->mi", located.shapes, boundary.points[located.nodes])
+        values += np.einsum("mfi,mi->mf", gradients, beside)
+        found = PointFields.of(points, values, gradients, self.stiffness)
+        return found if self.moduli is None else found.with_heat(self.moduli, self.temperature)
+
     def _check_inside(self, points: Array, angles: Array) -> None:
         """Raise CaseError for points outside the body or too close to its surface; angles (m,) of `_at_point`."""
         if self.mesh.semi_infinite:
@@ -181,6 +221,74 @@ class BoundaryInterior(InteriorFields):
     def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
         """Return the fields at points (m, 3) inside the body for a load (n, fields) on the contact zone."""
         return self.representation.evaluate(self.recovery(load), points, progress)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class LayeredInterior(InteriorFields):
+    """Interior fields of a layered body by the interior representations of its regions.
+
+    On interfaces, and closer to them than MIN_DISTANCE, fields follow from the values and fluxes on the boundary of the
+    region above: with n the normal, the derivative along it solves n_i C_iJKl u_K,l = t_J. So they do on face and base.
+
+    Attributes
+    ----------
+    recovery
+        Function that returns the fields on the boundaries of all regions, one after the other, for a load (n, fields).
+    representations
+        Those of the regions from the contact zone down.
+    layers
+        The layers.
+    origin, downward
+        Point of the contact zone [m] and unit vector into the body, (3,) each.
+    """
+
+    recovery: Callable[[Array], NodalFields]
+    representations: tuple[InteriorRepresentation, ...]
+    layers: LayerStack
+    origin: Array
+    downward: Array
+
+    def evaluate(self, load: Array, points: Array, progress: Progress = silent) -> PointFields:
+        """Return the fields at points (m, 3) in the regions for a load (n, fields) on the contact zone.
+
+        Raises
+        ------
+        CaseError
+            If a point is outside the body, or closer to its sides than MIN_DISTANCE.
+        """
+        points = np.asarray(points, float)
+        boundary, first, done = self.recovery(load), 0, 0
+        size = len(points), boundary.values.shape[1]
+        found = PointFields(points, np.empty(size), np.empty((*size, 3)), np.empty((size[0], 3, size[1])))
+        depths = (points - self.origin) @ self.downward
+        numbers = np.minimum(self.layers.numbers_at(depths), len(self.representations) - 1)
+        for number, region in enumerate(self.representations):
+            cells = boundary.cells[first : first + len(region.mesh.blocks)]
+            heights = (region.mesh.points - self.origin) @ self.downward
+            on_bottom, on_top = (
+                (numbers == number) & (np.abs(depths - depth) < MIN_DISTANCE * region.units.length)
+                for depth in (heights.max(), heights.min())
+            )
+            for chosen, depth, normal in (
+                (on_bottom, heights.max(), self.downward),
+                (on_top & ~on_bottom, heights.min(), -self.downward),
+                ((numbers == number) & ~on_bottom & ~on_top, None, None),
+            ):
+                if not chosen.any():
+                    continue
+                if depth is None or normal is None:
+                    part = region.evaluate(replace(boundary, cells=cells), points[chosen])
+                else:
+                    part = region.on_plane(replace(boundary, cells=cells), points[chosen], normal)
+                found.values[chosen], found.gradients[chosen], found.fluxes[chosen] = (
+                    part.values,
+                    part.gradients,
+                    part.fluxes,
+                )
+            first, done = first + len(cells), done + int((numbers == number).sum())
+            progress(INTERIOR_STAGE, done / max(len(points), 1))
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,14 +6,13 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import Array, Indices
+from meeframe.fields import ELECTRIC, Array, Indices
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.blas import subtract_product
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
-from meeframe.formulations.dense_bem.layout import Layout, boundary_fields
+from meeframe.formulations.dense_bem.layout import Layout
 from meeframe.formulations.dense_bem.units import Units
 from meeframe.mesh.surface import SurfaceMesh
-from meeframe.system.reduced import NodalFields
 
 MIN_RECIPROCAL_CONDITION: Final = 1e-14
 """Reciprocal condition number, in Frobenius norms, below which the system is singular to round-off.
@@ -29,9 +28,9 @@ class BoundarySolution:
     Attributes
     ----------
     factors : Array
-        Result of `eliminate`, (u, u + f n + 1): the matrix of all unknowns but those of an independent field, the
-        columns of unit loads on the n nodes of the zone, whose values are the last unknowns, and the prescribed data,
-        all in units of the system.
+        Result of `eliminate`, (u, u + n_loads + 1): the matrix of all unknowns but those of an independent field, the
+        columns of unit loads on the n nodes of the zone, whose values are among the last unknowns, and the prescribed
+        data, all in units of the system.
     independent : Array
         Unknowns of the independent field of the layout, (i, n + 1), for unit fluxes of that field on the nodes of the
         zone, and for the prescribed data; (0, n + 1) if there is no such field.
@@ -51,19 +50,18 @@ class BoundarySolution:
 
     @property
     def n_inner(self) -> int:
-        """Number of unknowns among those of `factors` before the values of the zone."""
+        """Number of unknowns among those of `factors` before the last ones."""
         return _inner(self.layout)
 
-    def fields(self, load: Array) -> NodalFields:
-        """Return the fields on the boundary for a load (n, fields) in SI units and global axes."""
-        layout, units, n = self.layout, self.units, len(self.factors)
-        loads = units.fluxes(load)
-        right = self.factors[:, n:-1] @ loads.ravel() + self.factors[:, -1]
+    def unknowns(self, loads: Array) -> Array:
+        """Return all unknowns (u,) for loads (n_loads,), in units of the system."""
+        n = len(self.factors)
+        right = self.factors[:, n:-1] @ loads + self.factors[:, -1]
         unknowns = all_unknowns(self.factors, self.n_inner, right[:, None])[:, 0]
-        if layout.independent is not None:
-            first = self.independent[:, :-1] @ loads[:, layout.independent] + self.independent[:, -1]
-            unknowns = np.concatenate([first, unknowns])
-        return boundary_fields(layout, units, self.mesh, unknowns, unknowns, loads.ravel())
+        if self.layout.independent is None:
+            return unknowns
+        first = self.independent[:, :-1] @ loads[_independent_loads(self.layout)[:-1]] + self.independent[:, -1]
+        return np.concatenate([first, unknowns])
 
 
 def factorise(system: System, layout: Layout) -> tuple[Array, Array]:
@@ -76,9 +74,9 @@ def factorise(system: System, layout: Layout) -> tuple[Array, Array]:
     CaseError
         If a matrix is singular to working precision or not finite.
     """
-    independent = _solve_independent(system.columns, layout)
+    independent = _solve_independent(system.equations, layout)
     n_first = len(independent)
-    factors = system.columns[n_first:, n_first:]
+    factors = system.equations[n_first:, n_first:]
     eliminate_regular(factors, _inner(layout))
     return factors, independent
 
@@ -93,14 +91,9 @@ def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
     Array
         Compliance, (n, fields, n, fields).
     """
-    layout, units, factors = solution.layout, solution.units, solution.factors
-    n, n_fields = len(layout.zone), layout.value_column.shape[1]
-    values = np.zeros((n, n_fields, n_fields * n + 1))
-    fields = [field for field in range(n_fields) if field != layout.independent]
-    values[:, fields] = last_unknowns(factors, solution.n_inner, factors[:, len(factors) :]).reshape(n, len(fields), -1)
-    if layout.independent is not None:
-        in_zone = solution.independent[len(solution.independent) - n :]
-        values[:, layout.independent, _independent_loads(layout)] = in_zone
+    layout, units = solution.layout, solution.units
+    n, n_fields = len(layout.zone), layout.n_fields
+    values = zone_values(solution).reshape(n, n_fields, -1)
     offset = units.values_si(values[:, :, -1])
     to_values = units.values_si(np.ones(n_fields))
     to_loads = units.fluxes(np.ones(n_fields))
@@ -109,24 +102,44 @@ def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
     return offset, compliance
 
 
+def zone_values(solution: BoundarySolution) -> Array:
+    """Return the values of the zone for unit loads and for the prescribed data, (f n, n_loads + 1), in system units.
+
+    The charge of a floating electrode on the zone follows them in one more row.
+    """
+    layout, factors = solution.layout, solution.factors
+    columns = np.append(layout.value_column[layout.zone].ravel(), layout.n_unknowns - 1)
+    if not layout.joints.floats_above:
+        columns = columns[:-1]
+    values = np.zeros((len(columns), layout.n_loads + 1))
+    values[: layout.n_fields * len(layout.zone), -1] = layout.value_data[layout.zone].ravel()
+    last = last_unknowns(factors, solution.n_inner, factors[:, len(factors) :])
+    for first, unknowns, right in (
+        (layout.n_unknowns - len(last), last, np.arange(layout.n_loads + 1)),
+        (0, solution.independent, _independent_loads(layout)),
+    ):
+        known = (columns >= first) & (columns < first + len(unknowns))
+        values[np.ix_(known, right)] = unknowns[columns[known] - first]
+    if layout.joints.floats_above:  # its potential is the last load
+        values[ELECTRIC : -1 : layout.n_fields, -2] = 1.0
+    return values
+
+
 def _inner(layout: Layout) -> int:
-    """Return the number of unknowns, without those of an independent field, before the values of the zone."""
-    n_fields = layout.value_column.shape[1] - (layout.independent is not None)
-    inner: int = layout.n_unknowns - layout.n_independent - n_fields * len(layout.zone)
-    return inner
+    """Return the number of unknowns, without those of an independent field, before the last ones."""
+    return layout.n_unknowns - layout.n_independent - layout.n_last
 
 
 def _independent_loads(layout: Layout) -> Indices:
     """Return the columns of the fluxes of the independent field among those of loads and prescribed data, (n + 1,)."""
-    n_fields, n = layout.value_column.shape[1], len(layout.zone)
-    loads = n_fields * np.arange(n) + (layout.independent or 0)
-    return np.append(loads, n_fields * n)
+    loads = layout.n_fields * np.arange(len(layout.zone)) + (layout.independent or 0)
+    return np.append(loads, layout.n_loads)
 
 
 def _solve_independent(columns: Array, layout: Layout) -> Array:
     """Return the unknowns of the independent field, and subtract their action from the right-hand sides of the others.
 
-    columns: (u, u + f n + 1), see System.
+    columns: (u, u + n_loads + 1), see System.
     """
     count = layout.n_independent
     right = len(columns) + _independent_loads(layout)

@@ -11,6 +11,7 @@ from meeframe_skfem.interior import FiniteElementInterior
 from meeframe.common.errors import CaseError, MeshError
 from meeframe.elements import Quad4, Quad9
 from meeframe.fields import ELECTRIC, MEE
+from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import library_material, rotation_about
 from meeframe.material.layers import Interface, Layer, LayerStack
 from meeframe.mesh import block_mesh
@@ -238,3 +239,28 @@ def test_oblique_interfaces_with_springs(cube_file):
     alone = LayerStack((Layer(FILM, 0.5, Interface(normal_stiffness=3e11)),))
     with pytest.raises(CaseError, match=r"interface below layer 1: only one of.*oblique.*allowed: both of them"):
         FiniteElements(volume=path, unit=1e-3).check(replace(other, layers=alone))
+
+
+@pytest.mark.full
+def test_boundary_elements_of_layers_agree():
+    """Works of bumps of all fields on each other, on two layers with a floating electrode and springs."""
+    rotated_film = FILM.rotated(rotation_about((1.0, 2.0, 3.0), 0.7))
+    upper, lower = Layer(rotated_film, 0.1, Interface(electrode="floating")), Layer(MIDDLE, 0.25, SPRINGS)
+    held = tuple(BoundaryCondition("base", field, "value") for field in range(5))
+    differences = []
+    for divisions, rings in ((2, 1), (4, 2)):
+        mesh = block_mesh((0.5, 0.4), HEIGHT, (0.4, 0.3), divisions, rings, 1, Quad9())
+        body = Body(SUBSTRATE.stiffness, mesh, held, "contact", layers=LayerStack((upper, lower)))
+        one, other = (works(formulation.reduce(body)) for formulation in (DenseBEM(), FiniteElements(growth=1.6)))
+        scale = np.sqrt(np.abs(np.diag(other)))
+        differences.append(np.abs((one - other) / np.outer(scale, scale)).max())
+    coarse, fine = differences
+    assert fine < min(0.3 * coarse, 0.005)
+
+
+def works(system):
+    """Return the works (5, 5) of bumps of one field on the displacements by bumps of another one."""
+    bump = np.exp(-(system.points[:, :2] ** 2).sum(axis=1) / (2 * 0.08**2))
+    loads = bump[:, None] * np.eye(5)[:, None, :]
+    responses = np.array([system.apply(load) for load in loads])
+    return np.einsum("n,inf,jnf->ij", system.weights, loads, responses)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
+from meeframe_hmatrix import HierarchicalBEM
 
 import meeframe
 from meeframe.common.errors import CaseError
@@ -133,12 +134,21 @@ def test_messages(old, new, message, tmp_path):
 
 def test_formulations_refuse_layers_that_they_do_not_support(tmp_path):
     file = tmp_path / "case.toml"
-    file.write_text(TEXT.replace('[formulation]\nname = "half-space"', ""), encoding="utf-8")
-    with pytest.raises(CaseError, match=r"layers.*: formulation DenseBEM does not support layers.* skfem for blocks"):
+    file.write_text(TEXT.replace('"half-space"\n[indenter]', '"hmatrix-bem"\n[indenter]'), encoding="utf-8")
+    with pytest.raises(CaseError, match=r"layers.*: formulation HierarchicalBEM does not support layers.* for blocks"):
         meeframe.load_case(file)
-    second = meeframe.SecondBody("silicon", MESH, base=meeframe.Base("5 um"))
-    with pytest.raises(CaseError, match=r"second_body\.base.*: formulation DenseBEM does not support layers"):
+    second = meeframe.SecondBody("silicon", MESH, base=meeframe.Base("5 um"), formulation=HierarchicalBEM())
+    with pytest.raises(CaseError, match=r"second_body\.base.*: formulation HierarchicalBEM does not support layers"):
         meeframe.Case(**PARTS | {"formulation": meeframe.DenseBEM()}, second_body=second)
+
+
+def test_boundary_elements_need_a_base_below_half_spaces(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(TEXT.replace('[formulation]\nname = "half-space"', ""), encoding="utf-8")
+    with pytest.raises(
+        CaseError, match=r"formulation: dense-bem: layers of a half space, no \[base\]; allowed: a rigid"
+    ):
+        meeframe.load_case(file)
 
 
 def test_insulating_base_of_a_free_surface():
