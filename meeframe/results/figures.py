@@ -96,13 +96,24 @@ def save_figure(figure: "Figure", path: Path) -> None:
             figure.savefig(path)
 
 
+def check_format(suffix: str) -> None:
+    """Raise ResultError for a format that figures are not written in."""
+    if suffix not in FORMATS:
+        raise ResultError(f"format {suffix!r}: allowed: {', '.join(FORMATS)}")
+
+
+def write_figure(figure: "Figure", target: Path) -> None:
+    """Write a figure in the format of the suffix, in place of an earlier one. Raises ResultError."""
+    with replacing(target) as path:
+        save_figure(figure, path)
+
+
 def write_figures(result: Result, folder: Path, which: Which = None, suffix: str = "png") -> list[Path]:
     """Write the figures of an increment into a folder, created if it does not exist, and return their paths.
 
     Raises ResultError for an unknown format, if there is no such increment, or if they cannot be written.
     """
-    if suffix not in FORMATS:
-        raise ResultError(f"format {suffix!r}: allowed: {', '.join(FORMATS)}")
+    check_format(suffix)
     drawn = figures(result, select(result, which))
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -110,8 +121,7 @@ def write_figures(result: Result, folder: Path, which: Which = None, suffix: str
         raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
     paths = [folder / f"{name}.{suffix}" for name in drawn]
     for figure, target in zip(drawn.values(), paths, strict=True):
-        with replacing(target) as path:
-            save_figure(figure, path)
+        write_figure(figure, target)
     return paths
 
 

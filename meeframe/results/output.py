@@ -23,8 +23,8 @@ SERIES: Final = "fields.series"
 """Folder of the files of fields.pvd, one for each load step."""
 INTERIOR_FILE: Final = "interior.vtu"
 """Fields inside the body, which `meeframe show DIR --interior` writes."""
-INTERIOR_PICTURE: Final = "interior.png"
-"""Section of them, which it writes as well."""
+INTERIOR_PICTURE: Final = "interior"
+"""Section of them, which it writes as well: name without suffix."""
 INCREMENTS: Final = "result.increments"
 """Folder of the increments of an unfinished run, one file each."""
 LOCK_FILE: Final = ".lock"
@@ -160,7 +160,7 @@ def clear_output(folder: Path) -> None:
 
     Raises ResultError.
     """
-    remove_files(folder, (*output_files(), INTERIOR_FILE, INTERIOR_PICTURE))
+    remove_files(folder, (*output_files(), INTERIOR_FILE, f"{INTERIOR_PICTURE}.png"))
     try:
         for inner in (INCREMENTS, SERIES):
             if (folder / inner).is_dir():
