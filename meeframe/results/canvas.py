@@ -35,6 +35,8 @@ _LETTERS_PER_INCH, _TICKS_PER_INCH = 13.0, 2.0
 """Letters of a heading, and intervals between ticks of a map, that fit over an inch of the axes."""
 _LEGEND_FRACTION, _MIN_LEGEND_SIZE = 0.9, 4.0
 """Largest width of a legend as a fraction of that of its axes, and the smallest size of its letters in points."""
+_FEW_DECADES: Final = 200.0
+"""Ratio of the ends of a logarithmic axis below which three labels fit into each decade."""
 _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -126,6 +128,16 @@ def width_of(axes: Any) -> float:
 def map_ticks(axes: Any) -> int:
     """Return the largest number of intervals between the ticks of a map that leaves room for their labels."""
     return min(max(int(_TICKS_PER_INCH * width_of(axes)), 2), MAP_TICKS)
+
+
+def label_logarithmic(axis: Any) -> None:
+    """Label an axis with a logarithmic scale in plain numbers, 1, 2 and 5 of each decade if there are few decades."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    first, last = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if last < _FEW_DECADES * first else (1.0,)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _folded(text: str, letters: int) -> str:

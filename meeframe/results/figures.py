@@ -22,7 +22,7 @@ from meeframe.results.canvas import (
     sheet,
     styled,
 )
-from meeframe.results.history import history, name_of
+from meeframe.results.history import history, name_of, prefixed_area
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
 from meeframe.results.records import Region, Result, StepResult, Zone
@@ -269,8 +269,9 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     # open nodes take the mean of their neighbours, so that sticking regions end at the contact edge or half way to slip
     sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
     shown = ((slip, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
+    factor, unit = prefixed_area(np.array([totals.slip_area, totals.stick_area]), "m²")
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
-        label = f"{name}, {area / picture.factor**2:.4g} {picture.unit}²"
+        label = f"{name}, {area / factor:.4g} {unit}"
         axes.fill([], [], color=colour, linewidth=0, linestyle="solid", label=label)  # dashes without width are errors
         drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _WEIGHT_BOUNDS[1]], colors=[colour])
         if not step.touching.all():

@@ -185,11 +185,14 @@ def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
 
 
 def prefixed_area(values: Array, unit: str) -> tuple[float, str]:
-    """Return factor and unit with a prefix, which in squares multiplies twice, and in cubes three times."""
+    """Return factor and unit with a prefix, which in squares multiplies twice, and in cubes three times.
+
+    In squares and cubes the largest value is at least 0.1: 0.5 µm² instead of 500000 nm².
+    """
     if not unit:
         return 1.0, ""
     power = _POWERS.get(unit[-1], 1)
     if power == 1:
         return prefixed(values, unit)
-    factor, length = prefixed(np.abs(values) ** (1.0 / power), unit[:-1])
+    factor, length = prefixed((10.0 * np.abs(values)) ** (1.0 / power), unit[:-1])
     return factor**power, length + unit[-1]
