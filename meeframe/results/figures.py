@@ -19,10 +19,11 @@ from meeframe.results.canvas import (
     label_panels,
     map_ticks,
     prefixed,
+    prefixed_area,
     sheet,
     styled,
 )
-from meeframe.results.history import history, name_of, prefixed_area
+from meeframe.results.history import history, name_of
 from meeframe.results.output import replacing
 from meeframe.results.picture import Picture
 from meeframe.results.records import Region, Result, StepResult, Zone

@@ -177,9 +177,9 @@ def test_unit_of_length_follows_the_zone(synthetic, size, unit):
     assert drawn["sections"].axes[-1].get_xlabel() == f"x [{unit}]"
     assert drawn["sections"].axes[0].lines[0].get_xdata()[-1] == pytest.approx(half)
     area = resultants(zone, result.steps[-1]).slip_area
-    metres = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "m": 1.0}[unit]
+    squared, metres = {"nm": ("µm²", 1e-6), "µm": ("µm²", 1e-6), "mm": ("mm²", 1e-3), "m": ("m²", 1.0)}[unit]
     labels = [text.get_text() for text in drawn["stick_slip"].axes[0].get_legend().get_texts()]
-    assert f"slip, {area / metres**2:.4g} {unit}²" in labels
+    assert f"slip, {area / metres**2:.4g} {squared}" in labels
 
 
 def test_zones_without_cells_are_drawn_by_their_nodes(synthetic):
