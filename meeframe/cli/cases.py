@@ -121,12 +121,11 @@ def show(
             reduced = ReducedRun.of(result, case, registry, progress)
             fields, interfaces = reduced.interior(step=chosen, body=body), reduced.interfaces(chosen, body)
         write_interior(folder / INTERIOR_FILE, fields)
-        picture = folder / f"{INTERIOR_PICTURE}.{format}"
-        write_figure(fields.figure(title_of(result, chosen)), picture)
+        write_figure(fields.figure(title_of(result, chosen)), folder, INTERIOR_PICTURE, format)
         console.stdout().print(maxima_table(fields))
         if interfaces:
             console.stdout().print(interfaces_table(interfaces))
-        print(f"fields: {folder / INTERIOR_FILE}, section: {picture}")
+        print(f"fields: {folder / INTERIOR_FILE}, section: {folder / INTERIOR_PICTURE}.{format}")
 
 
 @app.command()

@@ -24,7 +24,7 @@ from meeframe.results.canvas import (
     styled,
 )
 from meeframe.results.history import history, name_of
-from meeframe.results.output import replacing
+from meeframe.results.output import FORMATS, in_all_formats, remove_files, replacing
 from meeframe.results.picture import Picture
 from meeframe.results.records import Region, Result, StepResult, Zone
 from meeframe.results.resultants import resultants
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-FORMATS: Final = ("png", "pdf", "svg")
-"""Formats of figure files."""
 PRESSURE: Final = "pressure"
 TANGENTIAL: Final = "tangential traction"
 _WEIGHT_BOUNDS: Final = (0.1, 2.0)
@@ -103,10 +101,12 @@ def check_format(suffix: str) -> None:
         raise ResultError(f"format {suffix!r}: allowed: {', '.join(FORMATS)}")
 
 
-def write_figure(figure: "Figure", target: Path) -> None:
-    """Write a figure in the format of the suffix, in place of an earlier one. Raises ResultError."""
-    with replacing(target) as path:
-        save_figure(figure, path)
+def write_figure(figure: "Figure | None", folder: Path, name: str, suffix: str) -> None:
+    """Write the figure of a folder if there is one, in place of an earlier one in any format. Raises ResultError."""
+    remove_files(folder, in_all_formats(name))
+    if figure is not None:
+        with replacing(folder / f"{name}.{suffix}") as path:
+            save_figure(figure, path)
 
 
 def write_figures(result: Result, folder: Path, which: Which = None, suffix: str = "png") -> list[Path]:
@@ -122,7 +122,8 @@ def write_figures(result: Result, folder: Path, which: Which = None, suffix: str
         raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
     paths = [folder / f"{name}.{suffix}" for name in drawn]
     for figure, target in zip(drawn.values(), paths, strict=True):
-        write_figure(figure, target)
+        with replacing(target) as path:
+            save_figure(figure, path)
     return paths
 
 

@@ -111,9 +111,7 @@ def _run_all(
             comparison = replace(comparison, runs=runs)
             out.mkdir(parents=True, exist_ok=True)
             write(comparison_json(comparison))
-    figure = comparison_figure(comparison)
-    if figure is not None:
-        write_figure(figure, out / f"{FIGURE}.{suffix}")
+    write_figure(comparison_figure(comparison), out, FIGURE, suffix)
     return comparison
 
 

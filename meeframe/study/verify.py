@@ -203,9 +203,7 @@ def _run_all(
             verification = replace(verification, runs=(*verification.runs, solve(run)))
             write(verification_json(verification))
     progress("runs", 1.0)
-    figure = verification_figure(verification)
-    if figure is not None:
-        write_figure(figure, out / f"{FIGURE}.{suffix}")
+    write_figure(verification_figure(verification), out, FIGURE, suffix)
     return verification
 
 

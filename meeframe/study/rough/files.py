@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.indenters.topography import bearing_curve, profile_spectrum, radial_spectrum, scale_dependent_slope
-from meeframe.results.figures import FORMATS, write_figure
+from meeframe.results.figures import write_figure
 from meeframe.results.hdf5 import sink
-from meeframe.results.output import replacing
+from meeframe.results.output import in_all_formats, replacing
 from meeframe.results.sweep_files import check_installed
 from meeframe.study.rough.figures import contact_figure, surface_figure
 from meeframe.study.rough.quantities import QUANTITIES
@@ -26,8 +26,11 @@ STATISTICS_FILE: Final = "surface.json"
 CONTACT_PICTURE: Final = "rough"
 SURFACE_PICTURE: Final = "surface"
 FILES: Final = (
-    *(DATASET_FILE, TABLE_FILE, STATISTICS_FILE),
-    *(f"{name}.{suffix}" for name in (CONTACT_PICTURE, SURFACE_PICTURE) for suffix in FORMATS),
+    DATASET_FILE,
+    TABLE_FILE,
+    STATISTICS_FILE,
+    *in_all_formats(CONTACT_PICTURE),
+    *in_all_formats(SURFACE_PICTURE),
 )
 
 
@@ -152,4 +155,4 @@ def write_rough(folder: Path, result: RoughResult, suffix: str = "png") -> None:
         with replacing(folder / name) as path:
             path.write_text(text, encoding="utf-8")
     for name, figure in ((SURFACE_PICTURE, surface_figure(result)), (CONTACT_PICTURE, contact_figure(result))):
-        write_figure(figure, folder / f"{name}.{suffix}")
+        write_figure(figure, folder, name, suffix)

@@ -164,7 +164,7 @@ def _solve(
     result = _result(file, study, axes, points, point_data)
     write_sweep(out, result)
     plots = [plot.over(result.axes, result.field_set) for plot in study.plots]
-    write_figure(sweep_figure(result, plots), out / f"{FIGURE}.{suffix}")
+    write_figure(sweep_figure(result, plots), out, FIGURE, suffix)
     return result
 
 
