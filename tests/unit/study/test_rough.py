@@ -223,9 +223,8 @@ def test_dataset_and_table_hold_the_same():
 
 
 def test_pictures_in_another_format_replace_earlier_ones(tmp_path):
-    small = study(pressures=["0.5 GPa"], stiffness=False)
-    rough(small, tmp_path)
-    rough(small, tmp_path, overwrite=True, suffix="pdf")
+    (tmp_path / "rough.png").touch()
+    rough(study(pressures=["0.5 GPa"], stiffness=False), tmp_path, overwrite=True, suffix="pdf")
     assert {path.name for path in tmp_path.iterdir()} == {
         "rough.h5", "rough.csv", "surface.json", "rough.pdf", "surface.pdf"
     }  # fmt: skip
