@@ -52,8 +52,9 @@ def heights(path, n=24):
 
 def test_study_file(study, tmp_path):
     out = tmp_path / "out"
-    done = invoke(study, "--out", out, "--conductivity", "58 MS/m")
+    done = invoke(study, "--out", out, "--conductivity", "58 MS/m", "--format", "pdf")
     assert done.exit_code == 0, done.output
+    assert all((out / f"{name}.pdf").read_bytes().startswith(b"%PDF") for name in ("rough", "surface"))
     assert "A study" in done.output
     xarray = pytest.importorskip("xarray")
     with xarray.open_dataset(out / "rough.h5", engine="h5netcdf") as data:

@@ -7,12 +7,13 @@ import json
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from meeframe.contact.problem import Status
 from meeframe.elements import ELEMENTS
 from meeframe.results.canvas import NO_CONTACT
-from meeframe.results.figures import figures, save_figure
+from meeframe.results.figures import figures, save_figure, write_figure
 from meeframe.results.picture import Picture
 from meeframe.results.records import Loading, Region, Zone
 from meeframe.results.resultants import resultants
@@ -163,6 +164,14 @@ def test_figures_show_step_contact_edge_and_nodes(synthetic):
     np.testing.assert_allclose(nodes[:, 1], np.interp(nodes[:, 0], *section.T), atol=0.02)
     alone = figures(synthetic.result(synthetic.step(1e-6)))["pressure"].axes[0]
     assert alone.get_title() == "a title\ncontact pressure"
+
+
+def test_figures_of_studies_replace_earlier_ones_in_any_format(tmp_path):
+    (tmp_path / "sweep.png").touch()
+    write_figure(Figure(), tmp_path, "sweep", "svg")
+    assert [path.name for path in tmp_path.iterdir()] == ["sweep.svg"]
+    write_figure(None, tmp_path, "sweep", "png")
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(("size", "unit"), [(1e-4, "nm"), (1e-2, "µm"), (1.0, "mm"), (1e3, "m")])

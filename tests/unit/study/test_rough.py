@@ -14,7 +14,6 @@ from meeframe.plugin.registry import load
 from meeframe.study.rough.declare import declare, mean_response
 from meeframe.study.rough.files import csv_text, dataset
 from meeframe.study.rough.run import solve_rough
-from meeframe.study.rough.study import rough
 from meeframe.study.rough.theory import BUSH_GIBSON_THOMAS, PERSSON, bush_gibson_thomas_area, persson_area
 
 YOUNG, POISSON, SIGMA, EPSILON = 120e9, 0.34, 5.8e7, 8.8541878128e-12
@@ -220,15 +219,6 @@ def test_dataset_and_table_hold_the_same():
     assert total == pytest.approx(1e9, rel=1e-8)
     touching = data.nodal_pressure > 0.0
     assert float(data.height.where(touching).min()) > float(data.height.quantile(1.0 - 2.0 * touching.mean()))
-
-
-def test_pictures_in_another_format_replace_earlier_ones(tmp_path):
-    (tmp_path / "rough.png").touch()
-    rough(study(pressures=["0.5 GPa"], stiffness=False), tmp_path, overwrite=True, suffix="pdf")
-    assert {path.name for path in tmp_path.iterdir()} == {
-        "rough.h5", "rough.csv", "surface.json", "rough.pdf", "surface.pdf"
-    }  # fmt: skip
-    assert (tmp_path / "rough.pdf").read_bytes().startswith(b"%PDF")
 
 
 @pytest.mark.full
