@@ -276,10 +276,10 @@ class Case:
             "mesh": _mesh(self.mesh),
             "boundary": [entries(record) for record in self.boundary],
             **_layers(self),
-            "contact": entries(contact),
-            "conductivity": dict(self.conductivity),
+            "contact": {key: _named(value) if key == "law" else value for key, value in entries(contact).items()},
+            "conductivity": {name: _named(law) for name, law in self.conductivity.items()},
             "indenter": {"name": self.indenter, **keys_of(self.placement, registry), **self.potentials},
-            "formulation": self.formulation,
+            "formulation": _named(self.formulation),
             "solver": {"name": self.solver, **keys_of(self.stopping, registry)},
             "steps": [entries(record) for record in self.steps],
             "output": keys_of(self.output, registry),
@@ -294,9 +294,14 @@ class Case:
                 "boundary": [entries(record) for record in other.boundary],
                 **_layers(other),
                 "zone": other.zone,
-                "formulation": other.formulation,
+                "formulation": _named(other.formulation),
             }
         return {key: value for key, value in tables.items() if key == "steps" or not _is_empty(value)}
+
+
+def _named(value: Any) -> Any:
+    """Return a name alone, which case files allow in place of an object, as its table: both are the same case."""
+    return {"name": value} if isinstance(value, str) else value
 
 
 def _is_empty(value: Any) -> bool:

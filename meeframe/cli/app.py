@@ -22,6 +22,9 @@ PluginFiles = Annotated[
 Threads = Annotated[
     int | None, typer.Option(metavar="N", min=1, max=1024, help="Number of threads; by default one for each core.")
 ]
+PictureFormat = Annotated[
+    str, typer.Option("--format", metavar="FORMAT", help="Format of figures: png, or for vector graphics pdf or svg.")
+]
 
 
 def _print_version(requested: bool) -> None:

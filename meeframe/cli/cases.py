@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from meeframe.cli import console
-from meeframe.cli.app import CaseFile, PluginFiles, Threads, app
+from meeframe.cli.app import CaseFile, PictureFormat, PluginFiles, Threads, app
 from meeframe.common.literal import printable
 
 
@@ -88,6 +88,7 @@ def show(
             "paths start in the current folder.",
         ),
     ] = None,
+    format: PictureFormat = "png",
     threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
@@ -107,25 +108,25 @@ def show(
         if not interior:
             return
         from meeframe.model.threads import limited
-        from meeframe.results.figures import save_figure, title_of
+        from meeframe.results.figures import check_format, title_of, write_figure
         from meeframe.results.interfaces import interfaces_table
         from meeframe.results.interior import maxima_table, write_interior
-        from meeframe.results.output import INTERIOR_FILE, INTERIOR_PICTURE, replacing
+        from meeframe.results.output import INTERIOR_FILE, INTERIOR_PICTURE
         from meeframe.results.selection import select
         from meeframe.study.interior import ReducedRun
 
+        check_format(format)
         registry = console.registry(plugin)
         chosen = select(result, step[0] if step else None)
         with limited(threads), console.progress() as progress:
             reduced = ReducedRun.of(result, case, registry, progress)
             fields, interfaces = reduced.interior(step=chosen, body=body), reduced.interfaces(chosen, body)
         write_interior(folder / INTERIOR_FILE, fields)
-        with replacing(folder / INTERIOR_PICTURE) as path:
-            save_figure(fields.figure(title_of(result, chosen)), path)
+        write_figure(fields.figure(title_of(result, chosen)), folder, INTERIOR_PICTURE, format)
         console.stdout().print(maxima_table(fields))
         if interfaces:
             console.stdout().print(interfaces_table(interfaces))
-        print(f"fields: {folder / INTERIOR_FILE}, section: {folder / INTERIOR_PICTURE}")
+        print(f"fields: {folder / INTERIOR_FILE}, section: {folder / INTERIOR_PICTURE}.{format}")
 
 
 @app.command()
@@ -137,7 +138,7 @@ def figures(
             metavar="STEP", help="Load step such as 2, increment such as 2.5, 'last', or 'peak', that of the peak load."
         ),
     ] = "peak",
-    format: Annotated[str, typer.Option("--format", metavar="FORMAT", help="png, pdf or svg.")] = "png",
+    format: PictureFormat = "png",
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the figures; that of the run if not given.")
     ] = None,

@@ -52,12 +52,15 @@ class Finding:
 def doctor() -> None:
     """Report versions, threads, caches, plugins and missing optional packages of this installation.
 
-    The exit status is 1 if a plugin is broken or if compiled kernels cannot be cached, else 0.
+    The exit status is 1 if a plugin is broken or if compiled kernels cannot be cached, else 0. It is 2 if that keeps
+    the package from being loaded at all.
     """
     from meeframe.common.literal import LiteralTable
-    from meeframe.plugin import registry
 
-    results = list(findings(registry.load()))
+    with console.exit_status():
+        from meeframe.plugin import registry  # loads kernels
+
+        results = list(findings(registry.load()))
     table = LiteralTable(box=None, pad_edge=False, show_header=False)
     section = ""
     for finding in results:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from meeframe.cli import console
-from meeframe.cli.app import PluginFiles, Threads, app
+from meeframe.cli.app import PictureFormat, PluginFiles, Threads, app
 
 
 @app.command()
@@ -61,6 +61,7 @@ def rough(
         typer.Option(metavar="VALUE", help="Conductivity of the body such as '58 MS/m'; computes the conductance."),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace earlier results in DIR.")] = False,
+    format: PictureFormat = "png",
     threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
@@ -98,9 +99,9 @@ def rough(
         chosen = {key: value for key, value in options.items() if value not in (None, {})}
         with limited(threads), console.progress() as progress:
             progress("reading", 0.0)
-            result = run_study(load_study(surface, chosen, registry), out, overwrite, progress)
+            result = run_study(load_study(surface, chosen, registry), out, overwrite, progress, format)
         console.stdout().print(rough_table(result))
-        print(f"dataset: {out / 'rough.h5'}, pictures: {out / 'rough.png'}, {out / 'surface.png'}")
+        print(f"dataset: {out / 'rough.h5'}, pictures: {out / 'rough'}.{format}, {out / 'surface'}.{format}")
         raise typer.Exit(console.CONVERGED if result.is_converged else console.NOT_CONVERGED)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from meeframe.cli import console
-from meeframe.cli.app import CaseFile, Choices, PluginFiles, Threads, app
+from meeframe.cli.app import CaseFile, Choices, PictureFormat, PluginFiles, Threads, app
 
 
 @app.command()
@@ -30,10 +30,11 @@ def compare(
         ),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace earlier results in DIR.")] = False,
+    format: PictureFormat = "png",
     threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
-    """Run a case with all combinations of laws, solvers and formulations; write compare.json and sections.png.
+    """Run a case with all combinations of laws, solvers and formulations; write compare.json and a figure.
 
     Each option takes a name or an inline table as in a case file and can be repeated. A name takes its parameters from
     the case file where they apply. The exit status is 0 if every run converged, 1 if not, 2 for invalid input and 130
@@ -54,7 +55,7 @@ def compare(
         }
         registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
-            comparison = compare_runs(case, options, out, overwrite, registry, progress, console.warn, step)
+            comparison = compare_runs(case, options, out, overwrite, registry, progress, console.warn, step, format)
         console.stdout().print(comparison_table(comparison))
         raise typer.Exit(
             console.CONVERGED if all(run.status == "converged" for run in comparison.runs) else console.NOT_CONVERGED
@@ -77,6 +78,7 @@ def verify(
         bool, typer.Option("--every-step", metavar="", help="Compare at the end of every load step.")
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace earlier results in DIR.")] = False,
+    format: PictureFormat = "png",
     threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
@@ -97,7 +99,16 @@ def verify(
         with limited(threads), console.progress() as progress:
             registry = console.registry(plugin)
             verification = verify_case(
-                case, out, formulation or (), meshes, every_step, overwrite, registry, progress, warn=console.warn
+                case,
+                out,
+                formulation or (),
+                meshes,
+                every_step,
+                overwrite,
+                registry,
+                progress,
+                warn=console.warn,
+                suffix=format,
             )
         console.stdout().print(verification_table(verification))
         passed = verification.verdict in (Verdict.AGREE, Verdict.UNRESOLVED)
@@ -118,6 +129,7 @@ def sweep(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; created if it does not exist.")],
     workers: Workers = None,
     scheduler: Scheduler = None,
+    format: PictureFormat = "png",
     threads: Threads = None,
     overwrite: Annotated[
         bool,
@@ -143,7 +155,7 @@ def sweep(
 
         registry = console.registry(plugin)
         with console.progress() as progress, pool_of(workers, scheduler, plugin or (), threads) as pool:
-            result = run_sweep(study, out, pool, overwrite, registry, progress, console.warn, systems)
+            result = run_sweep(study, out, pool, overwrite, registry, progress, console.warn, systems, format)
         console.stdout().print(sweep_table(result))
         passed = bool((result.status == "converged").all())
         raise typer.Exit(console.CONVERGED if passed else console.NOT_CONVERGED)
@@ -156,6 +168,7 @@ def reproduce(
     validation: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the studies.")] = Path("validation"),
     workers: Workers = None,
     scheduler: Scheduler = None,
+    format: PictureFormat = "png",
     threads: Threads = None,
 ) -> None:
     """Reproduce figures of the reference paper; write FIGURE.png and FIGURE.json.
@@ -172,8 +185,8 @@ def reproduce(
         failures: list[str] = []
         processes = 1 if workers is None and scheduler is None else workers
         with console.progress() as progress, pool_of(processes, scheduler, threads=threads) as pool:
-            for study in reproduce_figures(figures, validation, out, progress, pool):
-                print(f"{study.name}: {out / study.name}.png, {study.title}")
+            for study in reproduce_figures(figures, validation, out, progress, pool, format):
+                print(f"{study.name}: {out / study.name}.{format}, {study.title}")
                 failures += [f"{study.name}: {run}: not converged" for run in study.not_converged]
         for line in failures:
             print(line)

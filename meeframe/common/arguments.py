@@ -4,7 +4,7 @@ import difflib
 import inspect
 from collections.abc import Callable, Collection
 from functools import wraps
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -12,11 +12,18 @@ from meeframe.common.errors import CaseError
 
 Target = TypeVar("Target", bound=Callable[..., Any])
 
+_SIMILARITY_CUTOFF: Final = 0.7  # cutoff of difflib: 'form' is similar to 'from', 'friction' is not to 'rotation'
+
+
+def most_similar(name: str, names: Collection[str]) -> str | None:
+    """Return the name that is most similar to one that is not allowed; None if none is similar."""
+    return next(iter(difflib.get_close_matches(name, names, n=1, cutoff=_SIMILARITY_CUTOFF)), None)
+
 
 def near_miss(name: str, names: Collection[str]) -> str:
     """Return 'did you mean ...? ' with the most similar of the allowed names, or nothing if none is similar."""
-    near = difflib.get_close_matches(name, names, n=1)
-    return f"did you mean {near[0]!r}? " if near else ""
+    similar = most_similar(name, names)
+    return "" if similar is None else f"did you mean {similar!r}? "
 
 
 def checked_arguments(target: Target) -> Target:

@@ -20,17 +20,19 @@ TANGENTIAL: Final = slice(0, N_MECHANICAL - 1)
 
 def thermal_channel(problem: ContactProblem) -> int | None:
     """Return the number of the thermal channel if heat is generated at the contact for the body; None otherwise."""
-    if not (problem.friction_heat or problem.joule_heat):
-        return None
-    return problem.fields.names.index(THERMAL_FIELD.name)
+    return _channel_of_heat(problem) if problem.friction_heat or problem.joule_heat else None
+
+
+def _channel_of_heat(problem: ContactProblem) -> int | None:
+    """Return the number of the thermal channel; None if the body has no temperature."""
+    names = problem.fields.names
+    return names.index(THERMAL_FIELD.name) if THERMAL_FIELD.name in names else None
 
 
 def heat_moves_surface(problem: ContactProblem) -> bool:
     """Return whether heat that may flow through the contact has an effect on the normal displacement."""
-    if THERMAL_FIELD.name not in problem.fields.names:
-        return False
-    channel = problem.fields.names.index(THERMAL_FIELD.name)
-    if not problem.channels[channel].is_conducting:
+    channel = _channel_of_heat(problem)
+    if channel is None or not problem.channels[channel].is_conducting:
         return False
     return bool(problem.system.diagonal_blocks()[:, 2, N_MECHANICAL + channel].any())
 

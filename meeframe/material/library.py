@@ -52,6 +52,7 @@ class LibraryEntry:
 CONFIDENCE: Final[Mapping[str, str]] = {
     "good": "two independent forms or tables agree as the note says",
     "fair": "one table, or tables that disagree as the note says",
+    "low": "constants that fit together, some of them without access to a print, as the note says",
     "nominal": "rounded values of a standard",
     "printed": "as printed in the reference paper",
     "estimate": "thermal constants some of which are estimated, as the note says",
@@ -297,6 +298,7 @@ _DATA: Final = (
     "pzt-5h",
     "silicon",
     "steel",
+    "terfenol-d",
     "tungsten",
     "zno",
 )

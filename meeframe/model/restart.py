@@ -14,23 +14,13 @@ from meeframe.mesh import ContactZone, FrictionAxes
 from meeframe.model.frames import frames_along
 from meeframe.results.files import read_result
 from meeframe.results.records import StepResult
+from meeframe.results.schema import nodal_fields
 from meeframe.system.reduced import ReducedSystem
 
 _COINCIDENCE_TOLERANCE: Final = 1e-9
 """Distance below which points coincide, as a fraction of the extent of the contact zone."""
 _SAME_AXES: Final = 1e-6
 """Difference of components of unit vectors below which frames coincide."""
-_CONTINUED: Final = (
-    "traction",
-    "displacement",
-    "potentials",
-    "fluxes",
-    "contact_fraction",
-    "total_slip",
-    "slip_path",
-    "wear",
-)
-"""Fields of an increment that a later run continues from."""
 _SAME_BODY: Final = 1e-6
 """Allowed relative misfit of a state's displacement in the body that continues it."""
 
@@ -65,7 +55,8 @@ def read_restart(folder: Path, source: str = "") -> Restart:
 def _check_finite(folder: Path, step: StepResult) -> None:
     """Raise ResultError if a number that a later run continues from is not finite, as in a damaged file."""
     loading = step.loading
-    continued = {name: getattr(step, name) for name in _CONTINUED}
+    names = {field.attribute for field in nodal_fields(step.fields)} - {"", "initial_gap"}  # which may be infinite
+    continued = {name: getattr(step, name) for name in sorted(names)}
     continued |= {name: getattr(loading, name) for name in RIGID_MOTIONS}
     continued |= {**loading.scalars, **loading.prescribed, "travel": loading.travel}
     for name, values in continued.items():

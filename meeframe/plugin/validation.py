@@ -1,7 +1,6 @@
 """Conversion of case-file tables to objects, and of pydantic's errors to located messages."""
 
 import dataclasses
-import difflib
 import types
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -20,6 +19,7 @@ from pydantic import (
     create_model,
 )
 
+from meeframe.common.arguments import most_similar
 from meeframe.common.errors import CaseError, MeeframeError, listed
 from meeframe.fields.units import Quantity
 from meeframe.plugin.aliases import ALIASES, names_for
@@ -33,7 +33,6 @@ Models are kept for each of these functions, so that converters take what differ
 
 _MISSING = object()
 _MAX_INTEGER: Final = 10**300  # larger integers cannot be converted to float
-_SIMILARITY_CUTOFF: Final = 0.7  # cutoff of difflib: 'form' is similar to 'from', 'friction' is not to 'rotation'
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
 RENAMED_KEYS: Final = {"counter_body": "second_body", "reaches_edge": "contact_at_zone_boundary"}
@@ -301,7 +300,8 @@ def choices(name: str, names: Collection[str]) -> str:
     close = names_for(str(name), names) or [other for other in names if str(name) in other.split("-")]
     if not close:
         terms = [*names, *(term for term in ALIASES if names_for(term, names))]
-        for similar in difflib.get_close_matches(str(name), terms, n=1, cutoff=_SIMILARITY_CUTOFF):
+        similar = most_similar(str(name), terms)
+        if similar is not None:
             close = [similar] if similar in names else names_for(similar, names)
     hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
     return f"{hint}allowed: {', '.join(names) or 'none'}"

@@ -35,6 +35,13 @@ _LETTERS_PER_INCH, _TICKS_PER_INCH = 13.0, 2.0
 """Letters of a heading, and intervals between ticks of a map, that fit over an inch of the axes."""
 _LEGEND_FRACTION, _MIN_LEGEND_SIZE = 0.9, 4.0
 """Largest width of a legend as a fraction of that of its axes, and the smallest size of its letters in points."""
+_FEW_DECADES: Final = 200.0
+"""Ratio of the ends of a logarithmic axis below which three labels fit into each decade."""
+CONSTANT_RANGE: Final = 1e-6
+"""Range that counts as constant, as a fraction of the largest value."""
+_MARGIN: Final = 0.05
+"""Margin about a constant value, as a fraction of it."""
+_POWERS: Final = {"²": 2, "³": 3}
 _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -128,6 +135,16 @@ def map_ticks(axes: Any) -> int:
     return min(max(int(_TICKS_PER_INCH * width_of(axes)), 2), MAP_TICKS)
 
 
+def label_logarithmic(axis: Any) -> None:
+    """Label an axis with a logarithmic scale in plain numbers, 1, 2 and 5 of each decade if there are few decades."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    first, last = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if last < _FEW_DECADES * first else (1.0,)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
+
+
 def _folded(text: str, letters: int) -> str:
     """Return a text in as few lines as fit, of similar length: no single word is left for the last one."""
     lines = textwrap.wrap(text, letters)
@@ -151,3 +168,28 @@ def prefixed(values: Array, unit: str) -> tuple[float, str]:
     exponent = 3 * int(np.floor(np.log10(largest) / 3)) if largest > 0 else 0
     exponent = min(max(exponent, min(_PREFIXES)), max(_PREFIXES))
     return 10.0**exponent, _PREFIXES[exponent] + unit
+
+
+def prefixed_area(values: Array, unit: str) -> tuple[float, str]:
+    """Return factor and unit with a prefix, which in squares multiplies twice, and in cubes three times.
+
+    In squares the largest value is between 0.01 and 10^4: 0.5 µm² instead of 500000 nm².
+    """
+    if not unit:
+        return 1.0, ""
+    power = _POWERS.get(unit[-1], 1)
+    if power == 1:
+        return prefixed(values, unit)
+    factor, length = prefixed(10.0 * np.abs(values) ** (1.0 / power), unit[:-1])
+    return factor**power, length + unit[-1]
+
+
+def limit_constant(limits: Callable[[float, float], Any], values: Array) -> None:
+    """Set the limits of an axis about values that are constant but for their last digits, which are no curve.
+
+    limits: set_xlim or set_ylim of axes of matplotlib; values: any number, of which at least one is finite.
+    """
+    finite = values[np.isfinite(values)]
+    if finite.size and np.ptp(finite) < CONSTANT_RANGE * np.abs(finite).max():
+        middle = finite.mean()
+        limits(middle - _MARGIN * abs(middle), middle + _MARGIN * abs(middle))

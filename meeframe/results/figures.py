@@ -20,11 +20,12 @@ from meeframe.results.canvas import (
     label_panels,
     map_ticks,
     prefixed,
+    prefixed_area,
     sheet,
     styled,
 )
 from meeframe.results.history import history, name_of
-from meeframe.results.output import replacing
+from meeframe.results.output import FORMATS, in_all_formats, remove_files, replacing
 from meeframe.results.picture import Picture
 from meeframe.results.records import Region, Result, StepResult, Zone
 from meeframe.results.resultants import resultants
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-FORMATS: Final = ("png", "pdf", "svg")
-"""Formats of figure files."""
 PRESSURE: Final = "pressure"
 TANGENTIAL: Final = "tangential traction"
 _WEIGHT_BOUNDS: Final = (0.1, 2.0)
@@ -97,13 +96,26 @@ def save_figure(figure: "Figure", path: Path) -> None:
             figure.savefig(path)
 
 
+def check_format(suffix: str) -> None:
+    """Raise ResultError for a format that figures are not written in."""
+    if suffix not in FORMATS:
+        raise ResultError(f"format {suffix!r}: allowed: {', '.join(FORMATS)}")
+
+
+def write_figure(figure: "Figure | None", folder: Path, name: str, suffix: str) -> None:
+    """Write the figure of a folder if there is one, in place of an earlier one in any format. Raises ResultError."""
+    remove_files(folder, in_all_formats(name))
+    if figure is not None:
+        with replacing(folder / f"{name}.{suffix}") as path:
+            save_figure(figure, path)
+
+
 def write_figures(result: Result, folder: Path, which: Which = None, suffix: str = "png") -> list[Path]:
     """Write the figures of an increment into a folder, created if it does not exist, and return their paths.
 
     Raises ResultError for an unknown format, if there is no such increment, or if they cannot be written.
     """
-    if suffix not in FORMATS:
-        raise ResultError(f"format {suffix!r}: allowed: {', '.join(FORMATS)}")
+    check_format(suffix)
     drawn = figures(result, select(result, which))
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -269,8 +281,9 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     # open nodes take the mean of their neighbours, so that sticking regions end at the contact edge or half way to slip
     sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
     shown = ((slip, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
+    factor, unit = prefixed_area(np.array([totals.slip_area, totals.stick_area]), "m²")
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
-        label = f"{name}, {area / picture.factor**2:.4g} {picture.unit}²"
+        label = f"{name}, {area / factor:.4g} {unit}"
         axes.fill([], [], color=colour, linewidth=0, linestyle="solid", label=label)  # dashes without width are errors
         drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _WEIGHT_BOUNDS[1]], colors=[colour])
         if not step.touching.all():

@@ -9,7 +9,18 @@ from numpy.typing import NDArray
 
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet
-from meeframe.results.canvas import LINE_COLOURS, add_legend, head, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import (
+    CONSTANT_RANGE,
+    LINE_COLOURS,
+    add_legend,
+    head,
+    label_panels,
+    limit_constant,
+    prefixed,
+    prefixed_area,
+    sheet,
+    styled,
+)
 from meeframe.results.records import Overview, Result, StepResult, Zone
 from meeframe.results.resultants import resultants
 from meeframe.results.schema import rolling_totals
@@ -23,12 +34,8 @@ _ZERO_RATIO: Final = 1e-6
 """Motion or force that counts as zero, as a fraction of that along the other axis, or of the normal force."""
 _ROUND_OFF: Final = 1e-12
 """Total flux over capacity that counts as zero."""
-_CONSTANT_RANGE: Final = 1e-6
-"""Range that counts as constant, as a fraction of the largest value; pictures show it with a margin `_MARGIN`."""
-_MARGIN: Final = 0.05
 _MODULUS: Final = "modulus of "
 """Prefix of the integral of the modulus of a flux."""
-_POWERS: Final = {"²": 2, "³": 3}
 _WIDTH: Final = 5.6
 _RING: Final = 7.5
 """Diameter of the markers of unloading in points."""
@@ -143,7 +150,7 @@ def _rolling_curves(table: _Table, fields: FieldSet) -> Iterator[Curve]:
     for scalar in fields.scalars:
         for name, unit in ((scalar.resultant, scalar.resultant_unit), (scalar.value_name, scalar.value_unit)):
             values = table[name][rolls]
-            if np.ptp(values) > _CONSTANT_RANGE * np.abs(values).max():
+            if np.ptp(values) > CONSTANT_RANGE * np.abs(values).max():
                 words = name.replace("_", " ")
                 yield Curve(f"{words} in rolling", across, (words, unit, values), covers_all=False)
     yield Curve("sticking area", across, ("sticking area", "m²", table["stick_area"][rolls]), covers_all=False)
@@ -165,7 +172,7 @@ def unloading(drawn: Sequence[Curve], curve: Curve) -> NDArray[np.bool_]:
 
 
 def _falls(values: Array) -> NDArray[np.bool_]:
-    return np.asarray(np.diff(values, prepend=0.0) < -_CONSTANT_RANGE * np.max(np.abs(values), initial=0.0))
+    return np.asarray(np.diff(values, prepend=0.0) < -CONSTANT_RANGE * np.max(np.abs(values), initial=0.0))
 
 
 @styled
@@ -198,21 +205,8 @@ def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
     axes.ticklabel_format(useOffset=False)
     if not x_unit:
         axes.xaxis.get_major_locator().set_params(integer=True)
-    for values, limits in ((x / x_factor, axes.set_xlim), (y / y_factor, axes.set_ylim)):
-        if np.ptp(values) < _CONSTANT_RANGE * np.abs(values).max():  # constant: its last digits are no curve
-            middle = values.mean()
-            limits(middle - _MARGIN * abs(middle), middle + _MARGIN * abs(middle))
+    limit_constant(axes.set_xlim, x / x_factor)
+    limit_constant(axes.set_ylim, y / y_factor)
     axes.grid(visible=True)
     if y.shape[1] == 2 or falls.any():
         add_legend(axes)
-
-
-def prefixed_area(values: Array, unit: str) -> tuple[float, str]:
-    """Return factor and unit with a prefix, which in squares multiplies twice, and in cubes three times."""
-    if not unit:
-        return 1.0, ""
-    power = _POWERS.get(unit[-1], 1)
-    if power == 1:
-        return prefixed(values, unit)
-    factor, length = prefixed(np.abs(values) ** (1.0 / power), unit[:-1])
-    return factor**power, length + unit[-1]

@@ -23,8 +23,10 @@ SERIES: Final = "fields.series"
 """Folder of the files of fields.pvd, one for each load step."""
 INTERIOR_FILE: Final = "interior.vtu"
 """Fields inside the body, which `meeframe show DIR --interior` writes."""
-INTERIOR_PICTURE: Final = "interior.png"
-"""Section of them, which it writes as well."""
+INTERIOR_PICTURE: Final = "interior"
+"""Section of them, which it writes as well: name without suffix."""
+FORMATS: Final = ("png", "pdf", "svg")
+"""Formats of figure files."""
 INCREMENTS: Final = "result.increments"
 """Folder of the increments of an unfinished run, one file each."""
 LOCK_FILE: Final = ".lock"
@@ -37,6 +39,11 @@ def output_files() -> tuple[str, ...]:
     """Return the names of all files that a run may write."""
     maps = (f"{name}.png" for name in schema.nodal(schema.View.MAP))
     return (RESULT_FILE, SUMMARY_FILE, FIELDS_FILE, SERIES_FILE, *maps, *_DRAWN)
+
+
+def in_all_formats(name: str) -> tuple[str, ...]:
+    """Return the file names of a figure in all formats."""
+    return tuple(f"{name}.{suffix}" for suffix in FORMATS)
 
 
 @contextmanager
@@ -160,7 +167,7 @@ def clear_output(folder: Path) -> None:
 
     Raises ResultError.
     """
-    remove_files(folder, (*output_files(), INTERIOR_FILE, INTERIOR_PICTURE))
+    remove_files(folder, (*output_files(), INTERIOR_FILE, *in_all_formats(INTERIOR_PICTURE)))
     try:
         for inner in (INCREMENTS, SERIES):
             if (folder / inner).is_dir():

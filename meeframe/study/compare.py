@@ -16,15 +16,15 @@ from meeframe.model.case import Case, Warn, ignore, warnings_of
 from meeframe.model.solve import bodies_of, joined, provenance, reduce_for_contact, solve_steps
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
-from meeframe.results.figures import save_figure
-from meeframe.results.output import open_output, replacing, rewriting
+from meeframe.results.figures import check_format, write_figure
+from meeframe.results.output import open_output, rewriting
 from meeframe.results.records import Zone, zone_of
 from meeframe.study.choices import Combination, combinations, read_choices
 from meeframe.study.reports.compare import ComparedRun, Comparison, comparison_figure, comparison_json
 from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 NUMBERS_FILE: Final = "compare.json"
-FIGURE_FILE: Final = "sections.png"
+FIGURE: Final = "sections"
 
 
 def compare(
@@ -36,8 +36,9 @@ def compare(
     progress: Progress = silent,
     warn: Warn = ignore,
     step: str | None = None,
+    suffix: str = "png",
 ) -> Comparison:
-    """Run all combinations of choices for a case; write compare.json and sections.png.
+    """Run all combinations of choices for a case; write compare.json and a figure of sections.
 
     compare.json is rewritten after every increment. A conductivity law applies to all scalar fields unless it is a
     table with their names as keys. A formulation or fundamental solution applies to both bodies unless it is a
@@ -63,6 +64,8 @@ def compare(
         Called first, with each warning of formulations and cases once.
     step
         Increment whose fields and totals are compared, see `Comparison`.
+    suffix
+        Format of the figure, of meeframe.results.figures.FORMATS.
 
     Returns
     -------
@@ -74,19 +77,27 @@ def compare(
     CaseError, PluginError
         Before anything is computed, for invalid options, unknown names, and if no combination fits.
     ResultError
-        If `out` cannot be written, or if it is not empty and overwrite is false.
+        For an unknown format, if `out` cannot be written, or if it is not empty and overwrite is false.
     """
+    check_format(suffix)
     registry = registry or plugins.load()
     text, tables = read_toml(file)
     if step is not None:  # checked as that of the figures
         tables = {**tables, "output": {**tables.get("output", {}), "step": step}}
     chosen = combinations(file, tables, read_choices(options), registry)
     with open_output(out, overwrite):
-        return _run_all(chosen, str(tables.get("title", "")), text, out, progress, warn, step)
+        return _run_all(chosen, str(tables.get("title", "")), text, out, progress, warn, step, suffix)
 
 
 def _run_all(
-    chosen: Sequence[Combination], title: str, text: str, out: Path, progress: Progress, warn: Warn, step: str | None
+    chosen: Sequence[Combination],
+    title: str,
+    text: str,
+    out: Path,
+    progress: Progress,
+    warn: Warn,
+    step: str | None,
+    suffix: str,
 ) -> Comparison:
     """Run all combinations of a case into a locked output folder."""
     cases = [combination.case for combination in chosen if combination.case is not None]
@@ -100,10 +111,7 @@ def _run_all(
             comparison = replace(comparison, runs=runs)
             out.mkdir(parents=True, exist_ok=True)
             write(comparison_json(comparison))
-    figure = comparison_figure(comparison)
-    if figure is not None:
-        with replacing(out / FIGURE_FILE) as path:
-            save_figure(figure, path)
+    write_figure(comparison_figure(comparison), out, FIGURE, suffix)
     return comparison
 
 

@@ -6,6 +6,7 @@ from typing import Final
 
 from meeframe.common.errors import CaseError
 from meeframe.plugin.validation import choices
+from meeframe.results.figures import check_format
 from meeframe.results.output import open_output, replacing
 from meeframe.results.sweep_files import POINTS
 from meeframe.study.reports.study import Study, study_figure, study_json
@@ -37,9 +38,14 @@ def choose(names: Sequence[str], known: dict[str, Path]) -> list[Path]:
 
 
 def reproduce(
-    names: Sequence[str], folder: Path, out: Path, progress: Progress = silent, pool: Pool | None = None
+    names: Sequence[str],
+    folder: Path,
+    out: Path,
+    progress: Progress = silent,
+    pool: Pool | None = None,
+    suffix: str = "png",
 ) -> Iterator[Study]:
-    """Solve and draw studies of a folder one after the other; write NAME.png and NAME.json.
+    """Solve and draw studies of a folder one after the other; write a figure and NAME.json each.
 
     Finished runs are stored in `out`/points and reduced systems in `out`/cache, from which later calls reuse them. Each
     file is written atomically.
@@ -56,6 +62,8 @@ def reproduce(
         Called with the stage and the fraction of it that is done.
     pool
         Pool that solves the runs; by default this process.
+    suffix
+        Format of the figure, of meeframe.results.figures.FORMATS.
 
     Yields
     ------
@@ -67,14 +75,15 @@ def reproduce(
     CaseError
         For unknown names and for invalid studies or cases.
     ResultError
-        If `out` cannot be written, or if another process writes there.
+        For an unknown format, if `out` cannot be written, or if another process writes there.
     """
+    check_format(suffix)
     files = choose(names, known_studies(folder))
     with open_output(out, overwrite=True):
         for file in files:
             study = solve_study(file, out / CACHE, progress, pool=pool, store=out / POINTS)
             with replacing(out / f"{study.name}.json") as path:
                 path.write_text(study_json(study), encoding="utf-8")
-            with replacing(out / f"{study.name}.png") as path:
-                study_figure(study).savefig(path, dpi=DPI, format="png")
+            with replacing(out / f"{study.name}.{suffix}") as path:
+                study_figure(study).savefig(path, dpi=DPI)
             yield study

@@ -21,8 +21,8 @@ from meeframe.model.load import case_from_tables, load_case
 from meeframe.model.solve import bodies_of, provenance, reduce, solve_steps
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
-from meeframe.results.figures import save_figure
-from meeframe.results.output import open_output, replacing, rewriting
+from meeframe.results.figures import check_format, write_figure
+from meeframe.results.output import open_output, rewriting
 from meeframe.results.records import StepResult, Zone, zone_of
 from meeframe.results.resultants import resultants
 from meeframe.study.choices import Choice, enter
@@ -34,7 +34,7 @@ from meeframe.study.reports.verify import verification_figure, verification_json
 from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 NUMBERS_FILE: Final = "verify.json"
-FIGURE_FILE: Final = "convergence.png"
+FIGURE: Final = "convergence"
 
 _MAX_MESHES: Final = 20
 
@@ -117,6 +117,7 @@ def verify(
     progress: Progress = silent,
     cache: Path | None = None,
     warn: Warn = ignore,
+    suffix: str = "png",
 ) -> Verification:
     """Run a case with several formulations on several meshes; write verify.json and a figure.
 
@@ -145,6 +146,8 @@ def verify(
         Folder of reduced systems shared with other verifications, see `meeframe.model.cache`.
     warn
         Called first, with the warnings of each formulation on each mesh and of the case.
+    suffix
+        Format of the figure, of meeframe.results.figures.FORMATS.
 
     Returns
     -------
@@ -157,8 +160,9 @@ def verify(
         Before anything is computed, for an invalid case, a mesh that cannot be coarsened, a named formulation that
         refuses the case, or if fewer than two formulations accept it.
     ResultError
-        If `out` cannot be written, or if it is not empty and overwrite is false.
+        For an unknown format, if `out` cannot be written, or if it is not empty and overwrite is false.
     """
+    check_format(suffix)
     registry, meshes = registry or plugins.load(), meshes or Meshes()
     case = load_case(file, registry)
     chosen = [Choice.read("formulation", text) for text in formulations or registry.names(Kind.FORMULATION)]
@@ -181,7 +185,7 @@ def verify(
             else partial(cached_reduce, folder=cache, progress=progress)
         )
         solve = partial(_solve, every_step=every_step, reducer=reducer)
-        return _run_all(verification, planned, solve, out, progress)
+        return _run_all(verification, planned, solve, out, progress, suffix)
 
 
 def _run_all(
@@ -190,6 +194,7 @@ def _run_all(
     solve: Callable[[PlannedRun], VerifiedRun],
     out: Path,
     progress: Progress,
+    suffix: str,
 ) -> Verification:
     """Solve the planned runs and write the verification into a locked output folder."""
     with rewriting(out / NUMBERS_FILE) as write:
@@ -198,10 +203,7 @@ def _run_all(
             verification = replace(verification, runs=(*verification.runs, solve(run)))
             write(verification_json(verification))
     progress("runs", 1.0)
-    figure = verification_figure(verification)
-    if figure is not None:
-        with replacing(out / FIGURE_FILE) as path:
-            save_figure(figure, path)
+    write_figure(verification_figure(verification), out, FIGURE, suffix)
     return verification
 
 

@@ -243,8 +243,9 @@ def _by_newton(rows: Record) -> list[str]:
             " contact is also larger, because the medium is softer; the insulated contact under"
             f" {AS_LARGE_FORCE:g} N has about as many nodes. Steps are spent on finding which nodes at the contact"
             " edge are open: an earlier version, which relaxed these nodes and those at the border of stick and slip"
-            " between the steps, took 3 steps with 31 to 38 products on each grid, and half the time on the finest one."
-            " It was removed as it gained less than a tenth on other runs ([ablation](#ablation-of-the-solvers))."
+            " between the steps, took 3 steps with 31 to 38 products on each grid, and half the time on the finest one,"
+            " when this benchmark was run at commit c96c366; the command above does not repeat that. The relaxation was"
+            " removed as it gained less than a tenth on other runs ([ablation](#ablation-of-the-solvers))."
         ),
         table(
             ["grid", "problem", "solution [s]", "steps", "products", "contact nodes", "residual"],

@@ -13,7 +13,7 @@ from meeframe.common.errors import CaseError
 from meeframe.common.literal import LiteralTable
 from meeframe.fields import ELECTRIC_FIELD, MEE, Array
 from meeframe.results import schema
-from meeframe.results.canvas import MAP_COLOURS, label_panels, line_style, prefixed, sheet, styled
+from meeframe.results.canvas import MAP_COLOURS, label_panels, limit_constant, line_style, prefixed_area, sheet, styled
 from meeframe.results.sweep_records import SweepAxis, SweepResult
 
 if TYPE_CHECKING:
@@ -158,11 +158,10 @@ def _fixed(sweep: SweepResult, plot: SweepPlot, plot_axes: Sequence[SweepAxis | 
 def _scaled(values: Array, unit: str) -> tuple[Array, str]:
     """Return values as displayed and their unit as a label, with a prefix; the largest area is 0.01 to 10^4 units."""
     finite = values[np.isfinite(values)]
-    symbol, power = (unit.removesuffix("^2"), 2) if unit.endswith("^2") else (unit, 1)
-    if symbol.isalpha() and finite.size:
-        factor, symbol = prefixed(finite if power == 1 else 10.0 * np.sqrt(np.abs(finite)), symbol)
-        values = values / factor**power
-        unit = f"{symbol}²" if power == 2 else symbol
+    symbol = unit.replace("^2", "²")
+    if symbol.removesuffix("²").isalpha() and finite.size:
+        factor, unit = prefixed_area(finite, symbol)
+        values = values / factor
     return values, "" if unit == "1" else f"[{unit}]"
 
 
@@ -176,6 +175,8 @@ def _curves(axes: Any, plot: SweepPlot, over: PlotAxes, values: Array, label: st
         axes.plot(coordinates[order], column[order], label=lines.labels[number] if lines else None, **style)
     _ticks(axes.xaxis, x) if labelled else axes.set(xscale=plot.scale)
     axes.set_ylabel(label)
+    axes.ticklabel_format(axis="y", useOffset=False)
+    limit_constant(axes.set_ylim, columns)
     axes.grid(visible=True)
 
 

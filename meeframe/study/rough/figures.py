@@ -9,7 +9,16 @@ from rich.text import Text
 from meeframe.common.literal import LiteralTable
 from meeframe.fields import Array
 from meeframe.indenters.topography import HeightMap, bearing_curve, radial_spectrum, scale_dependent_slope
-from meeframe.results.canvas import LINE_COLOURS, MAP_COLOURS, head, label_panels, prefixed, sheet, styled
+from meeframe.results.canvas import (
+    LINE_COLOURS,
+    MAP_COLOURS,
+    head,
+    label_logarithmic,
+    label_panels,
+    prefixed,
+    sheet,
+    styled,
+)
 from meeframe.study.rough.quantities import QUANTITIES
 from meeframe.study.rough.run import RoughResult
 from meeframe.study.rough.theory import bush_gibson_thomas_area, persson_area
@@ -38,7 +47,8 @@ def surface_figure(result: RoughResult) -> "Figure":
     distances, slopes = scale_dependent_slope(surface)
     factor, unit = prefixed(distances, "m")
     panels[3].loglog(distances / factor, slopes, "o-")
-    panels[3].set(xlabel=f"distance [{unit}]", ylabel="r.m.s. slope between points at this distance [1]")
+    panels[3].set(xlabel=f"distance [{unit}]", ylabel="r.m.s. slope between\npoints at this distance [1]")
+    label_logarithmic(panels[3].xaxis)
     for panel in panels[1:]:
         panel.grid(visible=True)
     head(panels[0], "surface", result.study.table.title)

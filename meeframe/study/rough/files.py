@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.indenters.topography import bearing_curve, profile_spectrum, radial_spectrum, scale_dependent_slope
-from meeframe.results.figures import save_figure
+from meeframe.results.figures import write_figure
 from meeframe.results.hdf5 import sink
-from meeframe.results.output import replacing
+from meeframe.results.output import in_all_formats, replacing
 from meeframe.results.sweep_files import check_installed
 from meeframe.study.rough.figures import contact_figure, surface_figure
 from meeframe.study.rough.quantities import QUANTITIES
@@ -23,9 +23,15 @@ FORMAT: Final = "meeframe-rough 1"
 DATASET_FILE: Final = "rough.h5"
 TABLE_FILE: Final = "rough.csv"
 STATISTICS_FILE: Final = "surface.json"
-CONTACT_PICTURE: Final = "rough.png"
-SURFACE_PICTURE: Final = "surface.png"
-FILES: Final = (DATASET_FILE, TABLE_FILE, STATISTICS_FILE, CONTACT_PICTURE, SURFACE_PICTURE)
+CONTACT_PICTURE: Final = "rough"
+SURFACE_PICTURE: Final = "surface"
+FILES: Final = (
+    DATASET_FILE,
+    TABLE_FILE,
+    STATISTICS_FILE,
+    *in_all_formats(CONTACT_PICTURE),
+    *in_all_formats(SURFACE_PICTURE),
+)
 
 
 def dataset(result: RoughResult) -> Any:
@@ -123,7 +129,7 @@ def csv_text(result: RoughResult) -> str:
     return text.getvalue()
 
 
-def write_rough(folder: Path, result: RoughResult) -> None:
+def write_rough(folder: Path, result: RoughResult, suffix: str = "png") -> None:
     """Write the dataset, the table, the statistics and the pictures into a folder.
 
     Parameters
@@ -132,6 +138,8 @@ def write_rough(folder: Path, result: RoughResult) -> None:
         Existing folder, whose files of an earlier study are replaced.
     result : RoughResult
         The result, with at least one pressure.
+    suffix : str, optional
+        Format of the pictures.
 
     Raises
     ------
@@ -147,5 +155,4 @@ def write_rough(folder: Path, result: RoughResult) -> None:
         with replacing(folder / name) as path:
             path.write_text(text, encoding="utf-8")
     for name, figure in ((SURFACE_PICTURE, surface_figure(result)), (CONTACT_PICTURE, contact_figure(result))):
-        with replacing(folder / name) as path:
-            save_figure(figure, path)
+        write_figure(figure, folder, name, suffix)

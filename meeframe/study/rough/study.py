@@ -8,6 +8,7 @@ from meeframe.common.errors import CaseError
 from meeframe.common.toml import read_toml
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
+from meeframe.results.figures import check_format
 from meeframe.results.output import open_output, remove_files
 from meeframe.results.result import Interrupted
 from meeframe.results.sweep_files import check_installed
@@ -60,7 +61,11 @@ def load_study(source: Path, options: Mapping[str, Any], registry: Registry | No
 
 
 def rough(
-    study: RoughStudy, out: Path | None = None, overwrite: bool = False, progress: Progress = silent
+    study: RoughStudy,
+    out: Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = silent,
+    suffix: str = "png",
 ) -> RoughResult:
     """Solve a study and write its files into a folder.
 
@@ -74,6 +79,8 @@ def rough(
         Whether files of an earlier study in it are replaced.
     progress : callable, optional
         Function that is called with the name of a stage and the fraction of it that is done.
+    suffix : {'png', 'pdf', 'svg'}, optional
+        Format of the pictures.
 
     Returns
     -------
@@ -85,13 +92,15 @@ def rough(
     Interrupted
         After Ctrl-C; the finished pressures are written, and a note says so.
     ResultError
-        Before anything is computed, if the folder cannot be written or holds anything and overwrite is false.
+        Before anything is computed, for an unknown format, or if the folder cannot be written or holds anything and
+        overwrite is false.
     CaseError
         Without xarray, which writes the dataset.
     """
     if out is None:
         return solve_rough(study, progress)
     check_installed()
+    check_format(suffix)
     with open_output(out, overwrite):
         try:
             result = solve_rough(study, progress)
@@ -99,11 +108,11 @@ def rough(
             finished, count = len(error.result.status), len(study.pressures)
             if finished:
                 remove_files(out, FILES)
-                write_rough(out, error.result)
+                write_rough(out, error.result, suffix)
             where = f"and in {out}" if finished else f"; nothing was written to {out}"
             error.add_note(f"{finished} of {count} pressures are finished {where}".replace(" ;", ";"))
             raise
         progress("writing", 0.0)
         remove_files(out, FILES)
-        write_rough(out, result)
+        write_rough(out, result, suffix)
         return result

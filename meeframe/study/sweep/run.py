@@ -17,8 +17,7 @@ from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
 from meeframe.results import schema
-from meeframe.results.figures import save_figure
-from meeframe.results.output import replacing
+from meeframe.results.figures import check_format, write_figure
 from meeframe.results.records import Result
 from meeframe.results.sweep_files import POINTS, SYSTEMS, check_installed, drop_systems, open_folder, write_sweep
 from meeframe.results.sweep_records import SweepAxis, SweepResult
@@ -32,7 +31,7 @@ from meeframe.study.sweep.points import Outcome, Point
 from meeframe.study.sweep.pool import InProcess, Pool
 from meeframe.system.reduced import Progress, silent
 
-FIGURE_FILE: Final = "sweep.png"
+FIGURE: Final = "sweep"
 _MAX_WARNINGS: Final = 5
 """Maximal number of preflight warnings that are passed on."""
 _MAX_PREFLIGHT_POINTS: Final = 25
@@ -48,8 +47,9 @@ def sweep(
     progress: Progress = silent,
     warn: Warn = ignore,
     systems: Path | None = None,
+    suffix: str = "png",
 ) -> SweepResult:
-    """Solve the points of a study file that `out` does not contain yet; write sweep.h5 and sweep.png.
+    """Solve the points of a study file that `out` does not contain yet; write sweep.h5 and a figure.
 
     The result of each point is stored at once in points/KEY, in the format of `meeframe run`, and reduced systems in
     systems, so that the same call continues an interrupted sweep. An interruption leaves a sweep.h5 of the finished
@@ -73,6 +73,8 @@ def sweep(
         Called first, with each warning of formulations and points once.
     systems
         Folder of reduced systems that other sweeps use too, where nothing is deleted; by default one in `out`.
+    suffix
+        Format of the figure, of meeframe.results.figures.FORMATS.
 
     Returns
     -------
@@ -84,10 +86,11 @@ def sweep(
     CaseError
         Before anything is computed, for an invalid study or case, or if no point has a valid case.
     ResultError
-        If `out` cannot be written, if another process writes a sweep there, or if it contains anything but this sweep
-        and overwrite is false.
+        For an unknown format, if `out` cannot be written, if another process writes a sweep there, or if it contains
+        anything but this sweep and overwrite is false.
     """
     check_installed()
+    check_format(suffix)
     study = checked(SweepTable, file, registry)
     tables = case_tables(file, study.case)
     points = _points(file, study, tables, registry)
@@ -101,7 +104,7 @@ def sweep(
         else:
             create_folder(systems)
         axes = _with_units(study, tables, registry or plugins.load())
-        return _solve(file, out, study, axes, points, pool or InProcess(), systems, progress)
+        return _solve(file, out, study, axes, points, pool or InProcess(), systems, progress, suffix)
 
 
 def _with_units(study: SweepTable, tables: Mapping[str, Any], registry: Registry) -> tuple[SweepAxis, ...]:
@@ -143,6 +146,7 @@ def _solve(
     pool: Pool,
     systems: Path,
     progress: Progress,
+    suffix: str,
 ) -> SweepResult:
     """Solve and write the sweep in a folder that is open."""
     point_data: dict[str, PointData] = {}
@@ -160,8 +164,7 @@ def _solve(
     result = _result(file, study, axes, points, point_data)
     write_sweep(out, result)
     plots = [plot.over(result.axes, result.field_set) for plot in study.plots]
-    with replacing(out / FIGURE_FILE) as path:
-        save_figure(sweep_figure(result, plots), path)
+    write_figure(sweep_figure(result, plots), out, FIGURE, suffix)
     return result
 
 

@@ -151,6 +151,13 @@ def test_figures_of_any_increment_in_any_format(case_file, tmp_path):
         assert message in err
 
 
+@pytest.mark.parametrize("command", ["compare", "verify", "sweep", "reproduce"])
+def test_unknown_formats_are_refused_before_anything_is_read(command, tmp_path):
+    status, _, err = meeframe_command(command, "missing.toml", "--out", tmp_path / "out", "--format", "bmp")
+    assert (status, err) == (2, "error: format 'bmp': allowed: png, pdf, svg\n")
+    assert not (tmp_path / "out").exists()
+
+
 def test_status_1_if_a_step_does_not_converge(case_file, tmp_path):
     case_file.write_text(case_file.read_text().replace("tolerance = 1e-6", "tolerance = 1e-6\nmax_iterations = 1"))
     status, out, _ = meeframe_command("run", case_file, "--out", tmp_path / "out")

@@ -83,6 +83,16 @@ def test_unwritable_cache_folder_is_reported(monkeypatch, tmp_path):
     assert "NUMBA_CACHE_DIR" in cache.text
 
 
+def test_installation_whose_kernels_cannot_be_loaded(monkeypatch):
+    def refuse():
+        raise RuntimeError("cannot cache function 'f': no locator available for file 'f.py'")
+
+    monkeypatch.setattr(registry, "load", refuse)
+    result = CliRunner().invoke(app, ["doctor"])
+    assert result.exit_code == 2
+    assert "set NUMBA_CACHE_DIR to a writable folder" in result.stderr
+
+
 def test_command_succeeds():
     result = CliRunner().invoke(app, ["doctor"])
     assert result.exit_code == 0, result.stdout

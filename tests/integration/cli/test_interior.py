@@ -64,13 +64,15 @@ def test_show_interior(run, named):
     """The default box contains the largest shear and von Mises stress under Hertz's pressure, near 0.310 and 0.620
     p0."""
     out = run / "out"
-    status, text, err = invoke("show", out, "--interior", *(("--case", run / "case.toml") if named else ()))
+    suffix = "pdf" if named else "png"
+    options = ("--case", run / "case.toml", "--format", suffix) if named else ()
+    status, text, err = invoke("show", out, "--interior", *options)
     assert status == 0, err
     assert "steel" in text
     assert "von Mises stress" in text
     assert "electric" not in text, "no fields in a body that couples nothing"
-    assert f"fields: {out / 'interior.vtu'}, section: {out / 'interior.png'}" in text
-    assert (out / "interior.png").is_file()
+    assert f"fields: {out / 'interior.vtu'}, section: {out / 'interior'}.{suffix}" in text
+    assert (out / f"interior.{suffix}").is_file()
     mesh = meshio.read(out / "interior.vtu")
     assert mesh.cells[0].type == "hexahedron"
     assert mesh.point_data["max_shear [Pa]"].max() / PRESSURE == pytest.approx(0.310, abs=0.01)

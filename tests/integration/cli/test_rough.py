@@ -52,7 +52,7 @@ def heights(path, n=24):
 
 def test_study_file(study, tmp_path):
     out = tmp_path / "out"
-    done = invoke(study, "--out", out, "--conductivity", "58 MS/m")
+    done = invoke(study, "--out", out, "--conductivity", "58 MS/m", "--format", "pdf")
     assert done.exit_code == 0, done.output
     assert "A study" in done.output
     xarray = pytest.importorskip("xarray")
@@ -62,7 +62,7 @@ def test_study_file(study, tmp_path):
         np.testing.assert_allclose(ratio, 1.0, rtol=1e-3)
     assert json.loads((out / "surface.json").read_text())["rms_slope_spectrum"] == pytest.approx(0.1)
     assert (out / "rough.csv").read_text().startswith("pressure [Pa],area_fraction [1],")
-    assert {path.suffix for path in out.iterdir()} == {".h5", ".csv", ".json", ".png"}
+    assert {path.suffix for path in out.iterdir()} == {".h5", ".csv", ".json", ".pdf"}
     again = invoke(study, "--out", out)
     assert again.exit_code == 2
     assert "is not empty" in again.output

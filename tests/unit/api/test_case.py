@@ -114,6 +114,14 @@ def test_cases_are_equal_if_their_files_are():
     assert case != "one"
 
 
+def test_names_stand_for_objects_without_parameters():
+    named = build(contact="signorini", conductivity={"electric": "insulating"}, formulation="dense-bem")
+    assert named == meeframe.Case.from_toml(named.to_toml())
+    made = build(contact=meeframe.Signorini(), formulation=meeframe.formulation("dense-bem"))
+    assert named.checked.formulation == made.checked.formulation
+    assert named.checked.contact_law == made.checked.contact_law
+
+
 @pytest.mark.parametrize("potential", ["5 V", 5, 5.0, "5 kV"])
 def test_potentials_are_read_as_they_are_written(potential):
     case = build(potentials={"electric_potential": potential})

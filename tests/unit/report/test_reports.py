@@ -7,12 +7,13 @@ import json
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from meeframe.contact.problem import Status
 from meeframe.elements import ELEMENTS
 from meeframe.results.canvas import NO_CONTACT
-from meeframe.results.figures import figures, save_figure
+from meeframe.results.figures import figures, save_figure, write_figure
 from meeframe.results.picture import Picture
 from meeframe.results.records import Loading, Region, Zone
 from meeframe.results.resultants import resultants
@@ -165,6 +166,14 @@ def test_figures_show_step_contact_edge_and_nodes(synthetic):
     assert alone.get_title() == "a title\ncontact pressure"
 
 
+def test_figures_of_studies_replace_earlier_ones_in_any_format(tmp_path):
+    (tmp_path / "sweep.png").touch()
+    write_figure(Figure(), tmp_path, "sweep", "svg")
+    assert [path.name for path in tmp_path.iterdir()] == ["sweep.svg"]
+    write_figure(None, tmp_path, "sweep", "png")
+    assert not any(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(("size", "unit"), [(1e-4, "nm"), (1e-2, "µm"), (1.0, "mm"), (1e3, "m")])
 def test_unit_of_length_follows_the_zone(synthetic, size, unit):
     result = synthetic.result(synthetic.step(1e-6))
@@ -177,9 +186,9 @@ def test_unit_of_length_follows_the_zone(synthetic, size, unit):
     assert drawn["sections"].axes[-1].get_xlabel() == f"x [{unit}]"
     assert drawn["sections"].axes[0].lines[0].get_xdata()[-1] == pytest.approx(half)
     area = resultants(zone, result.steps[-1]).slip_area
-    metres = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "m": 1.0}[unit]
+    squared, metres = {"nm": ("µm²", 1e-6), "µm": ("µm²", 1e-6), "mm": ("mm²", 1e-3), "m": ("m²", 1.0)}[unit]
     labels = [text.get_text() for text in drawn["stick_slip"].axes[0].get_legend().get_texts()]
-    assert f"slip, {area / metres**2:.4g} {unit}²" in labels
+    assert f"slip, {area / metres**2:.4g} {squared}" in labels
 
 
 def test_zones_without_cells_are_drawn_by_their_nodes(synthetic):

@@ -95,6 +95,15 @@ def test_quantities_without_values_are_drawn_empty(sweep):
     assert axes.get_ylabel() == "largest pressure [Pa]"
 
 
+def test_prescribed_values_are_level_lines(sweep):
+    """The last digits of a force that every point reaches are no curve."""
+    force = 1e-3 * (1.0 + 1e-12 * np.arange(6.0).reshape(3, 2))
+    prescribed = dataclasses.replace(sweep, quantities={"normal_force": force}, units={"normal_force": "N"})
+    (axes,) = sweep_figure(prescribed, [SweepPlot(("normal_force",))]).axes
+    np.testing.assert_allclose(axes.get_ylim(), (0.95, 1.05))
+    assert not axes.yaxis.get_major_formatter().get_useOffset()
+
+
 def test_lines_differ_in_markers_and_the_axis_has_a_prefix(sweep):
     (axes,) = sweep_figure(sweep, [SweepPlot(("max_pressure",), x="approach")]).axes
     assert axes.get_xlabel() == "approach [µm]"
