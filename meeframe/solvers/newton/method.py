@@ -33,7 +33,7 @@ MIN_TOLERANCE: Final = 1e-4
 SUFFICIENT_FRACTION: Final = 0.3
 """Fraction of the required residual at which the iteration in a neighbourhood of the contact ends, and which linear
 equations may leave."""
-COARSE_MERIT: Final = 2e-4
+COARSE_MERIT: Final = 5e-5
 """Merit at which the iteration on a coarser problem ends, as the two problems differ by more."""
 MAX_COARSE_STEPS: Final = 40
 """Largest number of steps on a coarser problem."""
