@@ -29,11 +29,12 @@ def run(
             from meeframe.results.records import RunStatus
             from meeframe.results.selection import overviews
             from meeframe.results.summary import AT_BOUNDARY, summary_table
+            from meeframe.study.run import MAX_HELD
             from meeframe.study.run import run as run_case
 
             registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
-            result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress, stored=True)
+            result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress, held=MAX_HELD)
         console.stdout().print(summary_table(result))
         if any(step.contact_at_zone_boundary for step in overviews(result)):
             console.warn(AT_BOUNDARY)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 from meeframe.model.case import Case
 from meeframe.model.clock import Clock, peak_memory_mb
@@ -19,9 +20,16 @@ from meeframe.results.summary import summary_json
 from meeframe.results.vtk import write_fields
 from meeframe.system.reduced import Progress, silent
 
+MAX_HELD: Final = 100
+"""Largest number of increments that the command holds in memory; those of longer runs are read again for reports."""
+
 
 def run(
-    case: Case | str | Path, out: str | Path, overwrite: bool = False, progress: Progress = silent, stored: bool = False
+    case: Case | str | Path,
+    out: str | Path,
+    overwrite: bool = False,
+    progress: Progress = silent,
+    held: int | None = None,
 ) -> Result:
     """Solve a case and write its results into a folder.
 
@@ -39,9 +47,9 @@ def run(
         Whether results of an earlier run in it are replaced.
     progress
         Called with the stage and the fraction of it that is done.
-    stored
-        Whether the increments of the result are read from the folder whenever they are asked for, so that memory does
-        not grow with their number.
+    held
+        Largest number of increments that stay in memory. Those of a case with more are read from the folder whenever
+        they are asked for, so that memory does not grow with their number. None for all.
 
     Returns
     -------
@@ -61,7 +69,7 @@ def run(
     case = case if isinstance(case, Case) else load_case(case)
     folder = Path(out)
     with open_output(folder, overwrite):
-        return _Run(case, folder, clock, stored).run()
+        return _Run(case, folder, clock, held).run()
 
 
 def stored_fields(case: Case) -> frozenset[str]:
@@ -80,8 +88,8 @@ def stored_fields(case: Case) -> frozenset[str]:
 class _Run:
     """One run into an output folder."""
 
-    def __init__(self, case: Case, folder: Path, clock: Clock, stored: bool) -> None:
-        self._case, self._folder, self._clock, self._stored = case, folder, clock, stored
+    def __init__(self, case: Case, folder: Path, clock: Clock, held: int | None) -> None:
+        self._case, self._folder, self._clock, self._held = case, folder, clock, held
         self._earlier = (folder / RESULT_FILE).is_file()
         self._cleared = False
         self._finished = 0
@@ -106,7 +114,7 @@ class _Run:
     def _solve(self) -> Result:
         system = reduce(self._case, self._clock)
         result = Result(provenance(self._case), zone_of(system), self._case.n_increments)
-        if self._stored:
+        if self._held is not None and result.planned_steps > self._held:
             result = replace(result, steps=StoredSteps(partial(stored_steps, self._folder, result.zone)))
         self._result = result
         writer = ResultWriter(self._folder, result, stored_fields(self._case))

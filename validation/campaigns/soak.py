@@ -107,7 +107,7 @@ def run(number: int, folder: Path, gauge: Gauge) -> None:
         if stage == "writing":
             gauge.count()
 
-    result = study.run(history(number, folder), folder / "out", progress=count, stored=True)
+    result = study.run(history(number, folder), folder / "out", progress=count, held=study.MAX_HELD)
     with (folder / "summary.txt").open("w") as file:
         Console(file=file).print(summary_table(result))
 

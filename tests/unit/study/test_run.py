@@ -65,8 +65,8 @@ def test_figures_and_fields_are_optional(write_case, registry, tmp_path):
 @pytest.mark.parametrize("fields", [None, ()])
 def test_increments_read_from_the_folder_give_the_same_files(case, tmp_path, fields):
     case = replace(case, output=replace(case.output, figures=False, fields=fields))
-    for name, stored in (("memory", False), ("folder", True)):
-        run_module.run(case, tmp_path / name, stored=stored)
+    for name, held in (("memory", None), ("folder", 0)):
+        run_module.run(case, tmp_path / name, held=held)
     written = {path.relative_to(tmp_path / "memory") for path in (tmp_path / "memory").rglob("*") if path.is_file()}
     for path in written:
         texts = [(tmp_path / name / path).read_bytes() for name in ("memory", "folder")]
@@ -92,7 +92,7 @@ def test_increments_do_not_stay_in_memory(write_case, registry, tmp_path, law):
 
     case = replace(load_case(write_case(more=steps), registry), contact_law=law, output=Output(figures=True, vtu=False))
     gc.collect()
-    result = run_module.run(case, tmp_path / "out", progress=count, stored=True)
+    result = run_module.run(case, tmp_path / "out", progress=count, held=0)
     assert max(alive) - min(alive) <= 3, "that solved, that before, and that to start from"
     assert [step.increment for step in result.steps] == [1, *range(1, 9)]
     assert result.steps[-1].increment == result.steps[8].increment == 8
