@@ -85,13 +85,12 @@ class Grid:
         return self.size if self._order == "C" else self.size[::-1], None
 
     def fractions(self, periodic: bool) -> tuple[Array, Array]:
-        """Return the fractions (nx,) and (ny,) of cells, whose products belong to the zone.
+        """Return fractions (nx,) and (ny,), whose products are those of the density around the nodes in the zone.
 
-        Cells at the border of a free grid extend half beyond it.
+        On the border of a free grid half of it is beyond, unless all nodes are on that border: two rows that share a
+        length bear load over twice as much, as in plane strain.
         """
-        along, across = (np.ones(n) for n in self.size)
-        if not periodic:
-            along[[0, -1]] = across[[0, -1]] = 0.5
+        along, across = (widths / widths.max() for widths in self._widths(periodic))
         return along, across
 
     def weights(self, periodic: bool) -> Array:
@@ -99,7 +98,14 @@ class Grid:
         area = self.spacing[0] * self.spacing[1]
         if periodic:
             return np.broadcast_to(area, self.count)
-        return self.scatter(np.outer(*self.fractions(periodic))[None] * area)[:, 0]
+        return self.scatter(np.outer(*self._widths(periodic))[None] * area)[:, 0]
+
+    def _widths(self, periodic: bool) -> tuple[Array, Array]:
+        """Widths (nx,) and (ny,) of the nodes in spacings: half of one at the ends of a free grid."""
+        along, across = (np.ones(n) for n in self.size)
+        if not periodic:
+            along[[0, -1]] = across[[0, -1]] = 0.5
+        return along, across
 
 
 def find_grid(zone: FlatZone, name: str) -> Grid:
