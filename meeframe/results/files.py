@@ -39,6 +39,7 @@ from meeframe.results.records import (
     RunStatus,
     SecondSurface,
     StepResult,
+    StoredSteps,
     Zone,
     ZoneFields,
 )
@@ -101,13 +102,15 @@ class ResultWriter:
             increments.mkdir(exist_ok=True)
         except OSError as error:
             raise ResultError(f"folder {increments} cannot be written: {error.strerror or error}") from None
-        if isinstance(step.boundary, NodalFields) and not self._has_boundary:
+        # reports of increments that are read again need the fields on the boundary, whether or not result.h5 holds them
+        reads_boundary = isinstance(self.result.steps, StoredSteps)
+        written = {*self.fields, BOUNDARY} if reads_boundary and self.fields is not None else self.fields
+        if isinstance(step.boundary, NodalFields) and not self._has_boundary and _includes_boundary(written):
             with replacing(increments / _BOUNDARY_FILE) as path, changed_file(path, "w") as file:
                 _put_boundary_mesh(file, step.boundary)
             self._has_boundary = True
         with replacing(self._path(self.count + 1)) as path, changed_file(path, "w") as file:
-            # fields.vtu and the balance need the fields on the boundary, whether or not result.h5 holds them
-            _put_step(file, self.result.zone, step, None if self.fields is None else {*self.fields, BOUNDARY})
+            _put_step(file, self.result.zone, step, written)
         if self.count == 0:
             self._write_links()
         self.count += 1
@@ -125,7 +128,7 @@ class ResultWriter:
                     earlier.copy(earlier["zone"], file, "zone")
             else:
                 _put_zone(file, self.result.zone)
-            stores_boundary = self.fields is None or BOUNDARY in self.fields
+            stores_boundary = _includes_boundary(self.fields)
             if self._has_boundary and stores_boundary:
                 with h5py.File(self.folder / INCREMENTS / _BOUNDARY_FILE, "r") as source:
                     source.copy(source["/"], file, "boundary")
@@ -161,7 +164,7 @@ def write_result(folder: Path, result: Result, fields: Collection[str] | None = 
         _put_head(file, result)
         _put_zone(file, result.zone)
         boundary = next((step.boundary for step in result.steps if isinstance(step.boundary, NodalFields)), None)
-        if boundary is not None and (fields is None or BOUNDARY in fields):
+        if boundary is not None and _includes_boundary(fields):
             _put_boundary_mesh(file.create_group("boundary"), boundary)
         steps = file.create_group("steps")
         for number, step in enumerate(result.steps, 1):
@@ -318,12 +321,17 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
         surface_fields = _surface_fields(step.fields)
         values = {field.name: _column(getattr(step.second_body, field.attribute), field) for field in surface_fields}
         _put_fields(group.create_group("second_body"), surface_fields, values)
-    if isinstance(step.boundary, ZoneFields) and (fields is None or BOUNDARY in fields):
+    if isinstance(step.boundary, ZoneFields) and _includes_boundary(fields):
         group.attrs["boundary"] = _ZONE
-    elif step.boundary is not None and (fields is None or BOUNDARY in fields):
+    elif step.boundary is not None and _includes_boundary(fields):
         units = {"values": ", ".join(step.fields.value_units), "fluxes": ", ".join(step.fields.flux_units)}
         values = {"values": step.boundary.values, "fluxes": step.boundary.fluxes}
         _put_all(group.create_group("boundary"), units, values)
+
+
+def _includes_boundary(fields: Collection[str] | None) -> bool:
+    """Return whether fields, all with None, include those on the boundary."""
+    return fields is None or BOUNDARY in fields
 
 
 def _is_stored(field: NodalField, fields: Collection[str] | None, rolls: bool) -> bool:
