@@ -28,6 +28,7 @@ from typing import Final, final
 
 import numpy as np
 from numba import get_num_threads
+from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.elements.quadrature import gauss_table, shape_table
@@ -159,12 +160,7 @@ class InteriorRepresentation:
             cells.append((name, nodes[np.abs(along).max(axis=1) <= MIN_DISTANCE * self.units.length]))
         cells = [(name, nodes) for name, nodes in cells if len(nodes)]
         located = locate_on_plane(points, boundary.points, cells, normal)
-        if located.inside.min() < -_BEYOND:
-            count, worst = np.count_nonzero(located.inside < -_BEYOND), points[located.inside.argmin()]
-            raise CaseError(
-                f"{count} of {len(points)} points are outside the body, the first one at {worst} [m]; allowed: points "
-                "inside the body"
-            )
+        _refuse(points, located.inside < -_BEYOND, "outside the body")
         values, fluxes = (
             np.einsum("mk,mkf->mf", located.shapes, nodal[located.nodes])
             for nodal in (boundary.values, boundary.fluxes)
@@ -191,15 +187,17 @@ class InteriorRepresentation:
         else:
             outside = angles < _INSIDE
         close = np.isnan(angles)
-        for wrong, what in (
-            (close, f"closer to the surface than {MIN_DISTANCE * self.units.length:.3g} m"),
-            (outside & ~close, "outside the body"),
-        ):
-            if wrong.any():
-                raise CaseError(
-                    f"{wrong.sum()} of {len(points)} points are {what}, the first one at {points[wrong.argmax()]} [m]; "
-                    "allowed: points inside the body"
-                )
+        _refuse(points, close, f"closer to the surface than {MIN_DISTANCE * self.units.length:.3g} m")
+        _refuse(points, outside & ~close, "outside the body")
+
+
+def _refuse(points: Array, wrong: NDArray[np.bool_], what: str) -> None:
+    """Raise CaseError if any of the points (m, 3) is wrong (m,), with what they are."""
+    if wrong.any():
+        raise CaseError(
+            f"{wrong.sum()} of {len(points)} points are {what}, the first one at {points[wrong.argmax()]} [m]; "
+            "allowed: points inside the body"
+        )
 
 
 @final
