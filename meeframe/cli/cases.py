@@ -35,7 +35,8 @@ def run(
             registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
             result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress, held=MAX_HELD)
-        console.stdout().print(summary_table(result))
+        output = console.stdout()
+        output.print(summary_table(result, width=output.width))
         if any(step.contact_at_zone_boundary for step in overviews(result)):
             console.warn(AT_BOUNDARY)
         raise typer.Exit(console.CONVERGED if result.status is RunStatus.CONVERGED else console.NOT_CONVERGED)
@@ -69,7 +70,7 @@ def show(
         typer.Option(
             metavar="STEP",
             help="Load step such as 2, increment such as 2.5, 'last', or 'peak'; repeatable. By default the ends of "
-            "all load steps and the peak load.",
+            "all load steps, or as many as fit, and the peak load.",
         ),
     ] = None,
     interior: Annotated[
@@ -105,7 +106,8 @@ def show(
         from meeframe.results.summary import summary_table
 
         result = read_result(folder)
-        console.stdout().print(summary_table(result, step or ()))
+        output = console.stdout()
+        output.print(summary_table(result, step or (), output.width))
         if not interior:
             return
         from meeframe.model.threads import limited

@@ -24,6 +24,11 @@ from meeframe.results.selection import Which, overviews, position, select
 AT_BOUNDARY: Final = (
     "the contact reaches the boundary of its zone and is cut off there: forces and areas are inaccurate"
 )
+LABEL_WIDTH: Final = 35
+COLUMN_WIDTH: Final = 15
+"""Characters of the labels with their unit (LABEL_WIDTH) and of the numbers of an increment (COLUMN_WIDTH)."""
+MIN_COLUMNS: Final = 3
+"""Smallest number of increments that a table may show: the first, the peak load and the last."""
 _Row = tuple[str, str, list[Any]]
 
 _ROUND_OFF: Final = 1e-11
@@ -121,15 +126,16 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def summary_table(result: Result, which: Sequence[Which] = ()) -> RenderableType:
+def summary_table(result: Result, which: Sequence[Which] = (), width: int = 120) -> RenderableType:
     """Return the summary for the terminal: a line on the run and a table with a column for each of some increments.
 
-    These are the chosen ones (see `select`); by default the last one of each load step, and that of the peak load.
+    These are the chosen ones (see `select`); by default the last one of each load step, and that of the peak load, or
+    as many of them as fit into the width, in characters.
     """
     table = LiteralTable(result.provenance.title)
     table.add_column("")
     table.add_column("unit")
-    shown = [select(result, one) for one in which] or _ends_and_peak(result)
+    shown = [select(result, one) for one in which] or _ends_and_peak(result, (width - LABEL_WIDTH) // COLUMN_WIDTH)
     for step in shown:
         table.add_column(name_of(result, step), justify="right")
     totals, energies = [schema.totals(result.zone, step) for step in shown], _dissipated(result)
@@ -154,7 +160,14 @@ def summary_table(result: Result, which: Sequence[Which] = ()) -> RenderableType
         for step in overviews(result)
         if step.message and (step[:2] in numbers or step.status is not Status.CONVERGED)
     ]
-    return Group(table, *_messages(result, reporting), _headline(result))
+    return Group(table, *_omission(result, shown, which), *_messages(result, reporting), _headline(result))
+
+
+def _omission(result: Result, shown: list[StepResult], which: Sequence[Which]) -> Iterator[Text]:
+    """Yield a line on the load steps whose ends the table does not show."""
+    count, n_shown = (len({step.step for step in steps}) for steps in (overviews(result), shown))
+    if not which and n_shown < count:
+        yield Text(f"{n_shown} of {count} load steps are shown; `meeframe show --step N` shows another one")
 
 
 def _messages(result: Result, reporting: Sequence[Overview]) -> Iterator[Text]:
@@ -238,15 +251,21 @@ def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
         yield word, unit, [float(value[i]) for value in values]
 
 
-def _ends_and_peak(result: Result) -> list[StepResult]:
-    """Return the last increment of each load step so far, and that of the peak load."""
+def _ends_and_peak(result: Result, columns: int) -> list[StepResult]:
+    """Return the last increment of each load step so far, and that of the peak load.
+
+    If there are more than fit into the columns, these are spread evenly from the first to the last.
+    """
     finished = overviews(result)
     if not finished:
         return []
-    chosen = {step.step: number for number, step in enumerate(finished)}
-    numbers = sorted({*chosen.values(), position(finished)})
+    peak = position(finished)
+    numbers = np.array(sorted({*{step.step: number for number, step in enumerate(finished)}.values(), peak}))
+    columns = max(columns, MIN_COLUMNS)
+    if len(numbers) > columns:
+        numbers = np.union1d(numbers[np.linspace(0, len(numbers) - 1, columns - 1).astype(int)], peak)
     steps = result.steps
-    return list(steps.chosen(numbers)) if isinstance(steps, StoredSteps) else [steps[number] for number in numbers]
+    return list(steps.chosen(numbers.tolist())) if isinstance(steps, StoredSteps) else [steps[i] for i in numbers]
 
 
 def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:

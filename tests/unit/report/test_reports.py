@@ -302,6 +302,17 @@ def test_table_columns_for_peak_load_and_chosen_increments(synthetic):
     assert columns("1.1", "last") == ["step 1, increment 1", "step 1, increment 3"]
 
 
+def test_table_of_many_load_steps_fits_into_the_terminal(synthetic):
+    steps = [synthetic.step(1e-6 * number, number=number) for number in range(1, 41)]
+    console = Console(width=100, record=True, file=io.StringIO())
+    console.print(summary_table(synthetic.result(*steps), width=100))
+    lines = console.export_text().splitlines()
+    (header,) = [line for line in lines if "unit" in line]
+    assert [cell.strip() for cell in header.split("┃")[3:-1]] == ["step 1", "step 20", "step 40"]
+    assert not any("…" in line for line in lines)
+    assert "3 of 40 load steps are shown; `meeframe show --step N` shows another one" in lines
+
+
 def test_history_of_several_increments(synthetic):
     steps = [synthetic.step(1e-6 * number, increment=number) for number in (1, 2)]
     failed = synthetic.step(9e-6, Status.CYCLING, increment=3)
