@@ -189,7 +189,8 @@ def _names(result: Result, steps: Sequence[Overview], reporting: Sequence[Overvi
     names = [name_of(result, step) for step in steps]
     if len(steps) > 1 and len({step.step for step in reporting}) == len(reporting):
         names = [f"steps {steps[0].step}", *(str(step.step) for step in steps[1:])]
-    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+    separator = "; " if any("," in name for name in names) else ", "
+    return f"{separator.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
 
 
 def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
