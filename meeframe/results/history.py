@@ -37,6 +37,8 @@ _ROUND_OFF: Final = 1e-12
 _MODULUS: Final = "modulus of "
 """Prefix of the integral of the modulus of a flux."""
 _WIDTH: Final = 5.6
+_MAX_ROWS: Final = 3
+"""Largest number of panels in one column."""
 _RING: Final = 7.5
 """Diameter of the markers of unloading in points."""
 
@@ -68,20 +70,21 @@ def curves(result: Result) -> list[Curve]:
         return []
     approach, forces = table["approach"], table["normal_force"]
     translation, tangential = table["translation"], table["tangential_force"]
-    drawn = [Curve("normal force", ("approach", "m", approach), ("normal force", "N", forces))]
+    over_approach, over_force = _across("approach", "m", approach), _across("normal force", "N", forces)
+    drawn = [Curve("normal force", over_approach, ("normal force", "N", forces))]
     # rounding of a vanishing force is no curve
     if np.abs(tangential).max() > _ZERO_RATIO * np.abs(forces).max():
         components: tuple[str, ...] = ("along e1", "along e2")
         if all(np.abs(v[:, 1]).max() <= _ZERO_RATIO * np.abs(v[:, 0]).max() for v in (translation, tangential)):
             components = components[:1]
-        curve = ("translation", "m", translation), ("tangential force", "N", tangential)
+        curve = _across("translation", "m", translation), ("tangential force", "N", tangential)
         drawn.append(Curve("tangential force", *curve, components))
-    drawn.append(Curve("contact area", ("approach", "m", approach), ("contact area", "m²", table["contact_area"])))
+    drawn.append(Curve("contact area", over_approach, ("contact area", "m²", table["contact_area"])))
     for scalar in fields.scalars:
         flux = table[scalar.resultant]
         if np.abs(flux).max() > _ROUND_OFF * table[_MODULUS + scalar.resultant].max() and flux.any():
             name = scalar.resultant.replace("_", " ")
-            drawn.append(Curve(name, ("normal force", "N", forces), (name, scalar.resultant_unit, flux)))
+            drawn.append(Curve(name, over_force, (name, scalar.resultant_unit, flux)))
     drawn += _rolling_curves(table, fields)
     dissipated = np.cumsum(table["dissipated_energy"], axis=0)
     if dissipated.any():
@@ -140,10 +143,7 @@ def _rolling_curves(table: _Table, fields: FieldSet) -> Iterator[Curve]:
     rolls = np.isfinite(table["rolled_distance"][:, 0])
     if rolls.sum() < 2:
         return
-    distance = table["rolled_distance"][rolls]
-    across = ("rolled distance", "m", distance)
-    if not np.ptp(distance):
-        across = _numbers("steady increment", len(distance))
+    across = _across("rolled distance", "m", table["rolled_distance"][rolls], "steady increment")
     for name, unit in (("creep_force", "N"), ("creepage", "")):
         words = name.replace("_", " ")
         yield Curve(words, across, (words, unit, table[name][rolls]), ("longitudinal", "lateral"), covers_all=False)
@@ -154,6 +154,12 @@ def _rolling_curves(table: _Table, fields: FieldSet) -> Iterator[Curve]:
                 words = name.replace("_", " ")
                 yield Curve(f"{words} in rolling", across, (words, unit, values), covers_all=False)
     yield Curve("sticking area", across, ("sticking area", "m²", table["stick_area"][rolls]), covers_all=False)
+
+
+def _across(name: str, unit: str, values: Array, numbered: str = "increment") -> tuple[str, str, Array]:
+    """Return values (increments, components) across a curve, or the numbers of the increments if they are constant."""
+    varies = np.ptp(values, axis=0).max() > CONSTANT_RANGE * np.abs(values).max()
+    return (name, unit, values) if varies else _numbers(numbered, len(values))
 
 
 def _numbers(name: str, count: int) -> tuple[str, str, Array]:
@@ -181,12 +187,14 @@ def history(result: Result) -> "Figure | None":
     drawn = curves(result)
     if not drawn:
         return None
-    figure = sheet((_WIDTH, 0.6 + 2.5 * len(drawn)))
-    rows = figure.subplots(len(drawn), squeeze=False)[:, 0]
-    for axes, curve in zip(rows, drawn, strict=True):
+    n_columns = 1 if len(drawn) <= _MAX_ROWS else 2
+    n_rows = -(-len(drawn) // n_columns)
+    figure = sheet((_WIDTH * n_columns, 0.6 + 2.5 * n_rows))
+    panels = [figure.add_subplot(n_rows, n_columns, number) for number in range(1, len(drawn) + 1)]
+    for axes, curve in zip(panels, drawn, strict=True):
         draw_curve(axes, curve, unloading(drawn, curve))
-    head(rows[0], "history", result.provenance.title)
-    label_panels(rows)
+    head(panels[0], "history", result.provenance.title)
+    label_panels(panels)
     return figure
 
 
