@@ -108,10 +108,13 @@ def sheet(size: tuple[float, float]) -> "Figure":
     return figure
 
 
-def head(axes: Any, what: str, title: str) -> None:
-    """Put the heading of a figure over its first axes, in lines that fit."""
-    letters = min(max(int(_LETTERS_PER_INCH * width_of(axes)), _MIN_LETTERS), _LETTERS)
-    axes.set_title("\n".join(_folded(line, letters) for line in (*title.split("\n"), what) if line), fontsize=10)
+def head(place: Any, what: str, title: str) -> None:
+    """Put the heading of a figure over its first axes, or over all of the figure, in lines that fit."""
+    letters = max(int(_LETTERS_PER_INCH * width_of(place)), _MIN_LETTERS)
+    if is_axes := place is not place.figure:
+        letters = min(letters, _LETTERS)
+    put = place.set_title if is_axes else place.suptitle
+    put("\n".join(_folded(line, letters) for line in (*title.split("\n"), what) if line), fontsize=10)
 
 
 def add_legend(axes: Any, **options: Any) -> None:
@@ -125,9 +128,9 @@ def add_legend(axes: Any, **options: Any) -> None:
         axes.legend(fontsize=size, **options)
 
 
-def width_of(axes: Any) -> float:
-    """Return the width of axes in inches, which is small where they are one of several panels."""
-    return float(axes.bbox.width / axes.figure.dpi)
+def width_of(place: Any) -> float:
+    """Return the width of axes or a figure in inches, which is small where axes are one of several panels."""
+    return float(place.bbox.width / place.figure.dpi)
 
 
 def map_ticks(axes: Any) -> int:

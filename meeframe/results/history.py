@@ -193,7 +193,7 @@ def history(result: Result) -> "Figure | None":
     panels = [figure.add_subplot(n_rows, n_columns, number) for number in range(1, len(drawn) + 1)]
     for axes, curve in zip(panels, drawn, strict=True):
         draw_curve(axes, curve, unloading(drawn, curve))
-    head(panels[0], "history", result.provenance.title)
+    head(figure if n_columns > 1 else panels[0], "history", result.provenance.title)
     label_panels(panels)
     return figure
 
