@@ -1,6 +1,7 @@
 """Choice of an increment of a result."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Final, Protocol
 
 import numpy as np
@@ -90,9 +91,21 @@ def position(steps: Sequence[Overview], which: int | tuple[int, int] | str | Non
     matches = [number for number, step in enumerate(steps) if numbers == step[: len(numbers)]]
     if not numbers or not matches:
         last = {step.step: step.increment for step in steps}
-        words = ", ".join(f"{step} (increments 1 to {count})" for step, count in last.items())
-        raise ResultError(f"step {which!r}: no such increment; allowed: peak, last, and load steps {words}")
+        raise ResultError(f"step {which!r}: no such increment; allowed: peak, last, and load steps {in_words(last)}")
     return matches[-1]
+
+
+def in_words(counts: Mapping[int, int]) -> str:
+    """Return load steps and their numbers of increments in words, successive ones with as many increments together."""
+    words = []
+    for count, group in groupby(counts, counts.__getitem__):
+        first, *others = group
+        words.append(
+            f"{first} to {others[-1]} (increments 1 to {count} of each)"
+            if others
+            else f"{first} (increments 1 to {count})"
+        )
+    return ", ".join(words)
 
 
 def has_increment(result: Increments, which: str) -> bool:
