@@ -105,6 +105,11 @@ class Medium:
         state = np.concatenate([upper, lower], axis=1)
         return cls(scaling.factors, plus, -_conjugate(plus, signs), descent, state, t_inverse, signs)
 
+    @property
+    def slowest_decay(self) -> float:
+        """Smallest exponent of waves per k z."""
+        return float(np.linalg.eigvals(self.descent).real.min())
+
     def conjugate(self, matrices: Complex) -> Complex:
         """Return the matrices of the solutions that decay upwards from those downwards.
 
@@ -141,8 +146,8 @@ def _in_frame(stiffness: Array, frame: Array) -> Array:
     """Return the stiffness in the axes of a frame (3, 3)."""
     axes = np.eye(stiffness.shape[1])
     axes[MECHANICAL, MECHANICAL] = frame
-    local: Array = np.einsum("ai,BJ,CK,dm,iJKm->aBCd", frame, axes, axes, frame, stiffness, optimize=True)
-    return local
+    local: Array = np.einsum("BJ,iJKm,CK->iBCm", axes, stiffness, axes, optimize=["einsum_path", (0, 1), (0, 1)])
+    return np.einsum("ai,iBCm,dm->aBCd", frame, local, frame, optimize=["einsum_path", (0, 1), (0, 1)])
 
 
 def reflection(medium: Medium, depth: Array, u: Complex, v: Complex) -> tuple[Complex, Complex]:
