@@ -13,6 +13,7 @@ s^2 = b^2 + r^2. At a reference radius R the mean of the response vanishes if th
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -128,10 +129,12 @@ def _in_space(
     while edges[-1] < distance:
         edges.append(min(edges[-1] * GROWTH, distance))
 
+    @cache
+    def on_panel(low: float, high: float) -> Array:
+        return values(panel_points(np.array([low]), np.array([high]))[0], low, high)
+
     def on_panels(low: Array, high: Array) -> Array:
-        return np.array(
-            [values(r, *ends) for r, *ends in zip(panel_points(low, high), low.tolist(), high.tolist(), strict=True)]
-        )
+        return np.array([on_panel(*ends) for ends in zip(low.tolist(), high.tolist(), strict=True)])
 
     # the largest difference is that at the source, or far away if it grows like a logarithm
     largest = (np.abs(on_panels(*(np.array([end]) for end in ends))).max() for ends in (edges[:2], edges[-2:]))

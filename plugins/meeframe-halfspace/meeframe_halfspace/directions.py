@@ -115,8 +115,8 @@ class PlaneSymmetry:
 def _transformed(stiffness: Array, transform: Array) -> Array:
     """Return a stiffness whose axes are transformed by an orthogonal matrix (3, 3)."""
     extended = _extended(transform, stiffness.shape[1])
-    rows = np.einsum("ai,BJ,iJKm->aBKm", transform, extended, stiffness, optimize=True)
-    return np.asarray(np.einsum("CK,dm,aBKm->aBCd", extended, transform, rows, optimize=True))
+    fields = extended @ np.moveaxis(stiffness, 3, 1) @ extended.T
+    return np.asarray(np.einsum("ai,dm,imBC->aBCd", transform, transform, fields))
 
 
 def _in_frame(moduli: Array, frame: Array) -> Array:
