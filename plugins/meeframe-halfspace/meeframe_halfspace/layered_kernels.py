@@ -59,9 +59,10 @@ def fill_samples(first, last, x, y, middle, series, out):
             values[:] = 0.0
             sum_degrees(r, series, radial)
             add_terms(c, s, 1.0, series, radial, values)
-            out[:, i, j] = values[0] + values[1]
-            if 0 <= mirror < middle:
-                out[:, i, mirror] = values[0] - values[1]
+            for entry in range(len(out)):
+                out[entry, i, j] = values[0, entry] + values[1, entry]
+                if 0 <= mirror < middle:
+                    out[entry, i, mirror] = values[0, entry] - values[1, entry]
 
 
 @njit(cache=True, nogil=True)
