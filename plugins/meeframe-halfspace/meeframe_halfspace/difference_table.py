@@ -127,10 +127,11 @@ def compiled(series: RadialSeries, numbers: Sequence[int]) -> Series:
     terms, position = series.terms, {number: index for index, number in enumerate(numbers)}
     chosen = np.array([index for index, entry in enumerate(terms.entries) if int(entry) in position], np.int64)
     chosen = chosen[np.argsort(terms.harmonics[chosen], kind="stable")]
-    coefficients = np.ascontiguousarray(series.coefficients[:, chosen].swapaxes(1, 2))
     negligible = 1e-3 * max(series.error, np.finfo(float).eps * float(np.abs(series.coefficients).max(initial=0.0)))
-    numbered = np.where(np.abs(coefficients) > negligible, np.arange(len(chosen)), -1)
-    counts = numbered.max(axis=2, initial=-1) + 1
+    coefficients = np.ascontiguousarray(series.coefficients[:, chosen].swapaxes(1, 2))
+    largest_from_here_on = np.maximum.accumulate(np.abs(coefficients[:, ::-1]), axis=1)[:, ::-1]
+    coefficients[largest_from_here_on <= negligible] = 0.0
+    counts = np.where(coefficients, np.arange(1, len(chosen) + 1), 0).max(axis=2, initial=0)
     entries = np.array([position[int(entry)] for entry in terms.entries[chosen]], np.int64)
     return series.edges, coefficients, counts, entries, terms.harmonics[chosen], terms.sines[chosen]
 
