@@ -22,11 +22,13 @@ NEGLIGIBLE: Final = 1e-12
 """Terms this small relative to the largest one are zero, as round-off of what symmetry forbids."""
 GROWTH: Final = 2.0
 """Ratio of the ends of panels before they are halved."""
-_FIRST_ANGLES, _MAX_ANGLES, _MEAN_ANGLES = 8, 256, 128
+_FIRST_ANGLES, _MAX_ANGLES, _MEAN_ANGLES = 16, 256, 128
 _LONG_WAVES: Final = (1e-6, 1e-7)
 """Wave numbers times the thickness of all layers, of waves that see the material below them alone."""
 _SAMPLES: Final = 10
-_MAX_WAVE: Final = 1e6
+_FIRST_EDGE, _MAX_WAVE = 0.125, 1e6
+_BATCH: Final = 64
+"""Number of wave numbers whose matrices are computed together, while they are in the cache."""
 _NARROWEST: Final = 1e-9
 Complex = NDArray[np.complex128]
 
@@ -290,7 +292,8 @@ def difference_series(sampling: Sampling) -> RadialSeries:
 
     def values(low: Array, high: Array) -> Array:
         k = panel_points(low, high)
-        samples = sampling.difference(symbol, directions, k.ravel())
+        parts = np.split(k.ravel(), range(_BATCH, k.size, _BATCH))
+        samples = np.concatenate([sampling.difference(symbol, directions, part) for part in parts])
         return _coefficients(sampling, samples, terms).reshape(*k.shape, -1)
 
     if len(edges) == 1:
@@ -335,8 +338,8 @@ def _highest_harmonic(sampling: Sampling, depth: float) -> tuple[int, float]:
 
 def _edges(sampling: Sampling, symbol: SurfaceSymbol, directions: Directions, depth: float, negligible: float) -> Array:
     """Return ends of panels from zero to where the difference is negligible."""
-    count = int(np.log(_MAX_WAVE) / np.log(GROWTH))
-    edges = np.concatenate([[0.0], 0.25 / depth * GROWTH ** np.arange(count)])
+    count = int(np.log(_MAX_WAVE / _FIRST_EDGE) / np.log(GROWTH))
+    edges = np.concatenate([[0.0], _FIRST_EDGE / depth * GROWTH ** np.arange(count)])
     sizes = np.abs(sampling.difference(symbol, directions, edges[1:])).max(axis=(1, 2, 3))
     return edges[: int(np.flatnonzero(sizes > negligible).max(initial=-2)) + 3]
 
