@@ -27,8 +27,6 @@ _LONG_WAVES: Final = (1e-6, 1e-7)
 """Wave numbers times the thickness of all layers, of waves that see the material below them alone."""
 _SAMPLES: Final = 10
 _FIRST_EDGE, _MAX_WAVE = 0.125, 1e6
-_BATCH: Final = 64
-"""Number of wave numbers whose matrices are computed together, while they are in the cache."""
 _NARROWEST: Final = 1e-9
 Complex = NDArray[np.complex128]
 
@@ -292,8 +290,7 @@ def difference_series(sampling: Sampling) -> RadialSeries:
 
     def values(low: Array, high: Array) -> Array:
         k = panel_points(low, high)
-        parts = np.split(k.ravel(), range(_BATCH, k.size, _BATCH))
-        samples = np.concatenate([sampling.difference(symbol, directions, part) for part in parts])
+        samples = sampling.difference(symbol, directions, k.ravel())
         return _coefficients(sampling, samples, terms).reshape(*k.shape, -1)
 
     if len(edges) == 1:
