@@ -121,8 +121,13 @@ class Grading:
         Raises
         ------
         CaseError
-            If more than MAX_SUBLAYERS are needed.
+            If more than MAX_SUBLAYERS are needed, or the compliance of the upper side is infinite.
         """
+        if self.exponent is not None and self.exponent >= 1.0 and self.material is None:
+            raise CaseError(
+                f"grading: exponent = {self.exponent:g}: the compliance of the upper side is infinite; allowed: numbers "
+                "below 1, or a material to mix with"
+            )
         count, coarse = FIRST_SUBLAYERS, self._divided(material, thickness, interface, FIRST_SUBLAYERS)
         while count < MAX_SUBLAYERS:
             count *= 2
@@ -146,6 +151,10 @@ class Grading:
         if self.law == "power":
             bounds **= 2
         factors = self.values(0.5 * (bounds[1:] + bounds[:-1]))
+        if self.exponent is not None and self.exponent < 1.0 and self.material is None:
+            # the compliance has no bound at the upper side: its mean makes thin sublayers exact under tractions
+            rest = 1.0 - self.exponent
+            factors = rest * np.diff(bounds) / np.diff(bounds**rest)
         materials = [self._material(material, float(factor)) for factor in factors]
         thicknesses = thickness * np.diff(bounds)
         *upper, last = [Layer(*of, continues_below=True) for of in zip(materials, thicknesses.tolist(), strict=True)]

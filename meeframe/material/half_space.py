@@ -50,10 +50,11 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
     nu, tangents = surface_frame(normal, directions)
     scaling = FieldScaling.of(stiffness)
     scaled_stiffness = scaling.scale_stiffness(stiffness)
-    points, coarse = _MIN_POINTS, _barnett_lothe(scaled_stiffness, -nu, tangents, _MIN_POINTS)
+    points, coarse = _MIN_POINTS, _barnett_lothe(scaled_stiffness, -nu, tangents, _MIN_POINTS, 0.0)
     while points < _MAX_POINTS:
+        between = _barnett_lothe(scaled_stiffness, -nu, tangents, points, 0.5)
+        s, fine = (0.5 * (one + other) for one, other in zip(coarse, between, strict=True))
         points *= 2
-        s, fine = _barnett_lothe(scaled_stiffness, -nu, tangents, points)
         inverse_l = np.linalg.inv(fine)
         # a nearly incompressible material, such as rubber, loses digits where its bulk stiffness cancels
         allowed = max(_MAX_CHANGE, np.finfo(float).eps * np.abs(inverse_l).max())
@@ -192,15 +193,23 @@ def surface_frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Arra
     return nu, tangents / lengths
 
 
-def _barnett_lothe(scaled_stiffness: Array, inward: Array, tangents: Array, points: int) -> tuple[Array, Array]:
-    """Return S and L, (n, f, f) each, for planes of tangent and inward normal, by the trapezoidal rule."""
-    theta = np.arange(points) * (np.pi / points)
-    cos, sin = np.cos(theta)[:, None, None], np.sin(theta)[:, None, None]
-    m, n = tangents[None], inward[None, None]
-    along, across = cos * m + sin * n, cos * n - sin * m
-    q, r, t = (
-        np.einsum("pai,iJKm,pam->paJK", first, scaled_stiffness, second, optimize=True)
-        for first, second in ((along, along), (along, across), (across, across))
-    )
+def _barnett_lothe(
+    scaled_stiffness: Array, inward: Array, tangents: Array, points: int, start: float
+) -> tuple[Array, Array]:
+    """Return S and L, (n, f, f) each, for planes of tangent and inward normal, by the trapezoidal rule.
+
+    start: position of the first point in steps of the rule.
+    """
+    theta = (np.arange(points) + start) * (np.pi / points)
+    cos, sin = np.cos(theta)[:, None, None, None], np.sin(theta)[:, None, None, None]
+    along = np.einsum("ai,iJKm->aJKm", tangents, scaled_stiffness)
+    q0, r0 = np.einsum("aJKm,am->aJK", along, tangents), along @ inward
+    t0 = np.einsum("i,iJKm,m->JK", inward, scaled_stiffness, inward)
+    r0_transposed = np.swapaxes(r0, -1, -2)
+    # of the axes rotated by theta in their plane
+    both = cos * sin * (r0 + r0_transposed)
+    q = cos**2 * q0 + sin**2 * t0 + both
+    t = cos**2 * t0 + sin**2 * q0 - both
+    r = cos**2 * r0 - sin**2 * r0_transposed + cos * sin * (t0 - q0)
     flux = np.linalg.solve(t, np.swapaxes(r, -1, -2))
     return -flux.mean(axis=0), (q - r @ flux).mean(axis=0)

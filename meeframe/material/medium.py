@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.fields import MECHANICAL, N_FIELDS, Array, FieldScaling
+from meeframe.fields import MECHANICAL, N_FIELDS, Array, FieldScaling, Indices
 from meeframe.material.half_space import surface_compliance
 from meeframe.material.thermal import rotate_moduli
 from meeframe.material.thermal_half_space import thermal_response
@@ -105,6 +105,11 @@ class Medium:
         state = np.concatenate([upper, lower], axis=1)
         return cls(scaling.factors, plus, -_conjugate(plus, signs), descent, state, t_inverse, signs)
 
+    @property
+    def slowest_decay(self) -> float:
+        """Smallest exponent of waves per k z."""
+        return float(np.linalg.eigvals(self.descent).real.min())
+
     def conjugate(self, matrices: Complex) -> Complex:
         """Return the matrices of the solutions that decay upwards from those downwards.
 
@@ -141,7 +146,8 @@ def _in_frame(stiffness: Array, frame: Array) -> Array:
     """Return the stiffness in the axes of a frame (3, 3)."""
     axes = np.eye(stiffness.shape[1])
     axes[MECHANICAL, MECHANICAL] = frame
-    local: Array = np.einsum("ai,BJ,CK,dm,iJKm->aBCd", frame, axes, axes, frame, stiffness, optimize=True)
+    fields = axes @ np.moveaxis(stiffness, 3, 1) @ axes.T
+    local: Array = np.einsum("ai,dm,imBC->aBCd", frame, frame, fields)
     return local
 
 
@@ -151,7 +157,10 @@ def reflection(medium: Medium, depth: Array, u: Complex, v: Complex) -> tuple[Co
     At its upper side, G: the subspace there is Y_+ + Y_- G, I + G; and at its lower side. u, v: the subspace at the
     lower side; depth: k times thickness.
     """
-    down = exponential(-depth[..., None, None] * medium.descent)
+    if depth.shape[1] == 1:
+        down = exponentials(-medium.descent, depth[:, 0])
+    else:
+        down = exponential(-depth[..., None, None] * medium.descent)
     jump = (medium.plus - medium.minus) @ down
     at_bottom: Complex = v @ np.linalg.solve(u - medium.minus @ v, jump) - down
     return medium.conjugate(down) @ at_bottom, at_bottom
@@ -180,13 +189,37 @@ def exponential(matrices: Complex) -> Complex:
     Higham, SIAM J. Matrix Anal. Appl. 26 (2005) 1179, with the series in place of the Pade approximant: for many small
     matrices products take less time than solutions.
     """
-    norms = np.abs(matrices).sum(axis=-1).max(axis=-1, initial=0.0)
-    squarings = np.ceil(np.log2(np.maximum(norms, _MAX_NORM) / _MAX_NORM)).astype(int)
+    squarings = np.maximum(_powers_of_norms(matrices), 0)
     result = _series_of_exponential(matrices * (0.5**squarings)[..., None, None])
     for number in range(int(squarings.max(initial=0))):
         chosen = squarings > number
         result[chosen] = result[chosen] @ result[chosen]
     return result
+
+
+def exponentials(matrices: Complex, factors: Array) -> Complex:
+    """Return the exponentials (n, m, f, f) of matrices (m, f, f) times factors (n,) > 0, as `exponential`.
+
+    Factors whose ratio is a power of two, as those of waves on panels each twice as long as the last, share squares.
+    """
+    mantissas, powers = np.frexp(factors)
+    squarings = np.maximum(powers + _powers_of_norms(matrices).max(), 0)
+    fractions, sources = np.unique(np.ldexp(mantissas, powers - squarings), return_inverse=True)
+    squares = _series_of_exponential(fractions[:, None, None, None] * matrices)
+    last = np.zeros(len(fractions), int)
+    np.maximum.at(last, sources, squarings)
+    result = np.empty((len(factors), *matrices.shape), complex)
+    for number in range(int(last.max()) + 1):
+        chosen, further = squarings == number, last > number
+        result[chosen] = squares[sources[chosen]]
+        squares[further] = squares[further] @ squares[further]
+    return result
+
+
+def _powers_of_norms(matrices: Complex) -> Indices:
+    """Return the least n with which matrices (..., f, f) over 2^n suit the series."""
+    norms = np.abs(matrices).sum(axis=-1).max(axis=-1, initial=0.0)
+    return np.ceil(np.log2(np.maximum(norms, np.finfo(float).tiny) / _MAX_NORM)).astype(int)
 
 
 def _series_of_exponential(x: Complex) -> Complex:

@@ -153,7 +153,7 @@ class SurfaceSymbol:
     @property
     def slowest_decays(self) -> Array:
         """Smallest exponents (media,) of waves per k z in each medium."""
-        return np.array([np.linalg.eigvals(medium.descent).real.min() for medium in self.media])
+        return np.array([medium.slowest_decay for medium in self.media])
 
     @property
     def bottoms(self) -> Array:

@@ -13,6 +13,7 @@ s^2 = b^2 + r^2. At a reference radius R the mean of the response vanishes if th
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -23,9 +24,9 @@ from meeframe_halfspace.layered_symbol import GROWTH, TOLERANCE
 from meeframe_halfspace.radial import RadialSeries, Terms, interpolate, no_series, panel_points
 from meeframe_halfspace.response import harmonic_factor
 
-_GAUSS: Final = 20
+_GAUSS: Final = np.polynomial.legendre.leggauss(20)
 _MAX_PHASE: Final = 8.0
-"""Largest phase k r of a Gauss rule with that many points."""
+"""Largest phase k r of one Gauss rule."""
 _CUT_OFF, _CUT_OFF_WIDTH = 120.0, 21.0
 """Phase at which the cut-off is one half, and its width: it leaves out exp(-width^2 / 4)."""
 _CUT_OFF_END: Final = _CUT_OFF + 5.5 * _CUT_OFF_WIDTH
@@ -128,10 +129,12 @@ def _in_space(
     while edges[-1] < distance:
         edges.append(min(edges[-1] * GROWTH, distance))
 
+    @cache
+    def on_panel(low: float, high: float) -> Array:
+        return values(panel_points(np.array([low]), np.array([high]))[0], low, high)
+
     def on_panels(low: Array, high: Array) -> Array:
-        return np.array(
-            [values(r, *ends) for r, *ends in zip(panel_points(low, high), low.tolist(), high.tolist(), strict=True)]
-        )
+        return np.array([on_panel(*ends) for ends in zip(low.tolist(), high.tolist(), strict=True)])
 
     # the largest difference is that at the source, or far away if it grows like a logarithm
     largest = (np.abs(on_panels(*(np.array([end]) for end in ends))).max() for ends in (edges[:2], edges[-2:]))
@@ -158,7 +161,7 @@ def _rule(edges: Array, low: float, high: float) -> tuple[Array, Array]:
     ends = np.concatenate(
         [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(inside, inside[1:], counts, strict=False)] + [[end]]
     )
-    x, w = np.polynomial.legendre.leggauss(_GAUSS)
+    x, w = _GAUSS
     half = 0.5 * np.diff(ends)
     k = (ends[:-1, None] + half[:, None] * (1.0 + x)).ravel()
     weights = (half[:, None] * w).ravel()

@@ -10,7 +10,7 @@ import scipy  # submodules are loaded on first use
 
 from meeframe.plugin import Array, Indices
 from meeframe_halfspace.cells import Shape, density_pieces, node_weights, share_out
-from meeframe_halfspace.layered_kernels import MAX_RULE, fill_cells, fill_samples
+from meeframe_halfspace.layered_kernels import MAX_RULE, fill_cells, fill_products, fill_samples
 from meeframe_halfspace.radial import RadialSeries
 
 _MIN_DISTANCE: Final = 16.0
@@ -107,10 +107,7 @@ class DifferenceTable:
         along, across = _averages(self._weights, len(i)) @ along, _averages(self._weights, len(j)) @ across
         hx, hy = self.spacing
         coarse = hx * hy * _sampled(hx * coarse_i, hy * coarse_j, series, count)
-        tables = np.empty((count, len(i), len(j)))
-        for table, one in zip(tables, coarse, strict=True):
-            table[:] = along @ (across @ one.T).T
-        return tables
+        return _multiplied(along, _multiplied(across, coarse.swapaxes(1, 2)).swapaxes(1, 2))
 
     @cached_property
     def _near(self) -> Array:
@@ -126,14 +123,15 @@ class DifferenceTable:
 
 
 def compiled(series: RadialSeries, numbers: Sequence[int]) -> Series:
-    """Return a series of some entries, numbered from zero, as `add_series` takes it."""
+    """Return a series of some entries, numbered from zero, as `sum_degrees` takes it."""
     terms, position = series.terms, {number: index for index, number in enumerate(numbers)}
     chosen = np.array([index for index, entry in enumerate(terms.entries) if int(entry) in position], np.int64)
     chosen = chosen[np.argsort(terms.harmonics[chosen], kind="stable")]
-    coefficients = np.ascontiguousarray(series.coefficients[:, chosen])
     negligible = 1e-3 * max(series.error, np.finfo(float).eps * float(np.abs(series.coefficients).max(initial=0.0)))
-    reversed_nonzero = np.abs(coefficients[:, :, ::-1]) > negligible
-    counts = np.where(reversed_nonzero.any(axis=2), coefficients.shape[2] - reversed_nonzero.argmax(axis=2), 0)
+    coefficients = np.ascontiguousarray(series.coefficients[:, chosen].swapaxes(1, 2))
+    largest_from_here_on = np.maximum.accumulate(np.abs(coefficients[:, ::-1]), axis=1)[:, ::-1]
+    coefficients[largest_from_here_on <= negligible] = 0.0
+    counts = np.where(coefficients, np.arange(1, len(chosen) + 1), 0).max(axis=2, initial=0)
     entries = np.array([position[int(entry)] for entry in terms.entries[chosen]], np.int64)
     return series.edges, coefficients, counts, entries, terms.harmonics[chosen], terms.sines[chosen]
 
@@ -143,6 +141,14 @@ def _sampled(x: Array, y: Array, series: Series, count: int) -> Array:
     samples = np.empty((count, len(x), len(y)))
     share_out(partial(_fill_samples, x, y, series, samples), len(x))
     return samples
+
+
+def _multiplied(matrix: scipy.sparse.csr_array, values: Array) -> Array:
+    """Return the products (count, n, width) of a matrix (n, m) with values (count, m, width)."""
+    count, _, width = values.shape
+    products = np.empty((count, matrix.shape[0], width))
+    share_out(partial(_fill_products, matrix, np.ascontiguousarray(values), products), matrix.shape[0])
+    return products
 
 
 def _with_margin(positions: Indices) -> Indices:
@@ -178,7 +184,11 @@ def _interpolation(positions: Indices) -> tuple[Indices, scipy.sparse.csr_array]
 
 
 def _fill_samples(x: Array, y: Array, series: Series, out: Array, first: int, last: int) -> None:
-    fill_samples(first, last, x, y, series, out)
+    fill_samples(first, last, x, y, int(np.flatnonzero(y == 0.0)[0]), series, out)
+
+
+def _fill_products(matrix: scipy.sparse.csr_array, values: Array, out: Array, first: int, last: int) -> None:
+    fill_products(first, last, matrix.indptr, matrix.indices, matrix.data, values, out)
 
 
 def _fill_cells(

@@ -85,14 +85,15 @@ class PlaneSymmetry:
         quarters, mirrors = 4 if is_symmetry(_QUARTER) else 1, 2 if is_symmetry(_MIRROR) else 1
         return cls(quarters == 4 and is_symmetry(_rotation(1.0)), quarters, mirrors, body.fields.size)
 
-    def directions(self, count: int) -> Directions:
-        """Return equally spaced directions, an even number of them.
+    def directions(self, count: int, is_between: bool = False) -> Directions:
+        """Return equally spaced directions, an even number of them, from e1 on, or those in the middle between them.
 
         The compliance of opposite directions is conjugate; symmetries transform it like the directions.
         """
-        size = self.n_fields
+        size, start = self.n_fields, 0.5 if is_between else 0.0
         if self.is_axisymmetric:
-            rotations = [_extended(_rotation(angle), size) for angle in np.pi * np.arange(count) / count]
+            angles = np.pi * (np.arange(count) + start) / count
+            rotations = [_extended(_rotation(angle), size) for angle in angles]
             return Directions(np.zeros(1), np.zeros(count, np.int64), np.array(rotations), np.zeros(count, bool))
         sources, transforms = np.full(2 * count, -1), np.empty((2 * count, size, size))
         is_conjugate, chosen = np.zeros(2 * count, bool), list[int]()
@@ -100,20 +101,22 @@ class PlaneSymmetry:
             if sources[number] >= 0:
                 continue
             for quarter, mirror, half in np.ndindex(self.quarters, self.mirrors, 2):
-                image = ((-number if mirror else number) + quarter * count // 2 + half * count) % (2 * count)
+                mirrored = -number - is_between if mirror else number
+                image = (mirrored + quarter * count // 2 + half * count) % (2 * count)
                 if sources[image] < 0:
                     transform = np.linalg.matrix_power(_QUARTER, quarter) @ np.linalg.matrix_power(_MIRROR, mirror)
                     sources[image], transforms[image] = len(chosen), _extended(transform, size)
                     is_conjugate[image] = half == 1
             chosen.append(number)
-        return Directions(np.pi * np.array(chosen) / count, sources[:count], transforms[:count], is_conjugate[:count])
+        angles = np.pi * (np.array(chosen) + start) / count
+        return Directions(angles, sources[:count], transforms[:count], is_conjugate[:count])
 
 
 def _transformed(stiffness: Array, transform: Array) -> Array:
     """Return a stiffness whose axes are transformed by an orthogonal matrix (3, 3)."""
     extended = _extended(transform, stiffness.shape[1])
-    rows = np.einsum("ai,BJ,iJKm->aBKm", transform, extended, stiffness, optimize=True)
-    return np.asarray(np.einsum("CK,dm,aBKm->aBCd", extended, transform, rows, optimize=True))
+    fields = extended @ np.moveaxis(stiffness, 3, 1) @ extended.T
+    return np.asarray(np.einsum("ai,dm,imBC->aBCd", transform, transform, fields))
 
 
 def _in_frame(moduli: Array, frame: Array) -> Array:

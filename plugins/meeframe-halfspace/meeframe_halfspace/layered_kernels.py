@@ -11,42 +11,74 @@ MAX_DIVISIONS = 60
 
 
 @njit(cache=True, nogil=True)
-def add_series(r, c, s, factor, series, values):
-    """Add factor * series at radius r and the angle with cos c and sin s to values (entries,).
+def sum_degrees(r, series, radial):
+    """Set radial (t,) to the coefficients of all terms at radius r.
 
-    series: edges (p + 1,), coefficients (p, t, n), counts (p, t) of nonzero ones; entries, harmonics, sines, (t,) each
-    and sorted by harmonics.
+    series: edges (p + 1,), coefficients (p, n, t), numbers of the terms (p, n) up to the last one with a nonzero
+    coefficient of a degree; entries, harmonics, sines, (t,) each and sorted by harmonics.
     """
-    edges, coefficients, counts, entries, harmonics, sines = series
+    edges, coefficients, counts = series[:3]
+    radial[:] = 0.0
     if r > edges[-1]:
         return
     panel = min(np.searchsorted(edges, r, side="right"), len(edges) - 1) - 1
     x = (2.0 * r - edges[panel] - edges[panel + 1]) / (edges[panel + 1] - edges[panel])
-    cn, sn, n = 1.0, 0.0, 0
-    for t in range(len(entries)):
-        count = counts[panel, t]
-        if count == 0:
-            continue
-        while n < harmonics[t]:
-            cn, sn, n = cn * c - sn * s, sn * c + cn * s, n + 1
-        b1, b2 = 0.0, 0.0
-        for degree in range(count - 1, 0, -1):
-            b1, b2 = 2.0 * x * b1 - b2 + coefficients[panel, t, degree], b1
-        value = x * b1 - b2 + coefficients[panel, t, 0]
-        values[entries[t]] += factor * value * (sn if sines[t] else cn)
+    before, polynomial = x, 1.0
+    for degree in range(coefficients.shape[1]):
+        row = coefficients[panel, degree]
+        for t in range(counts[panel, degree]):
+            radial[t] += polynomial * row[t]
+        before, polynomial = polynomial, (2.0 if degree else 1.0) * x * polynomial - (before if degree else 0.0)
 
 
 @njit(cache=True, nogil=True)
-def fill_samples(first, last, x, y, series, out):
-    """Set out[:, i, j], (entries, nx, ny), to a series at offsets x[i], y[j] for rows first..last - 1."""
-    values = np.empty(len(out))
+def add_terms(c, s, factor, series, radial, values):
+    """Add factor * terms at the angle with cos c and sin s to values (2, entries): of cosines and of sines."""
+    entries, harmonics, sines = series[3:]
+    cn, sn, n = 1.0, 0.0, 0
+    for t in range(len(entries)):
+        while n < harmonics[t]:
+            cn, sn, n = cn * c - sn * s, sn * c + cn * s, n + 1
+        values[sines[t], entries[t]] += factor * radial[t] * (sn if sines[t] else cn)
+
+
+@njit(cache=True, nogil=True)
+def fill_samples(first, last, x, y, middle, series, out):
+    """Set out[:, i, j], (entries, nx, ny), to a series at offsets x[i], y[j] for rows first..last - 1.
+
+    middle: index of zero in y, whose values are opposite on both sides of it, as far as there are any.
+    """
+    radial, values = np.empty(len(series[3])), np.empty((2, len(out)))
     for i in range(first, last):
         for j in range(len(y)):
+            mirror = 2 * middle - j
+            if middle < mirror < len(y):
+                continue
             r = np.sqrt(x[i] * x[i] + y[j] * y[j])
             c, s = (x[i] / r, y[j] / r) if r > 0.0 else (1.0, 0.0)
             values[:] = 0.0
-            add_series(r, c, s, 1.0, series, values)
-            out[:, i, j] = values
+            sum_degrees(r, series, radial)
+            add_terms(c, s, 1.0, series, radial, values)
+            for entry in range(len(out)):
+                out[entry, i, j] = values[0, entry] + values[1, entry]
+                if 0 <= mirror < middle:
+                    out[entry, i, mirror] = values[0, entry] - values[1, entry]
+
+
+@njit(cache=True, nogil=True)
+def fill_products(first, last, starts, columns, weights, values, out):
+    """Set rows first..last - 1 of out, (count, n, width), to those of a sparse matrix times values (count, m, width).
+
+    starts (n + 1,), columns, weights: the matrix by rows. scipy takes several times as long.
+    """
+    for number in range(len(out)):
+        for i in range(first, last):
+            target = out[number, i]
+            target[:] = 0.0
+            for index in range(starts[i], starts[i + 1]):
+                weight, source = weights[index], values[number, columns[index]]
+                for j in range(len(target)):
+                    target[j] += weight * source[j]
 
 
 @njit(cache=True, nogil=True)
@@ -55,7 +87,7 @@ def fill_waves(first, last, along, across, window_x, window_y, nx, ny, series, e
 
     As `fill_symbol`: the highest wave number of an even count stands for both signs.
     """
-    values = np.empty(entry + 1)
+    radial, values = np.empty(len(series[3])), np.empty((2, entry + 1))
     for i in range(first, last):
         for j in range(len(across)):
             q = np.sqrt(along[i] * along[i] + across[j] * across[j])
@@ -63,20 +95,21 @@ def fill_waves(first, last, along, across, window_x, window_y, nx, ny, series, e
                 continue
             c, s = along[i] / q, across[j] / q
             both_x, both_y = 2 * i == nx, 2 * j == ny
-            values[entry] = 0.0
-            add_series(q, c, s, 1.0, series, values)
+            values[:] = 0.0
+            sum_degrees(q, series, radial)
+            add_terms(c, s, 1.0, series, radial, values)
             if both_x:
-                add_series(q, -c, s, 1.0, series, values)
+                add_terms(-c, s, 1.0, series, radial, values)
             if both_y:
-                add_series(q, c, -s, 1.0, series, values)
+                add_terms(c, -s, 1.0, series, radial, values)
             if both_x and both_y:
-                add_series(q, -c, -s, 1.0, series, values)
+                add_terms(-c, -s, 1.0, series, radial, values)
             share = (0.5 if both_x else 1.0) * (0.5 if both_y else 1.0)
-            symbol[i, j] += values[entry] * share * window_x[i] * window_y[j] / q
+            symbol[i, j] += (values[0, entry] + values[1, entry]) * share * window_x[i] * window_y[j] / q
 
 
 @njit(cache=True, nogil=True)
-def _add_piece(x0, x1, y0, y1, weight, width, height, series, rules, values):
+def _add_piece(x0, x1, y0, y1, weight, width, height, series, rules, radial, values):
     """Add the integral over the rectangle of offsets times (w0 + w1 x)(w2 + w3 y), divided until it is accurate.
 
     width: sides of the rectangle are at most this part of the distance from the singularities of the series, which lie
@@ -110,13 +143,14 @@ def _add_piece(x0, x1, y0, y1, weight, width, height, series, rules, values):
                 c, s = (x / r, y / r) if r > 0.0 else (1.0, 0.0)
                 density = (weight[0] + weight[1] * x) * (weight[2] + weight[3] * y)
                 factor = half_x * half_y * rules[n - 1, 1, i] * rules[n - 1, 1, j] * density
-                add_series(r, c, s, factor, series, values)
+                sum_degrees(r, series, radial)
+                add_terms(c, s, factor, series, radial, values)
 
 
 @njit(cache=True, nogil=True)
 def fill_cells(first, last, spacing, pieces_x, pieces_y, width, height, series, rules, out):
     """Set out[:, i, j] to the integral of a series over the density around a node, as `fill_rows` does for K."""
-    values = np.empty(len(out))
+    radial, values = np.empty(len(series[3])), np.empty((2, len(out)))
     weight = np.empty(4)
     middle = (out.shape[2] - 1) // 2
     for i in range(first, last):
@@ -138,6 +172,7 @@ def fill_cells(first, last, spacing, pieces_x, pieces_y, width, height, series, 
                         height,
                         series,
                         rules,
+                        radial,
                         values,
                     )
-            out[:, i, j] = values
+            out[:, i, j] = values[0] + values[1]

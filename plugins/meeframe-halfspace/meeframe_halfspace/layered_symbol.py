@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.plugin import N_FIELDS, THERMAL_FIELD, Array, Body, Indices, MaterialError, SurfaceSymbol
+from meeframe.plugin import N_FIELDS, THERMAL_FIELD, Array, Body, Indices, MaterialError, Medium, SurfaceSymbol
 from meeframe_halfspace.directions import Directions, PlaneSymmetry
 from meeframe_halfspace.entries import EntryLayout, entry_layout
 from meeframe_halfspace.radial import RadialSeries, Terms, interpolate, no_series, panel_points
@@ -22,11 +22,11 @@ NEGLIGIBLE: Final = 1e-12
 """Terms this small relative to the largest one are zero, as round-off of what symmetry forbids."""
 GROWTH: Final = 2.0
 """Ratio of the ends of panels before they are halved."""
-_FIRST_ANGLES, _MAX_ANGLES, _MEAN_ANGLES = 8, 256, 128
+_FIRST_ANGLES, _MAX_ANGLES, _MEAN_ANGLES = 16, 256, 128
 _LONG_WAVES: Final = (1e-6, 1e-7)
 """Wave numbers times the thickness of all layers, of waves that see the material below them alone."""
 _SAMPLES: Final = 10
-_MAX_WAVE: Final = 1e6
+_FIRST_EDGE, _MAX_WAVE = 0.125, 1e6
 _NARROWEST: Final = 1e-9
 Complex = NDArray[np.complex128]
 
@@ -60,8 +60,7 @@ class LayeredResponse:
     @classmethod
     def of(cls, body: Body, frame: Array) -> "LayeredResponse":
         """Return the response of a body with layers. Raises MaterialError if a series does not converge."""
-        layers = body.layers.layers
-        stiffness = layers[0].material.stiffness if layers else body.stiffness
+        stiffness = _top_stiffness(body)
         top, difference = PointResponse.of(stiffness, frame), difference_series(Sampling(body, frame))
         if not body.expands:
             return cls(top, difference, body, frame)
@@ -90,13 +89,13 @@ class LayeredResponse:
     def decay(self) -> float:
         """Slowest decay of waves in the top layer, per k z: the difference decays at least twice as fast."""
         angles = np.pi * np.arange(_FIRST_ANGLES) / _FIRST_ANGLES
-        return float(surface_symbol(self.body, self.frame, angles).slowest_decays[0])
+        return Medium.of(_top_stiffness(self.body), self.frame, angles).slowest_decay
 
     @cached_property
     def heat_decay(self) -> float:
         """Slowest decay of waves of heat in the top layer, per k z."""
         angles = np.pi * np.arange(_FIRST_ANGLES) / _FIRST_ANGLES
-        return float(Sampling(self.body, self.frame, is_heat=True).symbol(angles).slowest_decays[0])
+        return Sampling(self.body, self.frame, is_heat=True).symbol(angles).media[0].slowest_decay
 
     @property
     def layout(self) -> EntryLayout:
@@ -198,6 +197,12 @@ def undetermined_levels(body: Body, frame: Array) -> Indices:
 def surface_symbol(body: Body, frame: Array, angles: Array) -> SurfaceSymbol:
     """Return the symbol of a body for waves at some angles, without the action of heat on other fields."""
     return SurfaceSymbol.of(body.stiffness, body.layers, frame, angles, body.fields)
+
+
+def _top_stiffness(body: Body) -> Array:
+    """Return the stiffness of the material at the surface."""
+    layers = body.layers.layers
+    return layers[0].material.stiffness if layers else body.stiffness
 
 
 def _depth(body: Body) -> float:
@@ -304,15 +309,24 @@ def _highest_harmonic(sampling: Sampling, depth: float) -> tuple[int, float]:
     k, count, layers = np.geomspace(1e-3, 3.0, _SAMPLES) / depth, _FIRST_ANGLES, sampling.body.layers.layers
     if layers:
         k = np.append(k, 0.5 / layers[0].thickness)
-    while count <= _MAX_ANGLES:
-        directions = sampling.symmetry.directions(count)
+
+    def sampled(is_between: bool) -> tuple[Complex, float]:
+        directions = sampling.symmetry.directions(count, is_between)
         symbol = sampling.symbol(directions.angles)
-        waves = np.concatenate([part := sampling.difference(symbol, directions, k), part.conj()], axis=1)
-        scale = max(float(np.abs(waves).max()), MIN_DIFFERENCE * sampling.top(symbol))
-        sizes = np.abs(np.fft.fft(waves, axis=1)).max(axis=(0, 2, 3))[: count + 1] / (2 * count)
+        return sampling.difference(symbol, directions, k), sampling.top(symbol)
+
+    waves, top = sampled(False)
+    while True:
+        circle = np.concatenate([waves, waves.conj()], axis=1)
+        scale = max(float(np.abs(waves).max()), MIN_DIFFERENCE * top)
+        sizes = np.abs(np.fft.fft(circle, axis=1)).max(axis=(0, 2, 3))[: count + 1] / (2 * count)
         highest = int(np.flatnonzero(sizes > TOLERANCE * scale).max(initial=0))
-        if highest <= count // 2:
+        if highest <= 3 * count // 4:
             return highest, scale
+        if count == _MAX_ANGLES:
+            break
+        between, other_top = sampled(True)
+        waves, top = np.stack([waves, between], axis=2).reshape(len(k), -1, *waves.shape[2:]), max(top, other_top)
         count *= 2
     raise MaterialError(
         f"the response of the layers needs more than {_MAX_ANGLES} directions: a material is nearly inadmissible"
@@ -321,8 +335,8 @@ def _highest_harmonic(sampling: Sampling, depth: float) -> tuple[int, float]:
 
 def _edges(sampling: Sampling, symbol: SurfaceSymbol, directions: Directions, depth: float, negligible: float) -> Array:
     """Return ends of panels from zero to where the difference is negligible."""
-    count = int(np.log(_MAX_WAVE) / np.log(GROWTH))
-    edges = np.concatenate([[0.0], 0.25 / depth * GROWTH ** np.arange(count)])
+    count = int(np.log(_MAX_WAVE / _FIRST_EDGE) / np.log(GROWTH))
+    edges = np.concatenate([[0.0], _FIRST_EDGE / depth * GROWTH ** np.arange(count)])
     sizes = np.abs(sampling.difference(symbol, directions, edges[1:])).max(axis=(1, 2, 3))
     return edges[: int(np.flatnonzero(sizes > negligible).max(initial=-2)) + 3]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.difference import point_difference
+from meeframe_halfspace.directions import PlaneSymmetry
 from meeframe_halfspace.layered_symbol import LayeredResponse, surface_symbol
 
 import meeframe
@@ -80,6 +81,23 @@ def test_difference_in_space_is_the_double_integral_over_waves(layers):
         np.add.at(values, terms.entries, of_terms * turns)
         np.testing.assert_allclose(response.layout.matrix(values), expected, rtol=0.0, atol=3e-9 * largest)
     assert computed.error < 1e-7 * largest
+
+
+@pytest.mark.parametrize("is_between", [False, True])
+@pytest.mark.parametrize(
+    ("film", "counts"),
+    [("pzt-4", (1, 1)), ("silicon", (3, 2)), ("orthotropic-mee", (5, 4)), ("triclinic", (8, 8))],
+    ids=["axisymmetric", "cubic", "orthotropic", "triclinic"],
+)
+def test_symmetric_directions_stand_for_all(film, counts, is_between):
+    """Compare the compliance in all directions with that transformed from those that symmetries leave."""
+    material = rotated("pzt-4", 0.7) if film == "triclinic" else library_material(film)
+    one = body(LayerStack((Layer(material, UM),)), library_material("batio3"))
+    directions, k = PlaneSymmetry.of(one, np.eye(3)).directions(8, is_between), np.array([0.3, 2.0]) / UM
+    assert len(directions.angles) == counts[is_between]
+    expected = surface_symbol(one, np.eye(3), np.pi * (np.arange(8) + 0.5 * is_between) / 8).evaluate(k)
+    computed = directions.expand(surface_symbol(one, np.eye(3), directions.angles).evaluate(k))
+    np.testing.assert_allclose(computed, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("periodic", [False, True])

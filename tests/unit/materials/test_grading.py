@@ -53,6 +53,21 @@ def test_power_law_grading(exponent):
     assert np.log2(normal[1] / normal[0]) == pytest.approx(exponent, abs=0.03)
 
 
+@pytest.mark.parametrize("exponent", [0.3, 0.8])
+def test_power_laws_converge_with_the_square_of_the_number(exponent):
+    """Sublayers on the body itself, where the constants are those of the layer without grading."""
+    grading = Grading("power", exponent=exponent)
+    y = []
+    for count in (16, 32, 64):
+        layers = LayerStack(grading._divided(PZT, H, Interface(), count))
+        symbol = SurfaceSymbol.of(PZT.stiffness, layers, np.eye(3), np.array([0.9]))
+        y.append(symbol.evaluate(np.array([0.3, 3.0]) / H) * np.outer(symbol.factors, symbol.factors))
+    scale = np.outer(PZT.scaling.factors, PZT.scaling.factors)
+    first, second = (np.abs((one - other) / scale).max() for one, other in zip(y, y[1:], strict=False))
+    assert first > 3.5 * second
+    assert second < 2e-3 * np.abs(y[-1] / scale).max()
+
+
 def test_table_and_mixture():
     """A mixture of a material with itself changes nothing; a straight profile is that of the power one."""
     barium, cobalt = library_material("batio3"), library_material("cofe2o4")
@@ -108,6 +123,11 @@ def test_graded_case():
 def test_messages(keys, message):
     with pytest.raises(CaseError, match=message):
         Grading(**keys)
+
+
+def test_infinite_compliance():
+    with pytest.raises(CaseError, match=r"exponent = 1: the compliance of the upper side is infinite; allowed: numbers b"):
+        Grading("power", exponent=1.0).sublayers(PZT, H, Interface())
 
 
 @pytest.mark.full

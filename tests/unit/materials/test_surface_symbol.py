@@ -8,7 +8,7 @@ import pytest
 from meeframe.fields import MEE, FieldScaling
 from meeframe.material import Material, library_material, rotation_about
 from meeframe.material.layers import Interface, Layer, LayerStack, RigidBase
-from meeframe.material.medium import exponential
+from meeframe.material.medium import exponential, exponentials
 from meeframe.material.surface_symbol import SurfaceSymbol
 from meeframe.testing.closed_forms_layers import collocated_compliance, isotropic_layer_compliance
 
@@ -229,6 +229,15 @@ def test_exponential():
         computed = exponential((vectors * (scale * values)) @ np.linalg.inv(vectors))
         expected = (vectors * np.exp(scale * values)) @ np.linalg.inv(vectors)
         np.testing.assert_allclose(computed, expected, rtol=0.0, atol=1e-12 * np.linalg.cond(vectors))
+
+
+def test_exponentials_of_multiples():
+    """Compare factors with ratios that are powers of two, and others, with one exponential each."""
+    generator = np.random.default_rng(4)
+    matrices = -np.eye(5) + 0.4 * (generator.normal(size=(3, 5, 5)) + 1j * generator.normal(size=(3, 5, 5)))
+    factors = np.array([1e-3, 0.3, 0.6, 4.8, 0.25, 1.0, 0.7])
+    expected = exponential(factors[:, None, None, None] * matrices)
+    np.testing.assert_allclose(exponentials(matrices, factors), expected, rtol=0.0, atol=1e-13)
 
 
 def test_rotated_frame():
