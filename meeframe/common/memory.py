@@ -12,7 +12,7 @@ from typing import Final
 
 MAX_RETAINED_BYTES: Final = 2**30
 """Number of free bytes at the end of the heap that stay with the process."""
-MIN_MAPPED_BYTES: Final = 2**25
+MIN_MAPPED_BYTES: Final = 2**22
 """Size in bytes from which an array is mapped separately and returned when freed; the upper limit of the library."""
 MIN_RELEASED_NODES: Final = 2**20
 """Number of nodes from which free memory is returned between the stages of a run: 30 to 60 bytes per node."""

@@ -181,6 +181,11 @@ def _coarse_solution(problem: ContactProblem, scales: Scales) -> Iterate:
 
 def _take_step(memory: _Memory) -> _Memory:
     """Return the state after one step along a conjugate direction, whose product may be in single precision."""
+    return _renew(_advance(memory), where_due=True)
+
+
+def _advance(memory: _Memory) -> _Memory:
+    """Return the state after a step, with the round-off that has accumulated."""
     memory = _conjugate(memory)
     free, modes, direction = memory.free, memory.active_modes, memory.direction
     opening = _change_of_gap(memory, direction)
@@ -188,7 +193,7 @@ def _take_step(memory: _Memory) -> _Memory:
     weighted = memory.weight[free] * direction
     curvature = float(weighted @ modes.remove_resultants(opening[free]))
     if curvature <= 0.0:
-        return _renew(memory)
+        return replace(memory, age=MAX_STEPS_BETWEEN_RENEWALS)
     length = float(weighted @ memory.residual) / curvature
     before = -memory.load[free, NORMAL]
     values = trial = before - length * direction
@@ -201,9 +206,7 @@ def _take_step(memory: _Memory) -> _Memory:
         if np.linalg.norm(values - trial) > MAX_CUT * np.linalg.norm(length * direction):
             memory = replace(memory, product=0.0)
     memory = replace(memory, load=_load(memory.problem, values, free), age=memory.age + 1)
-    memory = _bring_to_rest(memory, memory.gap + opening)
-    is_inexact = memory.estimate <= RENEWAL_DECREASE * memory.renewed
-    return _renew(memory) if is_inexact or memory.age >= MAX_STEPS_BETWEEN_RENEWALS else memory
+    return _bring_to_rest(memory, memory.gap + opening)
 
 
 def _conjugate(memory: _Memory) -> _Memory:
@@ -252,13 +255,17 @@ def _restrict_inverse(memory: _Memory, free: Indices) -> Callable[[Array], Array
     return restricted
 
 
-def _renew(memory: _Memory) -> _Memory:
+def _renew(memory: _Memory, where_due: bool = False) -> _Memory:
     """Return the state at its pressure, balanced again, without accumulated round-off of the gap."""
+    is_due = memory.estimate <= RENEWAL_DECREASE * memory.renewed or memory.age >= MAX_STEPS_BETWEEN_RENEWALS
+    if where_due and not is_due:
+        return memory
+    memory = replace(memory, age=0, gap=np.zeros(0))  # the former gap takes memory
     if memory.modes.numbers.size:
         free = np.flatnonzero(memory.load[:, NORMAL] < 0.0)
         balanced = memory.modes.restrict(free).balance(-memory.load[free, NORMAL])
         memory = replace(memory, load=_load(memory.problem, balanced, free))
-    memory = _bring_to_rest(replace(memory, age=0), _gap(memory.problem, memory.load[:, NORMAL], memory.motion))
+    memory = _bring_to_rest(memory, _gap(memory.problem, memory.load[:, NORMAL], memory.motion))
     return replace(memory, renewed=memory.estimate)
 
 
