@@ -397,7 +397,7 @@ def regions(increment: Increment, solution: ContactSolution, slip: Array, touche
     resolution = (
         max(_MAX_STICK_SLIP, _MAX_STICK_SLIP_RATIO * solution.residual) * scales.pressure * scales.normal_compliance
     )
-    region = np.where(touches, np.int64(Region.SLIP), np.int64(Region.OPEN))
+    region = np.where(touches, np.int8(Region.SLIP), np.int8(Region.OPEN))
     if increment.problem.contact_law.tangential_scaling().any():
         region[touches & ~(np.linalg.norm(slip, axis=1) > resolution)] = Region.STICK
     return region

@@ -191,9 +191,10 @@ def solve_steps(
             check_same_body(case.restart, system)
         here, controls = beginning(kinematics)
     if case.restart is None:
-        onsets = ContactOnsets.of(kinematics.touching_gap, np.zeros(len(system.points), bool))
+        onsets = ContactOnsets.of(lambda: kinematics.touching_gap, np.zeros(len(system.points), bool))
     else:
-        onsets = ContactOnsets.of(case.restart.step.gap, case.restart.step.touching)
+        earlier = case.restart.step
+        onsets = ContactOnsets.of(lambda: earlier.gap, earlier.touching)
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before, last = here, controls, None

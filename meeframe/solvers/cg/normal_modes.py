@@ -88,7 +88,10 @@ class NormalModes:
 
     def restrict(self, free: Indices) -> "NormalModes":
         """Return the modes of all nodes restricted to the free ones (f,)."""
-        mode, measure = (np.take(values, free, axis=1) for values in (self.mode, self.measure))
+        mode, measure = (
+            np.take(values, free, axis=1) if values.strides[1] else np.broadcast_to(values[:, :1], (len(values), free.size))
+            for values in (self.mode, self.measure)
+        )
         return NormalModes(self.problem, self.numbers, mode, measure, free)
 
     def balance_amounts(self, values: Array) -> Array:

@@ -181,11 +181,11 @@ def _coarse_solution(problem: ContactProblem, scales: Scales) -> Iterate:
 
 def _take_step(memory: _Memory) -> _Memory:
     """Return the state after one step along a conjugate direction, whose product may be in single precision."""
-    return _renew(_advance(memory), where_due=True)
+    return _renew(_bring_to_rest(*_advance(memory)), where_due=True)
 
 
-def _advance(memory: _Memory) -> _Memory:
-    """Return the state after a step, with the round-off that has accumulated."""
+def _advance(memory: _Memory) -> tuple[_Memory, Array]:
+    """Return the state with the load after a step, and the gap there while the indenter stays where it is."""
     memory = _conjugate(memory)
     free, modes, direction = memory.free, memory.active_modes, memory.direction
     opening = _change_of_gap(memory, direction)
@@ -193,7 +193,7 @@ def _advance(memory: _Memory) -> _Memory:
     weighted = memory.weight[free] * direction
     curvature = float(weighted @ modes.remove_resultants(opening[free]))
     if curvature <= 0.0:
-        return replace(memory, age=MAX_STEPS_BETWEEN_RENEWALS)
+        return replace(memory, age=MAX_STEPS_BETWEEN_RENEWALS), memory.gap.copy()
     length = float(weighted @ memory.residual) / curvature
     before = -memory.load[free, NORMAL]
     values = trial = before - length * direction
@@ -205,8 +205,7 @@ def _advance(memory: _Memory) -> _Memory:
         # later directions are not conjugate to a step of which the projection has left little
         if np.linalg.norm(values - trial) > MAX_CUT * np.linalg.norm(length * direction):
             memory = replace(memory, product=0.0)
-    memory = replace(memory, load=_load(memory.problem, values, free), age=memory.age + 1)
-    return _bring_to_rest(memory, memory.gap + opening)
+    return replace(memory, load=_load(memory.problem, values, free), age=memory.age + 1), memory.gap + opening
 
 
 def _conjugate(memory: _Memory) -> _Memory:
