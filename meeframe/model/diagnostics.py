@@ -204,9 +204,9 @@ class ContactOnsets:
     number: Indices
 
     @classmethod
-    def of(cls, gap: Callable[[], Array], touching: NDArray[np.bool_]) -> "ContactOnsets":
-        """Return the onsets at the beginning of a load step."""
-        return cls(gap, touching, np.zeros(len(touching), np.int32))
+    def of(cls, gap: Callable[[], Array], touching: NDArray[np.bool_], increments: int) -> "ContactOnsets":
+        """Return the onsets at the beginning of a load step of that many increments."""
+        return cls(gap, touching, np.zeros(len(touching), np.min_scalar_type(increments)))
 
     def after(self, step: StepResult) -> "ContactOnsets":
         """Return the onsets after another increment; the same ones if it did not converge.
