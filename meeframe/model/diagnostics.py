@@ -195,8 +195,9 @@ def limit_jumps(law: ContactLaw, traction: Array) -> bool:
 class ContactOnsets:
     """Increments of a load step in which the nodes came into contact.
 
-    gap: returns the gap (n,) in the last converged state [m]; touching: (n,) nodes in contact there; number: (n,) of the increment of
-    their onset, from 1, or 0 for nodes that were in contact before the load step or are not in contact.
+    gap: returns the gap (n,) in the last converged state [m]; touching: (n,) nodes in contact there; number: (n,) of
+    the increment of their onset, from 1, or 0 for nodes that were in contact before the load step or are not in
+    contact.
     """
 
     gap: Callable[[], Array]

@@ -301,8 +301,8 @@ class IndenterKinematics:
         start, motion = increment.start, increment.base.copy()
         motion[increment.free] += state.motion
         total_slip = start.total_slip + slip if start.total_slip.any() else slip
-        path = np.zeros(len(touches))  # zeros are never written
-        np.copyto(path, start.slip_path, where=start.slip_path != 0.0)
+        path = np.zeros(len(touches))
+        np.copyto(path, start.slip_path, where=start.slip_path != 0.0)  # pages of zeros take no memory
         path[touches] += path_length(increment, slip[touches])
         return replace(
             start,

@@ -27,7 +27,7 @@ CACHE_LINE: Final = 8
 """Numbers in a line of the cache: blocks have a multiple of it of rows or columns."""
 MIN_SHARED_BYTES: Final = 2**22
 """Bytes of all spectra of a product above which threads share it, as measured in docs/explanation/halfspace.md."""
-MAX_WORKSPACE: Final = 2**27
+MAX_WORKSPACE: Final = 2**25
 """Largest number of bytes that a thread reserves between products for each purpose: see _workspace."""
 _WORKSPACES: Final = threading.local()
 _MAKING: Final = threading.RLock()
