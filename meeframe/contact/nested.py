@@ -7,7 +7,6 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.conduction import depends_on_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant, columns_of
 from meeframe.fields import N_MECHANICAL, Array, Indices
@@ -32,7 +31,6 @@ class Coarse:
     coarsening: Coarsening
 
 
-@memoize_by_identity
 def coarse_problem(problem: ContactProblem) -> Coarse | None:
     """Return the problem on the coarser reduced system; None if there is none.
 

@@ -12,7 +12,7 @@ from meeframe.contact.nested import is_uniform
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS
-from meeframe.laws.base import augmented_traction, contact_traction, fixed_point_map, has_resolvent
+from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map, has_resolvent
 from meeframe.system.capabilities import apply_load
 
 BLOCK_SIZE: Final = 2**14
@@ -137,6 +137,12 @@ def law_violation(problem: ContactProblem, state: ContactState, scales: Scales) 
     return float(np.max([_contact_violation(problem, state, scales), *_flux_violation(problem, state, scales)]))
 
 
+def node_blocks(law: ContactLaw, n: int) -> list[slice]:
+    """Return the blocks in which a law is evaluated at n nodes: one unless it is the same at all nodes."""
+    size = BLOCK_SIZE if is_uniform(law, n) else max(n, 1)
+    return [slice(first, first + size) for first in range(0, n, size)]
+
+
 def _contact_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
     """Return the larger violation of the contact law and of the contact fraction.
 
@@ -145,9 +151,8 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
     law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
     axes = [axis for axis in essential_fields(problem) if axis < N_MECHANICAL]
     position = {axis: indenter_field(problem, axis, state.motion) for axis in axes}
-    size, worst = BLOCK_SIZE if is_uniform(law, n) else max(n, 1), [0.0]
-    for first in range(0, n, size):
-        nodes = slice(first, first + size)
+    worst = [0.0]
+    for nodes in node_blocks(law, n):
         traction, contact_fraction = state.load[nodes, MECHANICAL], state.contact_fraction[nodes]
         gap = np.zeros((3, len(contact_fraction))).T
         for axis in axes:

@@ -183,7 +183,10 @@ def half_space_mesh(
     grid, loops = _top(half, contact, cells, rings, grading or Grading())
     names = BLOCK_GROUPS[:2]
     if isinstance(element, Quad4):
-        points, shape = np.concatenate([grid.reshape(-1, 3), loops.reshape(-1, 3)]), (cells[0] + 1, cells[1] + 1)
+        shape, count = (cells[0] + 1, cells[1] + 1), grid.size // 3
+        points = np.zeros((3, count + loops.size // 3)).T  # heights are never written, and take no memory
+        for axis in range(2):
+            points[:count, axis], points[count:, axis] = grid[..., axis].ravel(), loops[..., axis].ravel()
         return SurfaceMesh(points, GridBlocks(element, points, shape, rings), names, semi_infinite=True)
     return replace(place_nodes(frame_surface(grid, loops, names), element), semi_infinite=True)
 

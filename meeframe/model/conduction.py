@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import ContactProblem, ContactSolution, Status, indenter_field
+from meeframe.contact.residual import node_blocks
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import N_MECHANICAL, Array
 from meeframe.laws.base import GAPS, PRESSURES, ConductivityLaw, contact_traction
@@ -113,12 +114,15 @@ def _wrong_in_state(
     problem: ContactProblem, solution: ContactSolution, law: ConductivityLaw, column: int
 ) -> Iterator[LawEvaluation]:
     """Yield the first invalid conductivity of a law in a finite state, if there is one."""
-    state = solution.state
-    gap, drop = (indenter_field(problem, field, state.motion) - state.displacement[:, field] for field in (2, column))
-    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], gap), 0.0)
-    gap = np.where(traction < 0.0, 0.0, np.maximum(gap, 0.0))
-    mask = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
-    arguments = traction[mask], gap[mask], drop[mask]
-    with np.errstate(all="ignore"):
-        kappa = law.conductivity(*arguments)
-    yield from _evaluations(kappa, *arguments, ~(kappa >= 0.0))
+    state, found = solution.state, list[LawEvaluation]()
+    position = {field: indenter_field(problem, field, state.motion) for field in (2, column)}
+    for nodes in node_blocks(problem.contact_law, len(state.load)):
+        gap, drop = (position[field][nodes] - state.displacement[nodes, field] for field in (2, column))
+        traction = np.minimum(contact_traction(problem.contact_law, state.load[nodes, 2], gap), 0.0)
+        gap = np.where(traction < 0.0, 0.0, np.maximum(gap, 0.0))
+        mask = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
+        arguments = traction[mask], gap[mask], drop[mask]
+        with np.errstate(all="ignore"):
+            kappa = law.conductivity(*arguments)
+        found += _evaluations(kappa, *arguments, ~(kappa >= 0.0))
+    yield from sorted(found, key=lambda answer: -answer.traction)[:1]

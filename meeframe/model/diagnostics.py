@@ -195,18 +195,19 @@ def limit_jumps(law: ContactLaw, traction: Array) -> bool:
 class ContactOnsets:
     """Increments of a load step in which the nodes came into contact.
 
-    gap: (n,) in the last converged state [m]; touching: (n,) nodes in contact there; number: (n,) of the increment of
-    their onset, from 1, or 0 for nodes that were in contact before the load step or are not in contact.
+    gap: returns the gap (n,) in the last converged state [m]; touching: (n,) nodes in contact there; number: (n,) of
+    the increment of their onset, from 1, or 0 for nodes that were in contact before the load step or are not in
+    contact.
     """
 
-    gap: Array
+    gap: Callable[[], Array]
     touching: NDArray[np.bool_]
     number: Indices
 
     @classmethod
-    def of(cls, gap: Array, touching: NDArray[np.bool_]) -> "ContactOnsets":
-        """Return the onsets at the beginning of a load step."""
-        return cls(gap, touching, np.zeros(len(gap), np.int32))
+    def of(cls, gap: Callable[[], Array], touching: NDArray[np.bool_], increments: int) -> "ContactOnsets":
+        """Return the onsets at the beginning of a load step of that many increments."""
+        return cls(gap, touching, np.zeros(len(touching), np.min_scalar_type(increments)))
 
     def after(self, step: StepResult) -> "ContactOnsets":
         """Return the onsets after another increment; the same ones if it did not converge.
@@ -215,9 +216,9 @@ class ContactOnsets:
         """
         if step.status is not Status.CONVERGED:
             return self
-        apart = self.gap > _NEGLIGIBLE_RATIO * np.abs(step.displacement[:, 2]).max()
+        apart = self.gap() > _NEGLIGIBLE_RATIO * np.abs(step.displacement[:, 2]).max()
         number = np.where(self.touching | ~apart, self.number, step.increment)
-        return ContactOnsets(step.gap, step.touching, np.where(step.touching, number, 0))
+        return ContactOnsets(lambda: step.gap, step.touching, np.where(step.touching, number, 0))
 
 
 def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: ContactOnsets) -> Iterator[str]:

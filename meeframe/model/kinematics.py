@@ -300,7 +300,9 @@ class IndenterKinematics:
         """
         start, motion = increment.start, increment.base.copy()
         motion[increment.free] += state.motion
-        path, total_slip = start.slip_path.copy(), start.total_slip + slip if start.total_slip.any() else slip
+        total_slip = start.total_slip + slip if start.total_slip.any() else slip
+        path = np.zeros(len(touches))
+        np.copyto(path, start.slip_path, where=start.slip_path != 0.0)  # pages of zeros take no memory
         path[touches] += path_length(increment, slip[touches])
         return replace(
             start,
@@ -397,7 +399,7 @@ def regions(increment: Increment, solution: ContactSolution, slip: Array, touche
     resolution = (
         max(_MAX_STICK_SLIP, _MAX_STICK_SLIP_RATIO * solution.residual) * scales.pressure * scales.normal_compliance
     )
-    region = np.where(touches, np.int64(Region.SLIP), np.int64(Region.OPEN))
+    region = np.where(touches, np.int8(Region.SLIP), np.int8(Region.OPEN))
     if increment.problem.contact_law.tangential_scaling().any():
         region[touches & ~(np.linalg.norm(slip, axis=1) > resolution)] = Region.STICK
     return region

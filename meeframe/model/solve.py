@@ -191,15 +191,16 @@ def solve_steps(
             check_same_body(case.restart, system)
         here, controls = beginning(kinematics)
     if case.restart is None:
-        onsets = ContactOnsets.of(kinematics.touching_gap, np.zeros(len(system.points), bool))
+        onsets = ContactOnsets.of(lambda: kinematics.touching_gap, np.zeros(len(system.points), bool), 0)
     else:
-        onsets = ContactOnsets.of(case.restart.step.gap, case.restart.step.touching)
+        earlier = case.restart.step
+        onsets = ContactOnsets.of(lambda: earlier.gap, earlier.touching, 0)
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before, last = here, controls, None
         rolling = rolling_increment(kinematics, step)
         prescribed = {**step.prescribed, **(rolling.prescribed(begin, step.increments) if rolling else {})}
-        onsets = ContactOnsets.of(onsets.gap, onsets.touching)
+        onsets = ContactOnsets.of(onsets.gap, onsets.touching, step.increments)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
             controls = ramp(before, begin, prescribed, increment / step.increments)
@@ -220,6 +221,8 @@ def solve_steps(
                 onsets = onsets.after(result)
                 warns = boundary and ends and number == 1
                 result = diagnostics.with_diagnostics(planned, result, onsets if ends else None, warns)
+                del planned  # arrays of which nobody has a use any more
+                release_freed_memory(len(system.points))
             count += 1
             if boundary and ends:
                 clock("boundary fields", 0.0)

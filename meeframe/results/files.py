@@ -62,7 +62,7 @@ _MAX_TRIED_BYTES: Final = 1 << 20
 """Size in bytes above which arrays that hardly shrink are not compressed, which takes longer than all else."""
 _GRID: Final = "grid"
 """Dataset with the numbers of nodes along both axes of a grid, in place of its cells."""
-_CHUNK: Final = 1 << 24
+_CHUNK: Final = 1 << 22
 """Largest size of a chunk in bytes."""
 _ZONE: Final = "zone"
 """Attribute `boundary` of increments whose fields on the whole boundary are those of the contact zone."""

@@ -76,9 +76,8 @@ class NormalModes:
         for k, number in enumerate(numbers):
             work = problem.system.weights * mode[k]
             factor = (measure[k] @ work) / ((work @ work) or 1.0)
-            if np.abs(measure[k] - factor * work).max(initial=0.0) > CONJUGACY_TOLERANCE * np.abs(measure[k]).max(
-                initial=0.0
-            ):
+            deviation, size = (np.abs(values).max(initial=0.0) for values in (measure[k] - factor * work, measure[k]))
+            if deviation > CONJUGACY_TOLERANCE * size:
                 raise CaseError(
                     f"solver 'projected-cg' cannot find free motion {number} of the indenter: its resultant is not the "
                     "force or moment along its motion; allowed: measures whose normal part is weights * mode up to a "
@@ -88,7 +87,8 @@ class NormalModes:
 
     def restrict(self, free: Indices) -> "NormalModes":
         """Return the modes of all nodes restricted to the free ones (f,)."""
-        mode, measure = (np.take(values, free, axis=1) for values in (self.mode, self.measure))
+        both = (self.mode, self.measure)  # views of one number remain so
+        mode, measure = (np.take(v, free, axis=1) if v.strides[1] else v[:, : free.size] for v in both)
         return NormalModes(self.problem, self.numbers, mode, measure, free)
 
     def balance_amounts(self, values: Array) -> Array:
@@ -112,11 +112,8 @@ class NormalModes:
         if self.numbers.size == 0:
             return values
         remainder = values + self.balance_amounts(values) @ self.mode
-        return (
-            remainder
-            if np.linalg.norm(remainder) > RESULTANT_ROUND_OFF * np.linalg.norm(values)
-            else np.zeros_like(remainder)
-        )
+        is_significant = np.linalg.norm(remainder) > RESULTANT_ROUND_OFF * np.linalg.norm(values)
+        return remainder if is_significant else np.zeros_like(remainder)
 
     def bring_to_rest(
         self, traction: Array, gap: Array, motion: Array, guess: "NormalModes"

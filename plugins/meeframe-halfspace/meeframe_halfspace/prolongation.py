@@ -9,10 +9,11 @@ as large.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from meeframe.plugin import Array, Indices
 
@@ -34,23 +35,24 @@ class MultilevelProlongation:
     cells
         Numbers (f,) of the cells of 2 x 2 that contain them.
     inverse_counts
-        For the grid and each coarser level the inverse number of nodes in each cell, (a, b), zero if there are none.
+        For the grid, as bytes, and each coarser level the inverse number of nodes in each cell, (a, b), zero if there
+        are none.
     """
 
     places: Indices
     cells: Indices
-    inverse_counts: tuple[Array, ...]
+    inverse_counts: tuple[NDArray[Any], ...]
 
     @classmethod
     def of(cls, size: tuple[int, int], places: Indices) -> "MultilevelProlongation":
         """Create the prolongation from nodes at these positions (f,) of a grid of this size."""
-        numbers: list[Array] = [np.zeros(size, np.float32)]
-        numbers[0].ravel()[places] = 1.0
+        numbers: list[NDArray[Any]] = [np.zeros(size, np.uint8)]
+        numbers[0].ravel()[places] = 1
         for _ in range(LEVELS):
             numbers.append(_sums(numbers[-1]))
-        inverses = (np.divide(1.0, number, out=np.zeros_like(number), where=number > 0.0) for number in numbers)
+        inverses = [np.divide(1.0, number, out=np.zeros_like(number), where=number > 0.0) for number in numbers[1:]]
         rows, columns = np.divmod(places, size[1])
-        return cls(places, rows // 2 * numbers[1].shape[1] + columns // 2, tuple(inverses))
+        return cls(places, rows // 2 * numbers[1].shape[1] + columns // 2, (numbers[0], *inverses))
 
     def prolong(self, values: Array) -> Array:
         """Return values at all nodes, (a, b), from values (f,) of the nodes with values."""
@@ -82,7 +84,7 @@ def _fraction(level: int) -> float:
     return FINEST_FRACTION if level == 0 else COARSE_FRACTION
 
 
-def _sums(fine: Array) -> Array:
+def _sums(fine: NDArray[Any]) -> Array:
     """Return sums over cells of 2 x 2, (a, b) -> (ceil(a / 2), ceil(b / 2))."""
     coarse = np.zeros((-(-fine.shape[0] // 2), -(-fine.shape[1] // 2)), np.float32)
     add_up(fine, coarse)

@@ -131,6 +131,19 @@ def test_hertz_iterations_nearly_independent_of_grid() -> None:
     assert max(steps) < 1.3 * min(steps) < 26.0
 
 
+@pytest.mark.full
+def test_steps_on_surface_rougher_than_grid_do_not_cycle() -> None:
+    """Every eighth height of 4096 x 4096, with waves down to a spacing: steps that raise the energy would cycle."""
+    n, fine = 512, 4096
+    system = system_of(HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (n - 1, n - 1), ISOTROPIC)
+    rough = SelfAffine(WIDTH, 8 * WIDTH / fine, 0.8, rms_slope=0.1, roll_off=WIDTH / 2, seed=11, samples=fine)
+    heights = rough.surface()[:: fine // n, :: fine // n]
+    problem = contact(system, (heights - heights.min()).ravel(), 0.004 * MODULUS * WIDTH**2)
+    solution = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10))
+    assert solution.status is Status.CONVERGED
+    assert solution.iterations < 30
+
+
 @pytest.mark.parametrize("periodic", [False, True])
 def test_preconditioner_and_nested_grids_do_not_change_solution(periodic: bool) -> None:
     """Rough contact: the pressures are the same without preconditioner and nested grids."""
