@@ -22,10 +22,11 @@ from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
-from meeframe.model.continuation import Solution, solve_by_continuation
-from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
+from meeframe.model.continuation import FINAL, CappedLaw, Solution, solve_by_capped_friction, solve_by_continuation
+from meeframe.model.diagnostics import ContactOnsets, Diagnostics, limit_jumps, with_message
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
+from meeframe.model.lifted_nodes import lifted_node
 from meeframe.model.restart import check_same_body
 from meeframe.model.rolling import RollingIncrement
 from meeframe.model.steady import solve_steady
@@ -55,7 +56,7 @@ from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies, second_displacement
 
-_PART_OF_WINDOW: Final = 16
+_PART_OF_WINDOW: Final = 12
 """Divisor of the stall window of an increment for parts of its load, which converge soon or lead nowhere."""
 _ROUND_OFF: Final = 1e-12
 """Fraction of the expected magnitude of a potential below which it is zero, as on grounded conductors."""
@@ -329,26 +330,53 @@ class _Subincrement:
         )
         limits = self.kinematics.case.limits
 
-        def solve_part(part: float, start: ContactState | None, stall_window: int | None) -> Solution:
-            """Solve under a part of the change of the load; slip counts from its beginning all the same."""
+        def solve_part(
+            part: float, start: ContactState | None, ratio: float = np.inf, stall_window: int | None = None
+        ) -> Solution:
+            """Solve under a part of the change of the load; slip counts from its beginning all the same.
+
+            ratio: largest friction over the pressure, in addition to the law.
+            """
             fraction = (self.numbers[1] - 1 + first + part * share) / step.increments
             controls = ramp(self.controls, self.begin, self.prescribed, fraction)
             planned = self.kinematics.increment(controls, here, duration, self.rolling, sliding)
             start = _start(planned, self.last, here) if start is None else start
+            if ratio < np.inf:
+                law = CappedLaw(planned.problem.contact_law, ratio)
+                planned = replace(planned, problem=replace(planned.problem, contact_law=law))
             bounds = limits if stall_window is None else replace(limits, stall_window=stall_window)
-            return planned, *_solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress)
+            return _solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress)
 
-        solution = solve_part(1.0, None, stall_window)
-        if stall_window is not None or not self._may_continue(solution[2]):
+        if stall_window is not None or not self._may_continue:
+            return solve_part(1.0, None, stall_window=stall_window)
+        solve_briefly = partial(
+            solve_part, stall_window=max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
+        )
+        capped = solve_by_capped_friction(partial(solve_briefly, 1.0)) if self._limit_jumps else None
+        if capped is not None and (capped[2].status in FINAL or lifted_node(capped[0], capped[2]) is not None):
+            return capped
+        solution = solve_part(1.0, None)
+        if solution[2].status in FINAL:
             return solution
-        window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
-        return solve_by_continuation(partial(solve_part, stall_window=window), solution)
+        if capped is not None:
+            return capped
+        # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
+        has_start = solution[2].area_fraction is not None
+        return solution if has_start else solve_by_continuation(solve_briefly, solution)
 
-    def _may_continue(self, result: StepResult) -> bool:
-        """Return whether `auto` may look for another way to a result that it did not reach."""
+    @property
+    def _may_continue(self) -> bool:
+        """Whether `auto` may look for another way to a result that it does not reach."""
         is_steady = self.rolling is not None and self.rolling.is_steady
-        is_auto = isinstance(self.kinematics.case.solver, Auto)
-        return is_auto and not is_steady and result.status not in (Status.CONVERGED, Status.ITERATION_LIMIT)
+        return isinstance(self.kinematics.case.solver, Auto) and not is_steady
+
+    @property
+    def _limit_jumps(self) -> bool:
+        """Whether the friction limit jumps where contact begins, by a law without wear and memory."""
+        case = self.kinematics.case
+        law, sample = case.contact_law, np.ones((len(self.kinematics.system.points), 3))
+        is_simple = case.wear is None and not has_memory(law)
+        return is_simple and limit_jumps(law, sample)
 
 
 def _solve(
@@ -359,8 +387,8 @@ def _solve(
     limits: StoppingCriteria,
     numbers: tuple[int, int],
     progress: Progress,
-) -> tuple[ConvergedState, StepResult]:
-    """Return the state after an increment, or the one before if it does not converge, and its result.
+) -> Solution:
+    """Return an increment as solved, the state after it, or the one before if it does not converge, and its result.
 
     start: initial guess of the solver; numbers: of the step and the increment.
     """
@@ -385,7 +413,7 @@ def _solve(
     region = regions(increment, solution, slip, touches)
     end = kinematics.converged_state(increment, solution.state, slip, touches)
     result = _step_result(kinematics, increment, end, solution, slip, region, numbers)
-    return (end if solution.status is Status.CONVERGED else here), result
+    return increment, (end if solution.status is Status.CONVERGED else here), result
 
 
 def provenance(case: Case) -> Provenance:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from meeframe_laws.directional import NonAssociatedCoulomb
 from scipy.optimize import brentq
 
 from meeframe.common.errors import CaseError
@@ -10,7 +11,6 @@ from meeframe.contact.free_motion import balanced_projection
 from meeframe.contact.problem import ContactProblem, PrescribedResultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.testing.half_space import half_space_system
-from meeframe_laws.directional import NonAssociatedCoulomb
 
 R = 2e13
 
