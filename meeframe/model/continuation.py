@@ -29,8 +29,10 @@ FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
 """Status of an increment for which no other way is sought."""
 _RATIOS: Final = (10.0, 1000.0)
 """First and last ratio of friction to pressure by which a limit that jumps is replaced."""
-_MIN_FACTOR: Final = 1.7
-"""Least factor by which this ratio is raised, by ten at first."""
+_FACTORS: Final = (10.0, 1.7)
+"""First and least factor by which this ratio is raised."""
+_MIN_RATIO: Final = 100.0
+"""Least ratio with which nodes that bear as much friction lie between open and closed."""
 _NOTABLE: Final = 1e-3
 """Part of the largest violation of a law from which nodes are counted that violate it."""
 
@@ -84,8 +86,8 @@ def solve_by_capped_friction(solve: Callable[[ContactState | None, float], Solut
     if result.status in FINAL:
         return first
     iterations, start, nearest = result.iterations, None, None
-    ratio, factor = _RATIOS[0], _RATIOS[0]
-    while factor >= _MIN_FACTOR:
+    ratio, factor = _RATIOS[0], _FACTORS[0]
+    while factor >= _FACTORS[1]:
         planned, capped_end, capped = solve(start, ratio)
         iterations += capped.iterations
         if capped.status is Status.CONVERGED:
@@ -98,18 +100,18 @@ def solve_by_capped_friction(solve: Callable[[ContactState | None, float], Solut
         else:
             factor = np.sqrt(factor)
         ratio = np.inf if reached >= _RATIOS[1] else min(factor * reached, _RATIOS[1])
-    if nearest is None or start is None or reached < _RATIOS[0] ** 2:
+    if nearest is None or start is None or reached < _MIN_RATIO:
         return first
     planned, capped = nearest
     law = planned.problem.contact_law
     assert isinstance(law, CappedLaw)
     problem = replace(planned.problem, contact_law=law.law)
     violation = violations(problem, start.load, indenter_position(problem, start.motion) - start.displacement)
-    in_jump = violation > _NOTABLE * violation.max()
+    in_jump = np.flatnonzero(violation > _NOTABLE * violation.max())
     position = ", ".join(f"{value:.4g}" for value in problem.system.points[in_jump].mean(axis=0))
     note = (
-        f"{result.message}; this state is one with friction of at most {law.ratio:.3g} times the pressure, with "
-        f"{in_jump.sum()} node{'s' * (in_jump.sum() > 1)} around ({position}) m between open and closed"
+        f"{result.message}; this state is one with friction of at most {law.ratio:.0f} times the pressure, with "
+        f"{in_jump.size} node{'s' * (in_jump.size > 1)} around ({position}) m between open and closed"
     )
     residual = law_residual(problem, start, problem_scales(problem))
     result = replace(capped, status=Status.STALLED, residual=residual, iterations=iterations, message=note)

@@ -144,7 +144,7 @@ class _Node:
                 partial = self.area * touching if self.area > 0.0 else 0.0
                 kappa = np.where(touching > 0.0, partial + increase, kappa)
                 fractions[:, touching > 0.0] = 1.0
-            with np.errstate(divide="ignore"):
+            with np.errstate(divide="ignore", over="ignore"):
                 transmitted = fractions / (1.0 + 1.0 / (kappa * np.diag(own)))
             # drop = flux / kappa, times the share of the drop that is transmitted
             matrix = transmitted[:, :, None] * own + (1.0 - transmitted)[:, :, None] * np.diag(np.diag(own))
