@@ -71,20 +71,22 @@ class CappedLaw(ContactLaw):
         return np.column_stack([factor[:, None] * traction[:, :2], traction[:, 2]])
 
 
-def solve_by_capped_friction(solve: Callable[[ContactState | None, float], Solution]) -> Solution:
+def solve_by_capped_friction(
+    solve: Callable[[ContactState | None, float], Solution], failed: Solution
+) -> Solution | None:
     """Return the solution of an increment whose friction limit jumps where contact begins.
 
-    Where the usual initial guess does not lead to it, the state under friction of at most a multiple of the pressure
-    does. Otherwise the result is that state, if there is one, which has nodes that lie in the jump.
+    It is sought from states under friction of at most a multiple of the pressure. If there is none, the result is the
+    increment with such a state, which has nodes that lie in the jump; or None, if there is no such state either.
 
     Parameters
     ----------
     solve : callable
         Solves the increment from an initial guess, with friction of at most a ratio times the pressure.
+    failed : tuple
+        Increment that did not converge from the usual initial guess.
     """
-    planned, end, result = first = solve(None, np.inf)
-    if result.status in FINAL:
-        return first
+    _, end, result = failed
     iterations, start, nearest = result.iterations, None, None
     ratio, factor = _RATIOS[0], _FACTORS[0]
     while factor >= _FACTORS[1]:
@@ -101,7 +103,7 @@ def solve_by_capped_friction(solve: Callable[[ContactState | None, float], Solut
             factor = np.sqrt(factor)
         ratio = np.inf if reached >= _RATIOS[1] else min(factor * reached, _RATIOS[1])
     if nearest is None or start is None or reached < _MIN_RATIO:
-        return first
+        return None
     planned, capped = nearest
     law = planned.problem.contact_law
     assert isinstance(law, CappedLaw)

@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from importlib import metadata
 from typing import Final
 
@@ -51,13 +51,15 @@ from meeframe.results.records import (
 from meeframe.results.result import Interrupted, Result
 from meeframe.solvers import Auto, StoppingCriteria, solve, solve_to_edges
 from meeframe.system.capabilities import Multigrid, ZoneRecovery
-from meeframe.system.dense import DenseSystem
+from meeframe.system.dense import DenseSystem, with_matrix
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies, second_displacement
 
 _PART_OF_WINDOW: Final = 12
 """Divisor of the stall window of an increment for parts of its load, which converge soon or lead nowhere."""
+_MAX_STORED: Final = 512
+"""Number of nodes up to which a failed increment is solved again with a matrix: as much work as some ten iterations."""
 _ROUND_OFF: Final = 1e-12
 """Fraction of the expected magnitude of a potential below which it is zero, as on grounded conductors."""
 
@@ -331,11 +333,15 @@ class _Subincrement:
         limits = self.kinematics.case.limits
 
         def solve_part(
-            part: float, start: ContactState | None, ratio: float = np.inf, stall_window: int | None = None
+            part: float,
+            start: ContactState | None,
+            ratio: float = np.inf,
+            stall_window: int | None = None,
+            stores: bool = False,
         ) -> Solution:
             """Solve under a part of the change of the load; slip counts from its beginning all the same.
 
-            ratio: largest friction over the pressure, in addition to the law.
+            ratio: largest friction over the pressure, in addition to the law; stores: the compliance as a matrix.
             """
             fraction = (self.numbers[1] - 1 + first + part * share) / step.increments
             controls = ramp(self.controls, self.begin, self.prescribed, fraction)
@@ -344,33 +350,37 @@ class _Subincrement:
             if ratio < np.inf:
                 law = CappedLaw(planned.problem.contact_law, ratio)
                 planned = replace(planned, problem=replace(planned.problem, contact_law=law))
+            if stores:
+                planned = replace(planned, problem=replace(planned.problem, system=with_matrix(planned.problem.system)))
             bounds = limits if stall_window is None else replace(limits, stall_window=stall_window)
             return _solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress)
 
-        if stall_window is not None or not self._may_continue:
+        system, is_auto = self.kinematics.system, isinstance(self.kinematics.case.solver, Auto)
+        is_steady = self.rolling is not None and self.rolling.is_steady
+        if stall_window is not None or not is_auto or is_steady:
             return solve_part(1.0, None, stall_window=stall_window)
-        solve_briefly = partial(
-            solve_part, stall_window=max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
-        )
-        capped = solve_by_capped_friction(partial(solve_briefly, 1.0)) if self._limit_jumps else None
-        if capped is not None and (capped[2].status in FINAL or lifted_node(capped[0], capped[2]) is not None):
-            return capped
-        solution = solve_part(1.0, None)
+        # a solution is sought in other ways where the usual one does not lead to it soon
+        stores = system.dense() is None and len(system.points) <= _MAX_STORED
+        window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
+        solution = solve_part(1.0, None, stall_window=window if stores or self._limit_jumps else None)
         if solution[2].status in FINAL:
             return solution
+        solve_briefly, capped = partial(solve_part, stores=stores, stall_window=window), None
+        if self._limit_jumps:
+            capped = solve_by_capped_friction(partial(solve_briefly, 1.0), solution)
+            if capped is not None and (capped[2].status in FINAL or lifted_node(capped[0], capped[2]) is not None):
+                return capped
+        if stores or self._limit_jumps:
+            solution = solve_part(1.0, None, stores=stores)
+            if solution[2].status in FINAL:
+                return solution
         if capped is not None:
             return capped
         # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
         has_start = solution[2].area_fraction is not None
         return solution if has_start else solve_by_continuation(solve_briefly, solution)
 
-    @property
-    def _may_continue(self) -> bool:
-        """Whether `auto` may look for another way to a result that it does not reach."""
-        is_steady = self.rolling is not None and self.rolling.is_steady
-        return isinstance(self.kinematics.case.solver, Auto) and not is_steady
-
-    @property
+    @cached_property
     def _limit_jumps(self) -> bool:
         """Whether the friction limit jumps where contact begins, by a law without wear and memory."""
         case = self.kinematics.case
