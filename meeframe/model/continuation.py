@@ -6,11 +6,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.contact.problem import ContactState, Status, indenter_position
+from meeframe.contact.conduction import conducting
+from meeframe.contact.problem import ContactProblem, ContactState, Status, indenter_position
 from meeframe.contact.residual import law_residual
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import Array
-from meeframe.laws.base import ContactLaw
+from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
 from meeframe.model.lifted_nodes import violations
@@ -27,10 +28,12 @@ _MIN_FRACTION: Final = 1.0 / 16.0
 """Least part of the change of the load by which it is raised from one state to the next."""
 FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
 """Status of an increment for which no other way is sought."""
-_RATIOS: Final = (10.0, 1000.0)
-"""First and last ratio of friction to pressure by which a limit that jumps is replaced."""
+_RATIOS: Final = (10.0, 1000.0, np.inf)
+"""Ratios of friction to pressure by which a limit that jumps is replaced: the first, the last, and the limit itself."""
+_CONDUCTION_FACTORS: Final = (1e-6, 1.0, 1.0)
+"""Factors of conductivities that are too large to begin with, likewise."""
 _FACTORS: Final = (10.0, 1.7)
-"""First and least factor by which this ratio is raised."""
+"""First and least factor by which these values are raised."""
 _MIN_RATIO: Final = 100.0
 """Least ratio with which nodes that bear as much friction lie between open and closed."""
 _NOTABLE: Final = 1e-3
@@ -71,9 +74,67 @@ class CappedLaw(ContactLaw):
         return np.column_stack([factor[:, None] * traction[:, :2], traction[:, 2]])
 
 
-def solve_by_capped_friction(
-    solve: Callable[[ContactState | None, float], Solution], failed: Solution
-) -> Solution | None:
+@dataclass(frozen=True)
+class ScaledLaw(ConductivityLaw):
+    """A multiple of a law of conductivity.
+
+    Attributes
+    ----------
+    law : ConductivityLaw
+        The law.
+    factor : float
+        Factor > 0 of the conductivity.
+    """
+
+    law: ConductivityLaw
+    factor: float
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        """Return the multiple of the conductivity, (n,)."""
+        return self.factor * self.law.conductivity(normal_traction, gap, drop)
+
+
+class ScaledLawAcrossGap(ScaledLaw):
+    """A multiple of a law of conductivity that depends on the gap or the drop."""
+
+    across_gap = True
+
+
+@dataclass(frozen=True)
+class Easing:
+    """Change of the laws that makes an increment easier to solve.
+
+    Attributes
+    ----------
+    ratio : float, optional
+        Largest friction over the pressure.
+    factor : float, optional
+        Factor of all conductivities.
+    """
+
+    ratio: float = np.inf
+    factor: float = 1.0
+
+    def apply(self, problem: ContactProblem) -> ContactProblem:
+        """Return a problem under the changed laws."""
+        law = problem.contact_law if self.ratio == np.inf else CappedLaw(problem.contact_law, self.ratio)
+        if self.factor == 1.0:
+            return replace(problem, contact_law=law)
+        kinds = (ScaledLawAcrossGap if channel.law.across_gap else ScaledLaw for channel in problem.channels)
+        channels = (
+            replace(channel, law=kind(channel.law, self.factor)) if channel.is_conducting else channel
+            for channel, kind in zip(problem.channels, kinds, strict=True)
+        )
+        return replace(problem, contact_law=law, channels=tuple(channels))
+
+
+EXACT: Final = Easing()
+"""No change of the laws."""
+SolveEased = Callable[[ContactState | None, Easing], Solution]
+"""Solves an increment under easier laws, from an initial guess or, with None, the usual one."""
+
+
+def solve_by_capped_friction(solve: SolveEased, failed: Solution) -> Solution | None:
     """Return the solution of an increment whose friction limit jumps where contact begins.
 
     It is sought from states under friction of at most a multiple of the pressure. If there is none, the result is the
@@ -82,42 +143,82 @@ def solve_by_capped_friction(
     Parameters
     ----------
     solve : callable
-        Solves the increment from an initial guess, with friction of at most a ratio times the pressure.
+        Solves the increment under easier laws.
     failed : tuple
         Increment that did not converge from the usual initial guess.
     """
-    _, end, result = failed
-    iterations, start, nearest = result.iterations, None, None
-    ratio, factor = _RATIOS[0], _FACTORS[0]
-    while factor >= _FACTORS[1]:
-        planned, capped_end, capped = solve(start, ratio)
-        iterations += capped.iterations
-        if capped.status is Status.CONVERGED:
-            if ratio == np.inf:
-                note = f"{capped.message}; from a state with friction of at most {_RATIOS[1]:g} times the pressure"
-                return planned, capped_end, replace(capped, iterations=iterations, message=note)
-            start, nearest, reached = capped_end.state, (planned, capped), ratio
-        elif start is None or ratio == np.inf:
-            break
-        else:
-            factor = np.sqrt(factor)
-        ratio = np.inf if reached >= _RATIOS[1] else min(factor * reached, _RATIOS[1])
-    if nearest is None or start is None or reached < _MIN_RATIO:
+    by_ratio = lambda start, ratio: solve(start, Easing(ratio=ratio))  # noqa: E731
+    solution, nearest, ratio = _raise(by_ratio, failed, _RATIOS)
+    if nearest is None and conducting(failed[0].problem):
+        by_factor = lambda start, factor: solve(start, Easing(_RATIOS[0], factor))  # noqa: E731
+        eased, *_ = _raise(by_factor, failed, _CONDUCTION_FACTORS)
+        if eased is not None:
+            solution, nearest, ratio = _raise(by_ratio, eased, _RATIOS, eased[1].state)
+    if solution is not None:
+        return _noted(solution, f"friction of at most {_RATIOS[1]:g} times the pressure")
+    if nearest is None or ratio < _MIN_RATIO:
         return None
-    planned, capped = nearest
-    law = planned.problem.contact_law
+    planned, end, result = nearest
+    law, start = planned.problem.contact_law, end.state
     assert isinstance(law, CappedLaw)
+    assert start is not None
     problem = replace(planned.problem, contact_law=law.law)
     violation = violations(problem, start.load, indenter_position(problem, start.motion) - start.displacement)
     in_jump = np.flatnonzero(violation > _NOTABLE * violation.max())
     position = ", ".join(f"{value:.4g}" for value in problem.system.points[in_jump].mean(axis=0))
     note = (
-        f"{result.message}; this state is one with friction of at most {law.ratio:.0f} times the pressure, with "
+        f"{failed[2].message}; this state is one with friction of at most {ratio:.0f} times the pressure, with "
         f"{in_jump.size} node{'s' * (in_jump.size > 1)} around ({position}) m between open and closed"
     )
     residual = law_residual(problem, start, problem_scales(problem))
-    result = replace(capped, status=Status.STALLED, residual=residual, iterations=iterations, message=note)
-    return replace(planned, problem=problem), end, result
+    result = replace(result, status=Status.STALLED, residual=residual, message=note)
+    return replace(planned, problem=problem), failed[1], result
+
+
+def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> Solution | None:
+    """Return the solution of an increment from states under a part of its conductivities; None if it is not found.
+
+    Parameters
+    ----------
+    solve, failed
+        As for `solve_by_capped_friction`.
+    """
+    solution, *_ = _raise(lambda start, factor: solve(start, Easing(factor=factor)), failed, _CONDUCTION_FACTORS)
+    return None if solution is None else _noted(solution, "smaller conductivities")
+
+
+def _raise(
+    solve: Callable[[ContactState | None, float], Solution],
+    before: Solution,
+    values: tuple[float, float, float],
+    start: ContactState | None = None,
+) -> tuple[Solution | None, Solution | None, float]:
+    """Return the solutions at the last value of a parameter and the one before, and that value; None if not found.
+
+    before: solution whose iterations count, too; values: first one, last but one, and last; start: initial guess at the
+    first one.
+    """
+    first, most, last = values
+    iterations, nearest, reached, value, factor = before[2].iterations, None, first, first, _FACTORS[0]
+    while factor >= _FACTORS[1]:
+        planned, end, result = solve(start if nearest is None else nearest[1].state, value)
+        iterations += result.iterations
+        if result.status is Status.CONVERGED:
+            solution = planned, end, replace(result, iterations=iterations)
+            if value == last:
+                return solution, nearest, reached
+            nearest, reached = solution, value
+        elif nearest is None or reached >= most:
+            break
+        else:
+            factor = np.sqrt(factor)
+        value = last if reached >= most else min(factor * reached, most)
+    return None, nearest, reached
+
+
+def _noted(solution: Solution, origin: str) -> Solution:
+    planned, end, result = solution
+    return planned, end, replace(result, message=f"{result.message}; from a state with {origin}")
 
 
 def solve_by_continuation(solve: SolveFrom, failed: Solution) -> Solution:
@@ -142,7 +243,7 @@ def solve_by_continuation(solve: SolveFrom, failed: Solution) -> Solution:
             continue
         done += size
         if done == 1.0:
-            note = f"{result.message}; from a state under a part of the load of the increment"
-            return planned, end, replace(result, iterations=iterations, message=note)
+            solution = planned, end, replace(result, iterations=iterations)
+            return _noted(solution, "a part of the load of the increment")
         start, size = end.state, min(size, 1.0 - done)
     return failed

@@ -22,7 +22,15 @@ from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
-from meeframe.model.continuation import FINAL, CappedLaw, Solution, solve_by_capped_friction, solve_by_continuation
+from meeframe.model.continuation import (
+    EXACT,
+    FINAL,
+    Easing,
+    Solution,
+    solve_by_capped_friction,
+    solve_by_continuation,
+    solve_by_scaled_conduction,
+)
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, limit_jumps, with_message
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
@@ -335,23 +343,22 @@ class _Subincrement:
         def solve_part(
             part: float,
             start: ContactState | None,
-            ratio: float = np.inf,
+            easing: Easing = EXACT,
             stall_window: int | None = None,
             stores: bool = False,
         ) -> Solution:
             """Solve under a part of the change of the load; slip counts from its beginning all the same.
 
-            ratio: largest friction over the pressure, in addition to the law; stores: the compliance as a matrix.
+            easing: of the laws; stores: the compliance as a matrix.
             """
             fraction = (self.numbers[1] - 1 + first + part * share) / step.increments
             controls = ramp(self.controls, self.begin, self.prescribed, fraction)
             planned = self.kinematics.increment(controls, here, duration, self.rolling, sliding)
             start = _start(planned, self.last, here) if start is None else start
-            if ratio < np.inf:
-                law = CappedLaw(planned.problem.contact_law, ratio)
-                planned = replace(planned, problem=replace(planned.problem, contact_law=law))
+            problem = easing.apply(planned.problem)
             if stores:
-                planned = replace(planned, problem=replace(planned.problem, system=with_matrix(planned.problem.system)))
+                problem = replace(problem, system=with_matrix(problem.system))
+            planned = replace(planned, problem=problem)
             bounds = limits if stall_window is None else replace(limits, stall_window=stall_window)
             return _solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress)
 
@@ -374,6 +381,10 @@ class _Subincrement:
             solution = solve_part(1.0, None, stores=stores)
             if solution[2].status in FINAL:
                 return solution
+        if conducting(solution[0].problem):
+            conducted = solve_by_scaled_conduction(partial(solve_briefly, 1.0), solution)
+            if conducted is not None:
+                return conducted
         if capped is not None:
             return capped
         # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
