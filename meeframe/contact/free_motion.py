@@ -233,7 +233,7 @@ class _Balance:
                     right
                 ):
                     return candidate
-        return self._bisect(state, weight, max_displacement)
+        return self._stick(state, weight, max_displacement) or self._bisect(state, weight, max_displacement)
 
     def _is_friction_exhausted(self, state: _MotionState, weight: Array) -> bool:
         """Return whether no tractions under the same pressures have less unbalance.
@@ -246,6 +246,25 @@ class _Balance:
         direction = -np.tensordot(weight**2 * state.unbalance, self.measures, axes=1)
         unused = reserve(self.problem.contact_law, state.traction, state.gap[:, 2], direction)
         return abs(unused) <= MIN_DECREASE * float(((weight * state.unbalance) ** 2).sum())
+
+    def _stick(self, state: _MotionState, weight: Array, max_displacement: float) -> _MotionState | None:
+        """Return the state at the motion that would balance if friction were unlimited; None if it is no better.
+
+        In slip that is not along the friction, no step along the unbalance helps: friction turns along its limit.
+        """
+        pressed = np.asarray(state.traction[:, 2] < 0.0)
+        traction, by_gap = state.traction.copy(), np.zeros((len(pressed), 3, 3))
+        traction[pressed, :2] = state.trial[pressed, :2]
+        by_gap[pressed, 2, 2] = self.r[0]
+        by_gap[pressed, :2, :2] = self.r[1] * self.problem.contact_law.tangential_scaling()
+        jacobian = np.einsum("kni,nij,lnj->kl", self.measures, by_gap, self.modes)
+        unbalance = (self.measures * traction).sum(axis=(1, 2)) - self.totals
+        step = -weight * (np.linalg.pinv(weight[:, None] * jacobian * weight) @ (weight * unbalance))
+        if not self._max_displacement(state.motion + step) <= max_displacement:
+            return None
+        candidate = self.at(state.motion + step)
+        is_better = np.linalg.norm(weight * candidate.unbalance) < np.linalg.norm(weight * state.unbalance)
+        return candidate if is_better else None
 
     def _bisect(self, state: _MotionState, weight: Array, max_displacement: float) -> _MotionState | None:
         """Return a state where the unbalance stops driving the indenter the present way; None if there is none.

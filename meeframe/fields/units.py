@@ -3,7 +3,7 @@
 import math
 import re
 from decimal import Decimal
-from functools import lru_cache
+from functools import cache, lru_cache
 from numbers import Real
 from types import NoneType
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
@@ -244,6 +244,12 @@ def _unknown(name: str) -> str:
     return f"unknown unit {name!r}" + (f"; did you mean {result[0]!r}?" if result else "")
 
 
+@cache
+def _hints_of(kind: type) -> dict[str, Any]:
+    """Return the types of the fields of a class; laws are made thousands of times in a solution."""
+    return get_type_hints(kind, include_extras=True)
+
+
 def check_quantities(record: Any) -> None:
     """Check the quantities of a frozen dataclass like entries of a case file.
 
@@ -259,7 +265,7 @@ def check_quantities(record: Any) -> None:
     CaseError
         If a quantity is not valid or out of bounds, or if a Literal is none of the allowed values.
     """
-    for name, hint in get_type_hints(type(record), include_extras=True).items():
+    for name, hint in _hints_of(type(record)).items():
         value = getattr(record, name)
         if NoneType in get_args(hint):
             if value is None:

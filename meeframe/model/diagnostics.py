@@ -182,9 +182,9 @@ def diagnostics(
 def limit_jumps(law: ContactLaw, traction: Array) -> bool:
     """Return whether a law admits friction under hardly any pressure, as constant limits and full stick do.
 
-    traction: (n, 3), whose largest modulus is the measure of pressure and friction [Pa].
+    traction: (n, 3), whose largest modulus is the measure of pressure and friction [Pa], unless it is zero.
     """
-    size = float(np.abs(traction).max(initial=0.0))
+    size = float(np.abs(traction).max(initial=0.0)) or 1.0
     if not 0.0 < size < np.inf:
         return False
     trial = np.tile([size, 0.0, -_NEGLIGIBLE_PRESSURE * size], (len(traction), 1))

@@ -38,22 +38,18 @@ def lifted_node(increment: Increment, step: StepResult) -> int | None:
     """Return a node without any admissible state under the loads of the others in a result; None if none is found.
 
     Open, such a node would overlap the indenter; in contact, friction lifts it, whatever its pressure. Fluxes of the
-    node follow its state where they depend on the pressure alone. Results with contact edges between nodes, and laws
-    that depend on the slip or the node, are not examined.
+    node follow its state where they depend on the pressure alone. Laws that depend on the slip or the node are not
+    examined.
     """
     problem, law = increment.problem, increment.problem.contact_law
-    if step.area_fraction is not None or has_resolvent(law) or has_nodal_data(law, len(problem.gap)):
+    if has_resolvent(law) or has_nodal_data(law, len(problem.gap)):
         return None
     load = step.state.load
     if not np.isfinite(load).all():
         return None
     motion = (step.loading.motion - increment.base)[increment.free]
     position = indenter_position(problem, motion) - problem.system.offset - problem.system.apply(load)
-    scales = problem_scales(problem)
-    r = (1.0 / scales.normal_compliance,) * 2
-    traction, gap = load[:, MECHANICAL], position[:, MECHANICAL]
-    change = traction - fixed_point_map(law, augmented_traction(law, traction, gap, r), gap, r)
-    violation = np.where(np.isfinite(problem.gap), np.linalg.norm(change, axis=1), 0.0)
+    violation, scales = violations(problem, load, position), problem_scales(problem)
     conducting = _pressed_conductors(problem)
     fields = [*range(N_MECHANICAL), *conducting]
     compliances = problem.system.diagonal_blocks()[:, fields][:, :, fields]
@@ -61,11 +57,23 @@ def lifted_node(increment: Increment, step: StepResult) -> int | None:
         if not violation[number] > 0.0:
             continue
         unloaded = position[number, fields] + compliances[number] @ load[number, fields]
-        node = _Node(law, tuple(conducting.values()), compliances[number], unloaded)
+        area = 1.0 if problem.area_fraction is None else float(problem.area_fraction[number])
+        node = _Node(law, tuple(conducting.values()), compliances[number], unloaded, area)
         unit = scales.pressure * compliances[number, 2, 2]
         if node.overlaps(unit).min() > _MARGIN * unit and node.gaps_in_contact(scales.pressure).min() > _MARGIN * unit:
             return int(number)
     return None
+
+
+def violations(problem: ContactProblem, load: Array, position: Array) -> Array:
+    """Return by how much nodes violate the contact law, (n,) [Pa].
+
+    load, position: (n, fields), of the nodes, and displacement of the indenter relative to them.
+    """
+    law, r = problem.contact_law, (1.0 / problem_scales(problem).normal_compliance,) * 2
+    traction, gap = load[:, MECHANICAL], position[:, MECHANICAL]
+    change = traction - fixed_point_map(law, augmented_traction(law, traction, gap, r), gap, r)
+    return np.where(np.isfinite(problem.gap), np.linalg.norm(change, axis=1), 0.0)
 
 
 def _pressed_conductors(problem: ContactProblem) -> dict[int, ConductivityLaw]:
@@ -81,13 +89,15 @@ class _Node:
     """A node under the loads of all others.
 
     conductors: laws of the fluxes that follow its state; compliance: (fields, fields) of the node, for its tractions
-    and these fluxes; unloaded: (fields,), displacement of the indenter relative to the node without its own loads.
+    and these fluxes; unloaded: (fields,), displacement of the indenter relative to the node without its own loads;
+    area: fraction of its area in contact, of a contact edge between nodes.
     """
 
     law: ContactLaw
     conductors: tuple[ConductivityLaw, ...]
     compliance: Array
     unloaded: Array
+    area: float
 
     def overlaps(self, unit: float) -> Array:
         """Return by how much trial gaps without pressure exceed those that result, with all fractions of conduction.
@@ -127,8 +137,15 @@ class _Node:
         position = self.unloaded - traction @ self.compliance[:, MECHANICAL].T
         if self.conductors:
             kappa = np.column_stack([contact_conductivity(law, contact) for law in self.conductors])
-            with np.errstate(divide="ignore"):
-                transmitted = fraction[:, None] / (1.0 + 1.0 / (kappa * np.diag(own)))
+            fractions = np.tile(fraction[:, None], len(self.conductors))
+            touching = np.array([contact_conductivity(law, np.array([MIN_TRACTION]))[0] for law in self.conductors])
+            if self.area < 1.0:  # what conducts without pressure does so on this area, in any state
+                increase = np.subtract(kappa, touching, out=np.zeros_like(kappa), where=kappa > touching)
+                partial = self.area * touching if self.area > 0.0 else 0.0
+                kappa = np.where(touching > 0.0, partial + increase, kappa)
+                fractions[:, touching > 0.0] = 1.0
+            with np.errstate(divide="ignore", over="ignore"):
+                transmitted = fractions / (1.0 + 1.0 / (kappa * np.diag(own)))
             # drop = flux / kappa, times the share of the drop that is transmitted
             matrix = transmitted[:, :, None] * own + (1.0 - transmitted)[:, :, None] * np.diag(np.diag(own))
             drive = transmitted * position[:, N_MECHANICAL:]

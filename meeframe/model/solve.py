@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from importlib import metadata
 from typing import Final
 
@@ -22,10 +22,19 @@ from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
-from meeframe.model.continuation import Solution, solve_by_continuation
-from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
+from meeframe.model.continuation import (
+    EXACT,
+    FINAL,
+    Easing,
+    Solution,
+    solve_by_capped_friction,
+    solve_by_continuation,
+    solve_by_scaled_conduction,
+)
+from meeframe.model.diagnostics import ContactOnsets, Diagnostics, limit_jumps, with_message
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
+from meeframe.model.lifted_nodes import lifted_node
 from meeframe.model.restart import check_same_body
 from meeframe.model.rolling import RollingIncrement
 from meeframe.model.steady import solve_steady
@@ -50,13 +59,15 @@ from meeframe.results.records import (
 from meeframe.results.result import Interrupted, Result
 from meeframe.solvers import Auto, StoppingCriteria, solve, solve_to_edges
 from meeframe.system.capabilities import Multigrid, ZoneRecovery
-from meeframe.system.dense import DenseSystem
+from meeframe.system.dense import DenseSystem, with_matrix
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies, second_displacement
 
-_PART_OF_WINDOW: Final = 16
+_PART_OF_WINDOW: Final = 12
 """Divisor of the stall window of an increment for parts of its load, which converge soon or lead nowhere."""
+_MAX_STORED: Final = 512
+"""Number of nodes up to which a failed increment is solved again with a matrix: as much work as some ten iterations."""
 _ROUND_OFF: Final = 1e-12
 """Fraction of the expected magnitude of a potential below which it is zero, as on grounded conductors."""
 
@@ -332,26 +343,64 @@ class _Subincrement:
         )
         limits = self.kinematics.case.limits
 
-        def solve_part(part: float, start: ContactState | None, stall_window: int | None) -> Solution:
-            """Solve under a part of the change of the load; slip counts from its beginning all the same."""
+        def solve_part(
+            part: float,
+            start: ContactState | None,
+            easing: Easing = EXACT,
+            stall_window: int | None = None,
+            stores: bool = False,
+        ) -> Solution:
+            """Solve under a part of the change of the load; slip counts from its beginning all the same.
+
+            easing: of the laws; stores: the compliance as a matrix.
+            """
             fraction = (self.numbers[1] - 1 + first + part * share) / step.increments
             controls = ramp(self.controls, self.begin, self.prescribed, fraction)
             planned = self.kinematics.increment(controls, here, duration, self.rolling, sliding)
             start = _start(planned, self.last, here) if start is None else start
+            problem = easing.apply(planned.problem)
+            if stores:
+                problem = replace(problem, system=with_matrix(problem.system))
+            planned = replace(planned, problem=problem)
             bounds = limits if stall_window is None else replace(limits, stall_window=stall_window)
-            return planned, *_solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress)
+            return _solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress)
 
-        solution = solve_part(1.0, None, stall_window)
-        if stall_window is not None or not self._may_continue(solution[2]):
-            return solution
-        window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
-        return solve_by_continuation(partial(solve_part, stall_window=window), solution)
-
-    def _may_continue(self, result: StepResult) -> bool:
-        """Return whether `auto` may look for another way to a result that it did not reach."""
+        system, is_auto = self.kinematics.system, isinstance(self.kinematics.case.solver, Auto)
         is_steady = self.rolling is not None and self.rolling.is_steady
-        is_auto = isinstance(self.kinematics.case.solver, Auto)
-        return is_auto and not is_steady and result.status not in (Status.CONVERGED, Status.ITERATION_LIMIT)
+        if stall_window is not None or not is_auto or is_steady:
+            return solve_part(1.0, None, stall_window=stall_window)
+        # a solution is sought in other ways where the usual one does not lead to it soon
+        stores = system.dense() is None and len(system.points) <= _MAX_STORED
+        window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
+        solution = solve_part(1.0, None, stall_window=window if stores or self._limit_jumps else None)
+        if solution[2].status in FINAL:
+            return solution
+        solve_briefly, capped = partial(solve_part, stores=stores, stall_window=window), None
+        if self._limit_jumps:
+            capped = solve_by_capped_friction(partial(solve_briefly, 1.0), solution)
+            if capped is not None and (capped[2].status in FINAL or lifted_node(capped[0], capped[2]) is not None):
+                return capped
+        if stores or self._limit_jumps:
+            solution = solve_part(1.0, None, stores=stores)
+            if solution[2].status in FINAL:
+                return solution
+        if conducting(solution[0].problem):
+            conducted = solve_by_scaled_conduction(partial(solve_briefly, 1.0), solution)
+            if conducted is not None:
+                return conducted
+        if capped is not None:
+            return capped
+        # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
+        has_start = solution[2].area_fraction is not None
+        return solution if has_start else solve_by_continuation(solve_briefly, solution)
+
+    @cached_property
+    def _limit_jumps(self) -> bool:
+        """Whether the friction limit jumps where contact begins, by a law without wear and memory."""
+        case = self.kinematics.case
+        law, sample = case.contact_law, np.ones((len(self.kinematics.system.points), 3))
+        is_simple = case.wear is None and not has_memory(law)
+        return is_simple and limit_jumps(law, sample)
 
 
 def _solve(
@@ -362,8 +411,8 @@ def _solve(
     limits: StoppingCriteria,
     numbers: tuple[int, int],
     progress: Progress,
-) -> tuple[ConvergedState, StepResult]:
-    """Return the state after an increment, or the one before if it does not converge, and its result.
+) -> Solution:
+    """Return an increment as solved, the state after it, or the one before if it does not converge, and its result.
 
     start: initial guess of the solver; numbers: of the step and the increment.
     """
@@ -388,7 +437,7 @@ def _solve(
     region = regions(increment, solution, slip, touches)
     end = kinematics.converged_state(increment, solution.state, slip, touches)
     result = _step_result(kinematics, increment, end, solution, slip, region, numbers)
-    return (end if solution.status is Status.CONVERGED else here), result
+    return increment, (end if solution.status is Status.CONVERGED else here), result
 
 
 def provenance(case: Case) -> Provenance:

@@ -41,7 +41,7 @@ def solve_subdivided(
     max_change : float
         Largest integral of the change of the pressure over that of the pressure, > 0.
     stall_window : int
-        That of the solver. Subincrements that can be divided end after an eighth of it.
+        That of the solver. Subincrements that can be divided end after a quarter of it.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def solve_subdivided(
     while True:
         last = 1.0 if done + size > 1.0 - _MIN_FRACTION else done + size
         divisible = last - done > _MIN_FRACTION
-        planned, end, result = solve(done, last, begin, max(1, stall_window // 8) if divisible else None)
+        planned, end, result = solve(done, last, begin, max(1, stall_window // 4) if divisible else None)
         converged = result.status is Status.CONVERGED
         change = _change(weights, begin, result) if converged else np.inf
         factor = float(np.clip(_SAFETY * max_change / max(change, 1e-300), *_FACTORS))

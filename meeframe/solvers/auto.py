@@ -35,9 +35,9 @@ class _Stage:
 FRICTIONLESS: Final = ProjectedCG()
 """Solver of the first stage where it accepts the problem and there is no matrix. Gain: up to 1.29 (ablation)."""
 STAGES: Final = (
-    _Stage(SemismoothNewton(), 1, 25),
-    _Stage(Nesterov(), 25, 60),
-    _Stage(BarzilaiBorwein(), 25, 60),
+    _Stage(SemismoothNewton(), 1, 15),
+    _Stage(Nesterov(), 25, 30),
+    _Stage(BarzilaiBorwein(), 25, 30),
     _Stage(Uzawa(), 25, np.inf),
 )
 
@@ -73,7 +73,7 @@ class Auto(Solver):
     laws, as in the driver. A step is one of Newton's method or of conjugate gradients, or 25 of a gradient iteration.
     """
 
-    stall_window: ClassVar[int] = 240
+    stall_window: ClassVar[int] = 120
 
     def init(self, problem: ContactProblem, start: ContactState | None, tolerance: float = 1e-10) -> Iterate:
         """Return the converged state of the previous load step, or no load at all."""

@@ -6,9 +6,10 @@ from typing import TypeVar, final
 
 import numpy as np
 
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.mesh.regular import Cells
-from meeframe.system.capabilities import InteriorFields
+from meeframe.system.capabilities import EdgeResolution, InteriorFields
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 C = TypeVar("C")
@@ -29,15 +30,20 @@ class DenseSystem(ReducedSystem):
         Function that returns the fields on the whole boundary for a load (n, fields).
     interior : InteriorFields or None
         The capability to evaluate fields inside the body, if the formulation has it.
+    edges : EdgeResolution or None
+        The capability to resolve contact edges between the nodes, if the formulation has it.
     """
 
     matrix: Array
     recovery: Callable[[Array], NodalFields]
     interior: InteriorFields | None = None
+    edges: EdgeResolution | None = None
 
     def capability(self, kind: type[C]) -> C | None:
-        """Return the capability to evaluate fields inside the body, if there is one."""
-        return self.interior if isinstance(self.interior, kind) else super().capability(kind)
+        """Return the capability to evaluate fields inside the body, or to resolve edges, if there is one."""
+        if isinstance(self.interior, kind):
+            return self.interior
+        return self.edges if kind is EdgeResolution and isinstance(self.edges, kind) else super().capability(kind)
 
     def apply(self, load: Array) -> Array:
         """Return the displacement due to a load by one matrix-vector product.
@@ -79,6 +85,34 @@ class DenseSystem(ReducedSystem):
             Extended displacements and tractions in SI units and global axes.
         """
         return self.recovery(load)
+
+
+def with_matrix(system: ReducedSystem) -> DenseSystem:
+    """Return a system with its compliance stored as a matrix, of which fields inside the body are not evaluated.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        System of few nodes: one product for each unit load makes the matrix.
+
+    Returns
+    -------
+    DenseSystem
+        The same system.
+    """
+    data = system.points, system.frames, system.weights, system.cells, system.offset
+    return DenseSystem(*data, _matrix_of(system), system.recover, None, system.capability(EdgeResolution))
+
+
+@memoize_by_identity
+def _matrix_of(system: ReducedSystem) -> Array:
+    """Return the compliance (n, f, n, f) of a system."""
+    load, responses = np.zeros_like(system.offset), []
+    for index in np.ndindex(load.shape):
+        load[index] = 1.0
+        responses.append(system.apply(load))
+        load[index] = 0.0
+    return np.stack(responses, axis=2).reshape(*load.shape, *load.shape)
 
 
 def in_local_frames(

@@ -41,6 +41,7 @@ REASONS: Final = (
     "add up to the prescribed forces",
     "does not touch",
     "shear lifts it under any pressure",
+    "between open and closed",
     "no node conducts it",
 )
 """Words in the message of an increment that did not converge which state a reason that no solver can remove."""

@@ -44,7 +44,7 @@ A smooth state violates the laws by little, and its short-wave errors are found 
 """
 FIRST_BURST: Final = 25
 """Number of gradient steps in the first burst, made when no fraction of a Newton step helps; it doubles each time."""
-MAX_BURST: Final = 400
+MAX_BURST: Final = 100
 BALANCE_TOLERANCE: Final = 1e-6
 """Largest error of the resultants of a start with which its motion is retained."""
 MAX_RESTRICTIONS: Final = 2

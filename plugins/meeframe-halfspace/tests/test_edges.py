@@ -28,7 +28,8 @@ from meeframe.model.solve import reduce, solve_case
 from meeframe.model.step import Step
 from meeframe.results.resultants import resultants
 from meeframe.solvers import Auto, Nesterov, ProjectedCG, SemismoothNewton, StoppingCriteria, solve_to_edges
-from meeframe.system.capabilities import EdgeResolution
+from meeframe.system.capabilities import EdgeResolution, Multigrid
+from meeframe.system.dense import with_matrix
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies
 from meeframe.testing.closed_forms import Cone, FlatPunch, Sphere, indent
@@ -128,6 +129,18 @@ def test_outline_of_a_straight_edge(direction):
         off = outline.distance - distance[tuple(outline.nodes.T)]
         assert np.abs(off[inner]).max() < much
         assert -outline.outward[inner] == pytest.approx(np.repeat(inward, inner.sum(), axis=0), abs=askew)
+
+
+def test_a_stored_matrix_has_the_edges_of_its_system():
+    system = half_space((1e-4, 1e-4), 7)
+    stored, load = with_matrix(system), np.random.default_rng(1).normal(size=system.offset.shape)
+    response = system.apply(load)
+    np.testing.assert_allclose(stored.apply(load), response, rtol=0.0, atol=1e-12 * np.abs(response).max())
+    pressure = np.where(np.linalg.norm(system.points, axis=1) < 2.5e-4, 1.0, 0.0)
+    corrections = [each.capability(EdgeResolution).edge_correction(pressure) for each in (system, stored)]
+    np.testing.assert_array_equal(*(correction.extra_compliance for correction in corrections))
+    assert stored.capability(Multigrid) is None
+    assert with_matrix(half_space((1e-4, 1e-4), 7, "nodes")).capability(EdgeResolution) is None
 
 
 def test_outline_of_an_elliptic_contact():

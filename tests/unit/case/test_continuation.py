@@ -1,12 +1,24 @@
-"""Continuation of an increment that does not converge, through states under parts of its load."""
+"""Continuation of an increment that does not converge, through states of problems that are easier to solve."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from meeframe_laws.adhesive import DMT
+from meeframe_laws.friction import Tresca
 
 from meeframe.contact.problem import Status
-from meeframe.model.continuation import solve_by_continuation
+from meeframe.laws import IsotropicCoulomb
+from meeframe.laws.base import attraction, has_resolvent, is_adhesive
+from meeframe.model.continuation import (
+    CappedLaw,
+    Easing,
+    solve_by_capped_friction,
+    solve_by_continuation,
+    solve_by_scaled_conduction,
+)
+from meeframe.testing.half_space import half_space_system, indentation_problem
 
 
 class Increments:
@@ -27,7 +39,7 @@ class Increments:
     ("radius", "fractions"),
     [
         (0.5, [0.5, 1.0]),
-        (0.4, [0.5, 0.25, 0.75, 0.5, 1.0, 0.75, 1.0]),
+        (0.4, [0.5, 0.25, 0.5, 0.75, 1.0]),
         (0.07, [0.5, 0.25, 0.125, 0.0625]),
     ],
 )
@@ -47,4 +59,101 @@ def test_a_failed_increment_is_returned_as_it_was(synthetic, most):
     increments = Increments(synthetic.step(1e-6), 1.0, most)
     failed = increments.solve(1.0, None)
     assert solve_by_continuation(increments.solve, failed) is failed
-    assert len(increments.fractions) < 16
+    assert len(increments.fractions) < 20
+
+
+class Eased:
+    """Increments under easier laws, solved from states whose friction ratio and factor are within a ratio of theirs.
+
+    They are solved from the usual guess up to a product of both, and are not solved beyond another.
+    """
+
+    def __init__(self, step, problem, reach: float, alone: float, most: float = np.inf) -> None:
+        self._step, self._problem, self._reach, self._alone, self._most = step, problem, reach, alone, most
+        self.easings: list[Easing] = []
+
+    def solve(self, start, easing: Easing):
+        self.easings.append(easing)
+        level = easing.ratio * easing.factor
+        from_level = self._alone if start is None else start.load[0, 0] * self._reach
+        solved = level <= min(from_level, self._most)
+        state = SimpleNamespace(load=np.full((25, 5), level), motion=np.zeros(0), displacement=np.zeros((25, 5)))
+        result = replace(self._step, status=Status.CONVERGED if solved else Status.STALLED, iterations=7)
+        return SimpleNamespace(problem=self._problem), SimpleNamespace(state=state), result
+
+
+@pytest.fixture(scope="module")
+def coupled():
+    """Problem under friction without a limit, in which all that touches conducts."""
+    system = half_space_system(-np.eye(3), 1.0, 5)
+    return indentation_problem(system, np.zeros(25), 0.1, IsotropicCoulomb(np.inf), (1.0, 0.0))
+
+
+def test_friction_is_raised_to_a_limit_that_jumps(synthetic, coupled):
+    increments = Eased(synthetic.step(1e-6), coupled, np.inf, 10.0)
+    failed = increments.solve(None, Easing())
+    increments.easings.clear()
+    solution = solve_by_capped_friction(increments.solve, failed)
+    assert [easing.ratio for easing in increments.easings] == [10.0, 100.0, 1000.0, np.inf]
+    assert solution[2].status is Status.CONVERGED
+    assert solution[2].iterations == 7 * 5
+    assert "friction of at most 1000 times the pressure" in solution[2].message
+
+
+def test_friction_is_raised_in_smaller_steps_where_that_fails(synthetic, coupled):
+    increments = Eased(synthetic.step(1e-6), coupled, 4.0, 10.0, 50.0)
+    failed = increments.solve(None, Easing())
+    assert solve_by_capped_friction(increments.solve, failed) is None  # friction of 50 times the pressure is no jump
+    ratios = [easing.ratio for easing in increments.easings]
+    np.testing.assert_allclose(ratios[1:5], [10.0, 100.0, 10.0 * np.sqrt(10.0), 100.0])
+    assert len(ratios) < 10
+
+
+def test_conduction_is_raised_first_where_even_little_friction_fails(synthetic, coupled):
+    increments = Eased(synthetic.step(1e-6), coupled, 10.0, 1e-5, 10.0)
+    failed = increments.solve(None, Easing())
+    increments.easings.clear()
+    assert solve_by_capped_friction(increments.solve, failed) is None
+    assert increments.easings[:3] == [Easing(10.0), Easing(10.0, 1e-6), Easing(10.0, pytest.approx(1e-5))]
+    assert increments.easings[8] == Easing(10.0)  # from the state with the whole conductivity
+
+
+@pytest.mark.parametrize(("reach", "is_found"), [(10.1, True), (3.2, True), (1.5, False)])
+def test_conduction_is_raised_to_its_law(synthetic, coupled, reach, is_found):
+    increments = Eased(synthetic.step(1e-6), coupled, reach, 1e-6)
+    solve = lambda start, easing: increments.solve(start, replace(easing, ratio=1.0))  # noqa: E731
+    failed = solve(None, Easing())
+    solution = solve_by_scaled_conduction(solve, failed)
+    assert (solution is not None) == is_found
+    if is_found:
+        assert increments.easings[-1].factor == 1.0
+        assert solution[2].iterations == 7 * len(increments.easings)
+
+
+def test_capped_friction_is_that_of_a_finite_coefficient():
+    trial = np.random.default_rng(1).normal(size=(50, 3)) * [5.0, 5.0, 1.0]
+    finite = IsotropicCoulomb(2.0)
+    np.testing.assert_allclose(CappedLaw(IsotropicCoulomb(np.inf), 2.0).project(trial), finite.project(trial))
+    traction = CappedLaw(Tresca(0.5), 2.0).project(trial)
+    np.testing.assert_allclose(traction[:, 2], np.minimum(trial[:, 2], 0.0))
+    size = np.linalg.norm(traction[:, :2], axis=1)
+    np.testing.assert_allclose(
+        size, np.minimum(np.linalg.norm(trial[:, :2], axis=1), np.minimum(0.5, -2.0 * traction[:, 2])), atol=1e-15
+    )
+
+
+def test_capped_laws_have_the_capabilities_of_their_law():
+    gap = np.array([0.0, 0.1, 1.0])
+    law = DMT(0.05, 1.0, mu=np.inf)
+    assert is_adhesive(CappedLaw(law, 10.0))
+    np.testing.assert_array_equal(attraction(CappedLaw(law, 10.0), gap), attraction(law, gap))
+    assert not is_adhesive(CappedLaw(Tresca(1.0), 10.0))
+    assert not has_resolvent(CappedLaw(Tresca(1.0), 10.0))
+
+
+def test_easing_changes_conductors_alone(coupled):
+    eased = Easing(factor=0.01).apply(coupled)
+    assert eased.contact_law is coupled.contact_law
+    assert eased.channels[1] is coupled.channels[1]
+    kappa = eased.channels[0].law.conductivity(np.array([-1.0, 0.0]), np.zeros(2), np.zeros(2))
+    np.testing.assert_allclose(kappa, [0.01, 0.0])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from meeframe_laws.directional import NonAssociatedCoulomb
 from scipy.optimize import brentq
 
 from meeframe.common.errors import CaseError
@@ -33,6 +34,7 @@ def problem(law, *totals, cells=12):
 
 PRESS = np.array([0.0, 0.0, -1.0, 0.0, 0.0])
 SLIDE = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+SIDEWAYS = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def project_from_zero(case):
@@ -64,6 +66,19 @@ def test_force_above_friction_limit_remains_finite():
     assert (np.abs(state.traction[:, 0]) <= -0.4 * state.traction[:, 2] * (1 + 1e-12)).all()
     force = case.system.weights @ state.traction
     assert max(abs(force[0] - 0.5e3), abs(force[2] + 1e3)) > 1.0
+
+
+def test_release_of_a_node_whose_slip_is_not_along_its_friction():
+    """Random problem 52387: friction turned along its limit when the indenter moved against the force."""
+    law = NonAssociatedCoulomb(0.2, 0.6, slip_ratio=0.4, slip_angle=0.65)
+    case = problem(law, (SLIDE, 0.0), (SIDEWAYS, 0.0))
+    gap = np.column_stack([np.zeros((len(case.gap), 2)), case.gap])
+    touched = int(np.argmin(case.gap))
+    gap[touched] = [-1e-6, 2e-6, -1e-8]
+    assert law.resolve(R * gap[[touched]], gap[[touched]], (R, R))[0, 0] < 0.0
+    state = balanced_projection(case, np.zeros_like(gap), gap, (R, R))
+    assert state.traction[touched, 2] < 0.0
+    assert np.abs(state.traction[:, :2]).max() <= 1e-9 * R * 1e-8
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
