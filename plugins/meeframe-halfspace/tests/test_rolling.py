@@ -601,6 +601,6 @@ def test_tables_and_figures_show_numbers_of_rolling() -> None:
     table = result.to_dataframe()
     assert table["creepage_longitudinal"].iloc[1] == pytest.approx(5e-4)
     assert np.isnan(table["creep_work"].iloc[0])
-    assert "friction_power" not in table.columns, "there is no duration"
+    assert not {"friction_power", "duration"} & set(table.columns)
     assert table.attrs["units"]["spin"] == "1/m"
     assert "creepage_longitudinal" not in run(sphere((PRESS,))).to_dataframe().columns
