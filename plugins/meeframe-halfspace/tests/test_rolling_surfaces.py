@@ -47,9 +47,7 @@ CONDUCTING = {
 @pytest.mark.parametrize("direction", [(1.0, 0.0), pytest.param((0.0, -1.0), marks=pytest.mark.full)])
 def test_signals_of_a_probe_are_those_of_its_places(direction):
     """Without friction each increment is a contact at rest, of a rigid surface with the sum of the heights."""
-    slide = meeframe.Step(
-        rolling={"distance": DISTANCE, "direction": direction, "creepage": [1.0, 0.0], "speed": 1e-3}
-    )
+    slide = meeframe.Step(rolling={"distance": DISTANCE, "direction": direction, "creepage": [1.0, 0.0], "speed": 1e-3})
     result = solved([PRESS, slide], **CONDUCTING)
     assert len(result) == 4
     x, y = (np.unique(axis.round(12)) for axis in result.zone.points.T[:2])

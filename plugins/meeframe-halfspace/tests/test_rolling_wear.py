@@ -98,7 +98,7 @@ def carter(across, cycles):
 
 @pytest.mark.full
 def test_cylinders_in_partial_slip():
-    """By Carter one cycle wears k F xi / mu, any number of cycles in proportion; the force has an error of order one."""
+    """By Carter one cycle wears k F xi / mu, many of them in proportion; the force has an error of order one."""
     coarse, fine = carter(10, 1e3), carter(20, 1e6)
     assert fine == pytest.approx(1.0, rel=0.03)
     assert 2.0 * fine - coarse == pytest.approx(1.0, rel=0.01)
