@@ -67,11 +67,14 @@ class WearOfCycles:
     def depth(self, result: StepResult, worn: Array) -> Array:
         """Return the depth (n,) [m] of one cycle in a steady state, the same along the rolling direction.
 
-        A particle wears in each cell on its way through the contact. worn: (n,), depth before the cycle [m].
+        A particle wears in each cell on its way through the contact, under the mean of the pressures at both ends of
+        the cell: of second order, as is the work of friction. worn: (n,), depth before the cycle [m].
         """
         slip, duration = np.linalg.norm(result.slip, axis=1), result.loading.duration
         speed = np.zeros_like(slip) if duration is None else slip / duration
-        in_cell: Array = slip * self.law.rate(np.maximum(-result.traction[:, 2], 0.0), speed, worn)
+        pressure = np.maximum(-result.traction[:, 2], 0.0)
+        mean = 0.5 * (pressure + self.cell_shift.values(pressure))
+        in_cell: Array = slip * self.law.rate(mean, speed, worn)
         depth, grid = np.empty_like(in_cell), self.cell_shift.grid
         depth[grid] = in_cell[grid].sum(axis=0)
         return depth

@@ -370,8 +370,12 @@ def _creep_work(rolling: RollingMotion, summed: Resultants, step: StepResult) ->
 
 def _friction_power(rolling: RollingMotion, summed: Resultants, step: StepResult) -> float:
     """Return the work of friction over the duration of the increment [W], nan without a duration."""
-    duration = step.loading.duration
-    return math.nan if duration is None else summed.dissipated_energy / duration
+    return summed.dissipated_energy / _duration(step)
+
+
+def _duration(step: StepResult) -> float:
+    """Return the duration of an increment [s], nan if it has none."""
+    return math.nan if step.loading.duration is None else step.loading.duration
 
 
 _IN_ROLLING: Final = ("longitudinal", "lateral")
@@ -404,11 +408,12 @@ def rolling_totals(zone: Zone, step: StepResult) -> dict[str, Any]:
 def measures(fields: FieldSet = MEE) -> tuple[Total, ...]:
     """Return further numbers of an increment, which sweeps and tables of Python collect.
 
-    These are the largest slip since the beginning of nodes in contact and the longest path slipped; the conductance for
-    each scalar field (docs/howto/contact-resistance.md); those of rolling; 1 if the contact reaches the boundary of its
-    zone, iterations and residual.
+    These are the duration, nan without one; the largest slip since the beginning of nodes in contact and the longest
+    path slipped; the conductance for each scalar field (docs/howto/contact-resistance.md); those of rolling; 1 if the
+    contact reaches the boundary of its zone, iterations and residual.
     """
     return (
+        Total("duration", "s", "duration", value=lambda _, step: _duration(step)),
         Total(
             "max_slip",
             "m",

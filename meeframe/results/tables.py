@@ -86,7 +86,7 @@ def absent_scalars(values: Mapping[str, Array], fields: FieldSet) -> list[Scalar
 
 
 def absent_names(values: Mapping[str, Array], fields: FieldSet, absent: Sequence[ScalarField]) -> set[str]:
-    """Return the names that tables leave out: those of absent scalar fields, and conductances and rolling if all nan.
+    """Return the names that tables leave out: of absent scalar fields; conductances, rolling and duration if all nan.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def absent_names(values: Mapping[str, Array], fields: FieldSet, absent: Sequence
     conductances = map(schema.conductance_name, fields.scalars)
     rolling = (name for total in schema.ROLLING_TOTALS for name in total.names)
     return {name for scalar in absent for name in _names(scalar, fields)} | {
-        name for name in (*conductances, *rolling) if np.isnan(values[name]).all()
+        name for name in ("duration", *conductances, *rolling) if np.isnan(values[name]).all()
     }
 
 

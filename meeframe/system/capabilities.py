@@ -106,25 +106,6 @@ class ApproximateInverse(ABC):
         """
         return None
 
-    def inverse_with_friction(self, fields: Sequence[int], resistance: Array) -> Callable[[Array], Array] | None:
-        """Return an approximate inverse of the compliance in series with friction; None, its absence, by default.
-
-        Useful where the compliance is almost singular for some waves, as that of steady rolling is.
-
-        Parameters
-        ----------
-        fields : sequence of int
-            Numbers of k fields.
-        resistance : Array
-            (n,) of the nodes. It adds its product with a tangential load to the displacement.
-
-        Returns
-        -------
-        callable or None
-            Linear map from the sums (n, k) to loads (n, k) that cause them.
-        """
-        return None
-
     def prolongation(self, nodes: Indices) -> "Prolongation | None":
         """Return a prolongation of displacements from some nodes to all nodes; None, for that by zeros, by default.
 
@@ -167,6 +148,37 @@ class Multigrid(ABC):
         -------
         Coarsening
             The coarser system and the transfer of values.
+        """
+
+
+class MaterialFlow(ABC):
+    """Material that flows through the zone from node to node, and whose displacements are changes from one to the next.
+
+    Slips of the same material then add up along a line of nodes.
+    """
+
+    @property
+    @abstractmethod
+    def flow_lines(self) -> Indices:
+        """(k, m) numbers of the k nodes on each of m lines, from where the material enters."""
+
+    @abstractmethod
+    def inverse_with_friction(self, fields: Sequence[int], resistance: Array) -> Callable[[Array], Array] | None:
+        """Return an approximate inverse of the compliance in series with friction.
+
+        Changes along a line of flow are almost zero for some waves, unless friction resists.
+
+        Parameters
+        ----------
+        fields : sequence of int
+            Numbers of k fields.
+        resistance : Array
+            (n,) of the nodes. It adds its product with a tangential load to the displacement.
+
+        Returns
+        -------
+        callable or None
+            Linear map from the sums (n, k) to loads (n, k) that cause them; None if there is no useful inverse.
         """
 
 

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from meeframe.common.errors import CaseError
 from meeframe.fields import Array, Indices
 from meeframe.mesh.regular import global_components, local_components, shares_frame
-from meeframe.system.capabilities import ApproximateInverse, Coarsening, FieldwiseApply, Multigrid, apply_fields
+from meeframe.system.capabilities import (
+    ApproximateInverse,
+    Coarsening,
+    FieldwiseApply,
+    MaterialFlow,
+    Multigrid,
+    apply_fields,
+)
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 C = TypeVar("C")
@@ -139,7 +146,7 @@ def _positions(coordinates: Array) -> tuple[Indices, float]:
 
 @final
 @dataclass(frozen=True, eq=False)
-class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid):
+class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, MaterialFlow, Multigrid):
     """A body whose tangential displacement counts from that of the node ahead, as in steady rolling.
 
     With the compliance C and the shift S the tangential rows of its compliance are C - S C, the change of displacement
@@ -189,6 +196,11 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
         shorter, longer = sorted((float(np.linalg.norm(along - corner)), float(np.linalg.norm(across - corner))))
         return longer / shorter
 
+    @property
+    def flow_lines(self) -> Indices:
+        """(nx, ny) numbers of the nodes along the lines of the grid, from the leading border."""
+        return self.cell_shift.grid[::-1]
+
     def apply(self, load: Array) -> Array:
         """Return the displacement (n, fields), tangential to the surface its change over one cell."""
         return _change(self.cell_shift, self.body.apply(load), self.cell)
@@ -220,7 +232,7 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mul
         """
         body = self.body.capability(ApproximateInverse)
         inverse = None if body is None else body.approximate_inverse(fields)
-        if inverse is None:
+        if inverse is None or self.capability(ApproximateInverse) is None:
             return None
         columns = [column for column, field in enumerate(fields) if field in TANGENTIAL]
         relaxation = _Relaxation.of(self.cell_shift.grid, resistance / self.cell, self._of_middle[2])

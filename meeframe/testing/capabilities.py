@@ -17,6 +17,7 @@ from meeframe.system.capabilities import (
     FieldwiseApply,
     IndenterEdge,
     InteriorFields,
+    MaterialFlow,
     Multigrid,
     Restriction,
     Subsystem,
@@ -24,6 +25,7 @@ from meeframe.system.capabilities import (
     apply_fields,
 )
 from meeframe.system.reduced import ReducedSystem
+from meeframe.system.rolling import TANGENTIAL
 from meeframe.testing.requirements import require
 from meeframe.testing.zone_loads import ROUND_OFF, smooth_loads, typical_load, worst
 
@@ -121,14 +123,18 @@ def check_fieldwise_apply(system: ReducedSystem) -> None:
 def check_approximate_inverse(system: ReducedSystem) -> None:
     """Check that `approximate_inverse` is linear and approximately recovers loads inside the zone.
 
-    So does `series_inverse`, with resistances to the fluxes.
+    So does `series_inverse`, with resistances to the fluxes, and `inverse_with_friction`, with those of nodes.
     """
-    approximate = system.capability(ApproximateInverse)
+    approximate, flow = system.capability(ApproximateInverse), system.capability(MaterialFlow)
+    if flow is not None:
+        distinct = np.array_equal(np.sort(flow.flow_lines, axis=None), np.arange(len(system.points)))
+        require(distinct, "flow_lines do not have each node once: slips would add up wrongly", flow.flow_lines.shape)
     if approximate is None:
         return
     inside = np.asarray((np.abs(_normalized_positions(system)) < INTERIOR).all(axis=1))
     loads = np.random.default_rng(4).normal(size=(2, *system.offset.shape)) * typical_load(system) * inside[:, None]
     resistances = SERIES_RATIO * np.diagonal(system.diagonal_blocks().mean(axis=0))
+    resistance = resistances[0] * np.random.default_rng(5).integers(0, 2, len(system.points))
     for fields in field_choices(system.n_fields):
         chosen = list(fields)
         alone = np.zeros_like(loads)
@@ -136,9 +142,12 @@ def check_approximate_inverse(system: ReducedSystem) -> None:
         displacements = np.array([system.apply(load)[:, chosen] for load in alone])
         series = np.where(np.array(chosen) < N_MECHANICAL, 0.0, resistances[chosen])
         causes, unit = alone[:, :, chosen], typical_load(system)[chosen]
+        friction = np.outer(resistance, np.isin(chosen, TANGENTIAL)) * causes
+        by_friction = None if flow is None else flow.inverse_with_friction(fields, resistance)
         for name, inverse, sums in (
             ("approximate_inverse", approximate.approximate_inverse(fields), displacements),
             ("series_inverse", approximate.series_inverse(fields, series), displacements + series * causes),
+            ("inverse_with_friction", by_friction, displacements + friction),
         ):
             if inverse is None:
                 continue

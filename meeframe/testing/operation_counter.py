@@ -92,10 +92,6 @@ class OperationCounter(
         """Return that of the inner system."""
         return self._inner(ApproximateInverse).series_inverse(fields, resistances)
 
-    def inverse_with_friction(self, fields: Sequence[int], resistance: Array) -> Callable[[Array], Array] | None:
-        """Return that of the inner system."""
-        return self._inner(ApproximateInverse).inverse_with_friction(fields, resistance)
-
     def prolongation(self, nodes: Indices) -> Prolongation | None:
         """Return that of the inner system."""
         return self._inner(ApproximateInverse).prolongation(nodes)

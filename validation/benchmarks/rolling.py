@@ -13,17 +13,25 @@ from meeframe.model.solve import reduce, solve_steps
 from meeframe.testing.operation_counter import OperationCounter
 
 TITLE = "Rolling"
-SIZES, QUICK = (16, 32, 64, 128, 256), (16, 32)
+SIZES, QUICK, FINEST = (16, 32, 64, 128, 256), (16, 32), 3
+"""Nodes along a side of the grids, and number of the finest ones on which other creepages are counted."""
 TRANSIENT = 64
 """Nodes along a side of the grid of transient rolling."""
 CELLS, QUICK_CELLS = 500, 5
 WIDTH = 3e-3
 """Side of the zone [m]; the contact is two thirds of it across."""
 CREEP = {"creepage": [1e-3, 5e-4], "spin": 0.5}
+MOTIONS = {
+    "along the rolling direction": {"creepage": [1e-3, 0.0], "spin": 0.0},
+    "across it": {"creepage": [0.0, 1e-3], "spin": 0.0},
+    "spin alone": {"creepage": [0.0, 0.0], "spin": 1.0},
+    "a fifth of both and of the spin": {"creepage": [2e-4, 1e-4], "spin": 0.1},
+}
+"""Other creepages, with which the work is counted on the finest grids."""
 
 
 def rolled(nodes: int, rolling: dict[str, Any]) -> Case:
-    """Return a sphere that rolls on steel, with creepages and spin at which part of the contact slips."""
+    """Return a sphere that rolls on steel, by default with creepages and spin at which part of the contact slips."""
     return case_from_tables(
         {
             "formulation": {"name": "half-space", "matrix_up_to": 0},
@@ -31,7 +39,7 @@ def rolled(nodes: int, rolling: dict[str, Any]) -> Case:
             "mesh": {"type": "half-space", "contact_width": WIDTH, "divisions": nodes - 1},
             "contact": {"law": {"name": "isotropic-coulomb", "mu": 0.3}},
             "indenter": {"name": "sphere", "radius": "100 mm"},
-            "steps": [{"normal_force": "2.93 kN"}, {"rolling": rolling | CREEP}],
+            "steps": [{"normal_force": "2.93 kN"}, {"rolling": CREEP | rolling}],
         }
     )
 
@@ -54,8 +62,12 @@ def measure(quick: bool) -> Record:
     with threads(1):
         timed(QUICK[0], {"steady": True})  # compiled, loaded
         steady = {str(size): timed(size, {"steady": True}) for size in sizes}
+        motions = {
+            name: {str(size): timed(size, {"steady": True} | motion) for size in sizes[-FINEST:]}
+            for name, motion in MOTIONS.items()
+        }
         transient = timed(nodes, {"distance": cells * WIDTH / (nodes - 1)})
-    return {"steady": steady, "transient": transient | {"nodes": nodes}}
+    return {"steady": steady, "motions": motions, "transient": transient | {"nodes": nodes}}
 
 
 def highlights(record: Record) -> list[tuple[str, str]]:
@@ -100,6 +112,11 @@ def section(record: Record, _pictures: object) -> str:
         for name, row in rows
     ]
     heads = ["rolling", "increments", "contact [s]", "iterations", "products", "nodes in contact", "largest residual"]
+    sizes = list(next(iter(record["motions"].values())))
+    works = [
+        [name, *(f"{grids[size]['iterations']} / {grids[size]['products']}" for size in sizes)]
+        for name, grids in record["motions"].items()
+    ]
     return "\n\n".join(
         [
             prose(
@@ -110,6 +127,8 @@ def section(record: Record, _pictures: object) -> str:
             ),
             figures(highlights(record)),
             table(heads, cells),
+            prose("Newton steps and products of steady states with other creepages, by nodes along a side:"),
+            table(["creepage", *sizes], works),
         ]
     )
 

@@ -142,7 +142,7 @@ def _begin(
     problem: ContactProblem, start: ContactState | None, tolerance: float = StoppingCriteria.tolerance
 ) -> Iterate:
     """Return the start of an iteration; see SemismoothNewton.init."""
-    n, restrictions = len(problem.gap), MAX_RESTRICTIONS if _is_matrix_free(problem) else 0
+    n, restrictions = len(problem.gap), MAX_RESTRICTIONS if problem.system.dense() is None else 0
     prolonged = nested_start(problem, _coarse_solution) if start is None and restrictions else None
     start = start if prolonged is None else prolonged
     contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(problem, start)
@@ -253,10 +253,6 @@ def _tolerance(memory: _Memory) -> float:
     return float(np.clip(max(0.9 * memory.fall**1.5, sufficient), MIN_TOLERANCE, MAX_TOLERANCE))
 
 
-def _is_matrix_free(problem: ContactProblem) -> bool:
-    return problem.system.dense() is None
-
-
 def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     """Return an approximate solution on a coarser system, or None if it is not found or without load. Gain: 1.33."""
     solver = SemismoothNewton()
@@ -306,7 +302,7 @@ def _balanced_motion(problem: ContactProblem, state: ResidualState) -> Array:
 def _iterate(memory: _Memory) -> Iterate:
     """Return the iterate, with the violation of the laws that the equation estimates where products are expensive."""
     state, neighbourhood = memory.state, memory.neighbourhood
-    estimate = state.law_residual if _is_matrix_free(state.equation.problem) else None
+    estimate = state.law_residual if state.equation.problem.system.dense() is None else None
     load, contact_fraction = state.load, np.clip(state.contact_fraction, 0.0, 1.0)
     if neighbourhood is not None:
         load, contact_fraction = neighbourhood.scatter(load), neighbourhood.scatter(contact_fraction)

@@ -20,7 +20,7 @@ from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.jacobian import TANGENTIAL, ReducedJacobian
 from meeframe.solvers.newton.node_blocks import NodeBlocks
-from meeframe.system.capabilities import ApproximateInverse
+from meeframe.system.capabilities import MaterialFlow
 
 NEARBY_RADIUS: Final = 1.1
 """Radius, in spacings of nodes, beyond which the response to a single node is neglected.
@@ -207,7 +207,7 @@ def _displacement_rows(jacobian: ReducedJacobian, self_compliance: NodeBlocks) -
     unknowns of the node.
     """
     friction = np.zeros((len(jacobian.fields), len(jacobian.nodes)))
-    prescribing = friction > 0.0
+    prescribing, flow = friction > 0.0, jacobian.equation.problem.system.capability(MaterialFlow)
     for position, field in enumerate(jacobian.fields):
         if jacobian.equation.inverse and field in jacobian.equation.loaded:
             column = jacobian.displacement_fields.index(field)
@@ -215,7 +215,7 @@ def _displacement_rows(jacobian: ReducedJacobian, self_compliance: NodeBlocks) -
             own = self_compliance.entry(column, position) + jacobian.series[position]
             threshold = np.abs(itself) / (MAX_TANGENTIAL_RATIO if field in TANGENTIAL else 1.0)
             prescribing[position] = jacobian.coupled[position] & (np.abs(moved * own) > threshold)
-            if field in TANGENTIAL:
+            if flow and field in TANGENTIAL:
                 np.divide(itself, moved, out=friction[position], where=prescribing[position])
     return prescribing, np.maximum(friction, 0.0)
 
@@ -240,8 +240,8 @@ def _inverse_with_friction(jacobian: ReducedJacobian, friction: Array) -> Linear
     """Return the inverse in series with friction (l, c), times the units; None if there is none."""
     equation, resistance = jacobian.equation, np.zeros(len(jacobian.equation.blocks))
     resistance[jacobian.nodes] = (friction / jacobian.units[: len(friction), None]).max(axis=0, initial=0.0)
-    approximate = equation.problem.system.capability(ApproximateInverse) if resistance.any() else None
-    return None if approximate is None else approximate.inverse_with_friction(equation.loaded, resistance)
+    flow = equation.problem.system.capability(MaterialFlow) if resistance.any() else None
+    return None if flow is None else flow.inverse_with_friction(equation.loaded, resistance)
 
 
 def _prescribed_displacements(

@@ -34,6 +34,7 @@ from meeframe.contact.generated_heat import conducted_flux, heat_factors, therma
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
 from meeframe.contact.scales import Scales, motion_scales, problem_scales
 from meeframe.contact.transmissivity import Transmissivity
+from meeframe.contact.undone_slip import undone_slip
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import (
     attraction_slope,
@@ -365,16 +366,18 @@ class ResidualState:
         """Return the trial (n, 3) at which the laws are linearised.
 
         A biactive node whose fraction is at an end is pressed or open according to that, not to a trial that is almost
-        zero.
+        zero. A node at which material undoes its slip of before sticks.
         """
         if is_adhesive(self.equation.problem.contact_law):
             return self.trial
         pressed = self.biactive & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
         opened = self.biactive & (self.switch <= 0.0) & (self.trial[:, 2] < 0.0)
-        if not (pressed | opened).any():
+        sticks = undone_slip(self.equation.problem, self.load, self.relative_displacement[:, :2])
+        if sticks is None and not (pressed | opened).any():
             return self.trial
         trial, least = self.trial.copy(order="K"), MIN_TRANSITION_RATIO * self.equation.scales.pressure
         trial[pressed, 2], trial[opened, 2] = -least, least
+        trial[[] if sticks is None else sticks, :2] = 0.0
         return trial
 
     def linearise(self) -> Linearization:
@@ -395,9 +398,9 @@ class ResidualState:
         residual[between, FRACTION] = equation.r * self.relative_displacement[between, 2] / scales.pressure
         trial, gap, r = self._trial_by_fraction(), self.relative_displacement[:, MECHANICAL], (equation.r, equation.r)
         by_trial, by_gap = traction_tangents(law, trial, gap, r, between)
-        other = np.flatnonzero(trial[:, 2] != self.trial[:, 2])
+        other = np.flatnonzero((trial != self.trial).any(axis=1))
         if other.size:  # value of that linearisation at the actual trial
-            off = by_trial[other, :, 2] * (self.trial[other, 2:] - trial[other, 2:])
+            off = np.einsum("nij,nj->ni", by_trial[other], self.trial[other] - trial[other])
             remainder = self.load[other, MECHANICAL] - fixed_point_map(law, trial, gap, r)[other] - off
             residual[other, MECHANICAL] = remainder / scales.pressure
         a, b = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()

@@ -35,6 +35,7 @@ from meeframe.results.schema import rolling_totals
 from meeframe.results.summary import summary
 from meeframe.system.edge_correction import correct_edge
 from meeframe.system.rolling import CellShift, SteadyRollingSystem
+from meeframe.testing.capabilities import check_approximate_inverse
 from meeframe.testing.formulation import check_translation
 from meeframe.testing.operation_counter import OperationCounter
 
@@ -500,10 +501,14 @@ def test_steady_is_the_limit_of_transient() -> None:
     assert errors[-1] <= 1e-6 * np.abs(direct.traction[:, :2]).max()
 
 
-def rolling_work(nodes: int) -> tuple[int, int]:
+Motion = tuple[tuple[float, float], float]
+"""Creepages and spin [1/m]."""
+
+
+def rolling_work(nodes: int, motion: Motion = ((1e-3, 5e-4), 0.5)) -> tuple[int, int]:
     """Return iterations and products of a steady state with stick and slip in a contact over two thirds of the zone."""
     mesh = half_space_mesh(4e-2, 3e-3, nodes - 1, 1, Quad4())
-    case = replace(sphere((PRESS, steady((1e-3, 5e-4), spin=0.5))), mesh=mesh)
+    case = replace(sphere((PRESS, steady(motion[0], spin=motion[1]))), mesh=mesh)
     counted = OperationCounter.of(reduce(case))
     steps = solve_steps(case, counted, boundary=False)
     next(steps)
@@ -528,6 +533,15 @@ def test_work_hardly_grows_on_fine_grids() -> None:
     assert fine[1] < 1.35 * coarse[1]
 
 
+@pytest.mark.full
+@pytest.mark.parametrize("motion", [((1e-3, 0.0), 0.0), ((0.0, 1e-3), 0.0), ((0.0, 0.0), 1.0)])
+def test_work_hardly_grows_in_any_direction(motion: Motion) -> None:
+    """Lines of nodes that should stick do so at once (`undone_slip`); node by node the work grows with their length."""
+    coarse, fine = rolling_work(64, motion), rolling_work(256, motion)
+    assert fine[0] <= coarse[0] + 3
+    assert fine[1] < 1.4 * coarse[1]
+
+
 def test_inverse_with_friction_recovers_loads_where_some_nodes_slip() -> None:
     """Accumulation of all changes, as where all nodes stick, does not: waves along lines of slip would grow."""
     body = reduce(replace(sphere((PRESS,)), mesh=half_space_mesh(4e-2, 3e-3, 47, 1, Quad4())))
@@ -544,6 +558,21 @@ def test_inverse_with_friction_recovers_loads_where_some_nodes_slip() -> None:
         errors.append(np.linalg.norm(found - load[:, :3]) / np.linalg.norm(load))
     assert errors[0] < 0.2
     assert errors[1] > 1.0
+
+
+def test_check_of_inverses_includes_friction(monkeypatch: pytest.MonkeyPatch) -> None:
+    body = reduce(replace(sphere((PRESS,)), mesh=half_space_mesh(4e-2, 3e-3, 15, 1, Quad4())))
+    system = SteadyRollingSystem.of(body, CellShift.of(body.points, body.frames, np.array([0.0, -1.0, 0.0])))
+    check_approximate_inverse(system)
+    inverse = SteadyRollingSystem.inverse_with_friction
+
+    def with_loads_of_slipping_nodes_reversed(self, fields, resistance):
+        signs = np.where(resistance > 0.0, -1.0, 1.0)[:, None]
+        return lambda sums: inverse(self, fields, resistance)(sums) * signs
+
+    monkeypatch.setattr(SteadyRollingSystem, "inverse_with_friction", with_loads_of_slipping_nodes_reversed)
+    with pytest.raises(AssertionError, match=r"inverse_with_friction in fields .* does not return the loads"):
+        check_approximate_inverse(system)
 
 
 def test_coarser_grids_see_the_change_over_a_cell_of_the_finest() -> None:
@@ -601,6 +630,6 @@ def test_tables_and_figures_show_numbers_of_rolling() -> None:
     table = result.to_dataframe()
     assert table["creepage_longitudinal"].iloc[1] == pytest.approx(5e-4)
     assert np.isnan(table["creep_work"].iloc[0])
-    assert "friction_power" not in table.columns, "there is no duration"
+    assert not {"friction_power", "duration"} & set(table.columns)
     assert table.attrs["units"]["spin"] == "1/m"
     assert "creepage_longitudinal" not in run(sphere((PRESS,))).to_dataframe().columns

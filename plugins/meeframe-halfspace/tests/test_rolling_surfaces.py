@@ -47,7 +47,7 @@ CONDUCTING = {
 @pytest.mark.parametrize("direction", [(1.0, 0.0), pytest.param((0.0, -1.0), marks=pytest.mark.full)])
 def test_signals_of_a_probe_are_those_of_its_places(direction):
     """Without friction each increment is a contact at rest, of a rigid surface with the sum of the heights."""
-    slide = meeframe.Step(rolling={"distance": DISTANCE, "direction": direction, "creepage": [1.0, 0.0]})
+    slide = meeframe.Step(rolling={"distance": DISTANCE, "direction": direction, "creepage": [1.0, 0.0], "speed": 1e-3})
     result = solved([PRESS, slide], **CONDUCTING)
     assert len(result) == 4
     x, y = (np.unique(axis.round(12)) for axis in result.zone.points.T[:2])
@@ -66,7 +66,9 @@ def test_signals_of_a_probe_are_those_of_its_places(direction):
     signal = next(curve for curve in curves(result) if curve.name == "charge in rolling")
     assert signal.across[2][:, 0] == pytest.approx(SPACING * np.arange(1, 4))
     assert signal.up[2][:, 0] == pytest.approx(charges[1:])
-    assert result.to_dataframe()["charge"].to_numpy() == pytest.approx(charges)
+    table = result.to_dataframe()
+    assert table["charge"].to_numpy() == pytest.approx(charges)
+    assert table["duration"].to_numpy() == pytest.approx([np.nan] + [SPACING / 1e-3] * 3, nan_ok=True)
 
 
 @pytest.mark.full
