@@ -125,8 +125,8 @@ class Grading:
         """
         if self.exponent is not None and self.exponent >= 1.0 and self.material is None:
             raise CaseError(
-                f"grading: exponent = {self.exponent:g}: the compliance of the upper side is infinite; allowed: numbers "
-                "below 1, or a material to mix with"
+                f"grading: exponent = {self.exponent:g}: the compliance of the upper side is infinite; allowed: "
+                "numbers below 1, or a material to mix with"
             )
         count, coarse = FIRST_SUBLAYERS, self._divided(material, thickness, interface, FIRST_SUBLAYERS)
         while count < MAX_SUBLAYERS:

@@ -219,7 +219,7 @@ def exponentials(matrices: Complex, factors: Array) -> Complex:
 def _powers_of_norms(matrices: Complex) -> Indices:
     """Return the least n with which matrices (..., f, f) over 2^n suit the series."""
     norms = np.abs(matrices).sum(axis=-1).max(axis=-1, initial=0.0)
-    return np.ceil(np.log2(np.maximum(norms, np.finfo(float).tiny) / _MAX_NORM)).astype(int)
+    return np.asarray(np.ceil(np.log2(np.maximum(norms, np.finfo(float).tiny) / _MAX_NORM)), int)
 
 
 def _series_of_exponential(x: Complex) -> Complex:

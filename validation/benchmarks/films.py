@@ -214,8 +214,8 @@ def section(record: Record, _pictures: Path) -> str:
         [
             prose(
                 f"Ten layers of {' and '.join(FILMS)}, as thick together as the contact radius, on {SUBSTRATE}; all"
-                f" rotated alike in the triclinic case, and each {ANGLE:g} rad further than the last one where all are said"
-                " to be different. Times are processor times of one thread, medians of alternate"
+                f" rotated alike in the triclinic case, and each {ANGLE:g} rad further than the last one where all are"
+                " said to be different. Times are processor times of one thread, medians of alternate"
                 f" runs of `auto` to a residual of {TOLERANCE:g}, under a sphere with a given force; of solutions"
                 " without the making of the response. The density of all grids is bilinear and free."
             ),

@@ -154,7 +154,8 @@ class HalfSpace(Formulation):
 
     def _grid_response(self, body: Body, grid: Grid) -> GridResponse:
         if body.layers:
-            layered = self._layered_response(LayeredResponse.of(body, grid.frame), grid)
+            longest = max(n * h for n, h in zip(grid.size, grid.spacing, strict=True))
+            layered = self._layered_response(LayeredResponse.of(body, grid.frame, longest), grid)
             return HeatedGrid.of_layers(layered, self._radius(grid)) if body.expands else layered
         thermal = None if body.thermal_moduli is None else _thermal_response(body, body.thermal_moduli, grid)
         response = replace(PointResponse.of(body.stiffness, grid.frame), thermal=thermal)

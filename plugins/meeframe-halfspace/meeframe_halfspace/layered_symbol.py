@@ -58,16 +58,25 @@ class LayeredResponse:
     heat_difference: RadialSeries | None = None
 
     @classmethod
-    def of(cls, body: Body, frame: Array) -> "LayeredResponse":
-        """Return the response of a body with layers. Raises MaterialError if a series does not converge."""
+    def of(cls, body: Body, frame: Array, longest: float = np.inf) -> "LayeredResponse":
+        """Return the response of a body with layers to waves up to the longest one [m].
+
+        Without ground, potentials grow with the length of waves, which then must be finite. Raises MaterialError if a
+        series does not converge.
+        """
         stiffness = _top_stiffness(body)
-        top, difference = PointResponse.of(stiffness, frame), difference_series(Sampling(body, frame))
+        lowest = 0.999 * 2.0 * np.pi / longest if _is_without_ground(body) else 0.0
+        top, difference = PointResponse.of(stiffness, frame), difference_series(Sampling(body, frame, lowest=lowest))
         if not body.expands:
             return cls(top, difference, body, frame)
         moduli = np.zeros((3, N_FIELDS)) if body.all_moduli[0] is None else body.all_moduli[0]
         thermal = ThermalResponse.of(stiffness, moduli, body.fields.index(THERMAL_FIELD.name), frame)
         return cls(
-            replace(top, thermal=thermal), difference, body, frame, difference_series(Sampling(body, frame, True))
+            replace(top, thermal=thermal),
+            difference,
+            body,
+            frame,
+            difference_series(Sampling(body, frame, True, lowest)),
         )
 
     @property
@@ -205,6 +214,11 @@ def _top_stiffness(body: Body) -> Array:
     return layers[0].material.stiffness if layers else body.stiffness
 
 
+def _is_without_ground(body: Body) -> bool:
+    """Return True if the base insulates a field."""
+    return body.layers.base is not None and bool(body.layers.base.insulating)
+
+
 def _depth(body: Body) -> float:
     """Return the thickness of all layers [m], that on a rigid base included."""
     return body.layers.thickness + (body.layers.base.thickness if body.layers.base is not None else 0.0)
@@ -222,11 +236,14 @@ class Sampling:
         Rows e1, e2, outward normal, (3, 3).
     is_heat
         Whether the samples are y_h, (..., N_FIELDS, 1), in place of Y, (..., fields, fields).
+    lowest
+        Smallest wave number for which they are needed [1/m].
     """
 
     body: Body
     frame: Array
     is_heat: bool = False
+    lowest: float = 0.0
 
     @cached_property
     def symmetry(self) -> PlaneSymmetry:
@@ -309,6 +326,7 @@ def _highest_harmonic(sampling: Sampling, depth: float) -> tuple[int, float]:
     k, count, layers = np.geomspace(1e-3, 3.0, _SAMPLES) / depth, _FIRST_ANGLES, sampling.body.layers.layers
     if layers:
         k = np.append(k, 0.5 / layers[0].thickness)
+    k = np.maximum(k, sampling.lowest)
 
     def sampled(is_between: bool) -> tuple[Complex, float]:
         directions = sampling.symmetry.directions(count, is_between)
@@ -334,9 +352,10 @@ def _highest_harmonic(sampling: Sampling, depth: float) -> tuple[int, float]:
 
 
 def _edges(sampling: Sampling, symbol: SurfaceSymbol, directions: Directions, depth: float, negligible: float) -> Array:
-    """Return ends of panels from zero to where the difference is negligible."""
-    count = int(np.log(_MAX_WAVE / _FIRST_EDGE) / np.log(GROWTH))
-    edges = np.concatenate([[0.0], _FIRST_EDGE / depth * GROWTH ** np.arange(count)])
+    """Return ends of panels from the lowest wave number to where the difference is negligible."""
+    first = _FIRST_EDGE / depth if sampling.lowest == 0.0 else GROWTH * sampling.lowest
+    count = max(1, int(np.log(_MAX_WAVE / (first * depth)) / np.log(GROWTH)))
+    edges = np.concatenate([[sampling.lowest], first * GROWTH ** np.arange(count)])
     sizes = np.abs(sampling.difference(symbol, directions, edges[1:])).max(axis=(1, 2, 3))
     return edges[: int(np.flatnonzero(sizes > negligible).max(initial=-2)) + 3]
 

@@ -49,7 +49,7 @@ class RadialSeries:
     terms
         The terms.
     edges
-        Ends (p + 1,) of the panels, from zero; the series is zero beyond the last one.
+        Ends (p + 1,) of the panels, from zero or the smallest radius of interest; the series is zero beyond the last.
     coefficients
         Chebyshev coefficients (p, t, NODES).
     errors

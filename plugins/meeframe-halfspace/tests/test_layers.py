@@ -110,6 +110,25 @@ def test_layers_of_the_substrate_change_nothing(periodic):
     assert_close(system.apply(load), expected, 1e-11)
 
 
+@pytest.mark.parametrize("insulating", [("electric",), ("electric", "magnetic")])
+def test_periodic_surface_above_a_base_that_insulates(insulating):
+    """Compare with one compliance for each wave; potentials grow with the length of waves."""
+    layers = LayerStack((Layer(rotated("pzt-4", 0.7), UM),), RigidBase(0.5 * UM, insulating))
+    one, size = body(layers, library_material("batio3"), (14, 12), (42 * UM, 36 * UM)), (15, 13)
+    system = HalfSpace(periodic=True, density="trigonometric", matrix_up_to=0).reduce(one)
+    order = np.lexsort(system.points[:, 1::-1].T)
+    load = random_load(system, layers)
+    load -= load.mean(axis=0)
+    qx, qy = (2 * np.pi * np.fft.fftfreq(n, 3 * UM) for n in size)
+    k, angles = np.hypot(qx[:, None], qy).ravel(), np.arctan2(qy, qx[:, None]).ravel()
+    symbol = surface_symbol(one, np.eye(3), angles[1:])
+    y = symbol.compliance_at(k[None, 1:], 0) / k[1:, None, None] * np.outer(symbol.factors, symbol.factors)
+    waves = np.fft.fft2(load[order].reshape(*size, 5), axes=(0, 1)).reshape(-1, 5)
+    answers = np.concatenate([np.zeros((1, 5)), np.einsum("wab,wb->wa", y, waves[1:])])
+    expected = np.fft.ifft2(answers.reshape(*size, 5), axes=(0, 1)).real.reshape(-1, 5)
+    assert_close(system.apply(load)[order] * POTENTIALS, expected, 1e-8)
+
+
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("periodic", [False, True])
 def test_splitting_a_layer_changes_nothing(periodic):

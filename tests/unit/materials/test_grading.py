@@ -1,5 +1,7 @@
 """Graded layers: closed forms of exponential and power-law grading, profiles, messages."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import scipy
@@ -63,7 +65,7 @@ def test_power_laws_converge_with_the_square_of_the_number(exponent):
         symbol = SurfaceSymbol.of(PZT.stiffness, layers, np.eye(3), np.array([0.9]))
         y.append(symbol.evaluate(np.array([0.3, 3.0]) / H) * np.outer(symbol.factors, symbol.factors))
     scale = np.outer(PZT.scaling.factors, PZT.scaling.factors)
-    first, second = (np.abs((one - other) / scale).max() for one, other in zip(y, y[1:], strict=False))
+    first, second = (np.abs((one - other) / scale).max() for one, other in pairwise(y))
     assert first > 3.5 * second
     assert second < 2e-3 * np.abs(y[-1] / scale).max()
 
@@ -126,7 +128,7 @@ def test_messages(keys, message):
 
 
 def test_infinite_compliance():
-    with pytest.raises(CaseError, match=r"exponent = 1: the compliance of the upper side is infinite; allowed: numbers b"):
+    with pytest.raises(CaseError, match="exponent = 1: the compliance of the upper side is infinite"):
         Grading("power", exponent=1.0).sublayers(PZT, H, Interface())
 
 
