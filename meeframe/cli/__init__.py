@@ -27,6 +27,11 @@ def main() -> None:
     except SystemExit as ended:
         if ended.code == console.INTERRUPTED:
             sys.unraisablehook = _ignore  # files that two interruptions left half open cannot be closed properly
+            if isinstance(getattr(ended.__context__, "__cause__", None), KeyboardInterrupt):
+                print("interrupted", file=sys.stderr)  # before the command, or again while it reported the first
         raise
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(console.INTERRUPTED)
     finally:
         gc.freeze()  # saves the garbage collection of a third of a second at exit

@@ -265,7 +265,7 @@ def check_quantities(record: Any) -> None:
     CaseError
         If a quantity is not valid or out of bounds, or if a Literal is none of the allowed values.
     """
-    for name, hint in _hints_of(type(record)).items():
+    for name, hint in _hints_of(record.__class__).items():
         value = getattr(record, name)
         if NoneType in get_args(hint):
             if value is None:

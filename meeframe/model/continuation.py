@@ -14,7 +14,7 @@ from meeframe.fields import Array
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
-from meeframe.model.lifted_nodes import violations
+from meeframe.model.lifted_nodes import lifted_node, violations
 from meeframe.results.records import StepResult
 
 Solution = tuple[Increment, ConvergedState, StepResult]
@@ -138,7 +138,7 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution) -> Solution | 
     """Return the solution of an increment whose friction limit jumps where contact begins.
 
     It is sought from states under friction of at most a multiple of the pressure. If there is none, the result is the
-    increment with such a state, which has nodes that lie in the jump; or None, if there is no such state either.
+    increment with such a state, if that has nodes that lie in the jump, or one that has no state; otherwise None.
 
     Parameters
     ----------
@@ -156,23 +156,25 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution) -> Solution | 
             solution, nearest, ratio = _raise(by_ratio, eased, _RATIOS, eased[1].state)
     if solution is not None:
         return _noted(solution, f"friction of at most {_RATIOS[1]:g} times the pressure")
-    if nearest is None or ratio < _MIN_RATIO:
+    if nearest is None:
         return None
     planned, end, result = nearest
-    law, start = planned.problem.contact_law, end.state
-    assert isinstance(law, CappedLaw)
+    start, problem = end.state, replace(planned.problem, contact_law=failed[0].problem.contact_law)
     assert start is not None
-    problem = replace(planned.problem, contact_law=law.law)
-    violation = violations(problem, start.load, indenter_position(problem, start.motion) - start.displacement)
-    in_jump = np.flatnonzero(violation > _NOTABLE * violation.max())
-    position = ", ".join(f"{value:.4g}" for value in problem.system.points[in_jump].mean(axis=0))
-    note = (
-        f"{failed[2].message}; this state is one with friction of at most {ratio:.0f} times the pressure, with "
-        f"{in_jump.size} node{'s' * (in_jump.size > 1)} around ({position}) m between open and closed"
-    )
+    planned, note = replace(planned, problem=problem), f"this state is one with friction of at most {ratio:.0f} times"
+    if ratio >= _MIN_RATIO:
+        violation = violations(problem, start.load, indenter_position(problem, start.motion) - start.displacement)
+        in_jump = np.flatnonzero(violation > _NOTABLE * violation.max())
+        position = ", ".join(f"{value:.4g}" for value in problem.system.points[in_jump].mean(axis=0))
+        nodes = f"{in_jump.size} node{'s' * (in_jump.size > 1)} around ({position}) m"
+        note = f"{note} the pressure, with {nodes} between open and closed"
+    elif lifted_node(planned, result) is None:
+        return None
+    else:
+        note = f"{note} the pressure"
     residual = law_residual(problem, start, problem_scales(problem))
-    result = replace(result, status=Status.STALLED, residual=residual, message=note)
-    return replace(planned, problem=problem), failed[1], result
+    message = f"{failed[2].message}; {note}"
+    return planned, failed[1], replace(result, status=Status.STALLED, residual=residual, message=message)
 
 
 def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> Solution | None:

@@ -13,6 +13,7 @@ import numpy as np
 from meeframe.common.errors import TooLargeError
 from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting
+from meeframe.contact.nested import has_nodal_data
 from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_field
 from meeframe.contact.scales import largest, problem_scales
 from meeframe.fields import POTENTIALS, Array, Indices
@@ -397,10 +398,9 @@ class _Subincrement:
     @cached_property
     def _limit_jumps(self) -> bool:
         """Whether the friction limit jumps where contact begins, by a law without wear and memory."""
-        case = self.kinematics.case
-        law, sample = case.contact_law, np.ones((len(self.kinematics.system.points), 3))
-        is_simple = case.wear is None and not has_memory(law)
-        return is_simple and limit_jumps(law, sample)
+        case, n = self.kinematics.case, len(self.kinematics.system.points)
+        law, is_simple = case.contact_law, case.wear is None and not has_memory(case.contact_law)
+        return is_simple and limit_jumps(law, np.ones((n if has_nodal_data(law, n) else 1, 3)))
 
 
 def _solve(

@@ -48,7 +48,7 @@ contact = { law = { name = "isotropic-coulomb", mu = 0.3 } }
 PRESS: Final = '{ approach = "10 um", increments = 2 }'
 DRAG: Final = '{ translation = ["1 um", 0], increments = 4 }'
 BARE: Final = "output = { figures = false, vtu = false }\n"
-LONG_PRESS: Final = '{ approach = "10 um", increments = 20 }'
+LONG_PRESS: Final = '{ approach = "10 um", increments = 120 }'  # more than a run holds in memory
 WITHOUT_FIGURES: Final = "output = { figures = false }\n"
 CASES: Final = {
     "press": f"{BODY}{BARE}steps = [{PRESS}]\n",

@@ -76,6 +76,11 @@ class Gauge:
         return memory[-1] / memory[0] - 1.0, float(np.median(last) / np.median(first) - 1.0)
 
     @property
+    def rest(self) -> float:
+        """Processor time since the last tenth, as for reports [s]."""
+        return time.process_time() - self._begin
+
+    @property
     def bytes_per_unit(self) -> float:
         """Growth of memory per unit, from the second tenth on."""
         return float(np.polyfit(np.arange(1, len(self.memory)), self.memory[1:], 1)[0]) * TENTHS / self._number
@@ -143,7 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             KINDS[kind](options.number, Path(folder), gauge)
         memory, seconds = gauge.growth
         print(f"{kind}: memory {memory:+.2%}, {gauge.bytes_per_unit:.0f} bytes each, time {seconds:+.1%}")
-        print(f"{kind}: at most {peak_memory_mb():.1f} MB", flush=True)
+        print(f"{kind}: at most {peak_memory_mb():.1f} MB, {gauge.rest:.1f} s after the last one", flush=True)
         failed |= seconds > MAX_SLOWING or memory > MAX_GROWTH
     return int(failed)
 

@@ -76,7 +76,7 @@ def test_faults_are_found(solved, tmp_path, name):
 
 @pytest.mark.parametrize("seed", [*range(5001, 5005), 6513, 6650, 6959, 7266, 7861, 8848, 9210, 20297, 52222, 52387])
 def test_random_problems(seed):
-    """Those from 6513 on once failed.
+    """The seeds from 6513 on once failed.
 
     They have conduction that almost insulates, sets in steeply or strongly, floating potentials, a return to no
     approach, a release from friction that is not along the slip, and increments solved from states under a part of the

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import meeframe
 from meeframe.api import progress
-from meeframe.cli import app
+from meeframe.cli import app, main
 from meeframe.formulations.dense_bem import DenseBEM
 
 OUTPUT = [
@@ -259,6 +259,22 @@ def test_second_interruption_while_handling_the_first(case_file, tmp_path, monke
     code, out, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
     assert (code, out) == (130, "")
     assert err.splitlines()[-1] == "interrupted"
+
+
+@pytest.mark.parametrize("name", ["meeframe.cli.console._with_notes", "typer.main.get_command"])
+def test_interruptions_outside_the_command_have_a_message(case_file, tmp_path, monkeypatch, capsys, name):
+    """One while the message on the first is made, or before the command begins."""
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("meeframe.study.run.solve_steps", stop)
+    monkeypatch.setattr(name, stop)
+    monkeypatch.setattr("sys.argv", ["meeframe", "run", str(case_file), "--out", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    out, err = capsys.readouterr()
+    assert (ended.value.code, out, err.splitlines()[-1]) == (130, "", "interrupted")
 
 
 @pytest.mark.parametrize("command", ["check", "show"])

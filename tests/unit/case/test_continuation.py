@@ -1,6 +1,6 @@
 """Continuation of an increment that does not converge, through states of problems that are easier to solve."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +8,7 @@ import pytest
 from meeframe_laws.adhesive import DMT
 from meeframe_laws.friction import Tresca
 
-from meeframe.contact.problem import Status
+from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.laws import IsotropicCoulomb
 from meeframe.laws.base import attraction, has_resolvent, is_adhesive
 from meeframe.model.continuation import (
@@ -62,6 +62,13 @@ def test_a_failed_increment_is_returned_as_it_was(synthetic, most):
     assert len(increments.fractions) < 20
 
 
+@dataclass(frozen=True)
+class Planned:
+    """Increment with nothing but its problem."""
+
+    problem: ContactProblem
+
+
 class Eased:
     """Increments under easier laws, solved from states whose friction ratio and factor are within a ratio of theirs.
 
@@ -77,9 +84,10 @@ class Eased:
         level = easing.ratio * easing.factor
         from_level = self._alone if start is None else start.load[0, 0] * self._reach
         solved = level <= min(from_level, self._most)
-        state = SimpleNamespace(load=np.full((25, 5), level), motion=np.zeros(0), displacement=np.zeros((25, 5)))
+        load = np.full((25, 5), level)
+        state = ContactState(load, np.zeros((25, 5)), np.zeros(25), np.zeros(0))
         result = replace(self._step, status=Status.CONVERGED if solved else Status.STALLED, iterations=7)
-        return SimpleNamespace(problem=self._problem), SimpleNamespace(state=state), result
+        return Planned(self._problem), SimpleNamespace(state=state), result
 
 
 @pytest.fixture(scope="module")
@@ -100,19 +108,21 @@ def test_friction_is_raised_to_a_limit_that_jumps(synthetic, coupled):
     assert "friction of at most 1000 times the pressure" in solution[2].message
 
 
-def test_friction_is_raised_in_smaller_steps_where_that_fails(synthetic, coupled):
+def test_friction_is_raised_in_smaller_steps_where_that_fails(synthetic, coupled, monkeypatch):
     increments = Eased(synthetic.step(1e-6), coupled, 4.0, 10.0, 50.0)
     failed = increments.solve(None, Easing())
+    monkeypatch.setattr("meeframe.model.continuation.lifted_node", lambda *_: None)
     assert solve_by_capped_friction(increments.solve, failed) is None  # friction of 50 times the pressure is no jump
     ratios = [easing.ratio for easing in increments.easings]
     np.testing.assert_allclose(ratios[1:5], [10.0, 100.0, 10.0 * np.sqrt(10.0), 100.0])
     assert len(ratios) < 10
 
 
-def test_conduction_is_raised_first_where_even_little_friction_fails(synthetic, coupled):
+def test_conduction_is_raised_first_where_even_little_friction_fails(synthetic, coupled, monkeypatch):
     increments = Eased(synthetic.step(1e-6), coupled, 10.0, 1e-5, 10.0)
     failed = increments.solve(None, Easing())
     increments.easings.clear()
+    monkeypatch.setattr("meeframe.model.continuation.lifted_node", lambda *_: None)
     assert solve_by_capped_friction(increments.solve, failed) is None
     assert increments.easings[:3] == [Easing(10.0), Easing(10.0, 1e-6), Easing(10.0, pytest.approx(1e-5))]
     assert increments.easings[8] == Easing(10.0)  # from the state with the whole conductivity
@@ -157,3 +167,17 @@ def test_easing_changes_conductors_alone(coupled):
     assert eased.channels[1] is coupled.channels[1]
     kappa = eased.channels[0].law.conductivity(np.array([-1.0, 0.0]), np.zeros(2), np.zeros(2))
     np.testing.assert_allclose(kappa, [0.01, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("most", "words"), [(316.0, "178 times the pressure, with 25 nodes around"), (50.0, "32 times the pressure")]
+)
+def test_the_nearest_state_is_returned_where_a_node_has_none(synthetic, coupled, monkeypatch, most, words):
+    increments = Eased(synthetic.step(1e-6), coupled, 10.0, 10.0, most)
+    monkeypatch.setattr("meeframe.model.continuation.lifted_node", lambda *_: 0)
+    planned, _, result = solve_by_capped_friction(increments.solve, increments.solve(None, Easing()))
+    assert planned.problem.contact_law is coupled.contact_law
+    assert result.status is Status.STALLED
+    assert result.residual > 1e-3
+    assert "this state is one with friction of at most" in result.message
+    assert words in result.message
