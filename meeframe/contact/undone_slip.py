@@ -13,7 +13,7 @@ from meeframe.system.capabilities import MaterialFlow
 MAX_BACKWARD: Final = 3
 """Largest number of successive nodes at which material slips back before it slips forward.
 
-More of them are not the end of a line of slip: friction as a whole is about to change. 5 or 8 take about as many products.
+More of them are not the end of a line of slip: friction as a whole is about to change. 5 or 8 take as many products.
 """
 _EXCESS: Final = 1e-6
 """Part by which a traction grows to find out whether friction limits it."""
