@@ -372,7 +372,7 @@ class ResidualState:
             return self.trial
         pressed = self.biactive & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
         opened = self.biactive & (self.switch <= 0.0) & (self.trial[:, 2] < 0.0)
-        sticks = undone_slip(self.equation.problem, self.load, self.relative_displacement[:, :2])
+        sticks = undone_slip(self.equation.problem, self.load, self.trial)
         if sticks is None and not (pressed | opened).any():
             return self.trial
         trial, least = self.trial.copy(order="K"), MIN_TRANSITION_RATIO * self.equation.scales.pressure

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from meeframe.contact.undone_slip import undone_slip
+from meeframe.contact.undone_slip import MAX_BACKWARD, undone_slip
 from meeframe.laws import IsotropicCoulomb
 
 LIMIT = 0.5
@@ -20,11 +20,12 @@ def undone(tractions, slips, law=None, flows=True):
     problem = SimpleNamespace(
         system=SimpleNamespace(capability=lambda _: flow), contact_law=law or IsotropicCoulomb(LIMIT)
     )
-    load, slip = np.zeros((count, 5)), np.zeros((count, 2))
+    load = np.zeros((count, 5))
     load[:, 2] = -1.0
     load[lines[:, 0], :2] = np.outer(tractions, [0.6, -0.8])
-    slip[lines[:, 0]] = np.outer(slips, [0.6, -0.8])
-    mask = undone_slip(problem, load, slip)
+    trial = load[:, :3].copy()
+    trial[lines[:, 0], :2] += np.outer(slips, [0.6, -0.8])
+    mask = undone_slip(problem, load, trial)
     return None if mask is None else np.flatnonzero(mask[lines[:, 0]]).tolist()
 
 
@@ -41,6 +42,12 @@ def test_friction_below_the_limit_ends_the_sum():
 
 def test_sums_begin_anew_after_forward_slip():
     assert undone([LIMIT] * 6, [5.0, -2.0, 1.0, 4.0, -1.0, 0.5]) == [2, 5]
+
+
+def test_many_nodes_that_slip_back_are_no_end_of_a_line():
+    back = [-1.0] * MAX_BACKWARD
+    assert undone([LIMIT] * (MAX_BACKWARD + 2), [*back, 1.0, 1.0]) == [MAX_BACKWARD, MAX_BACKWARD + 1]
+    assert undone([LIMIT] * (MAX_BACKWARD + 3), [-1.0, *back, 1.0, 1.0]) == []
 
 
 @pytest.mark.parametrize(
