@@ -16,6 +16,8 @@ _SYMMETRIES = {
     "mu": (("mu_kl = mu_lk", (1, 0)),),
 }
 _MIN_EIGENVALUE = 1e-12  # relative to the largest eigenvalue; smaller ones may be zero but for round-off
+_MIN_COUPLING_MARGIN = 5e-7
+"""Least part by which the coupling of potentials stays below its limit: responses lose as many digits."""
 _SYMMETRY_TOLERANCE = 1e-8  # relative to the largest entry: far above round-off, far below the last digit of any table
 
 
@@ -167,7 +169,7 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
     ------
     MaterialError
         If it is not; the message gives the smallest eigenvalue, scaled and in SI units, and the components that cause
-        it.
+        it. Also if it is so nearly singular that no contact can be solved accurately.
 
     Notes
     -----
@@ -188,6 +190,15 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
             f"{material_phrase(material)} is not admissible: the block [[eps, lambda], [lambda, mu]] must be positive "
             f"definite, but its smallest eigenvalue is {lowest:.6g} with eps and mu scaled to order one "
             f"({np.linalg.eigvalsh(block)[0]:.6g} in SI units){_coupling_hint(eps, lambda_, mu)}"
+        )
+
+
+    by_eps = np.linalg.solve(np.linalg.cholesky(eps), lambda_)
+    coupling = float(np.linalg.norm(np.linalg.solve(np.linalg.cholesky(mu), by_eps.T), 2))
+    if coupling > 1.0 - _MIN_COUPLING_MARGIN:
+        raise MaterialError(
+            f"{material_phrase(material)} is nearly inadmissible: lambda is 1 - {1.0 - coupling:.2g} times the largest "
+            f"coupling that eps and mu admit; allowed: at most 1 - {_MIN_COUPLING_MARGIN:g} times"
         )
 
 

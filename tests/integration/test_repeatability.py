@@ -127,7 +127,7 @@ def fluxes(tmp_path, coupling):
     return np.array([totals.charge, totals.magnetic_flux]), totals.normal_force
 
 
-@pytest.mark.parametrize("missing", [1e-3, 1e-6, pytest.param(1e-9, marks=pytest.mark.full), 1e-12])
+@pytest.mark.parametrize("missing", [1e-3, 1e-6, 1e-7, 1e-8, 1e-9, 1e-12])
 def test_nearly_inadmissible_coupling(tmp_path, missing):
     """With lambda^2 = eps mu (1 - missing)^2 the energy of the potentials nearly vanishes for one ratio of them.
 
@@ -141,7 +141,7 @@ def test_nearly_inadmissible_coupling(tmp_path, missing):
     coupling = float(np.sqrt(permittivity * permeability) * (1.0 - missing))
     expected = factor[0] * np.array([[permittivity, coupling], [coupling, permeability]]) @ potentials
     if missing < 1e-6:
-        with pytest.raises(MeeframeError, match=r"the material is nearly inadmissible|two potentials"):
+        with pytest.raises(MeeframeError, match="is nearly inadmissible|positive definite"):
             fluxes(tmp_path, coupling)
         return
     found, same_force = fluxes(tmp_path, coupling)
@@ -150,5 +150,5 @@ def test_nearly_inadmissible_coupling(tmp_path, missing):
 
 
 def test_inadmissible_coupling_is_refused(tmp_path):
-    with pytest.raises(MeeframeError, match="two potentials"):
+    with pytest.raises(MeeframeError, match="positive definite"):
         fluxes(tmp_path, float(np.sqrt(4e-9 * 9e-5) * 1.001))
