@@ -192,7 +192,6 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
             f"({np.linalg.eigvalsh(block)[0]:.6g} in SI units){_coupling_hint(eps, lambda_, mu)}"
         )
 
-
     by_eps = np.linalg.solve(np.linalg.cholesky(eps), lambda_)
     coupling = float(np.linalg.norm(np.linalg.solve(np.linalg.cholesky(mu), by_eps.T), 2))
     if coupling > 1.0 - _MIN_COUPLING_MARGIN:

@@ -141,7 +141,7 @@ def test_nearly_inadmissible_coupling(tmp_path, missing):
     coupling = float(np.sqrt(permittivity * permeability) * (1.0 - missing))
     expected = factor[0] * np.array([[permittivity, coupling], [coupling, permeability]]) @ potentials
     if missing < 1e-6:
-        with pytest.raises(MeeframeError, match="is nearly inadmissible|positive definite"):
+        with pytest.raises(MeeframeError, match=r"is nearly inadmissible|positive definite"):
             fluxes(tmp_path, coupling)
         return
     found, same_force = fluxes(tmp_path, coupling)
