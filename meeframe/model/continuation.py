@@ -1,17 +1,17 @@
 """Continuation of an increment that does not converge, through states of problems that are easier to solve."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import replace
+from functools import partial
+from typing import Final, Protocol
 
 import numpy as np
 
 from meeframe.contact.conduction import conducting
-from meeframe.contact.problem import ContactProblem, ContactState, Status, indenter_position
+from meeframe.contact.problem import ContactState, Status, indenter_position
 from meeframe.contact.residual import law_residual
 from meeframe.contact.scales import problem_scales
-from meeframe.fields import Array
-from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.model.easier_laws import EXACT, Easing
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
 from meeframe.model.lifted_nodes import lifted_node, violations
@@ -26,7 +26,7 @@ Slip counts from the beginning of the increment, whatever the fraction.
 
 _MIN_FRACTION: Final = 1.0 / 16.0
 """Least part of the change of the load by which it is raised from one state to the next."""
-FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
+_FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
 """Status of an increment for which no other way is sought."""
 _RATIOS: Final = (10.0, 1000.0, np.inf)
 """Ratios of friction to pressure by which a limit that jumps is replaced: the first, the last, and the limit itself."""
@@ -40,98 +40,65 @@ _NOTABLE: Final = 1e-3
 """Part of the largest violation of a law from which nodes are counted that violate it."""
 
 
-@dataclass(frozen=True)
-class CappedLaw(ContactLaw):
-    """A contact law with friction of at most a multiple of the pressure, so that its limit does not jump.
-
-    Attributes
-    ----------
-    law : ContactLaw
-        The law.
-    ratio : float
-        Largest friction over the pressure.
-    """
-
-    law: ContactLaw
-    ratio: float
-
-    def project(self, trial: Array) -> Array:
-        """Return the projection of the law, shortened along its friction to the largest one, (n, 3) [Pa]."""
-        return self._shorten(self.law.project(trial))
-
-    def tangential_scaling(self) -> Array:
-        """Return that of the law."""
-        return self.law.tangential_scaling()
-
-    def __getattr__(self, name: str) -> Any:
-        """Return an optional method of the law."""
-        method = getattr(self.law, name)
-        return method if name != "resolve" else lambda *arguments: self._shorten(method(*arguments))
-
-    def _shorten(self, traction: Array) -> Array:
-        size, limit = np.linalg.norm(traction[:, :2], axis=1), -self.ratio * traction[:, 2]
-        factor = np.divide(limit, size, out=np.ones_like(size), where=size > limit)
-        return np.column_stack([factor[:, None] * traction[:, :2], traction[:, 2]])
-
-
-@dataclass(frozen=True)
-class ScaledLaw(ConductivityLaw):
-    """A multiple of a law of conductivity.
-
-    Attributes
-    ----------
-    law : ConductivityLaw
-        The law.
-    factor : float
-        Factor > 0 of the conductivity.
-    """
-
-    law: ConductivityLaw
-    factor: float
-
-    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """Return the multiple of the conductivity, (n,)."""
-        return self.factor * self.law.conductivity(normal_traction, gap, drop)
-
-
-class ScaledLawAcrossGap(ScaledLaw):
-    """A multiple of a law of conductivity that depends on the gap or the drop."""
-
-    across_gap = True
-
-
-@dataclass(frozen=True)
-class Easing:
-    """Change of the laws that makes an increment easier to solve.
-
-    Attributes
-    ----------
-    ratio : float, optional
-        Largest friction over the pressure.
-    factor : float, optional
-        Factor of all conductivities.
-    """
-
-    ratio: float = np.inf
-    factor: float = 1.0
-
-    def apply(self, problem: ContactProblem) -> ContactProblem:
-        """Return a problem under the changed laws."""
-        law = problem.contact_law if self.ratio == np.inf else CappedLaw(problem.contact_law, self.ratio)
-        if self.factor == 1.0:
-            return replace(problem, contact_law=law)
-        kinds = (ScaledLawAcrossGap if channel.law.across_gap else ScaledLaw for channel in problem.channels)
-        channels = (
-            replace(channel, law=kind(channel.law, self.factor)) if channel.is_conducting else channel
-            for channel, kind in zip(problem.channels, kinds, strict=True)
-        )
-        return replace(problem, contact_law=law, channels=tuple(channels))
-
-
-EXACT: Final = Easing()
-"""No change of the laws."""
 SolveEased = Callable[[ContactState | None, Easing], Solution]
 """Solves an increment under easier laws, from an initial guess or, with None, the usual one."""
+
+
+class Attempt(Protocol):
+    """Solution of an increment under a part of the change of its load; slip counts from its beginning all the same."""
+
+    def __call__(
+        self,
+        part: float,
+        start: ContactState | None,
+        easing: Easing = EXACT,
+        stall_window: int | None = None,
+        stores: bool = False,
+    ) -> Solution:
+        """Solve from an initial guess or, with None, the usual one; stores: the compliance as a matrix."""
+
+
+def solve_persistently(solve: Attempt, window: int, limit_jumps: bool, stores: bool) -> Solution:
+    """Return the solution of an increment, sought in other ways where the usual one does not lead to it.
+
+    Parameters
+    ----------
+    solve : callable
+        Solves the increment or a part of it.
+    window : int
+        Stall window of attempts that converge soon or lead nowhere.
+    limit_jumps : bool
+        Whether the friction limit jumps where contact begins.
+    stores : bool
+        Whether attempts after the first one may store the compliance as a matrix.
+
+    Returns
+    -------
+    tuple
+        Solution, or the best reason why there may be none.
+    """
+    is_brief, capped = stores or limit_jumps, None
+    solution = solve(1.0, None, stall_window=window if is_brief else None)
+    if solution[2].status in _FINAL:
+        return solution
+    solve_briefly = partial(solve, stall_window=window, stores=stores)
+    if limit_jumps:
+        capped = solve_by_capped_friction(partial(solve_briefly, 1.0), solution)
+        if capped is not None and (capped[2].status in _FINAL or lifted_node(capped[0], capped[2]) is not None):
+            return capped
+    if is_brief:
+        solution = solve(1.0, None, stores=stores)
+        if solution[2].status in _FINAL:
+            return solution
+    if conducting(solution[0].problem):
+        conducted = solve_by_scaled_conduction(partial(solve_briefly, 1.0), solution)
+        if conducted is not None:
+            return conducted
+    if capped is not None:
+        return capped
+    # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
+    has_start = solution[2].area_fraction is not None
+    return solution if has_start else solve_by_continuation(solve_briefly, solution)
 
 
 def solve_by_capped_friction(solve: SolveEased, failed: Solution) -> Solution | None:

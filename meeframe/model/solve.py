@@ -23,19 +23,11 @@ from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
-from meeframe.model.continuation import (
-    EXACT,
-    FINAL,
-    Easing,
-    Solution,
-    solve_by_capped_friction,
-    solve_by_continuation,
-    solve_by_scaled_conduction,
-)
+from meeframe.model.continuation import Solution, solve_persistently
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, limit_jumps, with_message
+from meeframe.model.easier_laws import EXACT, Easing
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
-from meeframe.model.lifted_nodes import lifted_node
 from meeframe.model.restart import check_same_body
 from meeframe.model.rolling import RollingIncrement
 from meeframe.model.steady import solve_steady
@@ -370,30 +362,9 @@ class _Subincrement:
         is_steady = self.rolling is not None and self.rolling.is_steady
         if stall_window is not None or not is_auto or is_steady:
             return solve_part(1.0, None, stall_window=stall_window)
-        # a solution is sought in other ways where the usual one does not lead to it soon
-        stores = system.dense() is None and len(system.points) <= _MAX_STORED
         window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
-        solution = solve_part(1.0, None, stall_window=window if stores or self._limit_jumps else None)
-        if solution[2].status in FINAL:
-            return solution
-        solve_briefly, capped = partial(solve_part, stores=stores, stall_window=window), None
-        if self._limit_jumps:
-            capped = solve_by_capped_friction(partial(solve_briefly, 1.0), solution)
-            if capped is not None and (capped[2].status in FINAL or lifted_node(capped[0], capped[2]) is not None):
-                return capped
-        if stores or self._limit_jumps:
-            solution = solve_part(1.0, None, stores=stores)
-            if solution[2].status in FINAL:
-                return solution
-        if conducting(solution[0].problem):
-            conducted = solve_by_scaled_conduction(partial(solve_briefly, 1.0), solution)
-            if conducted is not None:
-                return conducted
-        if capped is not None:
-            return capped
-        # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
-        has_start = solution[2].area_fraction is not None
-        return solution if has_start else solve_by_continuation(solve_briefly, solution)
+        stores = system.dense() is None and len(system.points) <= _MAX_STORED
+        return solve_persistently(solve_part, window, self._limit_jumps, stores)
 
     @cached_property
     def _limit_jumps(self) -> bool:

@@ -12,12 +12,11 @@ from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.laws import IsotropicCoulomb
 from meeframe.laws.base import attraction, has_resolvent, is_adhesive
 from meeframe.model.continuation import (
-    CappedLaw,
-    Easing,
     solve_by_capped_friction,
     solve_by_continuation,
     solve_by_scaled_conduction,
 )
+from meeframe.model.easier_laws import CappedLaw, Easing
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 
