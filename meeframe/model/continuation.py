@@ -1,9 +1,8 @@
 """Continuation of an increment that does not converge, through states of problems that are easier to solve."""
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
-from typing import Final, Protocol
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -39,32 +38,42 @@ _MIN_RATIO: Final = 100.0
 _NOTABLE: Final = 1e-3
 """Part of the largest violation of a law from which nodes are counted that violate it."""
 
-
 SolveEased = Callable[[ContactState | None, Easing], Solution]
 """Solves an increment under easier laws, from an initial guess or, with None, the usual one."""
 
 
-class Attempt(Protocol):
-    """Solution of an increment under a part of the change of its load; slip counts from its beginning all the same."""
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """Attempt to solve an increment; slip counts from its beginning, whatever the part of the load.
 
-    def __call__(
-        self,
-        part: float,
-        start: ContactState | None,
-        easing: Easing = EXACT,
-        stall_window: int | None = None,
-        stores: bool = False,
-    ) -> Solution:
-        """Solve from an initial guess or, with None, the usual one; stores: the compliance as a matrix."""
+    Attributes
+    ----------
+    part : float, optional
+        Fraction of the change of the load.
+    start : ContactState, optional
+        Initial guess; by default the usual one.
+    easing : Easing, optional
+        Change of the laws.
+    stall_window : int, optional
+        That of the solver; by default that of the case.
+    stores : bool, optional
+        Whether the compliance is stored as a matrix.
+    """
+
+    part: float = 1.0
+    start: ContactState | None = None
+    easing: Easing = EXACT
+    stall_window: int | None = None
+    stores: bool = False
 
 
-def solve_persistently(solve: Attempt, window: int, limit_jumps: bool, stores: bool) -> Solution:
+def solve_persistently(solve: Callable[[Attempt], Solution], window: int, limit_jumps: bool, stores: bool) -> Solution:
     """Return the solution of an increment, sought in other ways where the usual one does not lead to it.
 
     Parameters
     ----------
     solve : callable
-        Solves the increment or a part of it.
+        Makes an attempt.
     window : int
         Stall window of attempts that converge soon or lead nowhere.
     limit_jumps : bool
@@ -78,27 +87,33 @@ def solve_persistently(solve: Attempt, window: int, limit_jumps: bool, stores: b
         Solution, or the best reason why there may be none.
     """
     is_brief, capped = stores or limit_jumps, None
-    solution = solve(1.0, None, stall_window=window if is_brief else None)
+    solution = solve(Attempt(stall_window=window if is_brief else None))
     if solution[2].status in _FINAL:
         return solution
-    solve_briefly = partial(solve, stall_window=window, stores=stores)
+    brief = Attempt(stall_window=window, stores=stores)
+
+    def solve_eased(start: ContactState | None, easing: Easing) -> Solution:
+        return solve(replace(brief, start=start, easing=easing))
+
     if limit_jumps:
-        capped = solve_by_capped_friction(partial(solve_briefly, 1.0), solution)
+        capped = solve_by_capped_friction(solve_eased, solution)
         if capped is not None and (capped[2].status in _FINAL or lifted_node(capped[0], capped[2]) is not None):
             return capped
     if is_brief:
-        solution = solve(1.0, None, stores=stores)
+        solution = solve(Attempt(stores=stores))
         if solution[2].status in _FINAL:
             return solution
     if conducting(solution[0].problem):
-        conducted = solve_by_scaled_conduction(partial(solve_briefly, 1.0), solution)
+        conducted = solve_by_scaled_conduction(solve_eased, solution)
         if conducted is not None:
             return conducted
     if capped is not None:
         return capped
     # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
     has_start = solution[2].area_fraction is not None
-    return solution if has_start else solve_by_continuation(solve_briefly, solution)
+    if has_start:
+        return solution
+    return solve_by_continuation(lambda part, start: solve(replace(brief, part=part, start=start)), solution)
 
 
 def solve_by_capped_friction(solve: SolveEased, failed: Solution) -> Solution | None:
@@ -114,13 +129,17 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution) -> Solution | 
     failed : tuple
         Increment that did not converge from the usual initial guess.
     """
-    by_ratio = lambda start, ratio: solve(start, Easing(ratio=ratio))  # noqa: E731
-    solution, nearest, ratio = _raise(by_ratio, failed, _RATIOS)
+
+    def by_ratio(start: ContactState | None, ratio: float) -> Solution:
+        return solve(start, Easing(ratio=ratio))
+
+    solution, nearest, ratio = _raise_value(by_ratio, failed, _RATIOS)
     if nearest is None and conducting(failed[0].problem):
-        by_factor = lambda start, factor: solve(start, Easing(_RATIOS[0], factor))  # noqa: E731
-        eased, *_ = _raise(by_factor, failed, _CONDUCTION_FACTORS)
+        eased, *_ = _raise_value(
+            lambda start, factor: solve(start, Easing(_RATIOS[0], factor)), failed, _CONDUCTION_FACTORS
+        )
         if eased is not None:
-            solution, nearest, ratio = _raise(by_ratio, eased, _RATIOS, eased[1].state)
+            solution, nearest, ratio = _raise_value(by_ratio, eased, _RATIOS, eased[1].state)
     if solution is not None:
         return _noted(solution, f"friction of at most {_RATIOS[1]:g} times the pressure")
     if nearest is None:
@@ -152,11 +171,11 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> Solution 
     solve, failed
         As for `solve_by_capped_friction`.
     """
-    solution, *_ = _raise(lambda start, factor: solve(start, Easing(factor=factor)), failed, _CONDUCTION_FACTORS)
+    solution, *_ = _raise_value(lambda start, factor: solve(start, Easing(factor=factor)), failed, _CONDUCTION_FACTORS)
     return None if solution is None else _noted(solution, "smaller conductivities")
 
 
-def _raise(
+def _raise_value(
     solve: Callable[[ContactState | None, float], Solution],
     before: Solution,
     values: tuple[float, float, float],

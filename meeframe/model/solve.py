@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from importlib import metadata
 from typing import Final
 
@@ -23,9 +23,8 @@ from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
-from meeframe.model.continuation import Solution, solve_persistently
+from meeframe.model.continuation import Attempt, Solution, solve_persistently
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, limit_jumps, with_message
-from meeframe.model.easier_laws import EXACT, Easing
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
@@ -336,39 +335,30 @@ class _Subincrement:
         )
         limits = self.kinematics.case.limits
 
-        def solve_part(
-            part: float,
-            start: ContactState | None,
-            easing: Easing = EXACT,
-            stall_window: int | None = None,
-            stores: bool = False,
-        ) -> Solution:
-            """Solve under a part of the change of the load; slip counts from its beginning all the same.
-
-            easing: of the laws; stores: the compliance as a matrix.
-            """
-            fraction = (self.numbers[1] - 1 + first + part * share) / step.increments
+        def solve_part(attempt: Attempt) -> Solution:
+            fraction = (self.numbers[1] - 1 + first + attempt.part * share) / step.increments
             controls = ramp(self.controls, self.begin, self.prescribed, fraction)
             planned = self.kinematics.increment(controls, here, duration, self.rolling, sliding)
-            start = _start(planned, self.last, here) if start is None else start
-            problem = easing.apply(planned.problem)
-            if stores:
+            start = _start(planned, self.last, here) if attempt.start is None else attempt.start
+            problem = attempt.easing.apply(planned.problem)
+            if attempt.stores:
                 problem = replace(problem, system=with_matrix(problem.system))
             planned = replace(planned, problem=problem)
-            bounds = limits if stall_window is None else replace(limits, stall_window=stall_window)
+            window = attempt.stall_window
+            bounds = limits if window is None else replace(limits, stall_window=window)
             return _solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress)
 
         system, is_auto = self.kinematics.system, isinstance(self.kinematics.case.solver, Auto)
         is_steady = self.rolling is not None and self.rolling.is_steady
         if stall_window is not None or not is_auto or is_steady:
-            return solve_part(1.0, None, stall_window=stall_window)
+            return solve_part(Attempt(stall_window=stall_window))
         window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
         stores = system.dense() is None and len(system.points) <= _MAX_STORED
         return solve_persistently(solve_part, window, self._limit_jumps, stores)
 
-    @cached_property
+    @property
     def _limit_jumps(self) -> bool:
-        """Whether the friction limit jumps where contact begins, by a law without wear and memory."""
+        """True if the friction limit jumps where contact begins, by a law without wear and memory."""
         case, n = self.kinematics.case, len(self.kinematics.system.points)
         law, is_simple = case.contact_law, case.wear is None and not has_memory(case.contact_law)
         return is_simple and limit_jumps(law, np.ones((n if has_nodal_data(law, n) else 1, 3)))
