@@ -15,7 +15,7 @@ MAX_RETAINED_BYTES: Final = 2**30
 MIN_MAPPED_BYTES: Final = 2**25
 """Size in bytes from which an array is mapped separately and returned when freed; the upper limit of the library.
 
-With 2**22, runs on 2048 x 2048 nodes take 14 to 22 bytes less per node, and an eighth to a quarter more time.
+With 2**22, runs on 2048 x 2048 nodes take 9 to 16 bytes less per node, and an eighth to a quarter more time.
 """
 MIN_RELEASED_NODES: Final = 2**20
 """Number of nodes from which free memory is returned between the stages of a run: 30 to 60 bytes per node."""

@@ -59,7 +59,7 @@ from meeframe.model.values import (
 from meeframe.plugin.registry import CONTRACTS, registry_of
 from meeframe.plugin.validation import Problem, TableError, build, choices
 from meeframe.results.schema import optional_fields
-from meeframe.results.selection import ALLOWED, NAMED, in_words, step_numbers
+from meeframe.results.selection import ALLOWED, NAMED, load_steps_in_words, step_numbers
 from meeframe.solvers import StoppingCriteria
 
 
@@ -303,7 +303,7 @@ class CaseTable(Table):
             number: step.increments if step.rolling is None else MAX_CELLS for number, step in enumerate(self.steps, 1)
         }
         if numbers and not (numbers[0] in counts and all(1 <= one <= counts[numbers[0]] for one in numbers[1:])):
-            text = f"is no increment of the case; allowed: peak, last, and load steps {in_words(counts)}"
+            text = f"is no increment of the case; allowed: peak, last, and load steps {load_steps_in_words(counts)}"
             raise TableError(Problem(("output", "step"), text, self.output.step))
         return self
 

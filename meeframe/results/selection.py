@@ -91,11 +91,13 @@ def position(steps: Sequence[Overview], which: int | tuple[int, int] | str | Non
     matches = [number for number, step in enumerate(steps) if numbers == step[: len(numbers)]]
     if not numbers or not matches:
         last = {step.step: step.increment for step in steps}
-        raise ResultError(f"step {which!r}: no such increment; allowed: peak, last, and load steps {in_words(last)}")
+        raise ResultError(
+            f"step {which!r}: no such increment; allowed: peak, last, and load steps {load_steps_in_words(last)}"
+        )
     return matches[-1]
 
 
-def in_words(counts: Mapping[int, int]) -> str:
+def load_steps_in_words(counts: Mapping[int, int]) -> str:
     """Return load steps and their numbers of increments in words, successive ones with as many increments together."""
     words = []
     for count, group in groupby(counts, counts.__getitem__):

@@ -24,10 +24,10 @@ from meeframe.results.selection import Which, overviews, position, select
 AT_BOUNDARY: Final = (
     "the contact reaches the boundary of its zone and is cut off there: forces and areas are inaccurate"
 )
-LABEL_WIDTH: Final = 35
-COLUMN_WIDTH: Final = 15
-"""Characters of the labels with their unit (LABEL_WIDTH) and of the numbers of an increment (COLUMN_WIDTH)."""
-MIN_COLUMNS: Final = 3
+_LABEL_WIDTH: Final = 35
+_COLUMN_WIDTH: Final = 15
+"""Characters of the labels with their unit (_LABEL_WIDTH) and of the numbers of an increment (_COLUMN_WIDTH)."""
+_MIN_COLUMNS: Final = 3
 """Smallest number of increments that a table may show: the first, the peak load and the last."""
 _Row = tuple[str, str, list[Any]]
 
@@ -135,7 +135,7 @@ def summary_table(result: Result, which: Sequence[Which] = (), width: int = 120)
     table = LiteralTable(result.provenance.title)
     table.add_column("")
     table.add_column("unit")
-    shown = [select(result, one) for one in which] or _ends_and_peak(result, (width - LABEL_WIDTH) // COLUMN_WIDTH)
+    shown = [select(result, one) for one in which] or _ends_and_peak(result, (width - _LABEL_WIDTH) // _COLUMN_WIDTH)
     for step in shown:
         table.add_column(name_of(result, step), justify="right")
     totals, energies = [schema.totals(result.zone, step) for step in shown], _dissipated(result)
@@ -262,7 +262,7 @@ def _ends_and_peak(result: Result, columns: int) -> list[StepResult]:
         return []
     peak = position(finished)
     numbers = np.array(sorted({*{step.step: number for number, step in enumerate(finished)}.values(), peak}))
-    columns = max(columns, MIN_COLUMNS)
+    columns = max(columns, _MIN_COLUMNS)
     if len(numbers) > columns:
         numbers = np.union1d(numbers[np.linspace(0, len(numbers) - 1, columns - 1).astype(int)], peak)
     steps = result.steps

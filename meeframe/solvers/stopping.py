@@ -8,7 +8,6 @@ import numpy as np
 
 from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
-from meeframe.common.memory import MIN_RELEASED_NODES
 from meeframe.contact.conduction import conducting
 from meeframe.contact.feasibility import beyond_bound, beyond_conduction, beyond_friction, unreachable
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
@@ -154,6 +153,8 @@ MAX_RESIDUAL: Final = 1e-3
 """Residual above which a converged change is no solution: the step was too short."""
 INFEASIBLE_WINDOW: Final = 3
 """Stall window where no state has the prescribed resultants, or none under the pressures found."""
+MAX_FOLLOWED_NODES: Final = 2**20
+"""Largest number of nodes whose loads are compared with earlier ones."""
 ESTIMATED_INTERVALS: Final = 10
 """Check intervals between two checks of a solver that estimates its residual itself."""
 
@@ -314,7 +315,7 @@ class ConvergenceMonitor:
 
     def _follow(self, iterate: Iterate) -> None:
         """Compare load, contact fraction and motion, in characteristic units, with earlier ones."""
-        nodes = slice(None, None, -(-len(iterate.load) // MIN_RELEASED_NODES))  # fewer of large grids
+        nodes = slice(None, None, -(-len(iterate.load) // MAX_FOLLOWED_NODES))
         parts = [iterate.load[nodes, field] / self._scales.load[field] for field in essential_fields(self._problem)]
         parts += [iterate.contact_fraction[nodes]] if conducting(self._problem) else []
         entry = np.concatenate([*parts, iterate.motion / self._motion_scales])

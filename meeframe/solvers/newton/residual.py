@@ -377,7 +377,8 @@ class ResidualState:
             return self.trial
         trial, least = self.trial.copy(order="K"), MIN_TRANSITION_RATIO * self.equation.scales.pressure
         trial[pressed, 2], trial[opened, 2] = -least, least
-        trial[[] if sticks is None else sticks, :2] = 0.0
+        if sticks is not None:
+            trial[sticks, :2] = 0.0
         return trial
 
     def linearise(self) -> Linearization:

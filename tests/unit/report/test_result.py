@@ -12,7 +12,7 @@ import meeframe
 from meeframe.contact.problem import Status
 from meeframe.results.figures import figures
 from meeframe.results.files import write_result
-from meeframe.results.selection import in_words, select
+from meeframe.results.selection import load_steps_in_words, select
 from meeframe.results.vtk import write_fields
 
 
@@ -59,7 +59,10 @@ def test_missing_increment_is_rejected(result, which):
 
 def test_load_steps_in_words():
     counts = {1: 2, 2: 1, 3: 1, 4: 1, 5: 3}
-    assert in_words(counts) == "1 (increments 1 to 2), 2 to 4 (increments 1 to 1 of each), 5 (increments 1 to 3)"
+    assert (
+        load_steps_in_words(counts)
+        == "1 (increments 1 to 2), 2 to 4 (increments 1 to 1 of each), 5 (increments 1 to 3)"
+    )
 
 
 def test_dataframe_has_a_row_for_each_increment(result):
