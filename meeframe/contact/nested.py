@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from meeframe.contact.conduction import depends_on_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant, columns_of
-from meeframe.fields import N_MECHANICAL, Array, Indices
+from meeframe.fields import N_MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.system.capabilities import Coarsening, Multigrid, diagonal
 from meeframe.system.reduced import ReducedSystem
@@ -125,8 +125,11 @@ def nested_start(
     """
     coarse = coarse_problem(problem)
     coarse_state = None if coarse is None else solution(coarse.problem)
-    if coarse is None or coarse_state is None:
-        return None
+    return None if coarse is None or coarse_state is None else prolonged_start(problem, coarse, coarse_state)
+
+
+def prolonged_start(problem: ContactProblem, coarse: Coarse, coarse_state: ContactState | Iterate) -> ContactState:
+    """Return a start with the interpolated load of a state of the coarse problem; see `nested_start`."""
     load = np.zeros((problem.fields.size, len(problem.gap))).T  # field by field
     loaded = np.flatnonzero(coarse_state.load.any(axis=0))
     load[:, loaded] = coarse.coarsening.prolong(coarse_state.load[:, loaded])
@@ -136,6 +139,31 @@ def nested_start(
         bears_open_flux = field >= N_MECHANICAL and depends_on_gap(problem)
         load[:, field] = np.where(above if bears_open_flux else pressed, load[:, field], 0.0)
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), coarse_state.motion)
+
+
+def with_defect(problem: ContactProblem, displacement: Array, imbalance: Array) -> ContactProblem:
+    """Return a coarse problem in which a state violates the laws and the balance as it does in the finer one.
+
+    Source: full approximation scheme, Brandt, Math. Comput. 31 (1977) 333.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Coarse problem of n nodes.
+    displacement : Array
+        (n, fields), displacement of the indenter relative to the body in the finer problem less that in the coarse one,
+        under the same load.
+    imbalance : Array
+        (m,), excess of the resultants of that load in the coarse problem over that in the finer one.
+    """
+    resultants = zip(problem.prescribed_resultants, imbalance, strict=True)
+    return replace(
+        problem,
+        translation=problem.translation + displacement[:, :2],
+        gap=problem.gap + displacement[:, 2],
+        potentials=problem.potentials - displacement[:, POTENTIALS],
+        prescribed_resultants=tuple(replace(one, total=one.total + excess) for one, excess in resultants),
+    )
 
 
 def with_tension(problem: ContactProblem, iterate: Iterate, gap: Array) -> Iterate:

@@ -101,11 +101,13 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import FieldwiseApply as FieldwiseApply
     from meeframe.system.capabilities import IndenterEdge as IndenterEdge
     from meeframe.system.capabilities import InteriorFields as InteriorFields
+    from meeframe.system.capabilities import LatticeStencil as LatticeStencil
     from meeframe.system.capabilities import Multigrid as Multigrid
     from meeframe.system.capabilities import Persistence as Persistence
     from meeframe.system.capabilities import PointFields as PointFields
     from meeframe.system.capabilities import Prolongation as Prolongation
     from meeframe.system.capabilities import Restriction as Restriction
+    from meeframe.system.capabilities import Stencil as Stencil
     from meeframe.system.capabilities import Subsystem as Subsystem
     from meeframe.system.capabilities import ZoneRecovery as ZoneRecovery
     from meeframe.system.capabilities import apply_fields as apply_fields
@@ -219,11 +221,13 @@ _HOMES = {
     "IndenterEdge": "meeframe.system.capabilities",
     "INTERIOR_STAGE": "meeframe.system.capabilities",
     "InteriorFields": "meeframe.system.capabilities",
+    "LatticeStencil": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",
     "PointFields": "meeframe.system.capabilities",
     "Prolongation": "meeframe.system.capabilities",
     "Restriction": "meeframe.system.capabilities",
+    "Stencil": "meeframe.system.capabilities",
     "Subsystem": "meeframe.system.capabilities",
     "ZoneRecovery": "meeframe.system.capabilities",
     "apply_fields": "meeframe.system.capabilities",

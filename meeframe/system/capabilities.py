@@ -189,6 +189,17 @@ class ZoneRecovery:
     """
 
 
+class LatticeStencil(ABC):
+    """Responses that depend on the offset between two nodes of a lattice alone, as on a regular grid on a half space.
+
+    Nodes around the edge of the contact and of stick are then relaxed among themselves.
+    """
+
+    @abstractmethod
+    def stencil(self, radius: int) -> "Stencil | None":
+        """Return the responses up to `radius` places away; None if the lattice is smaller than that."""
+
+
 class Restriction(ABC):
     """Reduction to a part of the contact zone, where products take much less time."""
 
@@ -372,6 +383,26 @@ class Subsystem:
 
     system: "ReducedSystem"
     nodes: Indices
+
+
+@dataclass(frozen=True, eq=False)
+class Stencil:
+    """Responses on a lattice, accurate to about six digits.
+
+    Attributes
+    ----------
+    lattice
+        (nx, ny), node at each place.
+    periodic
+        True if the lattice repeats itself.
+    responses
+        (2 r + 1, 2 r + 1, f, f): entry [r + i, r + j] is the displacement of a node due to the load on the node that
+        lies (i, j) places before it.
+    """
+
+    lattice: Indices
+    periodic: bool
+    responses: Array
 
 
 @dataclass(frozen=True, eq=False)

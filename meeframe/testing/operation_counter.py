@@ -12,9 +12,11 @@ from meeframe.system.capabilities import (
     EdgeResolution,
     FieldwiseApply,
     IndenterEdge,
+    LatticeStencil,
     Multigrid,
     Prolongation,
     Restriction,
+    Stencil,
     Subsystem,
 )
 from meeframe.system.reduced import NodalFields, ReducedSystem
@@ -29,6 +31,7 @@ class OperationCounter(
     FieldwiseApply,
     ApproximateInverse,
     Multigrid,
+    LatticeStencil,
     Restriction,
     EdgeResolution,
 ):
@@ -99,6 +102,10 @@ class OperationCounter(
     def coarsen(self) -> Coarsening:
         """Return the coarsening of the inner system, whose products are not counted."""
         return self._inner(Multigrid).coarsen()
+
+    def stencil(self, radius: int) -> Stencil | None:
+        """Return the stencil of the inner system."""
+        return self._inner(LatticeStencil).stencil(radius)
 
     def restrict(self, nodes: Indices) -> Subsystem | None:
         """Return the subsystem of the inner system, whose products are counted, too."""

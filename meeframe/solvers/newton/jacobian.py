@@ -9,9 +9,9 @@ import numpy as np
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
 from meeframe.solvers.krylov import Linear
-from meeframe.solvers.newton.node_blocks import NodeBlocks, NodeProducts
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, Linearization
 from meeframe.system.capabilities import apply_fields, apply_load
+from meeframe.system.node_blocks import NodeBlocks, NodeProducts
 
 TANGENTIAL: Final = (0, 1)
 """Tangential components of the load."""

@@ -9,16 +9,17 @@ from meeframe.common.arguments import checked_arguments
 from meeframe.contact.conduction import Mask, conducting
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_load, start_motion
-from meeframe.contact.nested import nested_start, with_tension
+from meeframe.contact.nested import coarse_problem, prolonged_start, with_tension
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
-from meeframe.fields import MECHANICAL, POTENTIALS, Array
-from meeframe.laws.base import attraction, is_adhesive
+from meeframe.fields import MECHANICAL, Array
+from meeframe.laws.base import is_adhesive
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
-from meeframe.solvers.newton.linear import Step, newton_step
+from meeframe.solvers.newton.linear import newton_step
+from meeframe.solvers.newton.moves import MAX_FLIPS, improve_start, take_step
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, contact_neighbourhood
-from meeframe.solvers.newton.residual import FRACTION, ContactResidual, ResidualState
+from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.solvers.stopping import StoppingCriteria
 
 STEP_FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
@@ -53,16 +54,6 @@ RESTRICTION_MERIT: Final = 0.1
 """Merit below which the iteration does so, unless it starts there."""
 STIFFENING_FACTORS: Final = (1.0, 4.0, 16.0)
 """Factors of the step that finds the motion: friction carries more where the same overlap presses more."""
-MAX_FLIPS: Final = 1
-"""Largest number of openings and closings before a node is treated as biactive.
-
-That does no harm to a node that need not be biactive.
-"""
-ROUND_OFF: Final = 1e-14
-"""Largest normal traction, relative to the characteristic one, that counts as zero.
-
-A flux counts as zero below this fraction of its previous value.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +109,7 @@ class SemismoothNewton(Solver):
         allowed = MAX_MERIT_RATIO * max(memory.merits)
         flips = memory.flips
         for fraction in STEP_FRACTIONS if direction.finite else ():
-            flips, candidate = _take_step(state, flips, direction, fraction)
+            flips, candidate = take_step(state, flips, direction, fraction)
             if candidate.merit < allowed:
                 merits = (*memory.merits, candidate.merit)[-MERIT_WINDOW:]
                 memory = replace(
@@ -143,8 +134,12 @@ def _begin(
 ) -> Iterate:
     """Return the start of an iteration; see SemismoothNewton.init."""
     n, restrictions = len(problem.gap), MAX_RESTRICTIONS if problem.system.dense() is None else 0
-    prolonged = nested_start(problem, _coarse_solution) if start is None and restrictions else None
-    start = start if prolonged is None else prolonged
+    coarse = coarse_problem(problem) if start is None and restrictions else None
+    coarse_iterate = None if coarse is None else _coarse_solution(coarse.problem)
+    if coarse is None or coarse_iterate is None:
+        prolonged = None
+    else:
+        start = prolonged = prolonged_start(problem, coarse, coarse_iterate)
     contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(problem, start)
     motion = start_motion(problem, start)
     neighbourhood = None if prolonged is None else contact_neighbourhood(problem, np.asarray(load.any(axis=1)))
@@ -157,7 +152,13 @@ def _begin(
     keeps_motion = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
     if not keeps_motion and (np.abs(state.balance) > BALANCE_TOLERANCE).any():
         state = equation.at(state.load, contact_fraction, state.biactive, _balanced_motion(problem, state))
-    rise = 1.0 if prolonged is None else MAX_START_GROWTH
+    rise = 1.0
+    if coarse is not None and coarse_iterate is not None:
+        coarse_memory = coarse_iterate.memory_as(_Memory)
+        of_coarse = coarse_memory.neighbourhood
+        coarse_nodes = np.arange(len(coarse.problem.gap)) if of_coarse is None else of_coarse.nodes
+        state = improve_start(state, nodes, coarse, coarse_memory.state.equation, coarse_nodes)
+        rise = MAX_START_GROWTH
     memory = _Memory(
         state,
         (rise * state.merit,),
@@ -167,48 +168,6 @@ def _begin(
         sufficient_residual=SUFFICIENT_FRACTION * tolerance,
     )
     return _iterate(memory)
-
-
-def _take_step(state: ResidualState, flips: Array, step: Step, fraction: float) -> tuple[Array, ResidualState]:
-    """Return the flips (n,) and the state after a fraction of a step.
-
-    Nodes whose conduction keeps changing become biactive. They begin between open and closed, at the fraction where
-    their own switching would make their trial zero: from one of the ends the first step goes too far, since the drive
-    changes along with the fraction.
-    """
-    equation = state.equation
-    motion = state.motion + fraction * step.motion
-    load = state.load + fraction * step.local[:, :FRACTION]
-    load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
-    # round-off of tractions, fluxes and fractions that the step removed
-    load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
-    load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(state.load[:, POTENTIALS])] = 0.0
-    contact_fraction = state.contact_fraction + fraction * step.local[:, FRACTION]
-    contact_fraction[np.abs(contact_fraction) < ROUND_OFF] = 0.0
-    candidate = equation.at(load, contact_fraction, state.biactive, motion)
-    flips = flips + candidate.find_switched(state)
-    becomes_biactive = (flips > MAX_FLIPS) & ~candidate.biactive
-    if becomes_biactive.any():
-        contact_fraction, increment = candidate.contact_fraction.copy(), candidate.closing_increment
-        near = np.flatnonzero(becomes_biactive & (np.abs(candidate.trial[:, 2]) < increment))
-        contact_fraction[near] = np.clip(
-            state.contact_fraction[near] - candidate.trial[near, 2] / increment[near], 0.0, 1.0
-        )
-        candidate = candidate.with_contact_fraction(contact_fraction, candidate.biactive | becomes_biactive)
-    return flips, candidate
-
-
-def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
-    """Return the tractions (n, 3) of a load (n, fields) at a motion (m,), their contact part projected by the law."""
-    law, traction = problem.contact_law, load[:, MECHANICAL].copy()
-    attractive = np.zeros(len(load))
-    if is_adhesive(law):
-        displacement = problem.system.offset + problem.system.apply(load)
-        attractive = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
-    traction[:, 2] -= attractive
-    traction = law.project(traction)
-    traction[:, 2] += attractive
-    return traction
 
 
 def _restart(memory: _Memory, state: ResidualState, flips: Array) -> _Memory:

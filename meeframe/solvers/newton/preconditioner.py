@@ -19,8 +19,8 @@ from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.jacobian import TANGENTIAL, ReducedJacobian
-from meeframe.solvers.newton.node_blocks import NodeBlocks
 from meeframe.system.capabilities import MaterialFlow
+from meeframe.system.node_blocks import NodeBlocks
 
 NEARBY_RADIUS: Final = 1.1
 """Radius, in spacings of nodes, beyond which the response to a single node is neglected.

@@ -44,8 +44,8 @@ from meeframe.laws.base import (
     is_adhesive,
     traction_tangents,
 )
-from meeframe.solvers.newton.node_blocks import NodeBlocks
 from meeframe.system.capabilities import ApproximateInverse
+from meeframe.system.node_blocks import NodeBlocks
 
 FRACTION: Final = -1
 """Row and column of the contact fraction in arrays: the last one, after the fields."""

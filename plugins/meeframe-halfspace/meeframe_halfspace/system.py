@@ -20,11 +20,13 @@ from meeframe.plugin import (
     IndenterEdge,
     Indices,
     InteriorFields,
+    LatticeStencil,
     Multigrid,
     NodalFields,
     Prolongation,
     ReducedSystem,
     Restriction,
+    Stencil,
     Subsystem,
     ZoneRecovery,
 )
@@ -85,6 +87,7 @@ class HalfSpaceSystem(
     FieldwiseApply,
     ApproximateInverse,
     Multigrid,
+    LatticeStencil,
     Restriction,
     EdgeResolution,
     ZoneRecovery,
@@ -258,6 +261,19 @@ class HalfSpaceSystem(
             return restricted if shares is None else restricted / shares
 
         return Prolongation(prolong, restrict)
+
+    def stencil(self, radius: int) -> Stencil | None:
+        """Return responses to the load of a node in the middle of the grid, or of the smallest sufficient part."""
+        if min(self.grid.size) <= 2 * radius:
+            return None
+        part = self.grid_response.restrict((2 * radius + 1, 2 * radius + 1))
+        convolution = self.convolution if part is None else convolution_of(part)
+        middle = [n // 2 for n in convolution.size]
+        around = tuple(slice(place - radius, place + radius + 1) for place in middle)
+        load, fields = np.zeros((1, *convolution.size), np.float32), range(self.n_fields)
+        load[0, *middle] = 1.0
+        columns = [convolution.response(load, [loaded], fields)[:, *around] for loaded in fields]
+        return Stencil(self.grid.nodes, self.convolution.periodic, np.array(columns, float).transpose(2, 3, 1, 0))
 
     def coarsen(self) -> Coarsening:
         """Return the system on every second node along both axes."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meeframe.solvers.newton.node_blocks import NodeBlocks
+from meeframe.system.node_blocks import NodeBlocks
 
 RANDOM = np.random.default_rng(11)
 NODES = 40

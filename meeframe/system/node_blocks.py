@@ -6,8 +6,8 @@ from itertools import permutations
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
 
 MAX_CONDITION_NUMBER: Final = 1e12
@@ -105,7 +105,7 @@ class NodeBlocks:
                 entries[positions[1]] = cosine * second - sine * first
         return NodeBlocks.of(entries, self.shape)
 
-    def inverses(self, which: Mask) -> "NodeBlocks":
+    def inverses(self, which: NDArray[np.bool_]) -> "NodeBlocks":
         """Return the inverses on some rows and columns (rows, c) of square blocks, zero elsewhere; see `_inverse`."""
         inverses, off_diagonal = dict[tuple[int, int], Array](), np.zeros(self.shape, bool)
         for row, mask in enumerate(which):
