@@ -17,6 +17,7 @@ from meeframe.system.capabilities import (
     FieldwiseApply,
     IndenterEdge,
     InteriorFields,
+    LatticeStencil,
     MaterialFlow,
     Multigrid,
     Restriction,
@@ -35,6 +36,8 @@ INTERIOR: Final = 0.4
 """Fraction of the half widths of the zone within which approximate inverses are tested."""
 SERIES_RATIO: Final = 3.0
 """Resistances to the fluxes in series with the compliance, in units of the response of a node to its own load."""
+RADII: Final = (1, 4)
+"""Radii of tested stencils, in places."""
 SINGLE_PRECISION: Final = 1e-4
 """Largest relative error of operations in single precision."""
 BOUNDS: Final = {"float64": ROUND_OFF, "float32": 1e-5}
@@ -72,6 +75,7 @@ def check_capabilities(system: ReducedSystem) -> None:
     check_fieldwise_apply(system)
     check_approximate_inverse(system)
     check_prolongation(system)
+    check_stencil(system)
     check_restriction(system)
     check_edge_correction(system)
     check_interior_fields(system)
@@ -163,6 +167,34 @@ def check_approximate_inverse(system: ReducedSystem) -> None:
                 float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum())) for one, other in pairs
             )
             require(cosine > MIN_COSINE, f"{what} does not return the loads that cause the displacement", cosine)
+
+
+def check_stencil(system: ReducedSystem) -> None:
+    """Check that `stencil` is `apply` of unit loads inside the lattice, each of whose places has one node."""
+    capability = system.capability(LatticeStencil)
+    if capability is None:
+        return
+    for radius in RADII:
+        stencil = capability.stencil(radius)
+        if stencil is None:
+            continue
+        lattice, size = stencil.lattice, np.array(stencil.lattice.shape)
+        fits = np.array_equal(np.sort(lattice, axis=None), np.arange(len(system.points))) and (size > 2 * radius).all()
+        require(bool(fits), "the lattice of a stencil has not each node once, or is too small for it", lattice.shape)
+        offsets = np.indices((2 * radius + 1, 2 * radius + 1)).reshape(2, -1).T - radius
+        unit = typical_load(system)
+        # a node on the border may have a smaller share of the load
+        places = [np.array([radius, radius]), size // 2, size - 1 - radius]
+        for place in places + [np.array([0, 0])] * stencil.periodic:
+            i, j = ((place + offsets) % size).T
+            for field in range(system.n_fields):
+                load = np.zeros_like(system.offset)
+                load[lattice[tuple(place)], field] = unit[field]
+                expected = system.apply(load)[lattice[i, j]]
+                result = unit[field] * stencil.responses.reshape(len(offsets), system.n_fields, -1)[:, :, field]
+                error = worst(result * unit, expected * unit)
+                what = f"stencil of loads in field {field} at {tuple(place.tolist())}"
+                require(error < SINGLE_PRECISION, f"{what} is not apply", error)
 
 
 def check_coarsening(system: ReducedSystem, coarse: Coarsening) -> None:

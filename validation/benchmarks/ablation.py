@@ -24,10 +24,11 @@ from common import Record, command_line, prose, table, threads
 from meeframe_halfspace.system import HalfSpaceSystem
 
 from meeframe import solve_case
+from meeframe.contact import relaxation
 from meeframe.model.load import case_from_tables
 from meeframe.solvers import auto
 from meeframe.solvers.cg import projected_cg
-from meeframe.solvers.newton import linear, method, preconditioner
+from meeframe.solvers.newton import linear, method, moves, preconditioner
 from meeframe.system.capabilities import ApproximateInverse
 from meeframe.system.reduced import ReducedSystem
 
@@ -115,7 +116,7 @@ ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
     "nested grids": (
         "a start from the solution on every second node",
         lambda: _together(
-            _constant(method, "nested_start", lambda problem, solution: None)(),
+            _constant(method, "coarse_problem", lambda problem: None)(),
             _constant(projected_cg, "nested_start", lambda problem, solution: None)(),
         ),
     ),
@@ -125,6 +126,22 @@ ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
             _constant(method, "with_tension", lambda problem, iterate, gap: iterate)(),
             _constant(projected_cg, "with_tension", lambda problem, iterate, gap: iterate)(),
         ),
+    ),
+    "contact edge": (
+        "relaxation of Newton's start from a coarser grid around the edge of a conducting contact",
+        _constant(relaxation, "relax_contact_edge", lambda start, load: None),
+    ),
+    "slip boundary": (
+        "relaxation of that start around the boundary between stick and slip",
+        _constant(relaxation, "relax_slip_boundary", lambda start, load: None),
+    ),
+    "coarse correction": (
+        "correction of that start by a step on the coarser grid",
+        _constant(moves, "_correct", lambda state, *_: state),
+    ),
+    "improved start": (
+        "all three together",
+        _constant(method, "improve_start", lambda state, *_: state),
     ),
     "neighbourhood": (
         "Newton steps on the part of the zone around the contact",

@@ -101,7 +101,6 @@ def sweep_nodes(
                 self_compliance,
                 conducting[node],
                 insulating[node],
-                contact_fraction[node] == 0.0,
                 solution,
                 work_space,
             )
@@ -138,15 +137,15 @@ def sweep_nodes(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solve_node(unloaded, self_compliance, conducting, insulating, opened, solution, work_space):
+def solve_node(unloaded, self_compliance, conducting, insulating, solution, work_space):
     """Compute pressure, fluxes and contact fraction of one node with the loads of all others fixed.
 
     unloaded: (channels + 1,) normal and potential displacement of the indenter relative to the body, without the loads
     of the node; solution: (channels + 2,) receives the result; work_space: (channels + 4, channels + 1), its last row
     zero.
 
-    An open node that may stay open does so, since both states may satisfy the laws. Where the node would overlap if
-    insulated and be apart if conducting, the contact fraction is that at which the surfaces just touch.
+    Where both states satisfy the laws, the node closes, as it does in histories of loading. Where the node would
+    overlap if insulated and be apart if conducting, the contact fraction is that at which the surfaces just touch.
     """
     n_channels = len(unloaded) - 1
     equations, zeros = work_space[:n_channels], work_space[n_channels + 3]
@@ -155,8 +154,6 @@ def solve_node(unloaded, self_compliance, conducting, insulating, opened, soluti
     solution[0], solution[n_channels + 1] = 0.0, 0.0
     for k in range(n_channels):
         solution[1 + k] = flux[k]
-    if opened and open_gap >= 0.0:
-        return
     closed_gap = gap_of_fluxes(unloaded, self_compliance, conducting, 0.0, flux, equations)
     if closed_gap < 0.0:
         unit_gap = gap_of_fluxes(zeros, self_compliance, conducting, 1.0, change, equations)

@@ -28,11 +28,13 @@ from meeframe.system.capabilities import (
     EdgeResolution,
     FieldwiseApply,
     InteriorFields,
+    LatticeStencil,
     Multigrid,
     Persistence,
     PointFields,
     Prolongation,
     Restriction,
+    Stencil,
     Subsystem,
     diagonal,
 )
@@ -281,7 +283,11 @@ FORWARDED = {FieldwiseApply, ApproximateInverse, Multigrid, Restriction}
 
 
 def capabilities_of(system: ReducedSystem) -> set[type]:
-    return {kind for kind in (*FORWARDED, EdgeResolution, Persistence) if system.capability(kind) is not None}
+    return {
+        kind
+        for kind in (*FORWARDED, LatticeStencil, EdgeResolution, Persistence)
+        if system.capability(kind) is not None
+    }
 
 
 def radial(system: ReducedSystem) -> ReducedSystem:
@@ -309,7 +315,7 @@ def edge_corrected(system: ReducedSystem) -> ReducedSystem:
         (radial, FORWARDED),
         (edge_corrected, FORWARDED - {Multigrid}),
         (lambda system: rotate_frames(edge_corrected(system), radial(system).frames[:, 0]), FORWARDED - {Multigrid}),
-        (OperationCounter.of, FORWARDED),
+        (OperationCounter.of, FORWARDED | {LatticeStencil}),
         (lambda system: OperationCounter.of(system, accelerated=False), {FieldwiseApply}),
         (MatrixFree.of, set()),
     ],
@@ -317,7 +323,7 @@ def edge_corrected(system: ReducedSystem) -> ReducedSystem:
 def test_capabilities_of_composed_systems(compose, capabilities: set[type]) -> None:
     """Each capability is forwarded and correct, or absent for the stated reason."""
     system = system_of(*GRIDS[0])
-    assert capabilities_of(system) == FORWARDED
+    assert capabilities_of(system) == FORWARDED | {LatticeStencil}
     whole = compose(system)
     assert capabilities_of(whole) == capabilities
     check_capabilities(whole)
@@ -366,7 +372,9 @@ def test_two_bodies_use_nested_grids() -> None:
 
 @final
 @dataclass(frozen=True, eq=False)
-class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, Restriction, InteriorFields):
+class WrongCapability(
+    ReducedSystem, FieldwiseApply, ApproximateInverse, Multigrid, LatticeStencil, Restriction, InteriorFields
+):
     """A half space with a single incorrect capability."""
 
     inner: HalfSpaceSystem
@@ -422,6 +430,12 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
             return replace(coarse, system=replace(coarse.system, weights=0.25 * coarse.system.weights))
         return replace(coarse, nodes=coarse.nodes[::-1]) if self.wrong == "points" else coarse
 
+    def stencil(self, radius: int) -> Stencil | None:
+        stencil = self.inner.stencil(radius)
+        if stencil is not None and self.wrong == "stencil":
+            return replace(stencil, responses=stencil.responses[:, ::-1])
+        return replace(stencil, lattice=stencil.lattice[1:]) if stencil and self.wrong == "lattice" else stencil
+
     def restrict(self, nodes: Indices) -> Subsystem | None:
         part = self.inner.restrict(nodes[len(nodes) // 2 :] if self.wrong == "part" else nodes)
         if part is not None and self.wrong == "fields of a part":
@@ -446,6 +460,7 @@ class WrongCapability(ReducedSystem, FieldwiseApply, ApproximateInverse, Multigr
     + [("single precision", "apply_fields of loads float32")]
     + [("gradients", "are not the derivatives"), ("interior", "do not tend to those of recover at its surface")]
     + [("adjoint of a prolongation", "is not the adjoint"), ("shape of a prolongation", "of the wrong shape")]
+    + [("stencil", "is not apply"), ("lattice", "has not each node once")]
     + [("part", "lacks some of the requested nodes"), ("nodes of a part", "points of a subsystem are not")],
 )
 def test_wrong_capabilities_are_detected(wrong: str, message: str) -> None:
