@@ -129,7 +129,7 @@ ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
     ),
     "contact edge": (
         "relaxation of Newton's start from a coarser grid around the edge of a conducting contact",
-        _constant(relaxation, "relax_contact_edge", lambda start, load: None),
+        _constant(relaxation, "relax_contact_edge", lambda start: None),
     ),
     "slip boundary": (
         "relaxation of that start around the boundary between stick and slip",
@@ -137,7 +137,7 @@ ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
     ),
     "coarse correction": (
         "correction of that start by a step on the coarser grid",
-        _constant(moves, "_correct", lambda state, *_: state),
+        _constant(moves, "_corrected", lambda state, *_: state),
     ),
     "improved start": (
         "all three together",

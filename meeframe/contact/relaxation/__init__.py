@@ -11,12 +11,12 @@ from meeframe.contact.relaxation.lattice import Start
 from meeframe.contact.relaxation.slip_boundary import relax_slip_boundary
 from meeframe.fields import Array
 
-__all__ = ["Start", "relax"]
+__all__ = ["Start", "relax", "relax_contact_edge"]
 
 
 def relax(start: Start) -> tuple[Array, Array] | None:
     """Return the load (n, fields) and contact fractions (n,) relaxed at both boundaries; None if neither changes."""
-    edge_relaxed = relax_contact_edge(start, start.load)
+    edge_relaxed = relax_contact_edge(start)
     load, contact_fraction = (start.load, start.contact_fraction) if edge_relaxed is None else edge_relaxed
     slip_relaxed = relax_slip_boundary(start, load)
     if slip_relaxed is not None:

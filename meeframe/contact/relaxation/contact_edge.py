@@ -29,40 +29,32 @@ MIN_JUMP_RATIO: Final = 0.5
 """Smallest conductivity at that pressure, as a fraction of that at the largest one, that counts as a jump."""
 
 
-def relax_contact_edge(start: Start, load: Array) -> tuple[Array, Array] | None:
+def relax_contact_edge(start: Start) -> tuple[Array, Array] | None:
     """Return the load (n, fields) and the contact fractions (n,) after relaxation around the contact edge.
 
     None where the conduction does not jump at the edge, where laws depend on more than the load, or where nodes form no
     lattice.
-
-    Parameters
-    ----------
-    start : Start
-        State; its relative displacement is that of its own load.
-    load : Array
-        (n, fields), load that is relaxed; it may differ from the state's load in tangential tractions.
     """
     problem = start.problem
     law = problem.contact_law
     depends_on_more = depends_on_gap(problem) or thermal_channel(problem) is not None or not is_pure_projection(law)
     if depends_on_more or not _jumps(start):
         return None
-    band = Band.around(start, load[:, 2] < 0.0, WIDTH)
+    band = Band.around(start, start.load[:, 2] < 0.0, WIDTH)
     if band is None:
         return None
     nodes, stencil = band.nodes, band.stencil
-    values, relative_displacement, closed, open_ = (
-        np.ascontiguousarray(array[nodes]) for array in (load, start.relative_displacement, start.closed, start.open)
-    )
+    arrays = start.load, start.relative_displacement, start.closed, start.open
+    values, relative_displacement, closed, open_ = (np.ascontiguousarray(array[nodes]) for array in arrays)
     slips, contact_fraction = start.slips[nodes], np.clip(start.contact_fraction[nodes], 0.0, 1.0)
     lattice = band.number, band.positions, stencil.periodic, stencil.responses
     state = values, relative_displacement, contact_fraction
     sweep_nodes(*lattice, closed, open_, slips, *state, SWEEPS, WORK_TOLERANCE)
     # nodes that are newly pressed slip in the direction of their trial traction
-    newly_pressed = load[nodes, 2] > MAX_PRESSURE_RATIO * values[:, 2]
+    newly_pressed = start.load[nodes, 2] > MAX_PRESSURE_RATIO * values[:, 2]
     values[newly_pressed, :2] = start.trial[nodes[newly_pressed], :2]
     values[:, MECHANICAL] = law.project(values[:, MECHANICAL])
-    relaxed, fractions = load.copy(order="K"), start.contact_fraction.copy()
+    relaxed, fractions = start.load.copy(order="K"), start.contact_fraction.copy()
     relaxed[nodes], fractions[nodes] = values, contact_fraction
     return relaxed, fractions
 
