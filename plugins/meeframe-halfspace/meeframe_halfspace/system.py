@@ -17,6 +17,7 @@ from meeframe.plugin import (
     EdgeResolution,
     FieldwiseApply,
     GridCells,
+    GridPoints,
     IndenterEdge,
     Indices,
     InteriorFields,
@@ -270,12 +271,9 @@ class HalfSpaceSystem(
         if grid is None or response is None:
             return None
         nodes = self.grid.nodes[::2, ::2].ravel()
-        points = np.zeros((3, nodes.size)).T  # columns of zeros are never written
-        for axis in np.flatnonzero(self.points.any(axis=0)):
-            points[:, axis] = self.points[nodes, axis]
         uniform = self.convolution.periodic
         system = HalfSpaceSystem(
-            points=points,
+            points=self.points.every_second() if isinstance(self.points, GridPoints) else self.points[nodes],
             frames=self._frames(nodes.size),
             weights=np.broadcast_to(4.0 * self.weights[0], nodes.size) if uniform else 4.0 * self.weights[nodes],
             cells=GridCells(grid.size),
