@@ -438,7 +438,8 @@ def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST,
         position = (*problem.translation.T, problem.gap)[field][nodes].copy()
     for prescribed, amount in zip(problem.prescribed_resultants, motion, strict=True):
         if field in prescribed.mode_fields:
-            position += amount * prescribed.mode[nodes, field]
+            mode = prescribed.mode[nodes, field]
+            position += amount * (mode if mode.strides[0] else mode[:1])  # often the same at all nodes
     return position
 
 

@@ -65,14 +65,9 @@ class GridPoints(NDArrayOperatorsMixin):
         """Return the points as what they are to their users, an array."""
         return cast(Array, cls(x, y, *others))
 
-    @property
-    def grid(self) -> Array:
-        """The points without the further ones."""
-        return GridPoints.make(self.x, self.y)
-
-    def every_second(self) -> Array:
-        """Return every second point of the grid along both axes."""
-        return GridPoints.make(self.x[::2], self.y[::2])
+    def on(self, rows: slice, columns: slice) -> Array:
+        """Return the points on some rows and columns of the grid, numbered row by row."""
+        return GridPoints.make(self.x[rows], self.y[columns])
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -85,7 +85,7 @@ def _read_only(zone: ContactZone) -> ContactZone:
 def _grid_zone(mesh: SurfaceMesh, shape: tuple[int, int]) -> ContactZone:
     """Return the zone of the first face group of a half space, a grid of this shape."""
     count = shape[0] * shape[1]
-    points = cast(GridPoints, mesh.points).grid
+    points = cast(GridPoints, mesh.points).on(slice(None), slice(None))
     frame = local_frames(np.array([[0.0, 0.0, 1.0]]))[0]
     spacing = ((points[-1] - points[0])[:2] / (np.array(shape) - 1.0)).tolist()
     weights = grid_weights(shape, (spacing[0], spacing[1]))

@@ -231,10 +231,8 @@ def _restrict(problem: ContactProblem, memory: _Memory) -> _Memory:
     nodes = neighbourhood.nodes
     values = state.load[nodes], state.relative_displacement[nodes], state.contact_fraction[nodes], state.biactive[nodes]
     new_state = neighbourhood.equation.at_relative_displacement(*values, state.motion)
-    flips = memory.flips[nodes]
-    return replace(
-        memory, state=new_state, flips=flips, neighbourhood=neighbourhood, restrictions=memory.restrictions - 1
-    )
+    flips, restrictions = memory.flips[nodes], memory.restrictions - 1
+    return replace(memory, state=new_state, flips=flips, neighbourhood=neighbourhood, restrictions=restrictions)
 
 
 def _on_zone(problem: ContactProblem, memory: _Memory, neighbourhood: ContactNeighbourhood) -> _Memory:
