@@ -43,7 +43,7 @@ def _solved(code: str, name: str, heights: Path) -> Record:
         return {"failure": f"not solved within {MAX_SECONDS / 60:g} minutes"}
     if done.returncode:
         return {"failure": (done.stderr.splitlines() or [f"ended by signal {-done.returncode}"])[-1]}
-    print(name, heights.stat().st_size, code, done.stdout, file=sys.stderr, flush=True)
+    print(f"{name}, {code}: {done.stdout}", end="", file=sys.stderr, flush=True)
     return dict(json.loads(done.stdout))
 
 
@@ -62,21 +62,17 @@ def solve(code: str, name: str, file: str) -> Record:
 
 
 def highlights(record: Record) -> list[tuple[str, str]]:
-    """Return the speed and the memory relative to ASPHER at the largest grid of each job."""
-    return [(f"half space, {name}: relative to ASPHER", text) for name, text in _relative(record)]
-
-
-def _relative(record: Record) -> list[tuple[str, str]]:
-    texts = []
+    """Return the speed and the memory relative to ASPHER at the largest grid of each job that both solved."""
+    rows = []
     for name, sizes in record["jobs"].items():
-        n, row = max(sizes.items(), key=lambda item: int(item[0]))
-        ours, other = (row[code] for code in CODES)
-        if "failure" in ours or "failure" in other:
-            continue
-        gain = other["solution"] / (ours["setup"] + ours["solution"])
-        memory = ours["memory"] / other["memory"]
-        texts.append((name, f"{gain:.1f} times as fast, {memory:.2f} of its memory at {n} x {n}"))
-    return texts
+        solved = {int(n): row for n, row in sizes.items() if not any("failure" in one for one in row.values())}
+        if solved:
+            n = max(solved)
+            ours, other = (solved[n][code] for code in CODES)
+            gain, memory = other["solution"] / (ours["setup"] + ours["solution"]), ours["memory"] / other["memory"]
+            text = f"{gain:.1f} times as fast, {memory:.2f} of its memory at {n} x {n}"
+            rows.append((f"half space, {name}: relative to ASPHER", text))
+    return rows
 
 
 def section(record: Record, _pictures: Path) -> str:
