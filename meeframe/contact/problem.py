@@ -430,15 +430,16 @@ def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array
     return position
 
 
-def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST) -> Array:
-    """Return one column (n,) of `indenter_position`."""
+def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST, nodes: slice = slice(None)) -> Array:
+    """Return one column (n,) of `indenter_position`, at all nodes or some of them."""
     if field >= N_MECHANICAL:
-        position = -problem.potentials[:, field - N_MECHANICAL]
+        position = -problem.potentials[nodes, field - N_MECHANICAL]
     else:
-        position = (*problem.translation.T, problem.gap)[field].copy()
+        position = (*problem.translation.T, problem.gap)[field][nodes].copy()
     for prescribed, amount in zip(problem.prescribed_resultants, motion, strict=True):
         if field in prescribed.mode_fields:
-            position += amount * prescribed.mode[:, field]
+            mode = prescribed.mode[nodes, field]
+            position += amount * (mode if mode.strides[0] else mode[:1])  # often the same at all nodes
     return position
 
 

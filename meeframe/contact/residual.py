@@ -150,13 +150,13 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
     """
     law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
     axes = [axis for axis in essential_fields(problem) if axis < N_MECHANICAL]
-    position = {axis: indenter_field(problem, axis, state.motion) for axis in axes}
     worst = [0.0]
     for nodes in node_blocks(law, n):
         traction, contact_fraction = state.load[nodes, MECHANICAL], state.contact_fraction[nodes]
         gap = np.zeros((3, len(contact_fraction))).T
         for axis in axes:
-            np.subtract(position[axis][nodes], state.displacement[nodes, axis], out=gap[:, axis])
+            position = indenter_field(problem, axis, state.motion, nodes)
+            np.subtract(position, state.displacement[nodes, axis], out=gap[:, axis])
         trial = augmented_traction(law, traction, gap, (r, r))
         worst.append(largest(traction - fixed_point_map(law, trial, gap, (r, r))) / scales.pressure)
         worst.append(largest(contact_fraction - switch(contact_fraction, trial[:, 2], scales.pressure)))

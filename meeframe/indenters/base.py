@@ -10,7 +10,7 @@ import numpy as np
 
 from meeframe.common.timed import TimeLimited
 from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet
-from meeframe.mesh.regular import local_components, shared_frames, shares_frame
+from meeframe.mesh.regular import extreme_points, local_components, shared_frames, shares_frame
 
 N_RIGID: Final = 6
 """Number of rigid motions of the indenter, which come before its potentials."""
@@ -28,6 +28,9 @@ RIGID_RESULTANTS: Final = {
 
 FORCE_RATIO: Final = "force_ratio"
 """Ratio of tangential to normal force, which may be prescribed in place of the tangential force."""
+
+_BLOCK: Final = 2**16
+"""Number of points whose positions are read at once: blocks take little memory."""
 
 _RIGID_UNITS: Final = {
     "approach": "m",
@@ -188,7 +191,8 @@ class MotionModes(Sequence[Array]):
         slopes, result = at_probes[:, 1:] - at_probes[:, :1], np.zeros(len(self))
         for column, force in forces.items():
             total = float(force.sum())
-            moments = force @ self.points - total * self.reference
+            blocks = [slice(first, first + _BLOCK) for first in range(0, len(force), _BLOCK)]
+            moments = sum(force[nodes] @ self.points[nodes] for nodes in blocks) - total * self.reference
             result += at_probes[:, 0, column] * total + slopes[:, :, column] @ moments
         return result
 
@@ -199,7 +203,8 @@ class MotionModes(Sequence[Array]):
         """
         if not shares_frame(self.frames):
             return self
-        ends = np.stack([self.points.min(axis=0), self.points.max(axis=0)])
+        points = extreme_points(self.points)
+        ends = np.stack([points.min(axis=0), points.max(axis=0)])
         corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
         return replace(self, points=corners, frames=shared_frames(self.frames[0], len(corners)))
 

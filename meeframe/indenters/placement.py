@@ -13,11 +13,13 @@ from meeframe.common.errors import CaseError
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.indenters.base import Indenter
-from meeframe.mesh.regular import shares_frame
+from meeframe.mesh.regular import extreme_points, shares_frame
 from meeframe.mesh.zone import ContactZone, local_frames
 
 Flags = NDArray[np.bool_]
 
+BLOCK: Final = 2**16
+"""Number of vertical rays that are traced at once: a block of them fits into the cache."""
 MAX_STEPS: Final = 200
 N_SAMPLES: Final = 100  # points on a ray that may meet a surface that is not convex
 MIN_RISE: Final = 1e-9  # of a unit vector that may meet an indenter
@@ -89,7 +91,7 @@ class Placement:
         Array
             Coordinates along the rows of `base`, (3,) [m].
         """
-        return np.array([self.x, self.y, np.max(points @ self.base[2])])
+        return np.array([self.x, self.y, np.max(extreme_points(points) @ self.base[2])])
 
     def reference(self, points: Array) -> Array:
         """Return the point of `lowest` in global axes.
@@ -139,23 +141,24 @@ def initial_gap(
     base, rotation_matrix = placement.base, placement.rotation_matrix
     lowest = placement.lowest(zone.points) - np.array([0.0, 0.0, approach])
     # rays along the normals, in coordinates of the shape
-    start = zone.points @ base.T @ rotation_matrix
-    start = start - lowest @ rotation_matrix
     if shares_frame(zone.frames):
-        direction = np.broadcast_to(zone.frames[0, 2] @ base.T @ rotation_matrix, start.shape)
-        upward: Flags | slice = slice(len(start) if direction[0, 2] > MIN_RISE else 0)
+        direction = np.broadcast_to(zone.frames[0, 2] @ base.T @ rotation_matrix, zone.points.shape)
+        is_vertical, upward = not direction[0, :2].any(), np.broadcast_to(direction[0, 2] > MIN_RISE, len(direction))
     else:
         direction = zone.frames[:, 2] @ base.T @ rotation_matrix
-        upward = direction[:, 2] > MIN_RISE
-    gap = np.full(len(start), np.inf)
-    distances, converged = _intersect(indenter, start[upward], direction[upward])
-    if not converged.all():
-        failures = zone.points[upward][~converged]
-        raise CaseError(
-            f"no distance to the indenter along the normal at {len(failures)} points, the first at {failures[0]} [m]: "
-            "its surface is too steep there for the tilt or for the curvature of the contact zone"
-        )
-    gap[upward] = distances
+        is_vertical, upward = False, direction[:, 2] > MIN_RISE
+    gap = np.full(len(direction), np.inf)
+    size = BLOCK if is_vertical else max(len(gap), 1)  # other rays are traced together
+    for first in range(0, len(gap), size):
+        nodes = np.flatnonzero(upward[first : first + size]) + first
+        start = zone.points[nodes] @ base.T @ rotation_matrix - lowest @ rotation_matrix
+        gap[nodes], converged = _intersect(indenter, start, direction[nodes])
+        if not converged.all():
+            failures = zone.points[nodes][~converged]
+            raise CaseError(
+                f"no distance to the indenter along the normal at {len(failures)} points, the first at {failures[0]}"
+                " [m]: its surface is too steep there for the tilt or for the curvature of the contact zone"
+            )
     return gap
 
 

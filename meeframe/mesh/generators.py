@@ -20,7 +20,7 @@ from meeframe.mesh.lattice import (
     place_nodes,
     prism_surface,
 )
-from meeframe.mesh.regular import border_entries
+from meeframe.mesh.regular import GridPoints, border_entries
 from meeframe.mesh.surface import GridBlocks, SurfaceMesh
 
 BLOCK_GROUPS: Final = ("contact", "top", "side_x-", "side_x+", "side_y-", "side_y+", "base")
@@ -183,10 +183,9 @@ def half_space_mesh(
     grid, loops = _top(half, contact, cells, rings, grading or Grading())
     names = BLOCK_GROUPS[:2]
     if isinstance(element, Quad4):
-        shape, count = (cells[0] + 1, cells[1] + 1), grid.size // 3
-        points = np.zeros((3, count + loops.size // 3)).T  # heights are never written, and take no memory
-        for axis in range(2):
-            points[:count, axis], points[count:, axis] = grid[..., axis].ravel(), loops[..., axis].ravel()
+        x, y = grid[:, 0, 0].copy(), grid[0, :, 1].copy()  # views would keep the whole grid
+        points = GridPoints.make(x, y, loops.reshape(-1, 3))
+        shape = cells[0] + 1, cells[1] + 1
         return SurfaceMesh(points, GridBlocks(element, points, shape, rings), names, semi_infinite=True)
     return replace(place_nodes(frame_surface(grid, loops, names), element), semi_infinite=True)
 

@@ -1,10 +1,11 @@
 """Contact zones that are simpler than a general mesh: one frame for all nodes, and nodes on a rectangular grid."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeVar, final
+from dataclasses import dataclass, field
+from typing import Any, TypeVar, cast, final
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from meeframe.fields import Array, Indices
@@ -38,6 +39,101 @@ class GridCells(Sequence[tuple[str, Indices]]):
     def __getitem__(self, index: Any) -> Any:
         """Return the block, or a tuple with it for a slice."""
         return tuple(self)[index]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class GridPoints(NDArrayOperatorsMixin):
+    """Points of a grid in the plane x3 = 0, an array (n, 3) whose entries are made whenever they are read.
+
+    They are numbered row by row. NumPy's functions, operators and methods take it as an array.
+
+    Attributes
+    ----------
+    x, y : Array
+        Coordinates (nx,) and (ny,) of the rows and columns [m].
+    others : Array
+        Further points (m, 3), which are numbered after those of the grid [m].
+    """
+
+    x: Array
+    y: Array
+    others: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+    @classmethod
+    def make(cls, x: Array, y: Array, *others: Array) -> Array:
+        """Return the points as what they are to their users, an array."""
+        return cast(Array, cls(x, y, *others))
+
+    def on(self, rows: slice, columns: slice) -> Array:
+        """Return the points on some rows and columns of the grid, numbered row by row."""
+        return GridPoints.make(self.x[rows], self.y[columns])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape (n, 3) of the array."""
+        return len(self), 3
+
+    @property
+    def ndim(self) -> int:
+        """Number of dimensions of the array."""
+        return 2
+
+    @property
+    def nbytes(self) -> int:
+        """Number of bytes of the array."""
+        return len(self) * 3 * self.dtype.itemsize
+
+    @property
+    def dtype(self) -> np.dtype[np.float64]:
+        """Type of the coordinates."""
+        return np.dtype(np.float64)
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.x) * len(self.y) + len(self.others)
+
+    def __getitem__(self, index: Any) -> Array:
+        """Return the points or coordinates of an index, as NumPy does; for numbers of points only these are made."""
+        if isinstance(index, slice):
+            index = np.arange(*index.indices(len(self)))
+        elif isinstance(index, int):
+            index = np.int64(range(len(self))[index])
+        elif isinstance(index, np.ndarray) and index.dtype == bool and index.shape == (len(self),):
+            index = np.flatnonzero(index)
+        is_numbers = isinstance(index, np.ndarray | np.integer) and index.dtype.kind in "iu"
+        if not is_numbers or len(self.others):
+            array: Array = self.__array__()[index]
+            return array
+        number = np.where(index < 0, index + len(self), index)
+        row, column = np.unravel_index(number, (len(self.x), len(self.y)))
+        points = np.zeros((*number.shape, 3))
+        points[..., 0], points[..., 1] = self.x[row], self.y[column]
+        return points
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        """Return the array (n, 3), stored coordinate by coordinate: pages of zeros take no memory."""
+        coordinates = np.zeros((3, len(self)))
+        on_grid = coordinates[:, : len(self.x) * len(self.y)].reshape(3, len(self.x), len(self.y))
+        on_grid[0], on_grid[1] = self.x[:, None], self.y
+        coordinates[:, len(self) - len(self.others) :] = self.others.T
+        return coordinates.T.astype(dtype or float, copy=False)
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        return getattr(ufunc, method)(*(np.asarray(i) if isinstance(i, GridPoints) else i for i in inputs), **options)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # protocols, and pickling before there are attributes
+            raise AttributeError(f"GridPoints has no attribute {name!r}")
+        return getattr(self.__array__(), name)
+
+
+def extreme_points(points: Array) -> Array:
+    """Return points (m, 3) among which linear functions have their extremes: the corners of a grid, or all points."""
+    if not isinstance(points, GridPoints) or len(points.others):
+        return points
+    n, ny = len(points), len(points.y)
+    return points[np.array([0, ny - 1, n - ny, n - 1])]
 
 
 def shared_frames(frame: Array, count: int) -> Array:

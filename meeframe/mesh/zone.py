@@ -1,6 +1,7 @@
 """The contact zone: its points, local frames and integration weights."""
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from meeframe.common.memoize import memoize_by_identity
 from meeframe.elements.base import shape_functions
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import VOLUME_ORDER, affine, gauss_rule, normal_vectors
-from meeframe.mesh.regular import Cells, GridCells, grid_weights, shared_frames
+from meeframe.mesh.regular import Cells, GridCells, GridPoints, grid_weights, shared_frames
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 MIN_NORMAL_COSINE = np.cos(np.pi / 4)  # of an element's normal with the zone's normal at its nodes: 45 degrees
@@ -66,7 +67,7 @@ def find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
         If there is no such group, it has no elements, or it has a sharp mesh edge.
     """
     if mesh.grid is not None and mesh.group(group) == 0:
-        return _read_only(_grid_zone(mesh, mesh.grid))  # made in less time than its memory is worth
+        return _grid_zone(mesh, mesh.grid)  # made in less time than its memory is worth
     return _stored_zone(mesh, group)
 
 
@@ -76,21 +77,18 @@ def _stored_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
 
 
 def _read_only(zone: ContactZone) -> ContactZone:
-    for array in (zone.points, zone.frames, zone.weights, zone.numbers):
+    for array in (zone.points, zone.frames, zone.weights, zone.numbers, *(local for _, local in zone.cells)):
         array.setflags(write=False)
-    if not isinstance(zone.cells, GridCells):
-        for _, local in zone.cells:
-            local.setflags(write=False)
     return zone
 
 
 def _grid_zone(mesh: SurfaceMesh, shape: tuple[int, int]) -> ContactZone:
     """Return the zone of the first face group of a half space, a grid of this shape."""
     count = shape[0] * shape[1]
-    points = mesh.points[:count]
+    points = cast(GridPoints, mesh.points).on(slice(None), slice(None))
     frame = local_frames(np.array([[0.0, 0.0, 1.0]]))[0]
-    spacing = tuple((points[-1] - points[0])[:2] / (np.array(shape) - 1.0))
-    weights = grid_weights(shape, (float(spacing[0]), float(spacing[1])))
+    spacing = ((points[-1] - points[0])[:2] / (np.array(shape) - 1.0)).tolist()
+    weights = grid_weights(shape, (spacing[0], spacing[1]))
     return ContactZone(points, shared_frames(frame, count), weights, GridCells(shape), np.arange(count))
 
 

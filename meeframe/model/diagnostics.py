@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.contact.problem import Status
+from meeframe.contact.scales import largest
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
 from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, MotionModes
 from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.mesh.body import Body
 from meeframe.mesh.measures import corners
-from meeframe.mesh.regular import GridCells, grid_shape, outermost_cells
+from meeframe.mesh.regular import GridCells, extreme_points, grid_shape, outermost_cells
 from meeframe.model.heat_diagnostics import heat_diagnostics
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.lifted_nodes import lifted_node
@@ -216,7 +217,7 @@ class ContactOnsets:
         """
         if step.status is not Status.CONVERGED:
             return self
-        apart = self.gap() > _NEGLIGIBLE_RATIO * np.abs(step.displacement[:, 2]).max()
+        apart = self.gap() > _NEGLIGIBLE_RATIO * largest(step.displacement[:, 2])
         number = np.where(self.touching | ~apart, self.number, step.increment)
         return ContactOnsets(lambda: step.gap, step.touching, np.where(step.touching, number, 0))
 
@@ -265,7 +266,7 @@ def count_edge_nodes(zone: Zone, step: StepResult) -> int:
 
 def _large(zone: Zone, step: StepResult) -> Iterator[str]:
     """Yield a diagnostic for each rigid motion that is not small."""
-    limits = {"m": float(np.ptp(zone.points, axis=0).max()), "rad": _LARGEST_ANGLE}
+    limits = {"m": float(np.ptp(extreme_points(zone.points), axis=0).max()), "rad": _LARGEST_ANGLE}
     for name in RIGID_MOTIONS if step.loading.rolling is None else ("approach", "tilt"):
         size = float(np.linalg.norm(np.atleast_1d(getattr(step.loading, name))))
         unit = IndenterMotions().units[name]

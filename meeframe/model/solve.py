@@ -397,6 +397,7 @@ def _solve(
     slip = slip_of(increment, solution.state)
     region = regions(increment, solution, slip, touches)
     end = kinematics.converged_state(increment, solution.state, slip, touches)
+    release_freed_memory(len(slip))
     result = _step_result(kinematics, increment, end, solution, slip, region, numbers)
     return increment, (end if solution.status is Status.CONVERGED else here), result
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.formulations.base import Formulation
-from meeframe.mesh.regular import GridCells
+from meeframe.mesh.regular import GridCells, GridPoints
 from meeframe.system.dense import DenseSystem
 from meeframe.system.reduced import ReducedSystem
 
@@ -33,7 +33,7 @@ def checked(formulation: Formulation, system: object, n_fields: int) -> ReducedS
         shapes["matrix"] = (n, n_fields, n, n_fields)
     for key, shape in shapes.items():
         array, what = getattr(system, key), f"{key} of the reduced system of the formulation {name}"
-        if not isinstance(array, np.ndarray) or array.dtype.kind != "f":
+        if not isinstance(array, np.ndarray | GridPoints) or array.dtype.kind != "f":
             kind = f"an array of {array.dtype}" if isinstance(array, np.ndarray) else f"a {type(array).__name__}"
             raise CaseError(f"{what} is {kind}; allowed: a NumPy array of floats")
         if array.shape != shape:

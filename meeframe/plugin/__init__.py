@@ -86,6 +86,7 @@ if TYPE_CHECKING:
     from meeframe.mesh.body import check_conditions as check_conditions
     from meeframe.mesh.regular import Cells as Cells
     from meeframe.mesh.regular import GridCells as GridCells
+    from meeframe.mesh.regular import GridPoints as GridPoints
     from meeframe.mesh.surface import SurfaceMesh as SurfaceMesh
     from meeframe.mesh.zone import ContactZone as ContactZone
     from meeframe.mesh.zone import find_contact_zone as find_contact_zone
@@ -204,6 +205,7 @@ _HOMES = {
     "SurfaceMesh": "meeframe.mesh.surface",
     "Cells": "meeframe.mesh.regular",
     "GridCells": "meeframe.mesh.regular",
+    "GridPoints": "meeframe.mesh.regular",
     # Reduced systems
     "NodalFields": "meeframe.system.reduced",
     "Progress": "meeframe.system.reduced",

@@ -16,7 +16,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final, TypeVar, final
+from typing import Any, Final, TypeVar, cast, final
 
 import h5py
 import numpy as np
@@ -26,7 +26,7 @@ from meeframe.common.hdf5 import open_hdf5
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
 from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
-from meeframe.mesh.regular import Cells, GridCells, shared_frames, shares_frame
+from meeframe.mesh.regular import Cells, GridCells, GridPoints, shared_frames, shares_frame
 from meeframe.results import schema
 from meeframe.results.hdf5 import changed_file, is_compressible, numbers_of, table_of, text_of
 from meeframe.results.output import INCREMENTS, RESULT_FILE, replacing
@@ -363,7 +363,7 @@ def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) ->
 
 def _put(group: Any, name: str, values: Any) -> Any:
     """Write an array, compressed if that halves it; one chunk for the whole array compresses best."""
-    array = np.asarray(values)
+    array = cast(Array, values) if isinstance(values, GridPoints) else np.asarray(values)
     if array.nbytes < _MIN_COMPRESSED_BYTES:
         return group.create_dataset(name, data=array)
     options: dict[str, Any] = {}

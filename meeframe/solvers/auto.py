@@ -109,7 +109,8 @@ def _begin(
     """Begin the first of these stages."""
     inner = stages[0].solver.init(problem, start, tolerance)
     residual = _residual(problem, inner, scales)
-    return replace(inner, memory=_Memory(stages, inner, residual, inner, scales, tolerance))
+    best = replace(inner, memory=None)
+    return replace(inner, memory=_Memory(stages, inner, residual, best, scales, tolerance))
 
 
 def _residual(problem: ContactProblem, iterate: Iterate, scales: Scales) -> float:

@@ -26,6 +26,7 @@ PARTS = (
     "main_job",
     "dense",
     "half_space",
+    "half_space_large",
     "whole_commands",
     "fft_engines",
     "half_space_friction",
@@ -42,8 +43,8 @@ PARTS = (
     "start_up",
     "gpu",
 )
-BY_NAME = ("gpu",)
-"""Benchmarks that are measured only if they are named, because they need a special machine."""
+BY_NAME = ("gpu", "half_space_large")
+"""Benchmarks that are measured only if they are named: they need a special machine, or an hour and 10 GB."""
 HEAD = """# Performance
 
 This page shows measured times, memory and errors of meeframe and, on the same problems, of other codes. The main

@@ -6,6 +6,7 @@ from typing import ClassVar, Final, final
 import numpy as np
 
 from meeframe.common.arguments import checked_arguments
+from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import Mask, conducting
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_load, start_motion
@@ -105,6 +106,7 @@ class SemismoothNewton(Solver):
         state = memory.state
         if state.merit == 0.0:
             return iterate
+        release_freed_memory(len(problem.gap))  # of the step before, whose directions had another size
         direction = newton_step(state.equation, state.linearise(), _tolerance(memory))
         allowed = MAX_MERIT_RATIO * max(memory.merits)
         flips = memory.flips
@@ -188,10 +190,8 @@ def _restrict(problem: ContactProblem, memory: _Memory) -> _Memory:
     nodes = neighbourhood.nodes
     values = state.load[nodes], state.relative_displacement[nodes], state.contact_fraction[nodes], state.biactive[nodes]
     new_state = neighbourhood.equation.at_relative_displacement(*values, state.motion)
-    flips = memory.flips[nodes]
-    return replace(
-        memory, state=new_state, flips=flips, neighbourhood=neighbourhood, restrictions=memory.restrictions - 1
-    )
+    flips, restrictions = memory.flips[nodes], memory.restrictions - 1
+    return replace(memory, state=new_state, flips=flips, neighbourhood=neighbourhood, restrictions=restrictions)
 
 
 def _on_zone(problem: ContactProblem, memory: _Memory, neighbourhood: ContactNeighbourhood) -> _Memory:
@@ -249,9 +249,8 @@ def _balanced_motion(problem: ContactProblem, state: ResidualState) -> Array:
         r = stiffening * state.equation.r
         balanced = balanced_projection(problem, state.load[:, MECHANICAL], gap, (r, r))
         load[:, MECHANICAL] = balanced.traction
-        if (
-            np.abs(unbalance(problem, load)[numbers]) <= BALANCE_TOLERANCE * state.equation.scales.totals[numbers]
-        ).all():
+        bound = BALANCE_TOLERANCE * state.equation.scales.totals[numbers]
+        if (np.abs(unbalance(problem, load)[numbers]) <= bound).all():
             break
     motion = state.motion.copy()
     motion[numbers] += balanced.motion

@@ -115,7 +115,8 @@ class ContactResidual:
         """
         full_problem = full_problem or problem
         scales = problem_scales(full_problem)
-        blocks = np.asfortranarray(problem.system.diagonal_blocks())
+        blocks = problem.system.diagonal_blocks()
+        blocks = np.asfortranarray(blocks) if blocks.strides[0] else blocks  # may be one block for all nodes
         n_fields = problem.fields.size
         self_compliance = np.array([blocks[:, field, field] for field in range(N_MECHANICAL, n_fields)]).T
         normal_coupling = blocks[:, 2, POTENTIALS] / self_compliance

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from meeframe.plugin import Array, Indices
 from meeframe_halfspace.array_library import MIN_PADDED_NODES, ArrayLibrary
 from meeframe_halfspace.entries import entry_layout
-from meeframe_halfspace.grid_response import DOUBLE
 from meeframe_halfspace.kernels import multiply_waves
 
 Spectrum = NDArray[np.complexfloating[Any, Any]]
@@ -39,50 +38,43 @@ _MAKING: Final = threading.RLock()
 class Symbol:
     """Cache of the entries of a symbol, computed on demand; threads may share it.
 
-    make: function of numbers and precision that yields real entries (px // 2 + 1, py); numbers: those of the nonzero
-    entries; parities: (entries,) 1 for even, -1 for odd functions of the second wave number, whose entries are (px // 2
-    + 1, py // 2 + 1); None unless each is one of both. Computed entries are not pickled.
+    make: function of numbers that yields real entries (px // 2 + 1, py); numbers: those of the nonzero entries;
+    parities: (entries,) 1 for even, -1 for odd functions of the second wave number, whose entries are (px // 2 + 1,
+    py // 2 + 1); None unless each is one of both. Computed entries are not pickled.
     """
 
-    make: Callable[[Sequence[int], np.dtype[Any]], Iterable[tuple[int, Array]]]
+    make: Callable[[Sequence[int]], Iterable[tuple[int, Array]]]
     numbers: Sequence[int]
     parities: Indices | None
-    _values: dict[np.dtype[Any], Array] = field(default_factory=dict, init=False, repr=False)
-    _indices: dict[np.dtype[Any], dict[int, int]] = field(default_factory=dict, init=False, repr=False)
+    _values: Array = field(default_factory=lambda: np.empty((0, 0, 0)), init=False, repr=False)
+    _indices: dict[int, int] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, entries: Array, numbers: Sequence[int], parities: Indices | None) -> "Symbol":
-        """Create a symbol from existing entries (n, ...) with these numbers, in their precision."""
+        """Create a symbol from existing entries (n, ...) with these numbers."""
         indices = {number: index for index, number in enumerate(numbers)}
-        symbol = cls(lambda chosen, _: ((number, entries[indices[number]]) for number in chosen), numbers, parities)
-        symbol._values[entries.dtype], symbol._indices[entries.dtype] = entries, indices
+        symbol = cls(lambda chosen: ((number, entries[indices[number]]) for number in chosen), numbers, parities)
+        symbol._values, symbol._indices = entries, indices
         return symbol
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_values": {}, "_indices": {}}
+        return self.__dict__ | {"_values": np.empty((0, 0, 0)), "_indices": {}}
 
-    def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, Mapping[int, int]]:
+    def entries(self, numbers: Iterable[int]) -> tuple[Array, Mapping[int, int]]:
         """Return all entries computed so far, (n, ...), these included, and the index of each nonzero one.
 
         There is room for all of them from the beginning; memory that is never written is never taken.
         """
         with _MAKING:
-            wanted, indices = set(numbers), self._indices.setdefault(precision, {})
+            wanted, indices = set(numbers), self._indices
             missing = [number for number in self.numbers if number in wanted and number not in indices]
             made: dict[int, int] = {}
-            for index, (number, entry) in enumerate(self._made(missing, precision) if missing else (), len(indices)):
+            for index, (number, entry) in enumerate(self.make(missing) if missing else (), len(indices)):
                 if not indices and not made:  # the first one shows their size
-                    self._values[precision] = np.empty((len(self.numbers), *entry.shape), precision)
-                self._values[precision][index], made[number] = entry, index
+                    self._values = np.empty((len(self.numbers), *entry.shape))
+                self._values[index], made[number] = entry, index
             indices.update(made)  # all, or none after an interruption
-            return self._values.get(precision, np.empty((0, 0, 0), precision))[: len(indices)], indices
-
-    def _made(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterable[tuple[int, Array]]:
-        """Return these entries; in single precision they are rounded from double precision if available."""
-        indices = self._indices.get(DOUBLE, {})
-        if precision == DOUBLE or not indices.keys() >= set(numbers):
-            return self.make(numbers, precision)
-        return ((number, self._values[DOUBLE][indices[number]]) for number in numbers)
+            return self._values[: len(indices)], indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +109,7 @@ class _Prepared:
                 for load, column in enumerate(loaded)
                 for number, imaginary, sign in layout.entries(row, column)
             ]
-            _, indices = self._symbol.entries([number for _, _, number, *_ in every], precision)
+            _, indices = self._symbol.entries([number for _, _, number, *_ in every])
             terms = sorted((term for term in every if term[2] in indices), key=lambda term: term[2])
             answering = sorted({answer for answer, *_ in terms})
             parities = np.zeros(layout.n_values, np.int64) if self._symbol.parities is None else self._symbol.parities
@@ -130,12 +122,12 @@ class _Prepared:
         return self._products[key]
 
     def entries(self, precision: np.dtype[Any]) -> Any:
-        """Return the entries of the symbol in the memory of the library."""
+        """Return the entries of the symbol in a precision, in the memory of the library."""
         assert self._library is not None
-        entries, _ = self._symbol.entries((), precision)
+        entries, _ = self._symbol.entries(())
         known = self._copies.get(precision)
         if known is None or len(known) < len(entries):
-            known = self._copies[precision] = self._library.xp.asarray(entries)
+            known = self._copies[precision] = self._library.xp.asarray(entries.astype(precision, copy=False))
         return known
 
 
@@ -210,7 +202,7 @@ class Convolution:
         """Return the response (k, nx, ny) in the fields that respond."""
         (nx, ny), (px, py), precision = self.size, self.padded, load.dtype
         count, most = len(product.answering), max(len(load), len(product.answering))
-        entries, _ = self.symbol.entries((), precision)
+        entries, _ = self.symbol.entries(())
         half, complex_ = px // 2 + 1, np.result_type(precision, np.complex64)
         spectra = _workspace("spectra", (most, half, ny), complex_)  # of loads, then row by row of their responses
         answer = np.empty((count, nx, ny), precision)

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, Literal, Protocol, final
+from typing import Final, Literal, Protocol, final
 
 import numba
 import numpy as np
@@ -15,7 +15,6 @@ from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, s
 from meeframe_halfspace.kernels import fill_symbol
 from meeframe_halfspace.response import PointResponse, mirror_parity, series_entry
 
-DOUBLE: Final = np.dtype(np.float64)
 Window = Literal["bilinear", "constant", "trigonometric"]
 POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
 
@@ -57,7 +56,7 @@ class GridResponse(ABC):
         """Size of the periodic grid to which the symbol belongs."""
 
     @abstractmethod
-    def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
+    def symbol(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
         """Yield the nonzero ones among some entries, see Symbol, with the parities of the response."""
 
     @property
@@ -131,10 +130,9 @@ class FreeGrid(GridResponse):
             result[number] = unfold(table, mirror_parity(self.response.entry(number)[0])) if unfolds else table
         return result
 
-    def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
+    def symbol(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
         """Yield entries by integration over the density around the node, exact to round-off."""
         for number, table in self.tables(numbers):
-            table = table.astype(precision, copy=False)
             yield number, free_symbol(table, self.response, number, self.padded)
 
     @property
@@ -186,13 +184,13 @@ class PeriodicGrid(GridResponse):
         """The size of the grid."""
         return self.size
 
-    def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
+    def symbol(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
         """Yield entries from the series of the surface compliance."""
         count = self.size[1] if self.response.parities is None else self.size[1] // 2 + 1
         for number in numbers:
             entry = self.wave_entry(number, count)
             if entry is not None:
-                yield number, entry.astype(precision, copy=False)
+                yield number, entry
 
     def waves(self, count: int) -> tuple[list[Array], list[Array]]:
         """Return wave numbers (nx // 2 + 1,), (count,), and the transforms of the density along both axes."""

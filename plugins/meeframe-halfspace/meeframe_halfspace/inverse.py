@@ -29,18 +29,18 @@ def wave_inverse(
     resistances: (k,) in series with the response of each field to its own load; none by default.
     """
     source = convolution.symbol if waves is None else waves
-    single, k, padded = np.dtype(np.float32), len(fields), convolution.padded
+    k, padded = len(fields), convolution.padded
     if not convolution.periodic:
         padded = padded[0] // 2, padded[1] // 2
 
     parities, layout = source.parities, entry_layout(len(convolution.scale))
     numbers = {number for row, column in product(fields, repeat=2) for number, *_ in layout.entries(row, column)}
-    symbol, indices = source.entries(numbers, single)
+    symbol, indices = source.entries(numbers)
 
     def entry(number: int, parity: float) -> Array | float:
         if number not in indices:
             return 0.0
-        known = symbol[indices[number]]
+        known = symbol[indices[number]].astype(np.float32)
         if convolution.periodic:
             return known
         if parities is not None:

@@ -284,11 +284,11 @@ def multiply_waves(first, entries, terms, factors, waves, products):
 
     entries: (n, all rows, py), real, or (n, all rows, py // 2 + 1) if each is an even or odd function along the rows;
     terms: (t, 5) rows (a, b, entry, 1 to multiply by i, else 0, 1 or -1 for even and odd functions), those of an entry
-    in sequence; factors: (t,); waves: (l, rows, py), products: (k, rows, py), complex. The loop is over rows so that
-    waves and products stay in the nearest cache.
+    in sequence; waves: (l, rows, py), products: (k, rows, py), complex; factors: (t,), in the precision of these. The
+    loop is over rows so that waves and products stay in the nearest cache.
     """
     count, width = entries.shape[2], products.shape[2]
-    full_row = np.empty(width, entries.dtype)
+    real = np.empty(width, factors.dtype)
     for row in range(products.shape[1]):
         for a in range(len(products)):
             products[a, row] = 0.0
@@ -299,10 +299,7 @@ def multiply_waves(first, entries, terms, factors, waves, products):
                 next_row = (entry * entries.shape[1] + first + row + 1) * count
                 for index in range(next_row, next_row + PREFETCH_COUNT, CACHE_LINE):
                     prefetch(entries, index)
-                real = entries[entry, first + row]
-                if count < width:
-                    _unfold(real, terms[term, 4], full_row)
-                    real = full_row
+                _unfold(entries[entry, first + row], terms[term, 4], real)
                 previous = entry
             if imaginary:
                 _add_imaginary(real, factors[term], waves[b, row], products[a, row])

@@ -12,7 +12,6 @@ from meeframe_halfspace.cells import TABLES, Shape, share_out
 from meeframe_halfspace.difference import point_difference
 from meeframe_halfspace.difference_table import DifferenceTable, Series, compiled
 from meeframe_halfspace.grid_response import (
-    DOUBLE,
     EntrySeries,
     FreeGrid,
     GridResponse,
@@ -69,7 +68,7 @@ class LayeredFreeGrid(GridResponse):
         """Size of the periodic grid to which the symbol belongs."""
         return self.homogeneous.padded
 
-    def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
+    def symbol(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
         """Yield entries by integration over the density around the node."""
         wanted = [number for number in numbers if number in self.layers.numbers]
         of_each_half = max(1, TABLES // (16 * self.size[0] * self.size[1]))
@@ -77,7 +76,6 @@ class LayeredFreeGrid(GridResponse):
             alike = [number for number in wanted if bool(self._mirror(number)) is is_half]
             for batch in (alike[first : first + of_each_half] for first in range(0, len(alike), of_each_half)):
                 for number, table in zip(batch, self._tables(batch, is_half), strict=True):
-                    table = table.astype(precision, copy=False)
                     yield number, free_symbol(table, self.layers, number, self.padded)
 
     def _mirror(self, number: int) -> int:
@@ -154,7 +152,7 @@ class LayeredPeriodicGrid(GridResponse):
         """The size of the grid."""
         return self.size
 
-    def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
+    def symbol(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
         """Yield entries from the series of the surface compliance."""
         count = self.size[1] if self.layers.parities is None else self.size[1] // 2 + 1
         n_waves = self.size[0] // 2 + 1
@@ -167,7 +165,7 @@ class LayeredPeriodicGrid(GridResponse):
             add_waves(self, self.layers.difference, number, symbol)
             if self.free is None and number < self.response.layout.n_symmetric:
                 symbol[0, 0] = self._uniform[number]
-            yield number, symbol.astype(precision, copy=False)
+            yield number, symbol
 
     def _free_entry(self, number: int) -> Array | None:
         """Return an entry of the symbol of the free grid, laid out as those of the layers; None if it is zero."""

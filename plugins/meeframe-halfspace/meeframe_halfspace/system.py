@@ -17,6 +17,7 @@ from meeframe.plugin import (
     EdgeResolution,
     FieldwiseApply,
     GridCells,
+    GridPoints,
     IndenterEdge,
     Indices,
     InteriorFields,
@@ -194,7 +195,9 @@ class HalfSpaceSystem(
         return all((fractions == 1.0).all() for fractions in self.fractions)
 
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, f, f), stored entry by entry."""
+        """Return the response of each node to its own load, (n, f, f), entry by entry, or as a view of one block."""
+        if self._inside:
+            return np.broadcast_to(self._block, (len(self.points), *self._block.shape))
         shares = self.shares
         blocks = np.zeros((self.n_fields, self.n_fields, len(shares)))  # most entries stay zero, and cost nothing
         for index in np.argwhere(self._block.T):
@@ -286,12 +289,9 @@ class HalfSpaceSystem(
         if grid is None or response is None:
             return None
         nodes = self.grid.nodes[::2, ::2].ravel()
-        points = np.zeros((3, nodes.size)).T  # columns of zeros are never written
-        for axis in np.flatnonzero(self.points.any(axis=0)):
-            points[:, axis] = self.points[nodes, axis]
         uniform = self.convolution.periodic
         system = HalfSpaceSystem(
-            points=points,
+            points=self._points_at(nodes, slice(None, None, 2), slice(None, None, 2)),
             frames=self._frames(nodes.size),
             weights=np.broadcast_to(4.0 * self.weights[0], nodes.size) if uniform else 4.0 * self.weights[nodes],
             cells=GridCells(grid.size),
@@ -316,9 +316,14 @@ class HalfSpaceSystem(
             return None
         inner, grid = subgrid.ravel(), row_major_grid(self.grid, size)
         frames, offset = self._frames(inner.size), self._no_offset(inner.size)
-        arrays = self.points[inner], frames, self.weights[inner], GridCells(grid.size), offset
+        arrays = self._points_at(inner, rows, columns), frames, self.weights[inner], GridCells(grid.size), offset
         fractions = self.fractions[0][rows], self.fractions[1][columns]
         return Subsystem(HalfSpaceSystem(*arrays, grid, *response, fractions), inner)
+
+    def _points_at(self, nodes: Indices, rows: slice, columns: slice) -> Array:
+        """Return the points of nodes (m,), which are those in some rows and columns of the grid."""
+        points = self.points
+        return points.on(rows, columns) if isinstance(points, GridPoints) else points[nodes]
 
     def _frames(self, count: int) -> Array:
         """Return the frames (count, 3, 3) of that many nodes, as a view of one."""

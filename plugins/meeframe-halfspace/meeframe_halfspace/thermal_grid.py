@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, final
+from typing import Final, final
 
 import numpy as np
 import scipy  # submodules are loaded on first use
@@ -13,7 +13,6 @@ from meeframe_halfspace.cells import unfold
 from meeframe_halfspace.difference import heat_difference, level_radius
 from meeframe_halfspace.difference_table import DifferenceTable
 from meeframe_halfspace.grid_response import (
-    DOUBLE,
     POWERS,
     EntrySeries,
     FreeGrid,
@@ -100,12 +99,12 @@ class HeatedGrid(GridResponse):
         assert thermal is not None
         return thermal
 
-    def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
+    def symbol(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
         """Yield entries of the other fields as `base` does, then those of heat."""
-        yield from self.base.symbol([number for number in numbers if number < self._first], precision)
+        yield from self.base.symbol([number for number in numbers if number < self._first])
         for number in numbers:
             if number >= self._first and len(self.series.entry(number)[0]):
-                yield number, self._heat_symbol(number).astype(precision, copy=False)
+                yield number, self._heat_symbol(number)
 
     def _heat_symbol(self, number: int) -> Array:
         entry = number - self._first

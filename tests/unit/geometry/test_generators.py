@@ -215,12 +215,12 @@ def test_a_grid_that_exceeds_the_memory_is_refused_before_it_is_made(monkeypatch
     assert half_space_mesh(2.0, 1.0, 20, 1, Quad4()).n_elements == 20 * 20 + 4 * 20
 
 
-def test_the_zone_of_a_half_space_shares_a_frame_and_the_arrays_of_its_mesh() -> None:
+def test_the_zone_of_a_half_space_shares_a_frame() -> None:
     mesh = half_space_mesh(2.0, 1.0, (3, 5), 2, Quad4())
     zone = find_contact_zone(mesh, "contact")
     np.testing.assert_array_equal(zone.frames, np.tile(np.eye(3), (24, 1, 1)))
     assert shares_frame(zone.frames)
-    assert np.shares_memory(zone.points, mesh.points)
+    np.testing.assert_array_equal(zone.points, mesh.points[:24])
     assert zone.weights.sum() == pytest.approx(1.0)
     assert grid_shape(zone.cells, 24) == (4, 6)
     assert grid_shape(((zone.cells[0][0], zone.cells[0][1][::-1]),), 24) is None
