@@ -1,6 +1,7 @@
 """Inputs that are damaged, endless or beyond anything physical: one clear message and exit status 2, at once."""
 
 import os
+import time
 import tracemalloc
 from contextlib import suppress
 from pathlib import Path
@@ -73,6 +74,33 @@ def test_moduli_beyond_anything_physical(tmp_path, check):
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "begin", "end"),
+    [
+        (
+            '"10 um"',
+            f'"1 {"m" * 50_000}"',
+            "steps[1].approach = '1 mmm",
+            "expected a number in m or a text with such a unit",
+        ),
+        ('"isotropic"', f'"{"n" * 50_000}"', "material: unknown material 'nnn", "zno, isotropic"),
+        ("radius", "r" * 50_000, "indenter.rrr", "unknown key; allowed: radius, profile"),
+        ("[mesh]", f"rotation = {{ axis = [0, 1, '{'z' * 50_000}'], angle = 1 }}\n[mesh]", "material", "of shape (3,)"),
+    ],
+    ids=["unit", "name", "key", "list"],
+)
+def test_very_long_words(tmp_path, check, old, new, begin, end):
+    path = tmp_path / "case.toml"
+    path.write_text(CASE.replace(old, new), encoding="utf-8")
+    before = time.process_time()
+    done = check(path)
+    assert time.process_time() - before < 10  # pint takes the square of the length of units: half a minute
+    assert done.exit_code == 2
+    lines = done.stderr.splitlines()
+    assert max(map(len, lines)) < 2_500
+    assert any(f"{path}: {begin}" in line and end in line for line in lines)
+
+
+@pytest.mark.parametrize(
     "text",
     [
         CASE + "".join(f"k{number} = 1\n" for number in range(2_000)),
@@ -111,6 +139,15 @@ def test_material_files_that_are_no_files(tmp_path, check, write_case, kind):
     done = check(write_case(('name = "batio3-cofe2o4"', f'file = "{file}"')))
     assert done.exit_code == 2
     assert f"{file}: cannot be read: is a device or a pipe; allowed: a regular file" in done.stderr
+
+
+def test_results_and_local_problems_that_are_no_files(tmp_path):
+    os.mkfifo(tmp_path / "result.h5")
+    for command in (["show", tmp_path], ["fclib", "solve", tmp_path / "result.h5"]):
+        done = CliRunner().invoke(app, list(map(str, command)))
+        assert done.exit_code == 2
+        assert f"{tmp_path / 'result.h5'}" in done.stderr
+        assert "cannot be read as HDF5" in done.stderr
 
 
 @pytest.mark.parametrize("name", ["map.txt", "map.npy"])
