@@ -46,7 +46,7 @@ class ResultError(MeeframeError):
 
 
 def _shortened(line: str) -> str:
-    """Return a line without its middle if it is too long: it begins with file and key, and ends with what is allowed."""
+    """Return a line without its middle if it is too long; file and key are at its begin, allowed values at its end."""
     half = (_MAX_LINE - 5) // 2
     return line if len(line) <= _MAX_LINE else f"{line[:half]} ... {line[-half:]}"
 

@@ -101,6 +101,8 @@ def read_npy(path: str | Path) -> Any:
             shape, _, dtype = reader(head)
         except (TokenError, SyntaxError, RecursionError, OverflowError, TypeError, LookupError) as error:
             raise ValueError(f"its header is damaged: {error}") from None
+        if any(isinstance(length, bool) for length in shape):  # which NumPy takes for integers, here only
+            raise ValueError(f"its header declares an array of shape {shape}")
         size, left = math.prod(shape) * dtype.itemsize, os.fstat(file.fileno()).st_size - head.tell()
         if not dtype.hasobject and not 0 <= size <= left:
             raise ValueError(f"its header declares an array of shape {shape}, {size} bytes; {left} follow")

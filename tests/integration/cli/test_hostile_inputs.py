@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from meeframe.cli import app
 from meeframe.common.errors import CaseError, MeshError, ResultError
-from meeframe.indenters.heights import Heights
+from meeframe.indenters.heights import Heights, SampledHeights
 from meeframe.mesh.reader import read_any
 from meeframe.results.fclib import LocalProblem, read_local, write_local
 from meeframe.results.files import ResultWriter, read_result, write_result
@@ -187,6 +187,24 @@ def test_arrays_larger_than_their_file(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"(25, 3), }       ", b"(99999999999, 3),}"[:17].ljust(17)))
     with pytest.raises(CaseError, match=r"a\.npy: its header"):
         Heights(path).height(np.zeros(1), np.zeros(1))
+
+
+def test_shapes_that_are_no_numbers(tmp_path):
+    """NumPy reads True as a length, but makes no array of it."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros((1, 1)))
+    path.write_bytes(path.read_bytes().replace(b"(1, 1), }      ", b"(True, True), }"))
+    with pytest.raises(CaseError, match=r"a\.npy: its header declares an array of shape \(True, True\)"):
+        Heights(path).height(np.zeros(1), np.zeros(1))
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic", "nodes"])
+def test_heights_beyond_anything_physical(interpolation):
+    """Differences of heights up to 1e308 overflow."""
+    x, y = np.meshgrid(np.arange(4.0), np.arange(4.0))
+    rows = np.column_stack([x.ravel(), y.ravel(), 1e308 * np.cos(np.arange(16))])
+    with pytest.raises(CaseError, match=r"heights of 1e\+308 m; allowed: at most 1e\+60 m"):
+        SampledHeights(rows, interpolation).height(np.zeros(1), np.zeros(1))
 
 
 def test_headers_longer_than_their_file(tmp_path):
