@@ -291,14 +291,3 @@ def test_numbers_of_threads_in_the_environment(threads):
     done = CliRunner().invoke(app, ["materials"], env={"NUMBA_NUM_THREADS": threads})
     assert done.exit_code == 2
     assert f"NUMBA_NUM_THREADS = '{threads}'; allowed: an integer > 0" in done.stderr
-
-
-def test_a_full_standard_output():
-    import subprocess
-    import sys
-
-    command = [sys.executable, "-c", "from meeframe.cli import main; main()", "materials"]
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == "error: the standard output cannot be written: no space is left on its device\n"
