@@ -126,6 +126,19 @@ def test_without_a_home(write_case, tmp_path):
     assert (tmp_path / "out" / "pressure.png").exists()
 
 
+def test_a_limit_of_memory_below_the_libraries():
+    """OpenBLAS would ask for memory again and again, and take notice of no signal but SIGKILL."""
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_AS, (400 << 20, 400 << 20))
+
+    done = subprocess.run(
+        [*COMMAND, "check", "case.toml"], capture_output=True, text=True, preexec_fn=limit, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: the address space is limited to 400 MiB (ulimit -v); allowed: at least 1024")
+
+
 @pytest.mark.full
 def test_a_limit_of_memory(write_case, tmp_path):
     """Matrices that do not fit, after `ulimit -v`, are invalid input, with one message."""
