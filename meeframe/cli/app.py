@@ -1,11 +1,15 @@
 """The application and the arguments that several commands share."""
 
 import os
+import resource
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
+
+MIN_ADDRESS_SPACE: Final = 2**30
+"""Smallest limit of the address space [bytes]. Within less, OpenBLAS waits without end for memory, and Python hangs."""
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -44,6 +48,14 @@ def _options(
         ),
     ] = False,
 ) -> None:
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < MIN_ADDRESS_SPACE:
+        print(
+            f"error: the address space is limited to {limit >> 20} MiB (ulimit -v); allowed: at least "
+            f"{MIN_ADDRESS_SPACE >> 20} MiB, in which the libraries start",
+            file=sys.stderr,
+        )
+        raise typer.Exit(2)
     threads = os.environ.get("NUMBA_NUM_THREADS", "1")
     if not (threads.isdecimal() and int(threads) > 0):
         print(f"error: environment variable NUMBA_NUM_THREADS = {threads!r}; allowed: an integer > 0", file=sys.stderr)

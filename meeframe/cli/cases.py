@@ -24,7 +24,6 @@ def run(
     """
     with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
         with console.loading():
-            from meeframe.model.load import load_case
             from meeframe.model.threads import limited
             from meeframe.results.records import RunStatus
             from meeframe.results.selection import overviews
@@ -34,7 +33,7 @@ def run(
 
             registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
-            result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress, held=MAX_HELD)
+            result = run_case(case, out, overwrite, progress, MAX_HELD, registry)
         output = console.stdout()
         output.print(summary_table(result, width=output.width))
         if any(step.contact_at_zone_boundary for step in overviews(result)):

@@ -54,10 +54,6 @@ def exit_status(memory_status: int = BAD_INPUT, interruption_note: str = "") -> 
         print(f"error: {printable(_with_notes(str(error), error))}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except OSError as error:
-        if error.errno == errno.ENOSPC and error.filename is None:  # files are reported with their names
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python writes the rest at its end
-            print("error: the standard output cannot be written: no space is left on its device", file=sys.stderr)
-            raise typer.Exit(BAD_INPUT) from None
         if error.errno not in _PATH_ERRORS or error.filename is None:
             raise
         print(printable(f"error: {error.filename}: {error.strerror}"), file=sys.stderr)
@@ -68,6 +64,16 @@ def exit_status(memory_status: int = BAD_INPUT, interruption_note: str = "") -> 
         print(
             "error: compiled kernels can be cached neither next to the sources nor in the user's cache folder: set "
             "NUMBA_CACHE_DIR to a writable folder",
+            file=sys.stderr,
+        )
+        raise typer.Exit(BAD_INPUT) from None
+    except ValueError as error:
+        if "threading layer" not in str(error):  # raised by numba when it starts its threads
+            raise
+        layer = os.environ.get("NUMBA_THREADING_LAYER", "")
+        print(
+            f"error: environment variable NUMBA_THREADING_LAYER = {printable(repr(layer))}: numba cannot load it; "
+            "allowed: default, workqueue, or omp and tbb if they are installed",
             file=sys.stderr,
         )
         raise typer.Exit(BAD_INPUT) from None

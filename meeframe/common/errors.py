@@ -5,10 +5,16 @@ from itertools import islice
 from typing import Final
 
 _MAX_PROBLEMS: Final = 50
+_MAX_LINE: Final = 2000
+"""Largest number of characters in a line of a message; keys and values of damaged files may have thousands."""
 
 
 class MeeframeError(Exception):
     """Base class of all errors that bad input can cause; its text is the complete message shown to the user."""
+
+    def __str__(self) -> str:
+        """Return the message, with the middle of very long lines left out."""
+        return "\n".join(_shortened(line) for line in super().__str__().split("\n"))
 
 
 class MaterialError(MeeframeError):
@@ -37,6 +43,12 @@ class PluginFault(PluginError):
 
 class ResultError(MeeframeError):
     """A result cannot be written or read."""
+
+
+def _shortened(line: str) -> str:
+    """Return a line without its middle if it is too long; file and key are at its begin, allowed values at its end."""
+    half = (_MAX_LINE - 5) // 2
+    return line if len(line) <= _MAX_LINE else f"{line[:half]} ... {line[-half:]}"
 
 
 def listed(problems: Iterable[object], separator: str = "\n") -> str:

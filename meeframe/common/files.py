@@ -1,9 +1,11 @@
 """Files named by users: regular files of a limited size, and arrays that fit into their files."""
 
 import errno
+import json
 import math
 import os
 import stat
+import sys
 from io import BytesIO
 from pathlib import Path
 from tokenize import TokenError
@@ -14,19 +16,19 @@ import numpy as np
 MAX_TEXT_BYTES: Final = 2**26
 """Largest size of a case file, study file or plugin file."""
 MAX_DATA_BYTES: Final = 2**30
-"""Largest size of a file of heights."""
+"""Largest size of a file of heights or a JSON file."""
 _MAX_HEADER_BYTES: Final = 2**16
 """Largest size of a header of a .npy file."""
 
 
-def check_file(path: str | Path, max_bytes: int) -> None:
+def check_file(path: str | Path, max_bytes: int = sys.maxsize) -> None:
     """Check that a file may be read as a whole.
 
     Parameters
     ----------
     path : str or Path
         The file.
-    max_bytes : int
+    max_bytes : int, optional
         Its largest allowed size.
 
     Raises
@@ -41,6 +43,33 @@ def check_file(path: str | Path, max_bytes: int) -> None:
         raise OSError(errno.EINVAL, "is a device or a pipe; allowed: a regular file")
     if status.st_size > max_bytes:
         raise OSError(errno.EFBIG, f"has {status.st_size} bytes; allowed: at most {max_bytes}")
+
+
+def read_json(path: str | Path) -> Any:
+    """Return the content of a JSON file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    object
+        What it holds.
+
+    Raises
+    ------
+    OSError
+        As `check_file`, or if it cannot be read.
+    ValueError
+        If it is not a JSON file, or nested too deeply.
+    """
+    check_file(path, MAX_DATA_BYTES)
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except RecursionError as error:
+        raise ValueError(str(error)) from None
 
 
 def read_npy(path: str | Path) -> Any:
@@ -72,6 +101,8 @@ def read_npy(path: str | Path) -> Any:
             shape, _, dtype = reader(head)
         except (TokenError, SyntaxError, RecursionError, OverflowError, TypeError, LookupError) as error:
             raise ValueError(f"its header is damaged: {error}") from None
+        if any(isinstance(length, bool) for length in shape):  # which NumPy takes for integers, here only
+            raise ValueError(f"its header declares an array of shape {shape}")
         size, left = math.prod(shape) * dtype.itemsize, os.fstat(file.fileno()).st_size - head.tell()
         if not dtype.hasobject and not 0 <= size <= left:
             raise ValueError(f"its header declares an array of shape {shape}, {size} bytes; {left} follow")

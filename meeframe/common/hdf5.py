@@ -8,6 +8,8 @@ from typing import Any, Final
 
 import h5py
 
+from meeframe.common.files import check_file
+
 MAX_COMPRESSION: Final = 1100
 """Largest ratio of the size of an array and its compressed size; deflate attains 1032."""
 _HEAP: Final = b"GCOL\1\0\0\0"
@@ -39,10 +41,11 @@ def open_hdf5(path: Path, is_result_link: Callable[[str, str], bool] = lambda na
     Raises
     ------
     OSError
-        If the file cannot be read as HDF5.
+        If the file is a device, a pipe or a folder, or if it cannot be read as HDF5.
     ValueError
         If it refers to other files, or if an array is larger than the file can hold.
     """
+    check_file(path)
     with h5py.File(path, "r") as file:
         try:
             _check_heaps(path, file.id.get_create_plist().get_sizes()[1])

@@ -17,6 +17,8 @@ from meeframe.common.files import MAX_TEXT_BYTES, check_file
 
 _MAX_BITS: Final = 10_000
 """Bits of the largest integer accepted; Python prints no integer of more than 4300 decimal digits."""
+_MAX_DEPTH: Final = 50
+"""Largest depth of nested tables and lists; a case file has five at most, and Python writes a few hundred."""
 _DIGIT_RUNS: Final = re.compile(
     r'"{3}(?:[^\\]|\\.)*?"{3}|\'{3}.*?\'{3}|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*|([0-9_]+)', re.DOTALL
 )
@@ -62,9 +64,9 @@ def toml_tables(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If the text is not valid, or if an integer is too long.
+        If the text is not valid, or as `check_values`.
     RecursionError
-        If tables are nested too deeply.
+        If it is nested too deeply to be read.
     """
     try:
         tables = tomllib.loads(text)
@@ -79,12 +81,12 @@ def toml_tables(text: str) -> dict[str, Any]:
             line = text.count("\n", 0, run.start()) + 1
             digits = f"{len(run[1].replace('_', ''))} digits (at line {line})"
         raise ValueError(f"an integer of {digits}; allowed: at most {_MAX_BITS} binary digits") from None
-    check_integers(tables)  # Python reads any number of hexadecimal digits
+    check_values(tables)  # Python reads any number of hexadecimal digits
     return tables
 
 
-def check_integers(tables: Mapping[str, Any]) -> None:
-    """Check that all integers of tables can be printed.
+def check_values(tables: Mapping[str, Any]) -> None:
+    """Check that tables can be written as text.
 
     Parameters
     ----------
@@ -94,17 +96,19 @@ def check_integers(tables: Mapping[str, Any]) -> None:
     Raises
     ------
     ValueError
-        For an integer of more digits than Python prints; the message names its key.
+        For an integer of more digits than Python prints, and for nesting that is too deep; the message names the key.
     """
-    values: list[tuple[str, Any]] = [("", tables)]
-    for key, value in values:
+    values: list[tuple[str, int, Any]] = [("", 0, tables)]
+    for key, depth, value in values:
+        if depth > _MAX_DEPTH:
+            raise ValueError(f"{key[1:]}: tables or lists are nested {depth} deep; allowed: at most {_MAX_DEPTH}")
         if isinstance(value, int) and value.bit_length() > _MAX_BITS:
             digits = f"{value.bit_length()} binary digits"
             raise ValueError(f"{key[1:]}: an integer of {digits}; allowed: at most {_MAX_BITS}")
         if isinstance(value, Mapping):
-            values += ((f"{key}.{name}", entry) for name, entry in value.items())
+            values += ((f"{key}.{name}", depth + 1, entry) for name, entry in value.items())
         if isinstance(value, list | tuple):
-            values += ((f"{key}[{number}]", entry) for number, entry in enumerate(value, 1))
+            values += ((f"{key}[{number}]", depth + 1, entry) for number, entry in enumerate(value, 1))
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:
@@ -127,7 +131,7 @@ def toml_text(tables: Mapping[str, Any]) -> str:
     ValueError
         For an integer of more digits than Python prints; the message names its key.
     """
-    check_integers(tables)
+    check_values(tables)
     plain = {key: value for key, value in tables.items() if not _is_table(value) and not _is_tables(value)}
     lines = [_entry(key, value) for key, value in plain.items()]
     for key, value in tables.items():

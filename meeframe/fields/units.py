@@ -21,6 +21,8 @@ _TEXT: Final = re.compile(
     r"\s*+((?:[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3})?+|[-+]?inf(?!\w))(?![\d.,_]))"
     r"\s*+(?:[*·×](?!\*)|1?\s*+(?=/))?(?!\s*+\d)([\w\s()*/^.·×⋅{}%°+⁻-]*+)"
 )
+_MAX_UNITS: Final = 200
+"""Largest number of characters of units; pint takes the square of their number."""
 _DIGITS: Final = 20
 """Number of digits of rounded exponents: a decimal third has 28, and three of them do not add up to one."""
 _OTHER: Final = "cannot be read as one number and then units"
@@ -200,7 +202,7 @@ def read_quantity(text: str) -> Any:
     and multiply "50,5" out to 505. The magnitude is a Decimal.
     """
     match = _TEXT.fullmatch(text)
-    if match is None:
+    if match is None or len(match[2]) > _MAX_UNITS:
         raise ValueError(_OTHER)
     registry, number = unit_registry(), Decimal(match[1])
     try:

@@ -13,7 +13,7 @@ from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
 from meeframe.common.files import MAX_DATA_BYTES, check_file, read_npy
 from meeframe.fields import Array, Indices
-from meeframe.fields.units import Quantity, check_quantities
+from meeframe.fields.units import MAX_MAGNITUDE, Quantity, check_quantities
 from meeframe.indenters.base import Indenter
 
 Interpolation = Literal["linear", "cubic", "nodes"]
@@ -200,6 +200,14 @@ def _check_rows(rows: Array) -> None:
         raise ValueError(f"row {bad[0] + 1} is not finite: {rows[bad[0]]}")
 
 
+def _check_magnitudes(*arrays: Array) -> None:
+    """Check that differences of coordinates and heights stay finite. Raises ValueError."""
+    for values in arrays:
+        beyond = values[~(np.abs(values) <= MAX_MAGNITUDE)]
+        if beyond.size:
+            raise ValueError(f"coordinates or heights of {beyond[0]:g} m; allowed: at most {MAX_MAGNITUDE:g} m")
+
+
 def _surface(rows: Array, interpolation: Interpolation) -> "HeightGrid | _HeightNodes":
     """Return the surface through rows (x, y, height), (n, 3)."""
     return _HeightNodes(rows) if interpolation == "nodes" else HeightGrid(*_grid(rows), interpolation)
@@ -222,7 +230,7 @@ class HeightGrid:
     Raises
     ------
     ValueError
-        If cubic interpolation has fewer than four points along a side.
+        If cubic interpolation has fewer than four points along a side, or if a number is beyond `MAX_MAGNITUDE`.
     """
 
     x: Array
@@ -231,6 +239,7 @@ class HeightGrid:
     interpolation: Interpolation = "linear"
 
     def __post_init__(self) -> None:
+        _check_magnitudes(self.x, self.y, self.heights)
         if self.interpolation == "cubic" and min(self.heights.shape) < 4:
             raise ValueError(
                 f"cubic interpolation needs 4 points along each side of the grid; it has {self.heights.shape}"
@@ -289,6 +298,9 @@ class _HeightNodes:
     """Heights at nodes that need not be on a grid: rows (x, y, height), (n, 3) [m]."""
 
     rows: Array
+
+    def __post_init__(self) -> None:
+        _check_magnitudes(self.rows)
 
     def height(self, x: Array, y: Array) -> Array:
         """Return the height of the row at the same position above the lowest one, (n,) [m], inf where there is none."""

@@ -10,7 +10,7 @@ from weakref import WeakValueDictionary
 from pydantic import ValidationError
 
 from meeframe.common.errors import CaseError, MeeframeError, listed
-from meeframe.common.toml import check_integers, read_toml
+from meeframe.common.toml import check_values, read_toml
 from meeframe.contact.problem import Solver
 from meeframe.fields import FieldSet
 from meeframe.material import Material, material_from_table
@@ -78,7 +78,7 @@ def case_from_tables(
     folder: where relative paths in it start; file: its name. Raises TableError (a CaseError) with all problems found.
     """
     try:
-        check_integers(tables)
+        check_values(tables)
     except ValueError as error:
         raise TableError(Problem((), str(error))) from None
     registry = replace(registry or plugins.load(), folder=folder)

@@ -166,8 +166,8 @@ def label_panels(panels: Any) -> None:
 
 
 def prefixed(values: Array, unit: str) -> tuple[float, str]:
-    """Return the factor and unit with the SI prefix that brings the largest value between 1 and 1000."""
-    largest = float(np.abs(values).max())
+    """Return the factor and unit with the SI prefix that brings the largest finite value between 1 and 1000."""
+    largest = float(np.abs(values).max(initial=0.0, where=np.isfinite(values)))
     exponent = 3 * int(np.floor(np.log10(largest) / 3)) if largest > 0 else 0
     exponent = min(max(exponent, min(_PREFIXES)), max(_PREFIXES))
     return 10.0**exponent, _PREFIXES[exponent] + unit

@@ -100,10 +100,10 @@ def _resultants(step: StepResult, zone: Zone) -> Resultants:
     for first in range(0, len(normal), _BLOCK):  # blocks of nodes take little memory
         nodes = slice(first, first + _BLOCK)
         # one memory layout, on which last digits depend, whether the step is solved or read
-        traction = np.ascontiguousarray(step.traction[nodes])
+        traction, points = np.ascontiguousarray(step.traction[nodes]), np.ascontiguousarray(zone.points[nodes])
         forces = zone.weights[nodes, None] * global_components(zone.frames[nodes], traction)
         total += forces.sum(axis=0)
-        products += (zone.points[nodes] - step.loading.reference).T @ forces
+        products += (points - step.loading.reference).T @ forces
     # products of all components: the moment is their antisymmetric part
     moment = np.array(
         [products[1, 2] - products[2, 1], products[2, 0] - products[0, 2], products[0, 1] - products[1, 0]]

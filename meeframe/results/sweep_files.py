@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.common.errors import CaseError, ResultError
+from meeframe.common.files import read_json
 from meeframe.fields import Array, Indices
 from meeframe.results import schema
 from meeframe.results.hdf5 import sink
@@ -216,9 +217,9 @@ def _held(folder: Path) -> set[str] | None:
     Raises ResultError for a key that is not of the form that sweeps write: keys are names of folders that are removed.
     """
     try:
-        table = json.loads((folder / LIST_FILE).read_text(encoding="utf-8"))
+        table = read_json(folder / LIST_FILE)
         keys = list(table["points"]) if table["format"] == FORMAT else None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError):
         return None
     for key in keys or ():
         if not (isinstance(key, str) and _KEY.fullmatch(key)):

@@ -32,7 +32,9 @@ from meeframe.study.quantities import totals
 Changes = dict[str, Any]
 """Keys of a case file, written as in its error messages (steps[1].translation), with their new values."""
 
-_COMPONENT: Final = re.compile(r"\.?([A-Za-z_][\w-]*)|\[([1-9]\d*)\]")
+_COMPONENT: Final = re.compile(r"\.?([A-Za-z_][\w-]*)|\[([1-9]\d{0,8})\]")
+_MAX_COMPONENTS: Final = 20
+"""Largest number of components of a key; a case file has five at most."""
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -67,7 +69,7 @@ def key_parts(key: str) -> list[str | int]:
     components, position = [], 0
     while position < len(key):
         match = _COMPONENT.match(key, position)
-        if match is None:
+        if match is None or len(components) == _MAX_COMPONENTS:
             raise ValueError(f"{key!r} is not a key of a case file such as contact.law.mu or steps[1].translation")
         components.append(match[1] or int(match[2]) - 1)
         position = match.end()

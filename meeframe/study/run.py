@@ -1,14 +1,18 @@
 """Run of a case into files: every finished increment, then result.h5, summary.json, figures and fields.vtu."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
+from meeframe.common.errors import CaseError, MaterialError, MeshError
 from meeframe.model.case import Case
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.load import load_case
 from meeframe.model.solve import provenance, reduce, solve_steps
+from meeframe.plugin.registry import Registry
 from meeframe.results.figures import write_figures
 from meeframe.results.files import ResultWriter, stored_steps
 from meeframe.results.output import RESULT_FILE, SUMMARY_FILE, clear_output, open_output, replacing
@@ -30,6 +34,7 @@ def run(
     overwrite: bool = False,
     progress: Progress = silent,
     held: int | None = None,
+    registry: Registry | None = None,
 ) -> Result:
     """Solve a case and write its results into a folder.
 
@@ -50,6 +55,8 @@ def run(
     held
         Largest number of increments that stay in memory. Those of a case with more are read from the folder whenever
         they are asked for, so that memory does not grow with their number. None for all.
+    registry
+        Registry in which the names in a case file are looked up; by default the built-ins and the installed plugins.
 
     Returns
     -------
@@ -62,14 +69,25 @@ def run(
         Before anything is computed, if `out` cannot be written, if another run writes there, or if it is not empty and
         overwrite is false.
     MeeframeError
-        As load_case and solve_case.
+        As load_case and solve_case; errors name the case file.
     """
     clock = Clock(progress)
     clock("reading", 0.0)
-    case = case if isinstance(case, Case) else load_case(case)
+    loaded = case if isinstance(case, Case) else load_case(case, registry)
     folder = Path(out)
-    with open_output(folder, overwrite):
-        return _Run(case, folder, clock, held).run()
+    with open_output(folder, overwrite), _naming("" if isinstance(case, Case) else str(case)):
+        return _Run(loaded, folder, clock, held).run()
+
+
+@contextmanager
+def _naming(file: str) -> Iterator[None]:
+    """Name the case file, if there is one, in errors of the case that are found only when it is solved."""
+    try:
+        yield
+    except (CaseError, MaterialError, MeshError) as error:
+        if file not in str(error):
+            error.args = (f"{file}: {error}",)
+        raise
 
 
 def stored_fields(case: Case) -> frozenset[str]:

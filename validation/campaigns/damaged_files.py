@@ -73,6 +73,75 @@ output = { figures = false, vtu = false }
 steps = [{ approach = "10 um", increments = 2 }, { translation = ["1 um", 0] }]
 """
 
+FILM: Final = """
+title = "film"
+material = { name = "silicon" }
+mesh = { type = "half-space", contact_width = "1.6 um", divisions = 4 }
+formulation = { name = "half-space" }
+base = { thickness = "500 um", electric = "grounded" }
+layers = [
+    { material = "pzt-4", thickness = "1 um", interface = { electrode = "grounded" } },
+    { material = "batio3", thickness = "200 nm", grading = { law = "power", exponent = 0.5, material = "cofe2o4" } },
+    { material = "glass", thickness = "200 nm", interface = { normal_stiffness = 1e17, electric_conductance = 1e-3 } },
+]
+conductivity = { electric = { name = "step", kappa = inf } }
+indenter = { name = "sphere", radius = "10 um" }
+output = { figures = false, vtu = false }
+steps = [{ normal_force = "2 mN", electric_potential = "1 V" }, { charge = "0 C" }]
+"""
+ROLLING: Final = """
+title = "rolling"
+material = { name = "steel" }
+mesh = { type = "half-space", contact_width = "5 mm", divisions = 6 }
+formulation = { name = "half-space" }
+indenter = { name = "sphere", radius = "100 mm" }
+contact = { law = { name = "isotropic-coulomb", mu = 0.3 }, wear = { name = "archard", coefficient = "1e-16 1/Pa" } }
+output = { figures = false, vtu = false }
+steps = [
+    { normal_force = "2 kN" },
+    { rolling = { direction = [1, 0], distance = "2 mm", creepage = ["0.1 %", 0], spin = "0.5 1/m", speed = "2 m/s" } },
+]
+"""
+CYCLES: Final = """
+title = "cycles"
+material = { name = "steel" }
+mesh = { type = "half-space", contact_width = "5 mm", divisions = 6 }
+formulation = { name = "half-space" }
+indenter = { name = "sphere", radius = "100 mm" }
+contact = { law = { name = "isotropic-coulomb", mu = 0.3 }, wear = { name = "archard", coefficient = "1e-16 1/Pa" } }
+output = { figures = false, vtu = false }
+steps = [
+    { normal_force = "2 kN", sliding = 0 },
+    { rolling = { steady = true, creepage = ["0.2 %", 0], cycles = 20, wear_tolerance = 0.2 }, increments = 2 },
+]
+"""
+HEAT: Final = """
+title = "heat"
+material = { name = "batio3-cofe2o4", thermal = true }
+mesh = { type = "half-space", contact_width = "5 mm", divisions = 4 }
+formulation = { name = "half-space", reference_radius = "10 mm" }
+indenter = { name = "sphere", radius = "100 mm", temperature = "20 K" }
+contact = { law = { name = "isotropic-coulomb", mu = 0.3 }, friction_heat = 0.5 }
+conductivity = { thermal = { name = "step", kappa = 1e4 } }
+output = { figures = false, vtu = false }
+steps = [
+    { approach = "10 um", duration = "1 s" },
+    { translation = ["1 um", 0], temperature = "30 K", duration = "1 s" },
+    { heat = "0 W", normal_force = "100 N", duration = "1 s" },
+]
+"""
+WEAR: Final = """
+title = "wear"
+material = { name = "steel" }
+mesh = { type = "half-space", contact_width = "5 mm", divisions = 4 }
+formulation = { name = "half-space", edges = "resolved" }
+indenter = { name = "flat-punch", radius = "1.5 mm" }
+contact = { wear = { name = "archard", coefficient = "1e-14 1/Pa" } }
+output = { figures = false, vtu = false }
+steps = [{ normal_force = "100 N" }, { sliding = "1 m", max_pressure_change = 0.5, increments = 2 }]
+"""
+FEATURES: Final = {"film": FILM, "rolling": ROLLING, "cycles": CYCLES, "heat": HEAT, "wear": WEAR}
+
 
 class _TooSlow(BaseException):
     """The answer takes longer than LIMIT or MAX_WAIT."""
@@ -126,6 +195,14 @@ def _cases(folder: Path) -> list[Path]:
         path = folder / f"drawn-{seed}.toml"
         path.write_text(problems.draw(seed, folder), encoding="utf-8")
         paths.append(path)
+    return paths
+
+
+def _feature_cases(folder: Path) -> list[Path]:
+    paths = []
+    for name, text in FEATURES.items():
+        paths.append(folder / f"{name}.toml")
+        paths[-1].write_text(text, encoding="utf-8")
     return paths
 
 
@@ -277,10 +354,18 @@ def _read_fclib(path: Path) -> None:
 
 
 def _results(folder: Path) -> list[Path]:
-    out, case = folder / "result", folder / "tiny.toml"
-    case.write_text(TINY, encoding="utf-8")
-    meeframe.run(case, out, overwrite=True)
-    return [out]
+    return [_run("result", TINY, folder)]
+
+
+def _feature_results(folder: Path) -> list[Path]:
+    return [_run(name, text, folder) for name, text in FEATURES.items()]
+
+
+def _run(name: str, text: str, folder: Path) -> Path:
+    case = folder / f"{name}.toml"
+    case.write_text(text, encoding="utf-8")
+    meeframe.run(case, folder / name, overwrite=True)
+    return folder / name
 
 
 def _read_result(path: Path) -> None:
@@ -295,13 +380,14 @@ def _read_result(path: Path) -> None:
 
 def _continue(path: Path) -> None:
     case = path.parent / "continued.toml"
-    case.write_text(TINY + f"\n[restart]\nfrom = {str(path)!r}\n", encoding="utf-8")
+    case.write_text(FEATURES.get(path.name, TINY) + f"\n[restart]\nfrom = {str(path)!r}\n", encoding="utf-8")
     meeframe.run(load_case(case), path.parent / "continued", overwrite=True)
 
 
 KINDS: Final = {
     "case": Kind(_cases, load_case, _text, 1.0),
     "case-bytes": Kind(_cases, load_case, _bytes),
+    "case-features": Kind(_feature_cases, load_case, _text, 1.0),
     "study": Kind(_studies, _check_study, _text, 1.0),
     "figure": Kind(_figures, load_study, _text),
     "material": Kind(_materials, read_material, _text, 1.0),
@@ -318,7 +404,9 @@ KINDS: Final = {
     "fclib-bytes": Kind(_fclib, _read_fclib, _bytes),
     "result": Kind(_results, _read_result, _hdf5),
     "result-bytes": Kind(_results, _read_result, _bytes),
+    "result-features": Kind(_feature_results, _read_result, _hdf5),
     "restart": Kind(_results, _continue, _hdf5, 0.02),
+    "restart-features": Kind(_feature_results, _continue, _hdf5, 0.02),
 }
 
 
@@ -413,7 +501,8 @@ def _serve(
     resource.setrlimit(resource.RLIMIT_AS, (size + MAX_MEMORY, size + MAX_MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with suppress(Exception), open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
-        KINDS[name].use(templates[0])  # compiles and loads what is used once in a process
+        for template in templates:  # compiles and loads what is used once in a process
+            KINDS[name].use(template)
     for seed in seeds:
         room = folder / "variants" / "one"
         shutil.rmtree(room.parent, ignore_errors=True)

@@ -23,6 +23,7 @@ from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
+from threading import Event
 from typing import Any, Final, NoReturn
 
 import h5py
@@ -234,10 +235,15 @@ def main() -> int:
         os.execve(sys.executable, [sys.executable, *sys.argv], environment)
     counts: Counter[str] = Counter()
     defects = 0
-    with tempfile.TemporaryDirectory() as temporary, suppress(KeyboardInterrupt):
+    interrupted = Event()
+    # h5py turns an exception that is raised while it reads a file into one of HDF5
+    signal.signal(signal.SIGINT, lambda *_: interrupted.set())
+    with tempfile.TemporaryDirectory() as temporary:
         campaign = Campaign(Path(temporary), options.kind or KINDS)
         for seed in range(options.seed, options.seed + options.number):
             words, problems = campaign.trial(seed)
+            if interrupted.is_set():  # a terminal interrupts the command of the trial, too
+                break
             counts[words] += 1
             defects += bool(problems)
             for problem in problems:
@@ -245,7 +251,7 @@ def main() -> int:
     for words, count in sorted(counts.items()):
         print(f"{words:40} {count}")
     print(f"{counts.total()} trials, {defects} with a violation")
-    return int(defects > 0)
+    return 130 if interrupted.is_set() else int(defects > 0)
 
 
 if __name__ == "__main__":

@@ -200,7 +200,8 @@ def _wrong_values(file: Any, name: str, random: Random) -> None:
     if values.dtype.kind in "fiu" and values.size:
         values = values.astype(float if random.random() < 0.6 else values.dtype)
         limits = [np.nan, np.inf, 1e308, -1.0] if values.dtype.kind == "f" else [-1, 2**30, 0]
-        values.flat[int(random.integers(values.size))] = limits[int(random.integers(len(limits)))]
+        limit = np.asarray(limits[int(random.integers(len(limits)))])
+        values.flat[int(random.integers(values.size))] = limit.astype(values.dtype)  # regions have one byte
     _replace(file, name, values)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from meeframe.common.errors import MeeframeError, PluginFault, ResultError, TooLargeError
+from meeframe.common.files import read_json
 from meeframe.common.toml import toml_text
 from meeframe.model.cache import case_key
 from meeframe.model.case import Case
@@ -166,7 +167,7 @@ def read_outcome(folder: Path) -> Outcome | None:
     except ResultError:
         pass
     try:
-        message = json.loads((folder / REFUSED_FILE).read_text(encoding="utf-8"))["message"]
-    except (OSError, ValueError, KeyError):
+        message = read_json(folder / REFUSED_FILE)["message"]
+    except (OSError, ValueError, LookupError, TypeError):
         return None
-    return Outcome(PointStatus.REFUSED, message)
+    return Outcome(PointStatus.REFUSED, str(message))

@@ -218,12 +218,12 @@ def fill_far(first, last, spacing, coefficients, odd, weights, middle, out):
             s[j] = y[j] * inverse[j]
         series_values(c, s, coefficients, odd, work, values)
         for entry in range(len(out)):
-            row, target = samples[entry, sample_row % len(weights)], out[entry, i]
+            row = samples[entry, sample_row % len(weights)]
             for j in range(len(row)):
                 row[j] = values[entry, j] * area * inverse[j]
             if i < first:
                 continue
-            source = samples[entry, i % len(weights)]
+            source, target = samples[entry, i % len(weights)], out[entry, i]
             for j in range(len(across)):
                 across[j] = weights[half_width] * source[j]
             for k in range(1, half_width + 1):

@@ -12,6 +12,8 @@ from meeframe.plugin import Array, CaseError, HeightMap, Indenter, Quantity, che
 
 SAMPLES_PER_WAVE: Final = 8
 """Default number of samples per shortest wavelength."""
+MAX_SAMPLES: Final = 100_000
+"""Largest number of samples along the period; more exceed any memory."""
 
 
 @final
@@ -52,7 +54,7 @@ class SelfAffine(Indenter):
     rms_slope: Annotated[float, Quantity("", gt=0, lt=float("inf"))] | None = None
     roll_off: Annotated[float, Quantity("m", gt=0, lt=float("inf"))] | None = None
     seed: Annotated[int, Field(ge=0)] = 0
-    samples: Annotated[int, Field(ge=4)] | None = None
+    samples: Annotated[int, Field(ge=4, le=MAX_SAMPLES)] | None = None
 
     def __post_init__(self) -> None:
         check_quantities(self)
@@ -67,6 +69,11 @@ class SelfAffine(Indenter):
             raise CaseError(
                 f"self-affine: shortest = {self.shortest!r} m, roll-off {longest!r} m, period = {self.period!r} m; "
                 "allowed: shortest <= roll_off <= period"
+            )
+        if self.period > MAX_SAMPLES / SAMPLES_PER_WAVE * self.shortest:
+            raise CaseError(
+                f"self-affine: shortest = {self.shortest!r} m, period = {self.period!r} m; allowed: at most "
+                f"{MAX_SAMPLES // SAMPLES_PER_WAVE} shortest waves in the period"
             )
         minimum = 2 * _max_wave_number(self) + 1
         if self.samples is not None and self.samples < minimum:

@@ -7,6 +7,7 @@ from meeframe_halfspace import MeasuredHeights, Scales, SelfAffine, read_height_
 
 from meeframe import topography
 from meeframe.common.errors import CaseError
+from meeframe.plugin.registry import Kind, load
 from meeframe.testing import check_indenter
 
 PERIOD = 2e-3
@@ -131,11 +132,18 @@ def test_conformance():
         ({"rms_height": -1e-6}, "rms_height"),
         ({"rms_height": 1e-6, "roll_off": 5e-3}, "roll_off"),
         ({"rms_height": 1e-6, "samples": 40}, "at least"),
+        ({"rms_height": 1e-6, "shortest": 5e-324}, "at most 12500 shortest waves"),
     ],
 )
 def test_keys_of_random_surfaces(keys, message):
     with pytest.raises(CaseError, match=message):
         SelfAffine(**{"period": PERIOD, "shortest": PERIOD / 24, "hurst": 0.8, **keys})
+
+
+def test_numbers_of_samples_beyond_any_memory():
+    table = {"name": "self-affine", "period": PERIOD, "shortest": PERIOD / 24, "hurst": 0.8, "rms_height": 1e-6}
+    with pytest.raises(CaseError, match="samples"):
+        load().create(Kind.INDENTER, {**table, "samples": 10**30})
 
 
 NX, NY, DX, DY = 7, 5, 2e-6, 3e-6

@@ -1,7 +1,9 @@
 """A short campaign of kills and interruptions, as the command runs it."""
 
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 KINDS = ("--kind", "run", "--kind", "sweep")
@@ -17,3 +19,19 @@ def test_nothing_finished_is_lost():
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.endswith("4 trials, 0 with a violation\n")
+
+
+def test_interrupted_campaigns_print_their_table():
+    """An exception in place of the signal would become a SystemError where h5py reads a file."""
+    process = subprocess.Popen(
+        [sys.executable, str(SCRIPT), "--number", "10000", "--seed", "1", "--kind", "run"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(30)
+    process.send_signal(signal.SIGINT)
+    printed, errors = process.communicate(timeout=120)
+    assert process.returncode == 130, printed + errors
+    assert printed.endswith("trials, 0 with a violation\n")
+    assert not errors

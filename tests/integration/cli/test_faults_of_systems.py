@@ -63,6 +63,19 @@ def test_a_reader_that_closes_its_pipe():
     assert (done.returncode, done.stderr) == (1, "")
 
 
+@pytest.mark.parametrize("command", ["--version", "--help", "doctor", "materials"])
+def test_a_full_or_closed_standard_output(command):
+    """Python writes what is left in its buffer at the end."""
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([*COMMAND, command], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "error: the standard output cannot be written: no space is left on its device\n"
+    script = "import os, sys; os.close(1); os.execv(sys.argv[1], sys.argv[1:])"
+    closed = [sys.executable, "-c", script, *COMMAND, command]
+    done = subprocess.run(closed, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.full
 def test_a_reader_that_closes_its_pipe_during_a_run(tmp_path):
     """Results are written before the summary is printed."""
@@ -78,6 +91,30 @@ def test_a_reader_that_closes_its_pipe_during_a_run(tmp_path):
     assert str(meeframe.read_result(tmp_path / "out").status) == "converged"
 
 
+@pytest.mark.parametrize(
+    "variables", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
+)
+def test_titles_that_the_encoding_lacks(tmp_path, variables):
+    """They appear as escape sequences."""
+    path = tmp_path / "case.toml"
+    path.write_text('title = "Kugel auf B\u00f6den"\n' + HALF_SPACE + BARE, encoding="utf-8")
+    meeframe.run(path, tmp_path / "out")
+    command = [*COMMAND, "show", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | variables, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("Kugel auf B\\xf6den")
+
+
+def test_an_unknown_threading_layer(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(HALF_SPACE + BARE, encoding="utf-8")
+    environment = os.environ | {"NUMBA_THREADING_LAYER": "none", "NUMBA_NUM_THREADS": "2"}
+    command = [*COMMAND, "run", str(path), "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[-1].startswith("error: environment variable NUMBA_THREADING_LAYER = 'none': ")
+
+
 @pytest.mark.full
 def test_without_a_home(write_case, tmp_path):
     """Neither kernels nor pictures need one; nor can it be created here."""
@@ -87,6 +124,19 @@ def test_without_a_home(write_case, tmp_path):
     done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "pressure.png").exists()
+
+
+def test_a_limit_of_memory_below_the_libraries():
+    """OpenBLAS would ask for memory again and again, and take notice of no signal but SIGKILL."""
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_AS, (400 << 20, 400 << 20))
+
+    done = subprocess.run(
+        [*COMMAND, "check", "case.toml"], capture_output=True, text=True, preexec_fn=limit, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: the address space is limited to 400 MiB (ulimit -v); allowed: at least 1024")
 
 
 @pytest.mark.full

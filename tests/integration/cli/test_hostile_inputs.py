@@ -1,6 +1,7 @@
 """Inputs that are damaged, endless or beyond anything physical: one clear message and exit status 2, at once."""
 
 import os
+import time
 import tracemalloc
 from contextlib import suppress
 from pathlib import Path
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 
 from meeframe.cli import app
 from meeframe.common.errors import CaseError, MeshError, ResultError
-from meeframe.indenters.heights import Heights
+from meeframe.indenters.heights import Heights, SampledHeights
 from meeframe.mesh.reader import read_any
 from meeframe.results.fclib import LocalProblem, read_local, write_local
 from meeframe.results.files import ResultWriter, read_result, write_result
@@ -73,6 +74,33 @@ def test_moduli_beyond_anything_physical(tmp_path, check):
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "begin", "end"),
+    [
+        (
+            '"10 um"',
+            f'"1 {"m" * 50_000}"',
+            "steps[1].approach = '1 mmm",
+            "expected a number in m or a text with such a unit",
+        ),
+        ('"isotropic"', f'"{"n" * 50_000}"', "material: unknown material 'nnn", "zno, isotropic"),
+        ("radius", "r" * 50_000, "indenter.rrr", "unknown key; allowed: radius, profile"),
+        ("[mesh]", f"rotation = {{ axis = [0, 1, '{'z' * 50_000}'], angle = 1 }}\n[mesh]", "material", "of shape (3,)"),
+    ],
+    ids=["unit", "name", "key", "list"],
+)
+def test_very_long_words(tmp_path, check, old, new, begin, end):
+    path = tmp_path / "case.toml"
+    path.write_text(CASE.replace(old, new), encoding="utf-8")
+    before = time.process_time()
+    done = check(path)
+    assert time.process_time() - before < 10  # pint takes the square of the length of units: half a minute
+    assert done.exit_code == 2
+    lines = done.stderr.splitlines()
+    assert max(map(len, lines)) < 2_500
+    assert any(f"{path}: {begin}" in line and end in line for line in lines)
+
+
+@pytest.mark.parametrize(
     "text",
     [
         CASE + "".join(f"k{number} = 1\n" for number in range(2_000)),
@@ -113,6 +141,15 @@ def test_material_files_that_are_no_files(tmp_path, check, write_case, kind):
     assert f"{file}: cannot be read: is a device or a pipe; allowed: a regular file" in done.stderr
 
 
+def test_results_and_local_problems_that_are_no_files(tmp_path):
+    os.mkfifo(tmp_path / "result.h5")
+    for command in (["show", tmp_path], ["fclib", "solve", tmp_path / "result.h5"]):
+        done = CliRunner().invoke(app, list(map(str, command)))
+        assert done.exit_code == 2
+        assert f"{tmp_path / 'result.h5'}" in done.stderr
+        assert "cannot be read as HDF5" in done.stderr
+
+
 @pytest.mark.parametrize("name", ["map.txt", "map.npy"])
 def test_heights_that_are_no_files(tmp_path, name):
     os.mkfifo(tmp_path / name)
@@ -150,6 +187,24 @@ def test_arrays_larger_than_their_file(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"(25, 3), }       ", b"(99999999999, 3),}"[:17].ljust(17)))
     with pytest.raises(CaseError, match=r"a\.npy: its header"):
         Heights(path).height(np.zeros(1), np.zeros(1))
+
+
+def test_shapes_that_are_no_numbers(tmp_path):
+    """NumPy reads True as a length, but makes no array of it."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros((1, 1)))
+    path.write_bytes(path.read_bytes().replace(b"(1, 1), }      ", b"(True, True), }"))
+    with pytest.raises(CaseError, match=r"a\.npy: its header declares an array of shape \(True, True\)"):
+        Heights(path).height(np.zeros(1), np.zeros(1))
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic", "nodes"])
+def test_heights_beyond_anything_physical(interpolation):
+    """Differences of heights up to 1e308 overflow."""
+    x, y = np.meshgrid(np.arange(4.0), np.arange(4.0))
+    rows = np.column_stack([x.ravel(), y.ravel(), 1e308 * np.cos(np.arange(16))])
+    with pytest.raises(CaseError, match=r"heights of 1e\+308 m; allowed: at most 1e\+60 m"):
+        SampledHeights(rows, interpolation).height(np.zeros(1), np.zeros(1))
 
 
 def test_headers_longer_than_their_file(tmp_path):
@@ -236,14 +291,3 @@ def test_numbers_of_threads_in_the_environment(threads):
     done = CliRunner().invoke(app, ["materials"], env={"NUMBA_NUM_THREADS": threads})
     assert done.exit_code == 2
     assert f"NUMBA_NUM_THREADS = '{threads}'; allowed: an integer > 0" in done.stderr
-
-
-def test_a_full_standard_output():
-    import subprocess
-    import sys
-
-    command = [sys.executable, "-c", "from meeframe.cli import main; main()", "materials"]
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == "error: the standard output cannot be written: no space is left on its device\n"

@@ -77,6 +77,14 @@ def test_unsupported_values_are_rejected(value, position, where):
         toml_text({"key": position(value)})
 
 
+@pytest.mark.parametrize("value", ["[" * 60 + "]" * 60, "{a = " * 60 + "1" + "}" * 60])
+def test_deep_nesting_is_rejected(value):
+    """Python reads it, but the recursion that writes a text exceeds its limit at a few hundred levels."""
+    with pytest.raises(ValueError, match=r"^key.*: tables or lists are nested 51 deep; allowed: at most 50"):
+        toml_tables(f"key = {value}")
+    assert toml_tables(toml_text({"key": [[[{"a": [1]}]]]})) == {"key": [[[{"a": [1]}]]]}
+
+
 def test_integers_too_long_to_print_are_rejected():
     with pytest.raises(ValueError, match=r"key.inner\[2\]: an integer of 16610 binary digits"):
         toml_text({"key": {"inner": [1, 10**5000]}})

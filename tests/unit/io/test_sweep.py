@@ -1,5 +1,7 @@
 """Test which sweep a folder belongs to."""
 
+import os
+
 import pytest
 
 from meeframe.common.errors import ResultError
@@ -38,6 +40,12 @@ def test_resumption_after_kill_with_lock_only(tmp_path):
     (tmp_path / ".lock").touch()
     with open_folder(tmp_path, ["a" * 64], overwrite=False):
         assert (tmp_path / "sweep.json").exists()
+
+
+def test_list_of_points_that_is_no_file(tmp_path):
+    os.mkfifo(tmp_path / "sweep.json")
+    with pytest.raises(ResultError, match="is not empty"), open_folder(tmp_path, ["a" * 64], overwrite=False):
+        pass
 
 
 @pytest.mark.parametrize("name", ["note.txt", "points/note.txt", "systems/note.h5"])

@@ -146,6 +146,8 @@ WRONG = {
     "unknown reference": (('"base"', '"bass"'), "unknown reference 'bass'; did you mean 'base'?"),
     "no values": (("values = [0.0, 0.5, inf]", ""), "vary and values belong together"),
     "no key": (('"contact.law.mu"', '"contact..mu"'), "'contact..mu' is not a key of a case file"),
+    "too long": (('"contact.law.mu"', f'"{"a." * 5000}mu"'), "is not a key of a case file"),
+    "too large": (('"contact.law" =', f'"steps[{"9" * 5000}]" ='), "is not a key of a case file"),
     "counts from 0": (('"contact.law" =', '"steps[0]" ='), "'steps[0]' is not a key of a case file"),
     "no TOML": (("[references]", "[references"), "is not a TOML file"),
     "no case": (('"case.toml"', '"absent.toml"'), "absent.toml: cannot be read"),

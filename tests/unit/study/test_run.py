@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.common.errors import CaseError, MeshError, ResultError
+from meeframe.common.errors import CaseError, MaterialError, MeshError, ResultError
 from meeframe.contact.problem import Status
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.model.case import Output
@@ -361,3 +361,23 @@ def slowed(function):
         return function(*arguments, **named)
 
     return slow
+
+
+def test_errors_of_the_solution_name_the_case_file(tmp_path):
+    """A material that loses too many digits is found when its half space is reduced."""
+    path = tmp_path / "rubber.toml"
+    path.write_text(
+        """
+        material = { name = "isotropic", young_modulus = "1 MPa", poisson_ratio = 0.49999999999 }
+        mesh = { type = "half-space", contact_width = "5 mm", divisions = 4 }
+        formulation = { name = "half-space" }
+        indenter = { name = "sphere", radius = "100 mm" }
+        steps = [{ approach = "1 um" }]
+        """,
+        encoding="utf-8",
+    )
+    message = rf"^{path}: the surface compliance has a round-off error"
+    with pytest.raises(MaterialError, match=message) as raised:
+        meeframe.run(path, tmp_path / "out")
+    assert str(raised.value).count(str(path)) == 1
+    assert not (tmp_path / "out").exists()

@@ -155,8 +155,9 @@ def test_finished_points_are_reused_and_failed_ones_repeated(tmp_path):
         computed = read_outcome(tmp_path / status)
         assert (computed is not None) is kept
     assert read_outcome(tmp_path / "refused").message == "why"
-    (tmp_path / "refused" / "refused.json").write_text('{"mess')
-    assert read_outcome(tmp_path / "refused") is None, "a damaged file is none"
+    for damaged in ('{"mess', "[]", '"message"', 100_000 * "["):
+        (tmp_path / "refused" / "refused.json").write_text(damaged)
+        assert read_outcome(tmp_path / "refused") is None, "a damaged file is none"
 
 
 @pytest.mark.parametrize("seen", [True, False])
