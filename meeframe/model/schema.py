@@ -303,7 +303,7 @@ class CaseTable(Table):
             number: step.increments if step.rolling is None else MAX_CELLS for number, step in enumerate(self.steps, 1)
         }
         if numbers and not (numbers[0] in counts and all(1 <= one <= counts[numbers[0]] for one in numbers[1:])):
-            text = f"is no increment of the case; allowed: peak, last, and load steps {load_steps_in_words(counts)}"
+            text = f"is no increment of the case; allowed: peak, last, and {load_steps_in_words(counts)}"
             raise TableError(Problem(("output", "step"), text, self.output.step))
         return self
 

@@ -1,7 +1,9 @@
 """Fields inside a body: displacement, potentials, stress, flux densities, invariants and maxima, and VTU files."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, get_args
 
@@ -120,13 +122,21 @@ class PointGrid:
         return cls(np.zeros(3), np.eye(3), (x, y, z))
 
     @classmethod
-    def below_contact(cls, zone: Zone, step: StepResult, body: Body = "first") -> "PointGrid":
+    def below_contact(
+        cls,
+        zone: Zone,
+        step: StepResult,
+        body: Body = "first",
+        interface_depths: Sequence[float] = (),
+        thickness: float = math.inf,
+    ) -> "PointGrid":
         """Return a box under the contact of an increment, from one nodal spacing below the surface downwards.
 
         In the second of two bodies, which lies on the first, the box is above the contact.
 
         It is 1.5 times as wide as the contact and 1.25 times as deep as the contact is wide; points are denser near the
-        surface.
+        surface. In layered bodies it ends on a rigid base, and has points on all interfaces and in all layers above its
+        lower side.
 
         Parameters
         ----------
@@ -136,6 +146,10 @@ class PointGrid:
             Increment.
         body : {'first', 'second'}, optional
             Body in which the points lie.
+        interface_depths : sequence of float, optional
+            Depths of the interfaces of its layers, from the surface down [m].
+        thickness : float, optional
+            Thickness of a body on a rigid base [m].
 
         Returns
         -------
@@ -149,8 +163,14 @@ class PointGrid:
         """
         surface, frame, half_width, spacing = contact_extent(zone, step)
         across = [_BOX_WIDTH * half_width * np.linspace(-1.0, 1.0, count) for count in _BOX_POINTS[:2]]
-        fractions = np.linspace(0.0, 1.0, _BOX_POINTS[2]) ** 1.5
-        depths = spacing + fractions * (_BOX_DEPTH * half_width - spacing)
+        fractions, bottom = np.linspace(0.0, 1.0, _BOX_POINTS[2]) ** 1.5, min(_BOX_DEPTH * half_width, thickness)
+        top = min(spacing, bottom / 2.0)
+        depths = top + fractions * (bottom - top)
+        inside = [depth for depth in interface_depths if depth < bottom]
+        for upper, lower in pairwise([0.0, *inside, bottom]):
+            if not ((depths > upper) & (depths < lower)).any():
+                depths = np.append(depths, (upper + lower) / 2.0)
+        depths = np.union1d(depths, inside)
         return cls(surface, frame, (across[0], across[1], depths if body == "second" else -depths[::-1]))
 
     @property

@@ -57,13 +57,14 @@ class PlaneField:
 
 @styled
 def draw_plane(axes: Any, field: PlaneField) -> None:
-    """Draw a field on a plane section, with its bar of colours, on axes of matplotlib."""
+    """Draw a field on a plane section, with its bar of colours, on axes of matplotlib; a flat one is stretched."""
     length, metre = prefixed(np.concatenate(field.coordinates), "m")
     factor, unit = prefixed(field.values, field.unit)
     x, y = (values / length for values in field.coordinates)
     drawn = axes.pcolormesh(x, y, field.values.T / factor, shading="gouraud", cmap=MAP_COLOURS)
     axes.figure.colorbar(drawn, ax=axes, label=f"{field.name} [{unit}]")
-    axes.set(aspect="equal", xlabel=f"{field.axes[0]} [{metre}]", ylabel=f"{field.axes[1]} [{metre}]")
+    stretch = max(1.0, _MIN_HEIGHT / _MAP_WIDTH * np.ptp(x) / np.ptp(y))
+    axes.set(aspect=stretch, xlabel=f"{field.axes[0]} [{metre}]", ylabel=f"{field.axes[1]} [{metre}]")
     axes.locator_params(nbins=map_ticks(axes))
     axes.set_title(field.title)
 

@@ -91,9 +91,7 @@ def position(steps: Sequence[Overview], which: int | tuple[int, int] | str | Non
     matches = [number for number, step in enumerate(steps) if numbers == step[: len(numbers)]]
     if not numbers or not matches:
         last = {step.step: step.increment for step in steps}
-        raise ResultError(
-            f"step {which!r}: no such increment; allowed: peak, last, and load steps {load_steps_in_words(last)}"
-        )
+        raise ResultError(f"step {which!r}: no such increment; allowed: peak, last, and {load_steps_in_words(last)}")
     return matches[-1]
 
 
@@ -102,12 +100,9 @@ def load_steps_in_words(counts: Mapping[int, int]) -> str:
     words = []
     for count, group in groupby(counts, counts.__getitem__):
         first, *others = group
-        words.append(
-            f"{first} to {others[-1]} (increments 1 to {count} of each)"
-            if others
-            else f"{first} (increments 1 to {count})"
-        )
-    return ", ".join(words)
+        increments = f"increments 1 to {count}" if count > 1 else "increment 1"
+        words.append(f"{first} to {others[-1]} ({increments} of each)" if others else f"{first} ({increments})")
+    return f"load step{'s' * (len(counts) > 1)} {', '.join(words)}"
 
 
 def has_increment(result: Increments, which: str) -> bool:

@@ -31,8 +31,8 @@ _MIN_COLUMNS: Final = 3
 """Smallest number of increments that a table may show: the first, the peak load and the last."""
 _Row = tuple[str, str, list[Any]]
 
-_ROUND_OFF: Final = 1e-11
-"""Fraction of the largest component below which a component of a force is shown as zero."""
+_ROUND_OFF: Final = 1e-9
+"""Fraction of the largest component of a vector below which a component is shown as zero, as in figures."""
 _ENERGY: Final = "dissipated_energy"
 _ABOUT: Final = {"tilt": "moment", "twist": "torque"}
 """Resultants that the table shows with their conjugate motion; the others always have rows."""
@@ -216,9 +216,10 @@ def _rolling(result: Result, shown: list[StepResult]) -> Iterator[_Row]:
     """Yield rows of the numbers of rolling, if the contact rolls in any of the increments."""
     rolling = [schema.rolling_totals(result.zone, step) for step in shown]
     for row in schema.ROLLING_TOTALS if any(rolling) else ():
-        values = [np.broadcast_to(numbers.get(row.name, math.nan), len(row.names)).tolist() for numbers in rolling]
+        values = np.array([np.broadcast_to(numbers.get(row.name, math.nan), len(row.names)) for numbers in rolling])
+        values = without_round_off(values, np.abs(values[np.isfinite(values)]).max(initial=0.0))
         for i, label in enumerate(row.labels):
-            column = [value[i] if math.isfinite(value[i]) else "-" for value in values]
+            column = [value if math.isfinite(value) else "-" for value in values[:, i].tolist()]
             if column != ["-"] * len(column):
                 yield label, row.unit, column
 
@@ -248,8 +249,9 @@ def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[
 def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
     """Yield rows of a quantity with one component, or with those along, or about, e1 and e2."""
     words = (name.replace("_", " "),) if len(values[0]) == 1 else (f"{name} e1", f"{name} e2")
+    columns = without_round_off(np.array(values), np.abs(values).max(initial=0.0))
     for i, word in enumerate(words):
-        yield word, unit, [float(value[i]) for value in values]
+        yield word, unit, columns[:, i].tolist()
 
 
 def _ends_and_peak(result: Result, columns: int) -> list[StepResult]:

@@ -1,5 +1,6 @@
 """Fields inside the bodies of a finished run and on their interfaces; bodies are reduced again from the stored case."""
 
+import math
 import tomllib
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,6 +10,7 @@ from meeframe.common.errors import CaseError, ResultError
 from meeframe.fields import Array
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables, load_case
+from meeframe.model.second_body import SecondBody
 from meeframe.model.solve import reduce
 from meeframe.plugin.registry import Registry
 from meeframe.results.files import read_result
@@ -61,17 +63,18 @@ class ReducedRun:
     ) -> InteriorResult:
         """Return fields inside a body; see the function `interior`."""
         chosen = select(self.result, step)
-        grid = PointGrid.below_contact(self.result.zone, chosen, body) if points is None else points
-        return interior_of(self.system, chosen, grid, body=body, progress=self.progress)
+        if points is None:
+            layers = self._body(body).layers
+            thickness = math.inf if layers.base is None else float(layers.bottoms[-1])
+            points = PointGrid.below_contact(
+                self.result.zone, chosen, body, layers.interface_depths.tolist(), thickness
+            )
+        return interior_of(self.system, chosen, points, body=body, progress=self.progress)
 
     def interfaces(self, step: Which = None, body: Body = "first") -> list[InterfaceMaxima]:
         """Return the largest tractions on the interfaces of a body, none of a homogeneous one; see `interfaces`."""
         chosen, zone = select(self.result, step), self.result.zone
-        if body not in BODIES:
-            raise CaseError(f"body {body!r}: allowed: {', '.join(BODIES)}")
-        one = self.case if body == "first" else self.case.second_body
-        if one is None:
-            raise CaseError("there is no second body; allowed: the interfaces of the first")
+        one = self._body(body)
         depths = one.layers.interface_depths
         if not len(depths):
             return []
@@ -80,6 +83,15 @@ class ReducedRun:
         if not one.formulation.is_periodic():
             extent = one.mesh.points * (TURN_OVER if body == "second" else 1.0)
         return interface_maxima(self.system, zone, chosen, depths, extent, body=body, progress=self.progress)
+
+    def _body(self, body: Body) -> Case | SecondBody:
+        """Return one of the bodies of the case. Raises CaseError if it has no such body."""
+        if body not in BODIES:
+            raise CaseError(f"body {body!r}: allowed: {', '.join(BODIES)}")
+        one = self.case if body == "first" else self.case.second_body
+        if one is None:
+            raise CaseError("there is no second body; allowed: the first")
+        return one
 
 
 def interior(

@@ -142,8 +142,8 @@ def required_interior(system: ReducedSystem) -> InteriorFields:
     interior = system.capability(InteriorFields)
     if interior is None:
         raise CaseError(
-            f"the reduced system ({type(system).__name__}) has no fields inside the body: its formulation lacks the "
-            "capability InteriorFields, or it was read from a cache"
+            "there are no fields inside the body: its formulation provides none (no capability InteriorFields; a half "
+            "space that heat expands has none), or the reduced system was read from a cache"
         )
     return interior
 

@@ -229,7 +229,7 @@ def test_equal_bodies_are_mirror_images(tmp_path):
 
 def test_invalid_requests_are_rejected(run, tmp_path):
     result = meeframe.read_result(run / "out")
-    with pytest.raises(ResultError, match=r"step 2: no such increment; allowed: .* 1 \(increments 1 to 1\)"):
+    with pytest.raises(ResultError, match=r"step 2: no such increment; allowed: .* and load step 1 \(increment 1\)$"):
         meeframe.interior(result, step=2)
     with pytest.raises(CaseError, match="there is no second body"):
         meeframe.interior(result, body="second")
@@ -252,7 +252,7 @@ def test_formulation_without_interior_fields(write_case, registry):
     """The message states that the formulation `winkler` of the tests provides no interior fields."""
     case = meeframe.load_case(write_case(), registry)
     system = reduce(case)
-    with pytest.raises(CaseError, match="has no fields inside the body"):
+    with pytest.raises(CaseError, match="there are no fields inside the body"):
         interior(system, np.zeros(system.offset.shape), np.array([[0.0, 0.0, -1e-3]]))
 
 
@@ -271,3 +271,15 @@ def test_example_of_the_page(tmp_path, monkeypatch, capsys):
     assert names["shear"].max() / PRESSURE == pytest.approx(0.310, abs=0.01)
     assert "von_mises" in capsys.readouterr().out
     assert Path("section.vtu").exists()
+
+
+def test_box_has_points_in_all_layers(run):
+    """A box under the contact ends on a rigid base, and has points on interfaces and in thin layers."""
+    result = meeframe.read_result(run / "out")
+    whole = PointGrid.below_contact(result.zone, result[0]).coordinates[2]
+    depths = np.array([0.01, 0.02, 0.3]) * -whole[0]
+    grid = PointGrid.below_contact(result.zone, result[0], interface_depths=depths, thickness=depths[-1])
+    layered = -grid.coordinates[2]
+    assert layered.max() == pytest.approx(depths[-1])
+    assert all(np.isclose(layered, depth).any() for depth in depths)
+    assert (np.histogram(layered, [1e-9, *(depths - 1e-9)])[0] > 0).all()

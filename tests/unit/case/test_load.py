@@ -320,7 +320,7 @@ WRONG_MORE = {
     ),
     "figures of an absent step": (
         '[output]\nstep = "2"',
-        "output.step = '2': is no increment of the case; allowed: peak, last, and load steps 1 (increments 1 to 1)",
+        "output.step = '2': is no increment of the case; allowed: peak, last, and load step 1 (increment 1)",
     ),
     "figures of an absent increment": ('[output]\nstep = "1.2"', "output.step = '1.2': is no increment of the case"),
     "no flag": ('[output]\nvtu = "yes"', "output.vtu = 'yes': should be true or false"),

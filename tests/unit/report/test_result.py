@@ -61,7 +61,7 @@ def test_load_steps_in_words():
     counts = {1: 2, 2: 1, 3: 1, 4: 1, 5: 3}
     assert (
         load_steps_in_words(counts)
-        == "1 (increments 1 to 2), 2 to 4 (increments 1 to 1 of each), 5 (increments 1 to 3)"
+        == "load steps 1 (increments 1 to 2), 2 to 4 (increment 1 of each), 5 (increments 1 to 3)"
     )
 
 
