@@ -7,7 +7,8 @@
 Problem k of a campaign has the seed `seed + k`, and is the same whatever the number of problems. The table counts the
 increments that converged, stalled with a reason (prescribed loads beyond what the laws resist), stalled without one,
 diverged, and are wrong: called converged although a law, a balance or the compliance is violated by more than TOLERANCE
-relative to the magnitudes of the solution. The exit status is 1 if any increment is wrong or any run fails.
+relative to the magnitudes of the solution. A record holds each answer as soon as it is known, so that the same command
+continues after a stop. The exit status is 1 if any increment is wrong or any run fails.
 """
 
 import argparse
@@ -130,10 +131,14 @@ def answers(seeds: list[int], solver: str, workers: int) -> Iterator[Answer]:
 
 
 def recorded(record: Path, seeds: list[int]) -> list[Answer]:
-    """Return the answers to given seeds that a record holds; the last line, if a stop cut it off, is none."""
-    lines = record.read_text(encoding="utf-8").splitlines(keepends=True) if record.exists() else []
-    found = [Answer(**json.loads(line)) for line in lines if line.endswith("\n")]
-    return [each for each in found if each.seed in set(seeds)]
+    """Return the answers to given seeds that a record holds, after removing a last line that a stop cut off."""
+    if not record.exists():
+        return []
+    lines = record.read_text(encoding="utf-8").splitlines(keepends=True)
+    complete = [line for line in lines if line.endswith("\n")]
+    if len(complete) < len(lines):
+        record.write_text("".join(complete), encoding="utf-8")
+    return [each for each in (Answer(**json.loads(line)) for line in complete) if each.seed in set(seeds)]
 
 
 def main() -> int:
@@ -172,6 +177,10 @@ def main() -> int:
     print(f"\n{number} problems, {sum(counts.values())} increments")
     for outcome, count in counts.most_common():
         print(f"{outcome:36} {count:6}")
+    solved = Counter({outcome: count for outcome, count in counts.items() if outcome != "rejected"})
+    without = sum(count for outcome, count in solved.items() if outcome.endswith(", with a reason"))
+    for words, total in (("all increments", solved.total()), ("those without a reason", solved.total() - without)):
+        print(f"converged of {words}: {solved['converged'] / max(total, 1):.2%}")
     print(f"largest violation {worst:.1e}, slowest problem {slowest:.1f} s of processor time")
     return int(any(counts[name] for name in ("wrong", "exception")))
 
