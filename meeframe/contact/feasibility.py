@@ -143,10 +143,15 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
         0.0,
     )
     prescribed, friction = (", ".join(f"{value:.4g}" for value in values) for values in (totals, resultants))
+    allowed = "allowed: less, a motion in their place, or more pressure before they act"
+    if any(2 in problem.prescribed_resultants[k].measure_fields for k in tangential):
+        return (
+            "the ratio of tangential to normal force prescribed is more than friction bears: all slips, or nothing "
+            f"touches, and at the pressures found the force is missed by {friction} N, N m; {allowed}"
+        )
     return (
         f"the tangential forces and moments prescribed ({prescribed} N, N m) are more than friction bears: all slips, "
-        f"and at the pressures found they reach {friction}; allowed: less, a motion in their place, or more pressure "
-        "before they act"
+        f"and at the pressures found they reach {friction}; {allowed}"
     )
 
 

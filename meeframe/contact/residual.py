@@ -8,13 +8,17 @@ from meeframe.common.errors import CaseError
 from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting, depends_on_gap, potential_diagonal, resistances, switch, unloaded
 from meeframe.contact.generated_heat import conducted_flux
-from meeframe.contact.nested import is_uniform
+from meeframe.contact.nested import has_nodal_data, is_uniform
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, problem_scales
-from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS
-from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map, has_resolvent
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
+from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map, has_resolvent, resolve
 from meeframe.system.capabilities import apply_load
 
+NEGLIGIBLE_PRESSURE: Final = 1e-12
+"""Pressure of a node that touches, in units of the characteristic one."""
+MIN_JUMP: Final = 1e-6
+"""Friction under such a pressure that counts, likewise."""
 BLOCK_SIZE: Final = 2**14
 """Number of nodes at which laws are evaluated at once."""
 
@@ -150,7 +154,7 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
     """
     law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
     axes = [axis for axis in essential_fields(problem) if axis < N_MECHANICAL]
-    worst = [0.0]
+    worst, jumps = [0.0], limit_jumps(law, n, scales.pressure)
     for nodes in node_blocks(law, n):
         traction, contact_fraction = state.load[nodes, MECHANICAL], state.contact_fraction[nodes]
         gap = np.zeros((3, len(contact_fraction))).T
@@ -158,9 +162,39 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
             position = indenter_field(problem, axis, state.motion, nodes)
             np.subtract(position, state.displacement[nodes, axis], out=gap[:, axis])
         trial = augmented_traction(law, traction, gap, (r, r))
-        worst.append(largest(traction - fixed_point_map(law, trial, gap, (r, r))) / scales.pressure)
+        violation = np.abs(traction - fixed_point_map(law, trial, gap, (r, r))).max(axis=1, initial=0.0)
+        if jumps:
+            violation = np.fmin(violation, _biactive_violation(law, traction, gap, trial, r, scales.pressure))
+        worst.append(largest(violation) / scales.pressure)
         worst.append(largest(contact_fraction - switch(contact_fraction, trial[:, 2], scales.pressure)))
     return float(np.max(worst))
+
+
+def limit_jumps(law: ContactLaw, n: int, size: float = 1.0) -> bool:
+    """Return whether a law of n nodes admits friction under hardly any pressure, as constant limits and full stick do.
+
+    size: pressure and friction [Pa] by which both are measured.
+    """
+    if not 0.0 < size < np.inf:
+        return False
+    trial = np.tile([size, 0.0, -NEGLIGIBLE_PRESSURE * size], (n if has_nodal_data(law, n) else 1, 1))
+    return bool(np.abs(law.project(trial)[:, :2]).max(initial=0.0) > MIN_JUMP * size)
+
+
+def _biactive_violation(law: ContactLaw, traction: Array, gap: Array, trial: Array, r: float, pressure: float) -> Array:
+    """Return the violation, (n,) [Pa], by nodes of zero gap and pressure that bear a fraction of the limit of friction.
+
+    trial: (n, 3), augmented tractions; r: their step length; pressure: characteristic one [Pa].
+    """
+    touching = trial.copy()
+    touching[:, 2] = -NEGLIGIBLE_PRESSURE * pressure
+    friction = resolve(law, touching, gap, (r, r))[:, :2]
+    square = (friction**2).sum(axis=1)
+    along = (traction[:, :2] * friction).sum(axis=1)
+    fraction = np.clip(np.divide(along, square, out=np.zeros_like(square), where=square > 0.0), 0.0, 1.0)
+    missed = np.abs(traction[:, :2] - fraction[:, None] * friction).max(axis=1)
+    normal = np.abs(contact_traction(law, traction[:, 2], gap[:, 2]))
+    return np.asarray(np.max([missed, normal, r * np.abs(gap[:, 2])], axis=0))
 
 
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:

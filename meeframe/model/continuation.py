@@ -7,16 +7,10 @@ from typing import Final
 import numpy as np
 
 from meeframe.contact.conduction import conducting
-from meeframe.contact.problem import ContactState, Status, indenter_position
-from meeframe.contact.residual import law_residual
-from meeframe.contact.scales import problem_scales
+from meeframe.contact.problem import ContactState, Status
+from meeframe.model.biactive_friction import Solution, SolveEased, solve_with_biactive_friction
 from meeframe.model.easier_laws import EXACT, Easing
-from meeframe.model.history import ConvergedState
-from meeframe.model.kinematics import Increment
-from meeframe.model.lifted_nodes import lifted_node, violations
-from meeframe.results.records import StepResult
 
-Solution = tuple[Increment, ConvergedState, StepResult]
 SolveFrom = Callable[[float, ContactState | None], Solution]
 """Solves an increment under a fraction of the change of its load, from an initial guess or, with None, the usual one.
 
@@ -31,15 +25,12 @@ _RATIOS: Final = (10.0, 1000.0, np.inf)
 """Ratios of friction to pressure by which a limit that jumps is replaced: the first, the last, and the limit itself."""
 _CONDUCTION_FACTORS: Final = (1e-6, 1.0, 1.0)
 """Factors of conductivities that are too large to begin with, likewise."""
-_FACTORS: Final = (10.0, 1.7)
+_FACTORS: Final = (10.0, 1.05)
 """First and least factor by which these values are raised."""
-_MIN_RATIO: Final = 100.0
-"""Least ratio with which nodes that bear as much friction lie between open and closed."""
-_NOTABLE: Final = 1e-3
-"""Part of the largest violation of a law from which nodes are counted that violate it."""
-
-SolveEased = Callable[[ContactState | None, Easing], Solution]
-"""Solves an increment under easier laws, from an initial guess or, with None, the usual one."""
+_MIN_FIRST: Final = 1.0
+"""Value by which the first one is replaced where that fails, if it is less."""
+_MAX_VALUES: Final = 40
+"""Number of values that are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +58,9 @@ class Attempt:
     stores: bool = False
 
 
-def solve_persistently(solve: Callable[[Attempt], Solution], window: int, limit_jumps: bool, stores: bool) -> Solution:
+def solve_persistently(
+    solve: Callable[[Attempt], Solution], window: int, limit_jumps: bool, stores: bool, tolerance: float
+) -> Solution:
     """Return the solution of an increment, sought in other ways where the usual one does not lead to it.
 
     Parameters
@@ -80,13 +73,15 @@ def solve_persistently(solve: Callable[[Attempt], Solution], window: int, limit_
         Whether the friction limit jumps where contact begins.
     stores : bool
         Whether attempts after the first one may store the compliance as a matrix.
+    tolerance : float
+        Residual of a solution.
 
     Returns
     -------
     tuple
-        Solution, or the best reason why there may be none.
+        Solution, or the increment as it ended last.
     """
-    is_brief, capped = stores or limit_jumps, None
+    is_brief = stores or limit_jumps
     solution = solve(Attempt(stall_window=window if is_brief else None))
     if solution[2].status in _FINAL:
         return solution
@@ -96,8 +91,8 @@ def solve_persistently(solve: Callable[[Attempt], Solution], window: int, limit_
         return solve(replace(brief, start=start, easing=easing))
 
     if limit_jumps:
-        capped = solve_by_capped_friction(solve_eased, solution)
-        if capped is not None and (capped[2].status in _FINAL or lifted_node(capped[0], capped[2]) is not None):
+        capped = solve_by_capped_friction(solve_eased, solution, tolerance)
+        if capped is not None:
             return capped
     if is_brief:
         solution = solve(Attempt(stores=stores))
@@ -107,8 +102,6 @@ def solve_persistently(solve: Callable[[Attempt], Solution], window: int, limit_
         conducted = solve_by_scaled_conduction(solve_eased, solution)
         if conducted is not None:
             return conducted
-    if capped is not None:
-        return capped
     # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
     has_start = solution[2].area_fraction is not None
     if has_start:
@@ -116,11 +109,11 @@ def solve_persistently(solve: Callable[[Attempt], Solution], window: int, limit_
     return solve_by_continuation(lambda part, start: solve(replace(brief, part=part, start=start)), solution)
 
 
-def solve_by_capped_friction(solve: SolveEased, failed: Solution) -> Solution | None:
-    """Return the solution of an increment whose friction limit jumps where contact begins.
+def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: float) -> Solution | None:
+    """Return the solution of an increment whose friction limit jumps where contact begins; None if it is not found.
 
-    It is sought from states under friction of at most a multiple of the pressure. If there is none, the result is the
-    increment with such a state, if that has nodes that lie in the jump, or one that has no state; otherwise None.
+    It is sought from states under friction of at most a multiple of the pressure, under larger and larger ones, or by
+    an attraction of the nodes whose friction is the largest one.
 
     Parameters
     ----------
@@ -128,39 +121,29 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution) -> Solution | 
         Solves the increment under easier laws.
     failed : tuple
         Increment that did not converge from the usual initial guess.
+    tolerance : float
+        Residual of a solution.
     """
 
     def by_ratio(start: ContactState | None, ratio: float) -> Solution:
         return solve(start, Easing(ratio=ratio))
 
-    solution, nearest, ratio = _raise_value(by_ratio, failed, _RATIOS)
-    if nearest is None and conducting(failed[0].problem):
-        eased, *_ = _raise_value(
+    solution, path = _raise_value(by_ratio, failed, _RATIOS)
+    if not path and conducting(failed[0].problem):
+        eased, _ = _raise_value(
             lambda start, factor: solve(start, Easing(_RATIOS[0], factor)), failed, _CONDUCTION_FACTORS
         )
         if eased is not None:
-            solution, nearest, ratio = _raise_value(by_ratio, eased, _RATIOS, eased[1].state)
+            solution, path = _raise_value(by_ratio, eased, _RATIOS, eased[1].state)
     if solution is not None:
         return _noted(solution, f"friction of at most {_RATIOS[1]:g} times the pressure")
-    if nearest is None:
-        return None
-    planned, end, result = nearest
-    start, problem = end.state, replace(planned.problem, contact_law=failed[0].problem.contact_law)
-    assert start is not None
-    planned, note = replace(planned, problem=problem), f"this state is one with friction of at most {ratio:.0f} times"
-    if ratio >= _MIN_RATIO:
-        violation = violations(problem, start.load, indenter_position(problem, start.motion) - start.displacement)
-        in_jump = np.flatnonzero(violation > _NOTABLE * violation.max())
-        position = ", ".join(f"{value:.4g}" for value in problem.system.points[in_jump].mean(axis=0))
-        nodes = f"{in_jump.size} node{'s' * (in_jump.size > 1)} around ({position}) m"
-        note = f"{note} the pressure, with {nodes} between open and closed"
-    elif lifted_node(planned, result) is None:
-        return None
-    else:
-        note = f"{note} the pressure"
-    residual = law_residual(problem, start, problem_scales(problem))
-    message = f"{failed[2].message}; {note}"
-    return planned, failed[1], replace(result, status=Status.STALLED, residual=residual, message=message)
+    while path:
+        ratio, capped = path[-1]
+        solution = solve_with_biactive_friction(solve, capped, ratio, failed[0].problem, tolerance)
+        if solution is not None:
+            return solution
+        path = path[: len(path) // 2]  # smaller multiples are further, but vary less
+    return None
 
 
 def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> Solution | None:
@@ -171,7 +154,7 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> Solution 
     solve, failed
         As for `solve_by_capped_friction`.
     """
-    solution, *_ = _raise_value(lambda start, factor: solve(start, Easing(factor=factor)), failed, _CONDUCTION_FACTORS)
+    solution, _ = _raise_value(lambda start, factor: solve(start, Easing(factor=factor)), failed, _CONDUCTION_FACTORS)
     return None if solution is None else _noted(solution, "smaller conductivities")
 
 
@@ -180,28 +163,49 @@ def _raise_value(
     before: Solution,
     values: tuple[float, float, float],
     start: ContactState | None = None,
-) -> tuple[Solution | None, Solution | None, float]:
-    """Return the solutions at the last value of a parameter and the one before, and that value; None if not found.
+) -> tuple[Solution | None, list[tuple[float, Solution]]]:
+    """Return the solution at the last value of a parameter, None if it is not found, and those at values before.
 
     before: solution whose iterations count, too; values: first one, last but one, and last; start: initial guess at the
     first one.
     """
-    first, most, last = values
-    iterations, nearest, reached, value, factor = before[2].iterations, None, first, first, _FACTORS[0]
-    while factor >= _FACTORS[1]:
-        planned, end, result = solve(start if nearest is None else nearest[1].state, value)
+    value, most, last = values
+    path: list[tuple[float, Solution]] = []
+    iterations, factor, least = before[2].iterations, _FACTORS[0], min(value, _MIN_FIRST)
+    for _ in range(_MAX_VALUES):
+        planned, end, result = solve(_extrapolated(path, value) if path else start, value)
         iterations += result.iterations
         if result.status is Status.CONVERGED:
             solution = planned, end, replace(result, iterations=iterations)
             if value == last:
-                return solution, nearest, reached
-            nearest, reached = solution, value
-        elif nearest is None or reached >= most:
+                return solution, path
+            path.append((value, solution))
+            factor = min(factor**1.5, _FACTORS[0])
+        elif not path and value > least and start is None:
+            value /= _FACTORS[0]
+            continue
+        elif not path or path[-1][0] >= most or factor < _FACTORS[1]:
             break
         else:
-            factor = np.sqrt(factor)
+            factor = np.cbrt(factor)
+        reached = path[-1][0]
         value = last if reached >= most else min(factor * reached, most)
-    return None, nearest, reached
+    return None, path
+
+
+def _extrapolated(path: list[tuple[float, Solution]], value: float) -> ContactState | None:
+    """Return a guess of the state at a value, extrapolated from the last two linearly in the reciprocal of values."""
+    (reached, latest), state = path[-1], path[-1][1][1].state
+    if len(path) == 1 or state is None or value < _MIN_FIRST:
+        return state
+    before, earlier = path[-2][0], path[-2][1][1].state
+    if earlier is None or latest is None:
+        return state
+    share = (1.0 / value - 1.0 / reached) / (1.0 / reached - 1.0 / before)
+    load, motion = (
+        new + share * (new - old) for new, old in ((state.load, earlier.load), (state.motion, earlier.motion))
+    )
+    return replace(state, load=np.where(state.load == 0.0, 0.0, load), motion=motion)
 
 
 def _noted(solution: Solution, origin: str) -> Solution:

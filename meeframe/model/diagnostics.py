@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.contact.problem import Status
+from meeframe.contact.residual import limit_jumps
 from meeframe.contact.scales import largest
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
@@ -19,7 +20,6 @@ from meeframe.mesh.measures import corners
 from meeframe.mesh.regular import GridCells, extreme_points, grid_shape, outermost_cells
 from meeframe.model.heat_diagnostics import heat_diagnostics
 from meeframe.model.kinematics import Increment, IndenterKinematics
-from meeframe.model.lifted_nodes import lifted_node
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
 from meeframe.plugin.hookspecs import PROJECT
 from meeframe.plugin.sources import BUNDLED_PACKAGES
@@ -33,9 +33,6 @@ _TRACTION_TOLERANCE: Final = 1e-6
 """Relative change of tractions below which they count as equal."""
 _RESIDUAL_FACTOR: Final = 10.0
 """Change of tractions, in multiples of the residual, below which they count as equal."""
-_NEGLIGIBLE_PRESSURE: Final = 1e-12
-_MIN_JUMP: Final = 1e-6
-"""Relative pressure that is hardly any, and relative friction under it that is considerable."""
 _LARGEST_ONSET: Final = 0.25
 """Fraction of the nodes in contact that may come into contact within one increment.
 
@@ -113,10 +110,7 @@ class Diagnostics:
         # contact that reaches the boundary already implies an overlap of the whole zone
         warnings = list(preflight(kinematics)) if warns and not sides else []
         law = increment.problem.contact_law
-        lifted = None
-        if result.status is not Status.CONVERGED and limit_jumps(law, result.traction):
-            lifted = lifted_node(increment, result)
-        sentences = list(diagnostics(zone, result, law, sides, distant=bool(warnings), lifted=lifted))
+        sentences = list(diagnostics(zone, result, law, sides, distant=bool(warnings)))
         if self._body.expands:
             sentences += heat_diagnostics(self._body, increment, result, kinematics.system.weights)
         if increment.rolling is not None and (result.touching & increment.rolling.cell_shift.entering).any():
@@ -137,13 +131,11 @@ def with_message(result: StepResult, sentences: Iterable[str]) -> StepResult:
     return replace(result, message="; ".join([result.message, *sentences]))
 
 
-def diagnostics(
-    zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False, lifted: int | None = None
-) -> Iterator[str]:
+def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False) -> Iterator[str]:
     """Yield diagnostics of an increment, each in words.
 
     law: that of the increment; sides: number of sides at the zone boundary that the contact has reached; distant: the
-    distance of an indenter without contact is reported elsewhere; lifted: node that friction proves to lift.
+    distance of an indenter without contact is reported elsewhere.
 
     If the increment did not converge: a reason that lies in the law, and its consequences. Otherwise: nothing touches;
     the contact reaches the boundary of its zone, where it is cut off; the indenter has moved further than the theory of
@@ -154,17 +146,11 @@ def diagnostics(
     if fails and type(law).__module__.partition(".")[0] not in {PROJECT, *BUNDLED_PACKAGES}:
         yield "a law that violates its contract can cause this: `meeframe plugins check FILE.py` tests a plugin"
     if step.status is not Status.CONVERGED:
-        if step.status is not Status.DIVERGED and limit_jumps(law, step.traction):
-            lifts = "if shear lifts a node that would touch without it"
-            if lifted is not None:
-                position = ", ".join(f"{value:.4g}" for value in zone.points[lifted])
-                lifts = (
-                    f"at the node at ({position}) m under the loads found elsewhere: open, it would overlap, and in "
-                    "contact shear lifts it under any pressure"
-                )
+        size = float(np.abs(step.traction).max(initial=0.0)) or 1.0
+        if step.status is not Status.DIVERGED and limit_jumps(law, len(step.traction), size):
             yield (
-                f"the friction limit of the law jumps where contact begins, so that no state exists {lifts}: use a "
-                "limit in proportion to the pressure, such as capped-coulomb"
+                "the friction limit of the law jumps where contact begins, and nodes that shear lifts may lie between "
+                "open and closed: use a limit in proportion to the pressure, such as capped-coulomb"
             )
         yield "the next increment starts from the last one that converged"
         return
@@ -178,18 +164,6 @@ def diagnostics(
             "the whole contact slips under the prescribed force or torque: the motion beyond the onset of full slip is "
             "undetermined"
         )
-
-
-def limit_jumps(law: ContactLaw, traction: Array) -> bool:
-    """Return whether a law admits friction under hardly any pressure, as constant limits and full stick do.
-
-    traction: (n, 3), whose largest modulus is the measure of pressure and friction [Pa], unless it is zero.
-    """
-    size = float(np.abs(traction).max(initial=0.0)) or 1.0
-    if not 0.0 < size < np.inf:
-        return False
-    trial = np.tile([size, 0.0, -_NEGLIGIBLE_PRESSURE * size], (len(traction), 1))
-    return bool(np.abs(law.project(trial)[:, :2]).max() > _MIN_JUMP * size)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from meeframe.contact.conduction import MIN_TRACTION
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array
-from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.laws.base import ConductivityLaw, ContactLaw, attraction
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,51 @@ class CappedLaw(ContactLaw):
         size, limit = np.linalg.norm(traction[:, :2], axis=1), -self.ratio * traction[:, 2]
         factor = np.divide(limit, size, out=np.ones_like(size), where=size > limit)
         return np.column_stack([factor[:, None] * traction[:, :2], traction[:, 2]])
+
+
+@dataclass(frozen=True, eq=False)
+class AttractedLaw(CappedLaw):
+    """A capped law with an attraction at each node, which cancels the pressure that bears friction up to the cap.
+
+    Attributes
+    ----------
+    pull : Array
+        (n,), further attraction of touching surfaces [Pa].
+    """
+
+    pull: Array
+
+    def adhesion(self, gap: Array) -> Array:
+        """Return the attraction of the law and the further one, (n,) [Pa]."""
+        return self.pull + attraction(self.law, gap)
+
+
+@dataclass(frozen=True, eq=False)
+class AttractedConductivity(ConductivityLaw):
+    """A law of conductivity under pressures less an attraction.
+
+    Attributes
+    ----------
+    law : ConductivityLaw
+        The law.
+    pull : Array
+        (n,), attraction of touching surfaces [Pa].
+    """
+
+    law: ConductivityLaw
+    pull: Array
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        """Return the conductivity under the remaining pressure, (n,), that in touch if none remains."""
+        pull = self.pull if len(normal_traction) == len(self.pull) else 0.0  # samples of a law are not at its nodes
+        remaining = np.where(normal_traction < 0.0, np.minimum(normal_traction + pull, MIN_TRACTION), 0.0)
+        return self.law.conductivity(remaining, gap, drop)
+
+
+class AttractedConductivityAcrossGap(AttractedConductivity):
+    """A law of conductivity under pressures less an attraction that depends on the gap or the drop."""
+
+    across_gap = True
 
 
 @dataclass(frozen=True)
@@ -80,13 +126,18 @@ class Easing:
         Largest friction over the pressure.
     factor : float, optional
         Factor of all conductivities.
+    pull : Array, optional
+        (n,), attraction that cancels the pressure of nodes whose friction is the largest one [Pa].
     """
 
     ratio: float = np.inf
     factor: float = 1.0
+    pull: Array | None = None
 
     def apply(self, problem: ContactProblem) -> ContactProblem:
         """Return a problem under the changed laws."""
+        if self.pull is not None:
+            return self._with_pull(problem, self.pull)
         law = problem.contact_law if self.ratio == np.inf else CappedLaw(problem.contact_law, self.ratio)
         if self.factor == 1.0:
             return replace(problem, contact_law=law)
@@ -96,6 +147,19 @@ class Easing:
             for channel, kind in zip(problem.channels, kinds, strict=True)
         )
         return replace(problem, contact_law=law, channels=tuple(channels))
+
+    def _with_pull(self, problem: ContactProblem, pull: Array) -> ContactProblem:
+        kinds = (
+            AttractedConductivityAcrossGap if channel.law.across_gap else AttractedConductivity
+            for channel in problem.channels
+        )
+        channels = (
+            replace(channel, law=kind(channel.law, pull)) if channel.is_conducting else channel
+            for channel, kind in zip(problem.channels, kinds, strict=True)
+        )
+        return replace(
+            problem, contact_law=AttractedLaw(problem.contact_law, self.ratio, pull), channels=tuple(channels)
+        )
 
 
 EXACT: Final = Easing()

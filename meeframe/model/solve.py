@@ -13,18 +13,19 @@ import numpy as np
 from meeframe.common.errors import TooLargeError
 from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting
-from meeframe.contact.nested import has_nodal_data
 from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_field
+from meeframe.contact.residual import limit_jumps
 from meeframe.contact.scales import largest, problem_scales
 from meeframe.fields import POTENTIALS, Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.laws.base import has_memory, is_pure_projection
 from meeframe.mesh.body import Body
+from meeframe.model.biactive_friction import Solution
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
-from meeframe.model.continuation import Attempt, Solution, solve_persistently
-from meeframe.model.diagnostics import ContactOnsets, Diagnostics, limit_jumps, with_message
+from meeframe.model.continuation import Attempt, solve_persistently
+from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
@@ -354,14 +355,14 @@ class _Subincrement:
             return solve_part(Attempt(stall_window=stall_window))
         window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
         stores = system.dense() is None and len(system.points) <= _MAX_STORED
-        return solve_persistently(solve_part, window, self._limit_jumps, stores)
+        return solve_persistently(solve_part, window, self._limit_jumps, stores, limits.tolerance)
 
     @property
     def _limit_jumps(self) -> bool:
         """True if the friction limit jumps where contact begins, by a law without wear and memory."""
         case, n = self.kinematics.case, len(self.kinematics.system.points)
         law, is_simple = case.contact_law, case.wear is None and not has_memory(case.contact_law)
-        return is_simple and limit_jumps(law, np.ones((n if has_nodal_data(law, n) else 1, 3)))
+        return is_simple and limit_jumps(law, n)
 
 
 def _solve(

@@ -82,11 +82,13 @@ def friction_violations(law: Keys, nodes: Nodes) -> dict[str, Array]:
         return {"friction formula": _regularised(law, nodes, low, high)}
     if name == "non-associated-coulomb":
         return _non_associated(law, nodes, low, high)
-    limits = [_support(law, nodes, pressure) for pressure in (low, high)]
-    outside = np.maximum(_gauge(law, nodes, high) - _radius(law, nodes, high), 0.0) / unit
+    gauge, least, most = _gauge(law, nodes, high), _radius(law, nodes, low), _radius(law, nodes, high)
+    outside = np.maximum(gauge - most, 0.0) / unit
+    # where the limit jumps, friction of any size up to it must still oppose the slip
+    resisted = _support(law, nodes, np.clip(gauge, least, most))
     work = (nodes.friction * nodes.slip).sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        lost = np.where(way > 0.0, (limits[0] - work) / way, 0.0) / unit
+        lost = np.where(way > 0.0, (resisted - work) / way, 0.0) / unit
     return {
         "friction beyond its limit": np.where(nodes.pressure > -MARGIN * unit, outside, size / unit),
         "friction of an open node": np.where(nodes.pressure <= 0.0, np.minimum(size, _excess(nodes, size)) / unit, 0.0),
@@ -143,9 +145,8 @@ def _gauge(law: Keys, nodes: Nodes, pressure: Array) -> Array:
     return np.asarray(largest * np.where(largest > 0.0, (shares**exponent).sum(axis=1), 1.0) ** (1 / exponent))
 
 
-def _support(law: Keys, nodes: Nodes, pressure: Array) -> Array:
-    """Return the most work (m,) per area that admissible friction does on the slip."""
-    radius = _radius(law, nodes, pressure)
+def _support(law: Keys, nodes: Nodes, radius: Array) -> Array:
+    """Return the most work (m,) per area that friction with a gauge up to a radius (m,) does on the slip."""
     if law["name"] not in ("orthotropic-coulomb", "superelliptic-coulomb"):
         way = np.hypot(*nodes.slip.T)
         return np.multiply(radius, way, out=np.zeros_like(way), where=way > 0.0)

@@ -1,15 +1,18 @@
 """Solve random problems and judge every converged increment again from its result file alone.
 
     uv run python validation/campaigns/random_problems.py --number 1000 --seed 1 [--solver NAME] [--workers N]
+    uv run python validation/campaigns/random_problems.py --number 1000 --seed 1 --record FILE
     uv run python validation/campaigns/random_problems.py --only 1003 --out FOLDER
 
 Problem k of a campaign has the seed `seed + k`, and is the same whatever the number of problems. The table counts the
 increments that converged, stalled with a reason (prescribed loads beyond what the laws resist), stalled without one,
 diverged, and are wrong: called converged although a law, a balance or the compliance is violated by more than TOLERANCE
-relative to the magnitudes of the solution. The exit status is 1 if any increment is wrong or any run fails.
+relative to the magnitudes of the solution. A record holds each answer as soon as it is known, so that the same command
+continues after a stop. The exit status is 1 if any increment is wrong or any run fails.
 """
 
 import argparse
+import json
 import sys
 import tempfile
 import time
@@ -17,7 +20,8 @@ import traceback
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
@@ -40,8 +44,6 @@ REASONS: Final = (
     "more than friction bears",
     "add up to the prescribed forces",
     "does not touch",
-    "shear lifts it under any pressure",
-    "between open and closed",
     "no node conducts it",
 )
 """Words in the message of an increment that did not converge which state a reason that no solver can remove."""
@@ -128,6 +130,17 @@ def answers(seeds: list[int], solver: str, workers: int) -> Iterator[Answer]:
             pool.shutdown(cancel_futures=True)
 
 
+def recorded(record: Path, seeds: list[int]) -> list[Answer]:
+    """Return the answers to given seeds that a record holds, after removing a last line that a stop cut off."""
+    if not record.exists():
+        return []
+    lines = record.read_text(encoding="utf-8").splitlines(keepends=True)
+    complete = [line for line in lines if line.endswith("\n")]
+    if len(complete) < len(lines):
+        record.write_text("".join(complete), encoding="utf-8")
+    return [each for each in (Answer(**json.loads(line)) for line in complete) if each.seed in set(seeds)]
+
+
 def main() -> int:
     """Run a campaign and print its table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -137,18 +150,24 @@ def main() -> int:
     parser.add_argument("--solver", default="auto")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, help="folder in which a single problem and its results remain")
+    parser.add_argument("--record", type=Path, help="file that receives each answer; those in it are not sought again")
     options = parser.parse_args()
     seeds = options.only or list(range(options.seed, options.seed + options.number))
+    known = recorded(options.record, seeds) if options.record else []
+    missing = [seed for seed in seeds if seed not in {each.seed for each in known}]
     if options.out:
         done = iter([answer(seeds[0], options.solver, options.out)])
     else:
-        done = answers(seeds, options.solver, options.workers)
+        done = chain(known, answers(missing, options.solver, options.workers))
     counts: Counter[str] = Counter()
     worst = slowest = 0.0
     number = 0
     try:
         for number, each in enumerate(done, 1):
             counts.update(each.outcomes)
+            if options.record and number > len(known):
+                with options.record.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(asdict(each)) + "\n")
             print(f"{number}/{len(seeds)}: {each.seed}, {each.seconds:.1f} s", end="\r", file=sys.stderr)
             worst, slowest = max(worst, each.worst), max(slowest, each.seconds)
             for note in each.notes:
@@ -158,6 +177,10 @@ def main() -> int:
     print(f"\n{number} problems, {sum(counts.values())} increments")
     for outcome, count in counts.most_common():
         print(f"{outcome:36} {count:6}")
+    solved = Counter({outcome: count for outcome, count in counts.items() if outcome != "rejected"})
+    without = sum(count for outcome, count in solved.items() if outcome.endswith(", with a reason"))
+    for words, total in (("all increments", solved.total()), ("those without a reason", solved.total() - without)):
+        print(f"converged of {words}: {solved['converged'] / max(total, 1):.2%}")
     print(f"largest violation {worst:.1e}, slowest problem {slowest:.1f} s of processor time")
     return int(any(counts[name] for name in ("wrong", "exception")))
 

@@ -85,3 +85,28 @@ def test_random_problems(seed):
     answer = random_problems.answer(seed, "auto")
     assert answer.outcomes
     assert set(answer.outcomes) <= {"converged", "rejected", "stalled, with a reason"}, answer.notes
+
+
+@pytest.mark.parametrize("seed", [63327, 68181])
+def test_limits_that_jump(seed):
+    """Nodes that shear would lift touch without pressure: these problems had increments without a solution."""
+    answer = random_problems.answer(seed, "auto")
+    assert set(answer.outcomes) == {"converged"}, answer.notes
+
+
+def test_a_campaign_continues_after_a_stop(tmp_path, monkeypatch, capsys):
+    record, asked = tmp_path / "answers.jsonl", []
+
+    def answer(seed, solver):
+        asked.append(seed)
+        return random_problems.Answer(seed, ["converged", "stalled, with a reason"], ["words"], 1e-9, 0.5)
+
+    monkeypatch.setattr(random_problems, "answer", answer)
+    for number in (2, 3, 3):
+        arguments = ["--seed", "7", "--number", str(number), "--record", str(record)]
+        monkeypatch.setattr(sys, "argv", ["random_problems.py", *arguments])
+        assert random_problems.main() == 0
+        if number == 2:
+            record.write_text(record.read_text()[:-5], encoding="utf-8")  # a stop cuts the last line off
+    assert asked == [7, 8, 8, 9]
+    assert "3 problems, 6 increments" in capsys.readouterr().out

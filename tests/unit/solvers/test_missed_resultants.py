@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from meeframe_laws.friction import CappedCoulomb
 
 from meeframe.contact.problem import PrescribedResultant, Status
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
@@ -112,3 +113,17 @@ def test_full_stick_carries_any_force():
     problem, force = pressed_sphere(IsotropicCoulomb(np.inf))
     solution = solve(driven(problem, (X, 3.0 * force)), SemismoothNewton(), StoppingCriteria(max_iterations=60))
     assert "more than friction bears" not in solution.message
+
+
+def test_ratio_of_forces_above_the_friction_limit_is_called_a_ratio():
+    limit = 1e5
+    problem, force = pressed_sphere(CappedCoulomb(MU, limit))
+    area = float(problem.system.weights @ (solve(problem, Uzawa()).state.load[:, 2] < 0.0))
+    mode, measure = np.zeros((2, len(problem.gap), 5))
+    mode[:, 0] = 1.0
+    measure[:, 0], measure[:, 2] = problem.system.weights, 0.9 * MU * problem.system.weights
+    solution = solve(replace(problem, prescribed_resultants=(PrescribedResultant(mode, measure, 0.0),)), Auto())
+    words = r"ratio of tangential to normal force prescribed is more than friction bears.*missed by (-?[\d.]+) N"
+    missed = re.search(words, solution.message)
+    assert missed, solution.message
+    np.testing.assert_allclose(float(missed.group(1)), limit * area - 0.9 * MU * force, rtol=2e-2)

@@ -1,0 +1,118 @@
+"""Friction of biactive nodes, which touch without pressure, under laws whose limit jumps where contact begins."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
+from meeframe.contact.residual import law_residual
+from meeframe.contact.scales import problem_scales
+from meeframe.fields import MECHANICAL, Array
+from meeframe.laws.base import ContactLaw, augmented_traction, resolve
+from meeframe.model.easier_laws import Easing
+from meeframe.model.history import ConvergedState
+from meeframe.model.kinematics import Increment
+from meeframe.results.records import StepResult
+
+Solution = tuple[Increment, ConvergedState, StepResult]
+SolveEased = Callable[[ContactState | None, Easing], Solution]
+"""Solves an increment under easier laws, from an initial guess or, with None, the usual one."""
+
+_MAX_PULLS: Final = 12
+"""Number of attractions that are tried."""
+_MIN_SHARE: Final = 1.0 / 8.0
+"""Least part of the change of an attraction by which it is changed."""
+_MEMORY: Final = 4
+"""Number of attractions from which the next one follows."""
+_MIN_EXCESS: Final = 1e-6
+"""Part of the capped friction by which the law must exceed it for the cap to count."""
+_MIN_SINGULAR_VALUE: Final = 1e-8
+"""Relative singular value from which changes of pressures count."""
+
+
+def solve_with_biactive_friction(
+    solve: SolveEased, capped: Solution, ratio: float, exact: ContactProblem, tolerance: float
+) -> Solution | None:
+    """Return the solution of an increment in which biactive nodes bear a fraction of the largest friction, or None.
+
+    Under friction of at most a multiple of the pressure, such nodes bear a small pressure. An attraction of the same
+    size, found by Anderson's method, leaves them without pressure, and the friction as it is.
+
+    Parameters
+    ----------
+    solve : callable
+        Solves the increment under easier laws.
+    capped : tuple
+        Increment under friction of at most a multiple of the pressure.
+    ratio : float
+        The multiple.
+    exact : ContactProblem
+        Problem with the laws of the increment.
+    tolerance : float
+        Residual of a solution.
+    """
+    (planned, end, result), share = capped, 1.0
+    iterations, pull = result.iterations, np.zeros(len(exact.gap))
+    pulls: list[Array] = []
+    pressures: list[Array] = []
+    for _ in range(_MAX_PULLS):
+        assert end.state is not None
+        problem = replace(planned.problem, contact_law=exact.contact_law, channels=exact.channels)
+        residual = law_residual(problem, end.state, problem_scales(problem))
+        if residual <= tolerance:
+            message = f"{result.message}; {_biactive_nodes(problem, pull > 0.0)}"
+            result = replace(result, residual=residual, iterations=iterations, message=message)
+            return replace(planned, problem=problem), end, result
+        pulls = [*pulls, pull][-_MEMORY:]
+        pressures = [*pressures, _capped_pressure(planned.problem, end.state, exact.contact_law)][-_MEMORY:]
+        change = _next_value(pulls, pressures) - pull
+        solution = solve(end.state, Easing(ratio, pull=pull + share * change))
+        iterations += solution[2].iterations
+        while solution[2].status is not Status.CONVERGED:
+            if share <= _MIN_SHARE:
+                return None
+            share /= 2.0
+            solution = solve(end.state, Easing(ratio, pull=pull + share * change))
+            iterations += solution[2].iterations
+        planned, end, result = solution
+        pull, share = pull + share * change, min(2.0 * share, 1.0)
+    return None
+
+
+def _capped_pressure(problem: ContactProblem, state: ContactState, law: ContactLaw) -> Array:
+    """Return the pressure (n,) [Pa] of the nodes whose friction a law would increase, zero elsewhere.
+
+    problem: that of the state, under friction of at most a multiple of the pressure.
+    """
+    r = (1.0 / problem_scales(problem).normal_compliance,) * 2
+    gap = contact_gap(problem, state.displacement, state.motion)
+    trial = augmented_traction(problem.contact_law, state.load[:, MECHANICAL], gap, r)
+    capped = resolve(problem.contact_law, trial, gap, r)
+    size, largest = (np.linalg.norm(each[:, :2], axis=1) for each in (capped, resolve(law, trial, gap, r)))
+    return np.where(largest > (1.0 + _MIN_EXCESS) * size, -capped[:, 2], 0.0)
+
+
+def _next_value(values: list[Array], images: list[Array]) -> Array:
+    """Return the next value, positive where the last image is, towards a fixed point of a map.
+
+    It is that of Anderson's method (Walker and Ni, SIAM J. Numer. Anal. 49 (2011) 1715). values, images: the last ones.
+    """
+    residuals = np.column_stack(images) - np.column_stack(values)
+    if len(values) == 1:
+        return images[-1]
+    changes, moves = np.diff(residuals, axis=1), np.diff(np.column_stack(images), axis=1)
+    extrapolated = images[-1] - moves @ np.linalg.lstsq(changes, residuals[:, -1], rcond=_MIN_SINGULAR_VALUE)[0]
+    return np.where((images[-1] > 0.0) & (extrapolated > 0.0), extrapolated, images[-1])
+
+
+def _biactive_nodes(problem: ContactProblem, biactive: NDArray[np.bool_]) -> str:
+    """Return a sentence about biactive nodes, (n,)."""
+    if not biactive.any():
+        return "from a state with friction of at most a multiple of the pressure"
+    position = ", ".join(f"{value:.4g}" for value in problem.system.points[biactive].mean(axis=0))
+    number = int(biactive.sum())
+    nodes = f"{number} nodes touch" if number > 1 else "1 node touches"
+    return f"{nodes} without pressure around ({position}) m, where the friction limit jumps, with friction below it"

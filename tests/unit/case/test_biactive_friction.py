@@ -1,0 +1,120 @@
+"""Friction of nodes that touch without pressure, where its limit jumps, against closed forms of a single node."""
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from meeframe_laws.adhesive import DMT
+from meeframe_laws.friction import CappedCoulomb, Tresca
+
+from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
+from meeframe.contact.residual import law_residual, limit_jumps
+from meeframe.contact.scales import problem_scales
+from meeframe.laws import IsotropicCoulomb
+from meeframe.model.continuation import solve_by_capped_friction
+from meeframe.solvers import Auto, StoppingCriteria, solve
+from meeframe.testing.half_space import half_space_system, indentation_problem
+
+NODE = 12
+LIMIT, SLIP = 1.0, -10.0
+COUPLING = 0.5
+"""Normal displacement under unit friction, by which friction at its limit lifts the node by LIMIT * COUPLING."""
+OVERLAP = 0.9 * LIMIT * COUPLING
+"""Overlap that friction of nine tenths of the limit undoes: then the node touches without pressure."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """Increment with nothing but its problem."""
+
+    problem: ContactProblem
+
+
+def single_node(law, slip=SLIP, kappa=0.0):
+    """Return a problem in which a single node, with a spring of its own, overlaps the indenter and slips.
+
+    kappa: conductivity in contact, the flux of which moves no surface.
+    """
+    system = half_space_system(-np.eye(3), 1.0, 5)
+    matrix = np.zeros_like(system.matrix)
+    for node in range(25):
+        matrix[node, :, node, :] = np.eye(5)
+        matrix[node, 0, node, 2] = matrix[node, 2, node, 0] = COUPLING
+    problem = indentation_problem(replace(system, matrix=matrix), np.zeros(25), 0.1, law, (kappa, 0.0), (-1.0, 0.0))
+    gap, translation = np.full(25, np.inf), np.zeros((25, 2))
+    gap[NODE], translation[NODE, 0] = -OVERLAP, slip
+    return replace(problem, gap=gap, translation=translation)
+
+
+def state_of(problem, traction):
+    """Return the state in which the node bears a traction (3,)."""
+    load = np.zeros((25, 5))
+    load[NODE, :3] = traction
+    displacement = problem.system.offset + problem.system.apply(load)
+    return ContactState(load, displacement, (load[:, 2] < 0.0).astype(float), np.zeros(0))
+
+
+@pytest.mark.parametrize("law", [Tresca(LIMIT), IsotropicCoulomb(np.inf)])
+@pytest.mark.parametrize(
+    ("traction", "is_solution"),
+    [
+        ((-0.9 * LIMIT, 0.0, 0.0), True),
+        ((-0.8 * LIMIT, 0.0, 0.0), False),  # it overlaps
+        ((-0.95 * LIMIT, 0.0, 0.0), False),  # it is open
+        ((-0.9 * LIMIT, 0.1 * LIMIT, 0.0), False),  # friction is not along the slip
+    ],
+)
+def test_friction_without_pressure_opposes_slip(law, traction, is_solution):
+    problem = single_node(law)
+    residual = law_residual(problem, state_of(problem, traction), problem_scales(problem))
+    assert (residual < 1e-12) == is_solution
+    assert residual < 1e-12 or residual > 1e-2
+
+
+def test_friction_against_the_slip_or_beyond_the_limit_is_no_solution():
+    for law, slip in ((Tresca(LIMIT), -SLIP), (Tresca(0.8 * LIMIT), SLIP), (CappedCoulomb(10.0, LIMIT), SLIP)):
+        problem = single_node(law, slip)
+        state = state_of(problem, (-0.9 * LIMIT, 0.0, 0.0))
+        assert contact_gap(problem, state.displacement)[NODE, 2] == pytest.approx(0.0, abs=1e-12)
+        assert law_residual(problem, state, problem_scales(problem)) > 1e-3
+
+
+@pytest.mark.parametrize("kappa", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("law", "friction"),
+    [(Tresca(LIMIT), 0.9 * LIMIT), (Tresca(2.0 * LIMIT), 0.9 * LIMIT), (IsotropicCoulomb(np.inf), 0.9 * LIMIT)],
+)
+def test_a_node_between_open_and_closed_is_found(synthetic, law, friction, kappa):
+    problem = single_node(law, kappa=kappa)
+
+    def attempt(start, easing):
+        eased = easing.apply(problem)
+        solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), start)
+        result = replace(
+            synthetic.step(1e-6),
+            status=solution.status,
+            residual=solution.residual,
+            iterations=solution.iterations,
+            message=solution.message,
+        )
+        return Planned(eased), SimpleNamespace(state=solution.state), result
+
+    failed = Planned(problem), SimpleNamespace(state=None), replace(synthetic.step(1e-6), status=Status.STALLED)
+    planned, end, result = solve_by_capped_friction(attempt, failed, 1e-10)
+    assert planned.problem.contact_law is law
+    assert planned.problem.channels is problem.channels
+    assert result.status is Status.CONVERGED
+    assert result.residual < 1e-10
+    assert "1 node touches without pressure around (0, 0, 0) m" in result.message
+    np.testing.assert_allclose(end.state.load[NODE, :3], [-friction, 0.0, 0.0], atol=1e-8)
+    expected = kappa / (1.0 + kappa)  # the flux through the contact and the spring of the node
+    np.testing.assert_allclose(np.abs(end.state.load[NODE, 3]), expected, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("law", "jumps"),
+    [(Tresca(LIMIT), True), (DMT(0.05, 1.0, mu=np.inf), True), (CappedCoulomb(10.0, LIMIT), False)],
+)
+def test_limits_that_jump(law, jumps):
+    assert limit_jumps(law, 25) == jumps
