@@ -26,7 +26,7 @@ from meeframe.mesh.surface import GridBlocks, SurfaceMesh
 BLOCK_GROUPS: Final = ("contact", "top", "side_x-", "side_x+", "side_y-", "side_y+", "base")
 BOX_GROUPS: Final = ("x-", "x+", "y-", "y+", "z-", "z+")
 
-BYTES_PER_NODE: Final = 175
+BYTES_PER_NODE: Final = 145
 """Memory of a run without friction, conduction, figures and fields, per node of the grid of a half space."""
 
 PerAxis = float | tuple[float, float]

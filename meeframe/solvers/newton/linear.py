@@ -98,8 +98,8 @@ def _direct_step(
     rows; matrix: (n fields, n fields) compliance.
     """
     right = -blocks.residual - (_product(equation, blocks, prescribed) if prescribed.any() else 0.0)
-    moved = blocks.b.dense(equation.problem.fields.size) @ equation.modes
-    rights = np.concatenate([right[:, :, None], moved], axis=2)[coupled]
+    by_motion = blocks.b.dense(equation.problem.fields.size) @ equation.modes
+    rights = np.concatenate([right[:, :, None], by_motion], axis=2)[coupled]
     responses = np.zeros((*coupled.shape, rights.shape[1]))
     responses[:, :, 0] = prescribed
     if rights.size:
