@@ -66,7 +66,8 @@ def key_parts(key: str) -> list[str | int]:
     ValueError
         If the text is not a key.
     """
-    components, position = [], 0
+    components: list[str | int] = []
+    position = 0
     while position < len(key):
         match = _COMPONENT.match(key, position)
         if match is None or len(components) == _MAX_COMPONENTS:
