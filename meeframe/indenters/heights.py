@@ -203,9 +203,9 @@ def _check_rows(rows: Array) -> None:
 def _check_magnitudes(*arrays: Array) -> None:
     """Check that differences of coordinates and heights stay finite. Raises ValueError."""
     for values in arrays:
-        beyond = values[~(np.abs(values) <= MAX_MAGNITUDE)]
-        if beyond.size:
-            raise ValueError(f"coordinates or heights of {beyond[0]:g} m; allowed: at most {MAX_MAGNITUDE:g} m")
+        largest = max(float(values.max()), -float(values.min()))
+        if not largest <= MAX_MAGNITUDE:
+            raise ValueError(f"coordinates or heights of {largest:g} m; allowed: at most {MAX_MAGNITUDE:g} m")
 
 
 def _surface(rows: Array, interpolation: Interpolation) -> "HeightGrid | _HeightNodes":
