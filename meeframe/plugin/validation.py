@@ -21,6 +21,7 @@ from pydantic import (
 
 from meeframe.common.arguments import most_similar
 from meeframe.common.errors import CaseError, MeeframeError, listed
+from meeframe.fields import ELECTRIC_FIELD, THERMAL_FIELD
 from meeframe.fields.units import Quantity
 from meeframe.plugin.aliases import ALIASES, names_for
 from meeframe.plugin.sources import faults_of_plugins
@@ -35,6 +36,11 @@ _MISSING = object()
 _MAX_INTEGER: Final = 10**300  # larger integers cannot be converted to float
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
+_HEAT: Final = {
+    getattr(THERMAL_FIELD, attribute): getattr(ELECTRIC_FIELD, attribute)
+    for attribute in ("name", "value_name", "flux_name", "resultant")
+}
+"""Keys of the temperature, which tables of bodies without heat lack, and of the electric field in the same tables."""
 RENAMED_KEYS: Final = {"counter_body": "second_body", "reaches_edge": "contact_at_zone_boundary"}
 """Keys and quantities of earlier versions and their present names."""
 
@@ -304,6 +310,8 @@ def choices(name: str, names: Collection[str]) -> str:
         if similar is not None:
             close = [similar] if similar in names else names_for(similar, names)
     hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
+    if _HEAT.get(str(name)) in names:
+        hint = "it needs a material with thermal_conductivity; otherwise "
     return f"{hint}allowed: {', '.join(names) or 'none'}"
 
 

@@ -39,8 +39,12 @@ _MODULUS: Final = "modulus of "
 _WIDTH: Final = 5.6
 _MAX_ROWS: Final = 3
 """Largest number of panels in one column."""
+_DOT: Final = 4.0
 _RING: Final = 7.5
-"""Diameter of the markers of unloading in points."""
+"""Diameters of the markers of increments and of unloading in points."""
+_MAX_FULL_SIZE: Final = 60
+_MIN_SCALE: Final = 0.3
+"""Largest number of increments with markers of full size; smallest size of those of longer histories."""
 
 
 def name_of(result: Increments, step: StepResult | Overview) -> str:
@@ -202,11 +206,13 @@ def draw_curve(axes: Any, curve: Curve, falls: NDArray[np.bool_]) -> None:
     """Draw a curve of a history; falls: (increments,) mask of those with rings as markers."""
     (x_name, x_unit, x), (y_name, y_unit, y) = curve.across, curve.up
     (x_factor, x_unit), (y_factor, y_unit) = prefixed(x, x_unit) if x_unit else (1.0, ""), prefixed_area(y, y_unit)
+    scale = min(max(_MAX_FULL_SIZE / len(y), _MIN_SCALE), 1.0)
     for column, (label, colour) in enumerate(zip(curve.components, LINE_COLOURS, strict=False)):
         points = np.column_stack([x[:, min(column, x.shape[1] - 1)] / x_factor, y[:, column] / y_factor])
-        axes.plot(*points.T, "o-", color=colour, label=label or "loading", markevery=np.flatnonzero(~falls).tolist())
+        dots = {"markersize": scale * _DOT, "markevery": np.flatnonzero(~falls).tolist(), "label": label or "loading"}
+        axes.plot(*points.T, "o-", color=colour, **dots)
         if falls.any():  # rings, in which the dots of a path that coincides remain visible
-            ring = {"markerfacecolor": "none", "markersize": _RING, "label": "_" * bool(label) + "unloading"}
+            ring = {"markerfacecolor": "none", "markersize": scale * _RING, "label": "_" * bool(label) + "unloading"}
             axes.plot(*points[falls].T, "o", color=colour, **ring)
     x_label, y_label = (f"{name} [{unit}]" if unit else name for name, unit in ((x_name, x_unit), (y_name, y_unit)))
     axes.set(xlabel=x_label, ylabel=y_label)

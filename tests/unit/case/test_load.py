@@ -314,6 +314,10 @@ WRONG_MORE = {
     "unknown criterion": ('[solver]\nname = "uzawa"\ncriterion = "luck"', "solver.criterion = 'luck': should be"),
     "axes without a key": ("[contact]\naxes = [1, 0, 0]", "contact.axes = [1, 0, 0]: should be a table"),
     "bad step size": ('[solver]\nname = "uzawa"\nstep_normal = -1', "solver.step_normal = -1: must be > 0"),
+    "heat of a body without temperature": (
+        '[conductivity.thermal]\nname = "step"\nkappa = inf',
+        "unknown key; it needs a material with thermal_conductivity; otherwise allowed: electric, magnetic",
+    ),
     "figures of no increment": (
         '[output]\nstep = "end"',
         "output.step = 'end': is no increment; allowed: peak, last, a load",

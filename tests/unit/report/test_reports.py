@@ -85,6 +85,18 @@ def test_table_shows_every_step_and_its_message(synthetic):
     assert "-9" in text
 
 
+def test_table_shows_round_off_as_zero(synthetic):
+    loading = Loading(1e-6, np.array([2e-6, -3e-19]), twist=1e-3)
+    step = dataclasses.replace(synthetic.step(1e-6), loading=loading)
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(summary_table(synthetic.result(step)))
+    text = console.export_text()
+    rows = {name: next(row.split() for row in text.splitlines() if name in row) for name in ("e1", "e2")}
+    assert "2e-06" in rows["e1"]
+    assert "0" in rows["e2"]
+    assert "e-19" not in text
+
+
 @pytest.mark.parametrize(
     ("second", "lines"),
     [
