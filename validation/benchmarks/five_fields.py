@@ -243,8 +243,8 @@ def _by_newton(rows: Record) -> list[str]:
             " contact is also larger, because the medium is softer; the insulated contact under"
             f" {AS_LARGE_FORCE:g} N has about as many nodes. Which nodes at the contact edge are"
             " open, and where stick ends, is found by relaxation of the start from the coarser grid"
-            " ([Newton's method](../explanation/solvers-newton.md#the-nonsmooth-equation)); without it, five fields take"
-            " 9 steps and 74 products on 512 x 512 nodes ([ablation](#ablation-of-the-solvers))."
+            " ([Newton's method](../explanation/solvers-newton.md#the-nonsmooth-equation)); without it, five fields"
+            " take 9 steps and 74 products on 512 x 512 nodes ([ablation](#ablation-of-the-solvers))."
         ),
         table(
             ["grid", "problem", "solution [s]", "steps", "products", "contact nodes", "residual"],
