@@ -10,7 +10,7 @@ import numpy as np
 
 from meeframe.contact._kernels.relaxation import sweep_nodes
 from meeframe.contact.conduction import depends_on_gap
-from meeframe.contact.generated_heat import thermal_channel
+from meeframe.contact.generated_heat import heat_moves_surface, thermal_channel
 from meeframe.contact.relaxation.lattice import Band, Start
 from meeframe.fields import MECHANICAL, Array
 from meeframe.laws.base import contact_conductivity, is_pure_projection
@@ -32,13 +32,14 @@ MIN_JUMP_RATIO: Final = 0.5
 def relax_contact_edge(start: Start) -> tuple[Array, Array] | None:
     """Return the load (n, fields) and the contact fractions (n,) after relaxation around the contact edge.
 
-    None where the conduction does not jump at the edge, where laws depend on more than the load, or where nodes form no
-    lattice.
+    None where the conduction does not jump at the edge, where laws depend on more than the load, where heat moves the
+    surface, or where nodes form no lattice.
     """
     problem = start.problem
     law = problem.contact_law
     depends_on_more = depends_on_gap(problem) or thermal_channel(problem) is not None or not is_pure_projection(law)
-    if depends_on_more or not _jumps(start):
+    # the heat of a closed node may keep it closed: sweeps would choose among many solutions
+    if depends_on_more or heat_moves_surface(problem) or not _jumps(start):
         return None
     band = Band.around(start, start.load[:, 2] < 0.0, WIDTH)
     if band is None:
