@@ -1,6 +1,7 @@
 """Nodes of a lattice around the boundary between two kinds of nodes: pressed and open, sticking and slipping."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -47,7 +48,7 @@ class Start:
     closed: Array
     open: Array
 
-    @property
+    @cached_property
     def slips(self) -> Mask:
         """Nodes (n,) whose friction is less than what would prevent sliding, including open nodes."""
         tangential = self.trial[:, :2]

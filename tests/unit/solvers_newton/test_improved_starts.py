@@ -37,7 +37,7 @@ WIDTH, RADIUS = 7e-3, 0.1
 
 
 def start_of(state: ResidualState) -> Start:
-    """Return what the relaxation is told of a state."""
+    """Return the input of the relaxation at a state."""
     fraction = np.clip(state.contact_fraction, 0.0, 1.0)
     closed = state.transmissivity + (1.0 - fraction)[:, None] * state.jump
     values = state.load, state.relative_displacement, state.trial, fraction
