@@ -29,7 +29,7 @@ MERIT_WINDOW: Final = 2
 """Number of last states whose largest merit bounds that of the next one."""
 MAX_MERIT_RATIO: Final = 0.99
 """Largest merit after a step, relative to that bound."""
-MAX_TOLERANCE: Final = 0.05
+MAX_TOLERANCE: Final = 0.03
 MIN_TOLERANCE: Final = 1e-4
 """Largest (MAX_TOLERANCE) and smallest (MIN_TOLERANCE) tolerance of the linear equations where there is no matrix."""
 SUFFICIENT_FRACTION: Final = 0.3
