@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -32,6 +33,8 @@ _MAX_LABELS: Final = 20
 """Maximal number of labels along a picture, and maximal characters of each."""
 _MAX_LEGEND_LINES: Final = 20
 """Maximal number of lines in a column of the legend next to a picture."""
+_MAX_DEFAULT_ROWS: Final = 4
+"""Maximal number of rows of pictures that are drawn by default, one for each value of the other axes."""
 _MAX_TABLE_ROWS: Final = 40
 """Maximal number of rows of the table on the terminal."""
 
@@ -108,7 +111,7 @@ def default_quantities(sweep: SweepResult) -> tuple[str, ...]:
 @styled
 def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure":
     """Return the figure of a sweep with a row for each plot. Raises CaseError if one cannot be drawn over its axes."""
-    plots = plots or (SweepPlot(),)
+    plots = plots or _default_plots(sweep)
     rows = [plot if plot.quantities else replace(plot, quantities=default_quantities(sweep)) for plot in plots]
     columns = max(len(plot.quantities) for plot in rows)
     figure = sheet((4.0 * columns, 3.4 * len(rows) + 0.4))
@@ -126,11 +129,22 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
             axes.remove()
         if plot.kind == "curves" and lines is not None:
             widest = max(widest, _legend(row, line[0], lines))
-        line[0].set_title(_fixed(sweep, plot, (x, lines)), fontsize=10)
+        if fixed := _fixed(sweep, plot, (x, lines)):
+            row.suptitle(fixed, fontsize=10)
     label_panels(panels)
     figure.set_figwidth(figure.get_figwidth() + widest)
     figure.suptitle(sweep.title)
     return figure
+
+
+def _default_plots(sweep: SweepResult) -> list[SweepPlot]:
+    """Return one plot for each combination of values of the other axes, or one alone if these are too many."""
+    others = [axis for axis in sweep.axes if axis not in SweepPlot().plot_axes(sweep.axes)]
+    if math.prod(len(axis.labels) for axis in others) > _MAX_DEFAULT_ROWS:
+        return [SweepPlot()]
+    names = [axis.name for axis in others]
+    combinations = product(*(axis.labels for axis in others))
+    return [SweepPlot(at=dict(zip(names, labels, strict=True))) for labels in combinations]
 
 
 def _section(sweep: SweepResult, plot: SweepPlot, quantity: str, x: SweepAxis, lines: SweepAxis | None) -> Array:

@@ -111,6 +111,24 @@ def test_lines_differ_in_markers_and_the_axis_has_a_prefix(sweep):
     assert len({line.get_marker() for line in axes.lines}) == 3
 
 
+@pytest.mark.parametrize(("count", "rows"), [(1, 1), (3, 3), (5, 1)])
+def test_every_value_of_a_third_axis_is_shown_by_default(sweep, count, rows):
+    """Each value has a row of pictures, whose heading names it; of too many only the first one is shown."""
+    condition = SweepAxis("condition", tuple(f"group {number}" for number in range(count)), None, "")
+    quantities = {name: values[..., None] * np.arange(1.0, count + 1.0) for name, values in sweep.quantities.items()}
+    quantities["normal_force"] = quantities["max_pressure"]
+    texts = np.full((3, 2, count), "converged")
+    units = {**sweep.units, "normal_force": "N"}
+    figure = sweep_figure(SweepResult("", (*sweep.axes, condition), quantities, units, *[texts] * 3))
+    assert len(figure.subfigs) == rows
+    for number, row in enumerate(figure.subfigs):
+        force, *_ = row.axes
+        np.testing.assert_allclose(force.lines[0].get_ydata() / force.lines[0].get_ydata()[0], [1.0, 3.0, 5.0])
+        assert row.get_suptitle() == (f"condition = group {number}" if count > 1 else "")
+    forces = [row.axes[0].lines[0].get_ydata()[0] for row in figure.subfigs]
+    np.testing.assert_allclose(forces, forces[0] * np.arange(1.0, rows + 1.0))
+
+
 def table(sweep):
     console = Console(width=160, record=True, file=io.StringIO())
     console.print(sweep_table(dataclasses.replace(sweep, plotted=("contact_area",))))
