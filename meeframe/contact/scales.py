@@ -133,8 +133,10 @@ def problem_scales(problem: ContactProblem) -> Scales:
         np.maximum(magnitudes, bound, out=magnitudes, where=magnitudes > 0.0)
     np.maximum(transmitted, share * least, out=transmitted, where=transmitted > 0.0)
     load = _positive(load)
+    # prescribed totals are those of fluxes that the contact conducts, which are small through poor conductors
+    conducted = np.array([*load[MECHANICAL], *_positive(transmitted / self_compliance)])
     totals = [
-        max(abs(resultant.total), _resultant_scale(resultant, loaded, load))
+        max(abs(resultant.total), _resultant_scale(resultant, loaded, conducted))
         for resultant in problem.prescribed_resultants
     ]
     return Scales(

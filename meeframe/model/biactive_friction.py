@@ -5,13 +5,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
-from meeframe.contact.residual import law_residual
+from meeframe.contact.residual import MIN_JUMP, law_residual
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, Array
-from meeframe.laws.base import ContactLaw, augmented_traction, resolve
+from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, resolve
 from meeframe.model.easier_laws import Easing
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
@@ -63,23 +62,29 @@ def solve_with_biactive_friction(
         problem = replace(planned.problem, contact_law=exact.contact_law, channels=exact.channels)
         residual = law_residual(problem, end.state, problem_scales(problem))
         if residual <= tolerance:
-            message = f"{result.message}; {_biactive_nodes(problem, pull > 0.0)}"
-            result = replace(result, residual=residual, iterations=iterations, message=message)
-            return replace(planned, problem=problem), end, result
+            result = replace(result, residual=residual, iterations=iterations)
+            return with_biactive_nodes((replace(planned, problem=problem), end, result), ratio)
         pulls = [*pulls, pull][-_MEMORY:]
         pressures = [*pressures, _capped_pressure(planned.problem, end.state, exact.contact_law)][-_MEMORY:]
         change = _next_value(pulls, pressures) - pull
-        solution = solve(end.state, Easing(ratio, pull=pull + share * change))
+        solution = solve(_relieved(end.state, share * change), Easing(ratio, pull=pull + share * change))
         iterations += solution[2].iterations
         while solution[2].status is not Status.CONVERGED:
             if share <= _MIN_SHARE:
                 return None
             share /= 2.0
-            solution = solve(end.state, Easing(ratio, pull=pull + share * change))
+            solution = solve(_relieved(end.state, share * change), Easing(ratio, pull=pull + share * change))
             iterations += solution[2].iterations
         planned, end, result = solution
         pull, share = pull + share * change, min(2.0 * share, 1.0)
     return None
+
+
+def _relieved(state: ContactState, pull: Array) -> ContactState:
+    """Return a guess of a state under a further attraction (n,) [Pa], with the pressure of the contact as it is."""
+    load = state.load.copy()
+    load[:, 2] += pull
+    return replace(state, load=load)
 
 
 def _capped_pressure(problem: ContactProblem, state: ContactState, law: ContactLaw) -> Array:
@@ -108,11 +113,25 @@ def _next_value(values: list[Array], images: list[Array]) -> Array:
     return np.where((images[-1] > 0.0) & (extrapolated > 0.0), extrapolated, images[-1])
 
 
-def _biactive_nodes(problem: ContactProblem, biactive: NDArray[np.bool_]) -> str:
-    """Return a sentence about biactive nodes, (n,)."""
-    if not biactive.any():
-        return "from a state with friction of at most a multiple of the pressure"
-    position = ", ".join(f"{value:.4g}" for value in problem.system.points[biactive].mean(axis=0))
-    number = int(biactive.sum())
-    nodes = f"{number} nodes touch" if number > 1 else "1 node touches"
-    return f"{nodes} without pressure around ({position}) m, where the friction limit jumps, with friction below it"
+def with_biactive_nodes(solution: Solution, ratio: float) -> Solution:
+    """Return a solution with words in its message about the nodes whose friction exceeds a multiple of their pressure.
+
+    ratio: the multiple, of the friction in the state from which the solution was found.
+    """
+    planned, end, result = solution
+    assert end.state is not None
+    problem, load = planned.problem, end.state.load
+    gap = contact_gap(problem, end.state.displacement, end.state.motion)
+    pressure = np.maximum(-contact_traction(problem.contact_law, load[:, 2], gap[:, 2]), 0.0)
+    size = np.linalg.norm(load[:, :2], axis=1)
+    is_biactive = (size > ratio * pressure) & (size > MIN_JUMP * problem_scales(problem).pressure)
+    if is_biactive.any():
+        position = ", ".join(f"{value:.4g}" for value in problem.system.points[is_biactive].mean(axis=0))
+        number = int(is_biactive.sum())
+        nodes = f"{number} nodes touch" if number > 1 else "1 node touches"
+        words = (
+            f"{nodes} without pressure around ({position}) m, where the friction limit jumps, with friction below it"
+        )
+    else:
+        words = f"from a state with friction of at most {ratio:.4g} times the pressure"
+    return planned, end, replace(result, message=f"{result.message}; {words}")

@@ -8,7 +8,12 @@ import numpy as np
 
 from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactState, Status
-from meeframe.model.biactive_friction import Solution, SolveEased, solve_with_biactive_friction
+from meeframe.model.biactive_friction import (
+    Solution,
+    SolveEased,
+    solve_with_biactive_friction,
+    with_biactive_nodes,
+)
 from meeframe.model.easier_laws import EXACT, Easing
 
 SolveFrom = Callable[[float, ContactState | None], Solution]
@@ -21,7 +26,7 @@ _MIN_FRACTION: Final = 1.0 / 16.0
 """Least part of the change of the load by which it is raised from one state to the next."""
 _FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
 """Status of an increment for which no other way is sought."""
-_RATIOS: Final = (10.0, 1000.0, np.inf)
+_RATIOS: Final = (10.0, 1e6, np.inf)
 """Ratios of friction to pressure by which a limit that jumps is replaced: the first, the last, and the limit itself."""
 _CONDUCTION_FACTORS: Final = (1e-6, 1.0, 1.0)
 """Factors of conductivities that are too large to begin with, likewise."""
@@ -81,7 +86,7 @@ def solve_persistently(
     tuple
         Solution, or the increment as it ended last.
     """
-    is_brief = stores or limit_jumps
+    is_brief, reached = stores or limit_jumps, 0.0
     solution = solve(Attempt(stall_window=window if is_brief else None))
     if solution[2].status in _FINAL:
         return solution
@@ -91,13 +96,16 @@ def solve_persistently(
         return solve(replace(brief, start=start, easing=easing))
 
     if limit_jumps:
-        capped = solve_by_capped_friction(solve_eased, solution, tolerance)
+        capped, reached = solve_by_capped_friction(solve_eased, solution, tolerance)
         if capped is not None:
             return capped
     if is_brief:
         solution = solve(Attempt(stores=stores))
         if solution[2].status in _FINAL:
             return solution
+    if reached > 0.0:
+        words = f"with friction of at most {reached:.3g} times the pressure there is a state, with more none was found"
+        solution = _with_words(solution, words)
     if conducting(solution[0].problem):
         conducted = solve_by_scaled_conduction(solve_eased, solution)
         if conducted is not None:
@@ -109,11 +117,12 @@ def solve_persistently(
     return solve_by_continuation(lambda part, start: solve(replace(brief, part=part, start=start)), solution)
 
 
-def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: float) -> Solution | None:
+def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: float) -> tuple[Solution | None, float]:
     """Return the solution of an increment whose friction limit jumps where contact begins; None if it is not found.
 
-    It is sought from states under friction of at most a multiple of the pressure, under larger and larger ones, or by
-    an attraction of the nodes whose friction is the largest one.
+    It is sought from states under friction of at most a multiple of the pressure, under larger and larger ones. The
+    pressure of nodes with the largest friction is inverse to the multiple: extrapolated to an infinite one, they touch
+    without pressure. Where the states end before, an attraction of these nodes takes their pressure.
 
     Parameters
     ----------
@@ -123,6 +132,13 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
         Increment that did not converge from the usual initial guess.
     tolerance : float
         Residual of a solution.
+
+    Returns
+    -------
+    Solution or None
+        The solution.
+    float
+        Largest multiple under which a state was found; 0 if there is none.
     """
 
     def by_ratio(start: ContactState | None, ratio: float) -> Solution:
@@ -136,14 +152,15 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
         if eased is not None:
             solution, path = _raise_value(by_ratio, eased, _RATIOS, eased[1].state)
     if solution is not None:
-        return _noted(solution, f"friction of at most {_RATIOS[1]:g} times the pressure")
+        return with_biactive_nodes(solution, _RATIOS[1]), np.inf
+    reached = path[-1][0] if path else 0.0
     while path:
         ratio, capped = path[-1]
         solution = solve_with_biactive_friction(solve, capped, ratio, failed[0].problem, tolerance)
         if solution is not None:
-            return solution
+            return solution, reached
         path = path[: len(path) // 2]  # smaller multiples are further, but vary less
-    return None
+    return None, reached
 
 
 def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> Solution | None:
@@ -155,7 +172,7 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> Solution 
         As for `solve_by_capped_friction`.
     """
     solution, _ = _raise_value(lambda start, factor: solve(start, Easing(factor=factor)), failed, _CONDUCTION_FACTORS)
-    return None if solution is None else _noted(solution, "smaller conductivities")
+    return None if solution is None else _with_words(solution, "from a state with smaller conductivities")
 
 
 def _raise_value(
@@ -208,9 +225,10 @@ def _extrapolated(path: list[tuple[float, Solution]], value: float) -> ContactSt
     return replace(state, load=np.where(state.load == 0.0, 0.0, load), motion=motion)
 
 
-def _noted(solution: Solution, origin: str) -> Solution:
+def _with_words(solution: Solution, words: str) -> Solution:
+    """Return a solution with further words in its message."""
     planned, end, result = solution
-    return planned, end, replace(result, message=f"{result.message}; from a state with {origin}")
+    return planned, end, replace(result, message=f"{result.message}; {words}")
 
 
 def solve_by_continuation(solve: SolveFrom, failed: Solution) -> Solution:
@@ -236,6 +254,6 @@ def solve_by_continuation(solve: SolveFrom, failed: Solution) -> Solution:
         done += size
         if done == 1.0:
             solution = planned, end, replace(result, iterations=iterations)
-            return _noted(solution, "a part of the load of the increment")
+            return _with_words(solution, "from a state with a part of the load of the increment")
         start, size = end.state, min(size, 1.0 - done)
     return failed

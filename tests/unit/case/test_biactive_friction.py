@@ -101,7 +101,9 @@ def test_a_node_between_open_and_closed_is_found(synthetic, law, friction, kappa
         return Planned(eased), SimpleNamespace(state=solution.state), result
 
     failed = Planned(problem), SimpleNamespace(state=None), replace(synthetic.step(1e-6), status=Status.STALLED)
-    planned, end, result = solve_by_capped_friction(attempt, failed, 1e-10)
+    solution, _ = solve_by_capped_friction(attempt, failed, 1e-10)
+    assert solution is not None
+    planned, end, result = solution
     assert planned.problem.contact_law is law
     assert planned.problem.channels is problem.channels
     assert result.status is Status.CONVERGED

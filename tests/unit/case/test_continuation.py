@@ -1,5 +1,6 @@
 """Continuation of an increment that does not converge, through states of problems that are easier to solve."""
 
+import re
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from meeframe.model.continuation import (
     solve_by_capped_friction,
     solve_by_continuation,
     solve_by_scaled_conduction,
+    solve_persistently,
 )
 from meeframe.model.easier_laws import CappedLaw, Easing
 from meeframe.testing.half_space import half_space_system, indentation_problem
@@ -81,9 +83,10 @@ class Eased:
     def solve(self, start, easing: Easing):
         self.easings.append(easing)
         level = easing.ratio * easing.factor
-        from_level = self._alone if start is None else start.load[0, 0] * self._reach
+        from_level = self._alone if start is None else -start.load[0, 2] * self._reach
         solved = level <= min(from_level, self._most)
-        load = np.full((25, 5), level)
+        load = np.zeros((25, 5))
+        load[:, 2] = -level
         state = ContactState(load, np.zeros((25, 5)), np.zeros(25), np.zeros(0))
         result = replace(self._step, status=Status.CONVERGED if solved else Status.STALLED, iterations=7)
         return Planned(self._problem), SimpleNamespace(state=state), result
@@ -100,29 +103,41 @@ def test_friction_is_raised_to_a_limit_that_jumps(synthetic, coupled):
     increments = Eased(synthetic.step(1e-6), coupled, np.inf, 10.0)
     failed = increments.solve(None, Easing())
     increments.easings.clear()
-    solution = solve_by_capped_friction(increments.solve, failed, 1e-10)
-    assert [easing.ratio for easing in increments.easings] == [10.0, 100.0, 1000.0, np.inf]
+    solution, reached = solve_by_capped_friction(increments.solve, failed, 1e-10)
+    assert reached == np.inf
+    assert [easing.ratio for easing in increments.easings] == [10.0, 100.0, 1e3, 1e4, 1e5, 1e6, np.inf]
     assert solution[2].status is Status.CONVERGED
-    assert solution[2].iterations == 7 * 5
-    assert "friction of at most 1000 times the pressure" in solution[2].message
+    assert solution[2].iterations == 7 * 8
+    assert "friction of at most 1e+06 times the pressure" in solution[2].message
 
 
-@pytest.mark.parametrize(("reach", "is_found"), [(4.0, True), (1.5, True), (1.01, False)])
+@pytest.mark.parametrize(("reach", "is_found"), [(4.0, True), (2.5, True), (1.01, False)])
 def test_friction_is_raised_in_smaller_steps_where_that_fails(synthetic, coupled, reach, is_found):
     increments = Eased(synthetic.step(1e-6), coupled, reach, 10.0)
-    solve = lambda start, easing: increments.solve(start, replace(easing, ratio=min(easing.ratio, 1001.0)))  # noqa: E731
-    solution = solve_by_capped_friction(solve, increments.solve(None, Easing()), 1e-10)
+    solve = lambda start, easing: increments.solve(start, replace(easing, ratio=min(easing.ratio, 1.001e6)))  # noqa: E731
+    solution, reached = solve_by_capped_friction(solve, increments.solve(None, Easing()), 1e-10)
     ratios = [easing.ratio for easing in increments.easings[1:]]
     assert ratios[:2] == [10.0, 100.0]
-    assert (ratios[-1] > 1000.0) == is_found == (solution is not None)
+    assert (ratios[-1] > 1e6) == is_found == (solution is not None)
+    assert reached == (np.inf if is_found else 10.0)
     assert len(ratios) < 100
+
+
+def test_an_unsolved_increment_names_the_friction_up_to_which_there_is_a_state(synthetic, coupled):
+    increments = Eased(synthetic.step(1e-6), coupled, 10.0, 10.0, 50.0)
+    solve = lambda attempt: increments.solve(attempt.start, attempt.easing)  # noqa: E731
+    result = solve_persistently(solve, 10, limit_jumps=True, stores=False, tolerance=1e-10)[2]
+    assert result.status is Status.STALLED
+    words = re.search(r"friction of at most (\S+) times the pressure there is a state, with more none", result.message)
+    assert words is not None
+    assert float(words[1]) == pytest.approx(50.0, rel=0.1)
 
 
 def test_conduction_is_raised_first_where_even_little_friction_fails(synthetic, coupled):
     increments = Eased(synthetic.step(1e-6), coupled, 10.0, 1e-5, 10.0)
     failed = increments.solve(None, Easing())
     increments.easings.clear()
-    assert solve_by_capped_friction(increments.solve, failed, 1e-10) is None
+    assert solve_by_capped_friction(increments.solve, failed, 1e-10)[0] is None
     first = increments.easings.index(Easing(10.0, 1e-6))
     assert all(easing.factor == 1.0 for easing in increments.easings[:first])
     assert increments.easings[first + 1] == Easing(10.0, pytest.approx(1e-5))

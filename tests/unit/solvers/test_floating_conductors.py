@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import ContactState, Status
+from meeframe.contact.scales import problem_scales
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.material import library_material
 from meeframe.material.half_space import axisymmetric_compliance
@@ -50,6 +51,16 @@ def test_resultants_recover_the_motions(condition, prescribed) -> None:
         state = balanced_solution(free, solver, start=near).state
         check_same(state, expected)
         np.testing.assert_allclose(state.motion, motion, rtol=1e-8)
+
+
+@pytest.mark.parametrize("kappa", [1.0, 1e-4, 1e-8])
+def test_totals_are_measured_by_the_fluxes_of_a_poor_conductor(kappa) -> None:
+    problem = conducting_sphere(Signorini(), (kappa, kappa))
+    solution = balanced_solution(problem, SemismoothNewton()).state
+    free, _ = released(problem, solution, "potentials")
+    for resultant, unit in zip(free.prescribed_resultants, problem_scales(free).totals, strict=True):
+        conducted = np.abs(resultant.measure * solution.load).sum()
+        assert 0.1 * conducted < unit < 10.0 * conducted
 
 
 @pytest.mark.parametrize("solver", [BarzilaiBorwein(), SemismoothNewton()], ids=str)
