@@ -13,10 +13,13 @@ import time
 from collections.abc import Iterator
 from logging import getLogger
 from pathlib import Path
-from typing import Final
+from queue import Empty
+from typing import Any, Final
 
 import jupytext
 import nbformat
+from jupyter_client.channels import AsyncZMQSocketChannel
+from jupyter_client.client import KernelClient
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
@@ -32,6 +35,8 @@ NOTEBOOKS: Final = ROOT / "docs" / "notebooks"
 STORE: Final = ROOT / "out" / "notebooks"
 CELL_SECONDS: Final = 600
 """Longest time of a cell; the first one to use a kernel of numba compiles it."""
+POLL_SECONDS: Final = 1.0
+"""Longest time that passes before the client looks whether an answer has come without its notice."""
 
 LINK: Final = re.compile(r"(\]\((?:[\w.-]+/)*)([\w-]+)\.py(#[\w-]+)?\)")
 """Link to a notebook: text before its name, name, anchor."""
@@ -80,7 +85,7 @@ def executed(source: Path) -> NotebookNode:
     notebook = jupytext.read(source)
     start = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:  # notebooks may write files
-        client = NotebookClient(
+        client = _Client(
             notebook,
             timeout=CELL_SECONDS,
             kernel_name="python3",
@@ -105,6 +110,37 @@ def executed(source: Path) -> NotebookNode:
     stored.parent.mkdir(parents=True, exist_ok=True)
     nbformat.write(notebook, stored)
     return notebook
+
+
+class _Client(NotebookClient):
+    """A client of a kernel that does not rely on being told of messages.
+
+    On a busy machine it is sometimes not told of an answer, and would wait until the longest time of a cell is over.
+    """
+
+    async def async_start_new_kernel_client(self) -> KernelClient:
+        """Start a client whose waits for messages are divided into short ones."""
+        client = await super().async_start_new_kernel_client()
+        for channel in (client.shell_channel, client.iopub_channel):
+            channel.get_msg = _in_short_waits(channel)
+        return client
+
+
+def _in_short_waits(channel: AsyncZMQSocketChannel) -> Any:
+    """Return the function of a channel that waits for a message, which begins to wait again every POLL_SECONDS."""
+    receive = channel.get_msg
+
+    async def get_msg(timeout: float | None = None) -> dict[str, Any]:
+        end = float("inf") if timeout is None else time.monotonic() + timeout
+        while True:
+            left = max(0.0, end - time.monotonic())
+            try:
+                return await receive(timeout=min(POLL_SECONDS, left))
+            except Empty:
+                if left <= POLL_SECONDS:
+                    raise
+
+    return get_msg
 
 
 def _digest(source: Path) -> str:

@@ -1,5 +1,6 @@
 """A short campaign of kills and interruptions, as the command runs it."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -21,15 +22,18 @@ def test_nothing_finished_is_lost():
     assert done.stdout.endswith("4 trials, 0 with a violation\n")
 
 
-def test_interrupted_campaigns_print_their_table():
+def test_interrupted_campaigns_print_their_table(tmp_path):
     """An exception in place of the signal would become a SystemError where h5py reads a file."""
     process = subprocess.Popen(
         [sys.executable, str(SCRIPT), "--number", "10000", "--seed", "1", "--kind", "run"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
     )
-    time.sleep(30)
+    while process.poll() is None and not list(tmp_path.glob("*/out/result.h5")):  # of a trial
+        time.sleep(0.1)
+    time.sleep(3)  # some trials
     process.send_signal(signal.SIGINT)
     printed, errors = process.communicate(timeout=120)
     assert process.returncode == 130, printed + errors
