@@ -189,11 +189,11 @@ def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rig
 def _krylov_step(
     equation: ContactResidual, blocks: Linearization, coupled: Mask, prescribed: Array, tolerance: float
 ) -> Callable[[], tuple[Array, Array]]:
-    """Return the Krylov iteration for the Newton step (n, fields + 1) and the amounts (m,) of the motions.
+    """Return a function that finds the Newton step (n, fields + 1) and the amounts (m,) of the motions, once.
 
-    It holds what it needs of the blocks. coupled: (n, fields + 1), coupled rows; prescribed: (n, fields + 1), step in
-    the other rows; tolerance: fraction of the residual that may be left. Raises LinAlgError if the equations are not
-    finite.
+    It is a Krylov iteration, and holds what it needs of the blocks as long as it needs it. coupled: (n, fields + 1),
+    coupled rows; prescribed: (n, fields + 1), step in the other rows; tolerance: fraction of the residual that may be
+    left. Raises LinAlgError if the equations are not finite.
     """
     jacobian = ReducedJacobian.of(
         equation, blocks, coupled, np.dtype(np.float32 if tolerance >= MIN_SINGLE_TOLERANCE else np.float64)
@@ -202,41 +202,43 @@ def _krylov_step(
     right = residual - jacobian.image(blocks, prescribed) if prescribed.any() else residual
     if not (np.isfinite(prescribed).all() and jacobian.a.finite and jacobian.b.finite and np.isfinite(right).all()):
         raise LinAlgError("the equations are not finite")
-    multiplication, columns = jacobian.multiplication(), jacobian.motion_columns(equation.modes)
-    precondition = preconditioner(jacobian)
-    responses = np.empty_like(columns)
-    for response, column in zip(responses, columns, strict=True):
-        response[:] = precondition(column)
-    border = BorderedSystem.of(jacobian, responses)
-    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, prescribed[:, :FRACTION])
-    weight = np.sqrt(equation.count, dtype=jacobian.precision)  # as the merit weighs the balance
-    size, max_motion, expand = len(right), blocks.max_motion, jacobian.expansion(prescribed)
-
-    def multiply(values: Array) -> Array:
-        loads, amounts, product = values[:size], values[size:], np.empty_like(values)
-        np.subtract(multiplication(loads), (border.motions @ amounts) @ columns, out=product[:size])
-        product[size:] = weight * border.resultants(loads)
-        return product
-
-    def solve(values: Array) -> Array:
-        loads, solution = precondition(values[:size]), np.empty_like(values)
-        solution[size:] = (values[size:] / weight - border.resultants(loads)) / border.stiffness
-        np.add(loads, (border.motions @ solution[size:]) @ responses, out=solution[:size])
-        return solution
-
-    bordered = np.concatenate([right, weight * border.combine(balance)]).astype(jacobian.precision)
     # the tolerance refers to the residual, to which a large prescribed part adds
     before, after = float(np.linalg.norm(residual)), float(np.linalg.norm(right))
     tolerance *= max(before / after, MIN_TOLERANCE_FACTOR) if after > before else 1.0
+    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, prescribed[:, :FRACTION])
+    weight = np.sqrt(equation.count, dtype=jacobian.precision)  # as the merit weighs the balance
+    size, max_motion = len(right), blocks.max_motion
 
     def step() -> tuple[Array, Array]:
+        nonlocal jacobian
+        multiplication, columns = jacobian.multiplication(), jacobian.motion_columns(equation.modes)
+        precondition = preconditioner(jacobian)
+        responses = np.empty_like(columns)
+        for response, column in zip(responses, columns, strict=True):
+            response[:] = precondition(column)
+        border, expand = BorderedSystem.of(jacobian, responses), jacobian.expansion(prescribed)
+        del jacobian  # its blocks take as much memory as some directions of the iteration
+
+        def multiply(values: Array) -> Array:
+            loads, amounts, product = values[:size], values[size:], np.empty_like(values)
+            np.subtract(multiplication(loads), (border.motions @ amounts) @ columns, out=product[:size])
+            product[size:] = weight * border.resultants(loads)
+            return product
+
+        def solve(values: Array) -> Array:
+            loads, solution = precondition(values[:size]), np.empty_like(values)
+            solution[size:] = (values[size:] / weight - border.resultants(loads)) / border.stiffness
+            np.add(loads, (border.motions @ solution[size:]) @ responses, out=solution[:size])
+            return solution
+
+        bordered = np.concatenate([right, weight * border.combine(balance)]).astype(right.dtype)
         solution = gmres(multiply, solve, bordered, tolerance)[0]
         amounts = (border.motions @ solution[size:]).astype(float)
         largest_motion = float(np.abs(amounts).max(initial=0.0))
         if largest_motion > max_motion:
             amounts *= max_motion / largest_motion
-            motion_right = (amounts @ columns).astype(bordered.dtype)
-            solution = gmres(multiplication, precondition, bordered[:size] + motion_right, tolerance)[0]
+            motion_right = (amounts @ columns).astype(right.dtype)
+            solution = gmres(multiplication, precondition, right + motion_right, tolerance)[0]
         return expand(solution[:size]), amounts
 
     return step

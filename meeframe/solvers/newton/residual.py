@@ -21,9 +21,10 @@ The length r is that of a stable gradient step. The active sets of the linearisa
 Uzawa's method would make; with r near the inverse of a node's self-compliance they oscillate from one step to the next.
 """
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
@@ -32,6 +33,7 @@ import scipy  # submodules are loaded on first use
 from meeframe.contact.conduction import Mask, closed_resistances, conducting, depends_on_gap, switch
 from meeframe.contact.generated_heat import conducted_flux, heat_factors, thermal_channel
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
+from meeframe.contact.residual import node_blocks
 from meeframe.contact.scales import Scales, motion_scales, problem_scales
 from meeframe.contact.transmissivity import Transmissivity
 from meeframe.contact.undone_slip import undone_slip
@@ -216,8 +218,9 @@ class ContactResidual:
         sigma = self.r * trial_change + MIN_TRANSITION_RATIO * self.scales.pressure
         switch = contact_fraction - trial[:, 2] / sigma
         residual = np.zeros((self.problem.fields.size + 1, len(load))).T
-        contact = load[:, MECHANICAL] - fixed_point_map(law, trial, gap, (self.r, self.r))
-        np.divide(contact, self.scales.pressure, out=residual[:, MECHANICAL])
+        for block in node_blocks(law, len(load)):
+            contact = load[block, MECHANICAL] - fixed_point_map(law, trial[block], gap[block], (self.r, self.r))
+            np.divide(contact, self.scales.pressure, out=residual[block, MECHANICAL])
         if flux.any():  # pages of zeros take no memory
             np.divide(flux, self.scales.drop, out=residual[:, FLUX_ROWS])
         biactive_nodes = np.flatnonzero(biactive)
@@ -405,16 +408,20 @@ class ResidualState:
         residual[between, 2] = normal_traction[between] / scales.pressure
         residual[between, FRACTION] = equation.r * self.relative_displacement[between, 2] / scales.pressure
         trial, gap, r = self._trial_by_fraction(), self.relative_displacement[:, MECHANICAL], (equation.r, equation.r)
-        by_trial, by_gap = traction_tangents(law, trial, gap, r, between)
-        other = np.flatnonzero((trial != self.trial).any(axis=1))
-        if other.size:  # value of that linearisation at the actual trial
-            off = np.einsum("nij,nj->ni", by_trial[other], self.trial[other] - trial[other])
-            remainder = self.load[other, MECHANICAL] - fixed_point_map(law, trial, gap, r)[other] - off
-            residual[other, MECHANICAL] = remainder / scales.pressure
-        a, b = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()
-        for i, j in np.ndindex(3, 3):
-            a[i, j] = by_trial[:, i, j] * (-1.0 / scales.pressure)
-            b[i, j] = by_gap[:, i, j] * (1.0 / scales.pressure)
+        n = len(trial)
+        a, b = (defaultdict[tuple[int, int], Array](partial(np.zeros, n)) for _ in range(2))
+        for nodes in node_blocks(law, n):  # tangents of all nodes would take as much memory as everything else
+            by_trial, by_gap = traction_tangents(law, trial[nodes], gap[nodes], r, between[nodes])
+            other = np.flatnonzero((trial[nodes] != self.trial[nodes]).any(axis=1))
+            if other.size:  # value of that linearisation at the actual trial
+                off = np.einsum("nij,nj->ni", by_trial[other], self.trial[nodes][other] - trial[nodes][other])
+                projected = fixed_point_map(law, trial[nodes], gap[nodes], r)[other]
+                remainder = self.load[nodes, MECHANICAL][other] - projected - off
+                residual[nodes, MECHANICAL][other] = remainder / scales.pressure
+            for entries, tangents, factor in ((a, by_trial, -1.0), (b, by_gap, 1.0)):
+                for i, j in np.ndindex(3, 3):
+                    if tangents[:, i, j].any():
+                        np.multiply(tangents[:, i, j], factor / scales.pressure, out=entries[i, j][nodes])
         for i in range(3):
             a[i, i] += 1.0 / scales.pressure
         fraction = equation.problem.fields.size
