@@ -14,12 +14,11 @@ from meeframe.mesh.surface import SurfaceMesh
 
 BASE_BYTES: Final = 270_000_000
 """Memory of Python, its libraries and compiled kernels."""
-BYTES_PER_FURTHER_FIELD: Final = 300
+BYTES_PER_FURTHER_FIELD: Final = 185
 """Memory per node of each loaded field besides the pressure.
 
 It is that of partial slip, where Newton's method stores most directions, with contact on a quarter of the grid. Most
-of it is stored for nodes near the contact: with contact on a tenth of the grid it is about half, on half of the grid
-about 350 bytes. A contact that sticks or slips everywhere needs about 60 bytes.
+of it is stored for nodes near the contact. Friction alone needs about 160 bytes, with conduction it is 210.
 """
 NOTICED_FRACTION: Final = 0.5
 """Fraction of the memory of the machine above which the estimate is a warning."""
