@@ -14,13 +14,14 @@ from meeframe.mesh.surface import SurfaceMesh
 
 BASE_BYTES: Final = 270_000_000
 """Memory of Python, its libraries and compiled kernels."""
-BYTES_PER_FURTHER_FIELD: Final = 300
-"""Memory per node of each loaded field besides the pressure.
+BYTES_PER_TANGENTIAL_FIELD: Final = 165
+"""Memory per node of each tangential traction.
 
 It is that of partial slip, where Newton's method stores most directions, with contact on a quarter of the grid. Most
-of it is stored for nodes near the contact: with contact on a tenth of the grid it is about half, on half of the grid
-about 350 bytes. A contact that sticks or slips everywhere needs about 60 bytes.
+of it is stored for nodes near the contact.
 """
+BYTES_PER_FLUX: Final = 350
+"""Memory per node of each flux that the contact conducts, with friction."""
 NOTICED_FRACTION: Final = 0.5
 """Fraction of the memory of the machine above which the estimate is a warning."""
 
@@ -30,9 +31,9 @@ def required_memory(nodes: int, law: ContactLaw, channels: Iterable[FluxChannel]
 
     Friction loads two fields besides the pressure, and each conducting law one.
     """
-    loaded = N_MECHANICAL if law.tangential_scaling().any() else 1
-    loaded += sum(channel.is_conducting for channel in channels)
-    return BASE_BYTES + nodes * (BYTES_PER_NODE + (loaded - 1) * BYTES_PER_FURTHER_FIELD)
+    tangential = N_MECHANICAL - 1 if law.tangential_scaling().any() else 0
+    fluxes = sum(channel.is_conducting for channel in channels)
+    return BASE_BYTES + nodes * (BYTES_PER_NODE + tangential * BYTES_PER_TANGENTIAL_FIELD + fluxes * BYTES_PER_FLUX)
 
 
 def check_memory(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel]) -> None:

@@ -89,15 +89,20 @@ class ReducedJacobian:
         """Return the coupled rows (r c,) of all rows (n, fields + 1)."""
         return np.where(self.coupled, rows.T.take(self.nodes, axis=1)[self.components], 0.0).ravel()
 
-    def step(self, values: Array, prescribed: Array) -> Array:
-        """Return the step (n, fields + 1) with unknowns (r c,) in the coupled rows and `prescribed` values elsewhere.
+    def expansion(self, prescribed: Array) -> Linear:
+        """Return the function that gives the step (n, fields + 1) of unknowns (r c,), without holding the blocks.
 
-        prescribed: (n, fields + 1), zero in the coupled rows.
+        prescribed: (n, fields + 1), values in the other rows, zero in the coupled ones.
         """
-        step = prescribed.copy(order="F")
-        for component, unit, block in zip(self.components, self.units, values.reshape(self.coupled.shape), strict=True):
-            step[self.nodes, component] += unit * block
-        return step
+        nodes, rows, shape = self.nodes, list(zip(self.components, self.units, strict=True)), self.coupled.shape
+
+        def expand(values: Array) -> Array:
+            step = prescribed.copy(order="F")
+            for (component, unit), block in zip(rows, values.reshape(shape), strict=True):
+                step[nodes, component] += unit * block
+            return step
+
+        return expand
 
     def image(self, blocks: Linearization, prescribed: Array) -> Array:
         """Return the product (r c,) of the equations with a step (n, fields + 1) that is zero in the coupled rows.
@@ -118,19 +123,19 @@ class ReducedJacobian:
         return image.ravel()
 
     def multiplication(self) -> Linear:
-        """Return the function that multiplies the equations by unknowns (r c,), giving (r c,)."""
-        a, b = self.of_unknowns, self.of_displacement
+        """Return the function that multiplies the equations by unknowns (r c,), giving (r c,); it holds no blocks."""
+        a, b, nodes, displaced = self.of_unknowns, self.of_displacement, self.nodes, self.displacement_fields
         fields, system, n = self.fields, self.equation.problem.system, len(self.equation.blocks)
         units = self.units[: len(fields)].astype(self.precision)
         load = np.zeros((len(fields), n), self.precision)
 
         def multiply(values: Array) -> Array:
-            unknowns = values.reshape(self.coupled.shape)
+            unknowns = values.reshape(a.shape)
             for field_load, unit, unknown in zip(load, units, unknowns, strict=False):
-                field_load[self.nodes] = unit * unknown
+                field_load[nodes] = unit * unknown
             product = a.times(unknowns)
-            displacement = apply_fields(system, load.T, fields, self.displacement_fields)
-            b.add(displacement.T.take(self.nodes, axis=1), product)
+            displacement = apply_fields(system, load.T, fields, displaced)
+            b.add(displacement.T.take(nodes, axis=1), product)
             return product.ravel()
 
         return multiply

@@ -9,6 +9,7 @@ axis. A step of which a few digits are required is computed in single precision;
 quality is not.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -79,9 +80,11 @@ def newton_step(equation: ContactResidual, blocks: Linearization, tolerance: flo
     matrix = equation.problem.system.dense()
     if matrix is None:
         try:
-            local, amounts = _krylov_step(equation, blocks, coupled, prescribed, tolerance)
+            solve = _krylov_step(equation, blocks, coupled, prescribed, tolerance)
+            del blocks, coupled  # arrays of all rows take more memory than the iteration
+            local, amounts = solve()
         except LinAlgError:  # tangents that are not finite
-            local, amounts = np.full_like(prescribed, np.nan), np.full(blocks.balance.shape, np.nan)
+            local, amounts = np.full_like(prescribed, np.nan), np.full_like(equation.units, np.nan)
     else:
         size = equation.problem.system.offset.size
         local, amounts = _direct_step(equation, blocks, coupled, prescribed, matrix.reshape(size, size))
@@ -147,7 +150,9 @@ def decoupled_rows(blocks: Linearization, coupled: Mask) -> Array:
     step = np.zeros(coupled.shape[::-1]).T
     for row in range(coupled.shape[1]):
         diagonal = np.where(coupled[:, row], 1.0, blocks.a.entry(row, row))
-        step[:, row] = np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / diagonal)
+        values = np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / diagonal)
+        if values.any():  # pages of zeros take no memory
+            step[:, row] = values
     return step
 
 
@@ -183,11 +188,12 @@ def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rig
 
 def _krylov_step(
     equation: ContactResidual, blocks: Linearization, coupled: Mask, prescribed: Array, tolerance: float
-) -> tuple[Array, Array]:
-    """Return the Newton step (n, fields + 1) and the amounts (m,) of the motions by Krylov iteration.
+) -> Callable[[], tuple[Array, Array]]:
+    """Return a function that finds the Newton step (n, fields + 1) and the amounts (m,) of the motions, once.
 
-    coupled: (n, fields + 1), coupled rows; prescribed: (n, fields + 1), step in the other rows; tolerance: fraction of
-    the residual that may be left. Raises LinAlgError if the equations are not finite.
+    It is a Krylov iteration, and holds what it needs of the blocks as long as it needs it. coupled: (n, fields + 1),
+    coupled rows; prescribed: (n, fields + 1), step in the other rows; tolerance: fraction of the residual that may be
+    left. Raises LinAlgError if the equations are not finite.
     """
     jacobian = ReducedJacobian.of(
         equation, blocks, coupled, np.dtype(np.float32 if tolerance >= MIN_SINGLE_TOLERANCE else np.float64)
@@ -196,40 +202,46 @@ def _krylov_step(
     right = residual - jacobian.image(blocks, prescribed) if prescribed.any() else residual
     if not (np.isfinite(prescribed).all() and jacobian.a.finite and jacobian.b.finite and np.isfinite(right).all()):
         raise LinAlgError("the equations are not finite")
-    multiplication, columns = jacobian.multiplication(), jacobian.motion_columns(equation.modes)
-    precondition = preconditioner(jacobian)
-    responses = np.empty_like(columns)
-    for response, column in zip(responses, columns, strict=True):
-        response[:] = precondition(column)
-    border = BorderedSystem.of(jacobian, responses)
-    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, prescribed[:, :FRACTION])
-    weight = np.sqrt(equation.count, dtype=jacobian.precision)  # as the merit weighs the balance
-    size = len(right)
-
-    def multiply(values: Array) -> Array:
-        loads, amounts, product = values[:size], values[size:], np.empty_like(values)
-        np.subtract(multiplication(loads), (border.motions @ amounts) @ columns, out=product[:size])
-        product[size:] = weight * border.resultants(loads)
-        return product
-
-    def solve(values: Array) -> Array:
-        loads, solution = precondition(values[:size]), np.empty_like(values)
-        solution[size:] = (values[size:] / weight - border.resultants(loads)) / border.stiffness
-        np.add(loads, (border.motions @ solution[size:]) @ responses, out=solution[:size])
-        return solution
-
-    bordered = np.concatenate([right, weight * border.combine(balance)]).astype(jacobian.precision)
     # the tolerance refers to the residual, to which a large prescribed part adds
     before, after = float(np.linalg.norm(residual)), float(np.linalg.norm(right))
     tolerance *= max(before / after, MIN_TOLERANCE_FACTOR) if after > before else 1.0
-    solution = gmres(multiply, solve, bordered, tolerance)[0]
-    amounts = (border.motions @ solution[size:]).astype(float)
-    largest_motion = float(np.abs(amounts).max(initial=0.0))
-    if largest_motion > blocks.max_motion:
-        amounts *= blocks.max_motion / largest_motion
-        motion_right = (amounts @ columns).astype(jacobian.precision)
-        solution = gmres(multiplication, precondition, right + motion_right, tolerance)[0]
-    return jacobian.step(solution[:size], prescribed), amounts
+    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, prescribed[:, :FRACTION])
+    weight = np.sqrt(equation.count, dtype=jacobian.precision)  # as the merit weighs the balance
+    size, max_motion = len(right), blocks.max_motion
+
+    def step() -> tuple[Array, Array]:
+        nonlocal jacobian
+        multiplication, columns = jacobian.multiplication(), jacobian.motion_columns(equation.modes)
+        precondition = preconditioner(jacobian)
+        responses = np.empty_like(columns)
+        for response, column in zip(responses, columns, strict=True):
+            response[:] = precondition(column)
+        border, expand = BorderedSystem.of(jacobian, responses), jacobian.expansion(prescribed)
+        del jacobian  # its blocks take as much memory as some directions of the iteration
+
+        def multiply(values: Array) -> Array:
+            loads, amounts, product = values[:size], values[size:], np.empty_like(values)
+            np.subtract(multiplication(loads), (border.motions @ amounts) @ columns, out=product[:size])
+            product[size:] = weight * border.resultants(loads)
+            return product
+
+        def solve(values: Array) -> Array:
+            loads, solution = precondition(values[:size]), np.empty_like(values)
+            solution[size:] = (values[size:] / weight - border.resultants(loads)) / border.stiffness
+            np.add(loads, (border.motions @ solution[size:]) @ responses, out=solution[:size])
+            return solution
+
+        bordered = np.concatenate([right, weight * border.combine(balance)]).astype(right.dtype)
+        solution = gmres(multiply, solve, bordered, tolerance)[0]
+        amounts = (border.motions @ solution[size:]).astype(float)
+        largest_motion = float(np.abs(amounts).max(initial=0.0))
+        if largest_motion > max_motion:
+            amounts *= max_motion / largest_motion
+            motion_right = (amounts @ columns).astype(right.dtype)
+            solution = gmres(multiplication, precondition, right + motion_right, tolerance)[0]
+        return expand(solution[:size]), amounts
+
+    return step
 
 
 @dataclass(frozen=True, eq=False)

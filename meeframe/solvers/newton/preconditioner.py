@@ -46,8 +46,8 @@ def preconditioner(jacobian: ReducedJacobian) -> Linear:
     """
     n_fields = jacobian.equation.problem.fields.size
     if n_fields not in jacobian.components:
-        solve = _solution_of_loads(jacobian)
-        return lambda values: solve(values.reshape(jacobian.coupled.shape)).ravel()
+        solve, shape = _solution_of_loads(jacobian), jacobian.coupled.shape
+        return lambda values: solve(values.reshape(shape)).ravel()
     between = np.flatnonzero(jacobian.coupled[-1])
     last, pressure = len(jacobian.components) - 1, jacobian.components.index(NORMAL)
     a, b = (blocks.swap_rows(pressure, last, between) for blocks in (jacobian.a, jacobian.b))
@@ -74,7 +74,7 @@ def preconditioner(jacobian: ReducedJacobian) -> Linear:
     )
 
     def precondition(values: Array) -> Array:
-        right = values.reshape(jacobian.coupled.shape).copy()
+        right = values.reshape(jumps.shape).copy()
         right[pressure, between], right[last, between] = right[last, between], right[pressure, between]
         solution = solve(right)
         contact_fraction = inverse(right[last, between] - (fraction_row * solution[:, between]).sum(axis=0))
@@ -147,14 +147,15 @@ def _solution_of_loads(jacobian: ReducedJacobian) -> Linear:
     )
     inverse_products = replace(inverse_products, columns=number[inverse_products.columns])
     zone_displacement = np.zeros((len(loaded), len(jacobian.equation.blocks) if inverse else 0), jacobian.precision)
+    nodes = jacobian.nodes  # the function does not hold the blocks
 
     def solve(right: Array) -> Array:
         solution = np.zeros_like(right)
         right_products.add(right, solution)
         if inverse is not None:
             for of_zone, of_contact in zip(zone_displacement, displacement_products.times(right), strict=True):
-                of_zone[jacobian.nodes] = of_contact
-            inverse_products.add(inverse(zone_displacement.T).T.take(jacobian.nodes, axis=1), solution)
+                of_zone[nodes] = of_contact
+            inverse_products.add(inverse(zone_displacement.T).T.take(nodes, axis=1), solution)
         return solution
 
     return solve

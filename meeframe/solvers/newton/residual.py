@@ -21,17 +21,19 @@ The length r is that of a stable gradient step. The active sets of the linearisa
 Uzawa's method would make; with r near the inverse of a node's self-compliance they oscillate from one step to the next.
 """
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
 import scipy  # submodules are loaded on first use
 
-from meeframe.contact.conduction import Mask, closed_resistances, depends_on_gap, switch
+from meeframe.contact.conduction import Mask, closed_resistances, conducting, depends_on_gap, switch
 from meeframe.contact.generated_heat import conducted_flux, heat_factors, thermal_channel
 from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
+from meeframe.contact.residual import node_blocks
 from meeframe.contact.scales import Scales, motion_scales, problem_scales
 from meeframe.contact.transmissivity import Transmissivity
 from meeframe.contact.undone_slip import undone_slip
@@ -118,8 +120,10 @@ class ContactResidual:
         blocks = problem.system.diagonal_blocks()
         blocks = np.asfortranarray(blocks) if blocks.strides[0] else blocks  # may be one block for all nodes
         n_fields = problem.fields.size
-        self_compliance = np.array([blocks[:, field, field] for field in range(N_MECHANICAL, n_fields)]).T
-        normal_coupling = blocks[:, 2, POTENTIALS] / self_compliance
+        self_compliance = np.diagonal(blocks[:, POTENTIALS, POTENTIALS], axis1=1, axis2=2)
+        distinct = slice(None) if blocks.strides[0] else slice(1)
+        couplings = blocks[distinct, 2, POTENTIALS] / self_compliance[distinct]
+        normal_coupling = np.broadcast_to(couplings, self_compliance.shape)
         units = motion_scales(full_problem, scales)
         modes, measures = (np.zeros((len(units), n_fields, len(problem.gap))) for _ in range(2))
         for k, resultant in enumerate(problem.prescribed_resultants):
@@ -129,11 +133,11 @@ class ContactResidual:
                 measures[k, field] = resultant.measure[:, field] / scales.totals[k]
         modes, measures = modes.transpose(2, 1, 0), measures.transpose(0, 2, 1)
         has_friction = bool(problem.contact_law.tangential_scaling().any())
-        conducting = [channel.is_conducting for channel in problem.channels]
+        conducts = [channel.is_conducting for channel in problem.channels]
         heated = thermal_channel(problem)
         if heated is not None:
-            conducting[heated] = True
-        loaded = np.flatnonzero([has_friction, has_friction, True, *conducting]).tolist()
+            conducts[heated] = True
+        loaded = np.flatnonzero([has_friction, has_friction, True, *conducts]).tolist()
         system = problem.system
         approximate = system.capability(ApproximateInverse) if system.dense() is None else None
         series, inverse = closed_resistances(problem, scales.pressure), None
@@ -199,21 +203,26 @@ class ContactResidual:
         contact_fraction = np.where(biactive, contact_fraction, trial[:, 2] < 0.0)
         normal_traction = contact_traction(law, load[:, 2], gap[:, 2])
         conducted = conducted_flux(self.problem, load, relative_displacement)
-        unloaded_position = self.transmissivity.unloaded(relative_displacement, conducted)
-        conducting = self.transmissivity(normal_traction, unloaded_position, 1.0)
-        jump = conducting - self.transmissivity.open(normal_traction, unloaded_position)
-        transmissivity = conducting - (1.0 - np.clip(contact_fraction, 0.0, 1.0))[:, None] * jump
         flux = self.self_compliance * conducted
-        drive = -(relative_displacement[:, POTENTIALS] + flux)
+        if conducting(self.problem):
+            unloaded_position = self.transmissivity.unloaded(relative_displacement, conducted)
+            closed = self.transmissivity(normal_traction, unloaded_position, 1.0)
+            jump = closed - self.transmissivity.open(normal_traction, unloaded_position)
+            transmissivity = closed - (1.0 - np.clip(contact_fraction, 0.0, 1.0))[:, None] * jump
+            drive = -(relative_displacement[:, POTENTIALS] + flux)
+            flux += transmissivity * drive
+        else:
+            transmissivity = jump = drive = np.broadcast_to(0.0, flux.shape)
         # change of the trial when the node alone opens or closes: only a trial this near to zero can be biactive
         trial_change = np.abs(self.normal_coupling * jump * drive).sum(axis=1)
         sigma = self.r * trial_change + MIN_TRANSITION_RATIO * self.scales.pressure
         switch = contact_fraction - trial[:, 2] / sigma
         residual = np.zeros((self.problem.fields.size + 1, len(load))).T
-        contact = load[:, MECHANICAL] - fixed_point_map(law, trial, gap, (self.r, self.r))
-        np.divide(contact, self.scales.pressure, out=residual[:, MECHANICAL])
-        flux += transmissivity * drive
-        np.divide(flux, self.scales.drop, out=residual[:, FLUX_ROWS])
+        for block in node_blocks(law, len(load)):
+            contact = load[block, MECHANICAL] - fixed_point_map(law, trial[block], gap[block], (self.r, self.r))
+            np.divide(contact, self.scales.pressure, out=residual[block, MECHANICAL])
+        if flux.any():  # pages of zeros take no memory
+            np.divide(flux, self.scales.drop, out=residual[:, FLUX_ROWS])
         biactive_nodes = np.flatnonzero(biactive)
         deviation = contact_fraction[biactive_nodes] - np.clip(switch[biactive_nodes], 0.0, 1.0)
         residual[biactive_nodes, FRACTION] = deviation * sigma[biactive_nodes] / self.scales.pressure
@@ -272,7 +281,7 @@ class ResidualState:
     transmissivity, jump : Array
         (n, channels), transmissivity and its difference between closed and open contact.
     drive : Array
-        (n, channels), potential difference without the effect of the node's own flux [V], [A].
+        (n, channels), potential difference without the node's own flux [V], [A]; zero if nothing conducts.
     sigma, switch : Array
         (n,), quantities sigma [Pa] and c - t*_nu / sigma of the row of the contact fraction.
     residual, balance : Array
@@ -399,16 +408,20 @@ class ResidualState:
         residual[between, 2] = normal_traction[between] / scales.pressure
         residual[between, FRACTION] = equation.r * self.relative_displacement[between, 2] / scales.pressure
         trial, gap, r = self._trial_by_fraction(), self.relative_displacement[:, MECHANICAL], (equation.r, equation.r)
-        by_trial, by_gap = traction_tangents(law, trial, gap, r, between)
-        other = np.flatnonzero((trial != self.trial).any(axis=1))
-        if other.size:  # value of that linearisation at the actual trial
-            off = np.einsum("nij,nj->ni", by_trial[other], self.trial[other] - trial[other])
-            remainder = self.load[other, MECHANICAL] - fixed_point_map(law, trial, gap, r)[other] - off
-            residual[other, MECHANICAL] = remainder / scales.pressure
-        a, b = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()
-        for i, j in np.ndindex(3, 3):
-            a[i, j] = by_trial[:, i, j] * (-1.0 / scales.pressure)
-            b[i, j] = by_gap[:, i, j] * (1.0 / scales.pressure)
+        n = len(trial)
+        a, b = (defaultdict[tuple[int, int], Array](partial(np.zeros, n)) for _ in range(2))
+        for nodes in node_blocks(law, n):  # tangents of all nodes would take as much memory as everything else
+            by_trial, by_gap = traction_tangents(law, trial[nodes], gap[nodes], r, between[nodes])
+            other = np.flatnonzero((trial[nodes] != self.trial[nodes]).any(axis=1))
+            if other.size:  # value of that linearisation at the actual trial
+                off = np.einsum("nij,nj->ni", by_trial[other], self.trial[nodes][other] - trial[nodes][other])
+                projected = fixed_point_map(law, trial[nodes], gap[nodes], r)[other]
+                remainder = self.load[nodes, MECHANICAL][other] - projected - off
+                residual[nodes, MECHANICAL][other] = remainder / scales.pressure
+            for entries, tangents, factor in ((a, by_trial, -1.0), (b, by_gap, 1.0)):
+                for i, j in np.ndindex(3, 3):
+                    if tangents[:, i, j].any():
+                        np.multiply(tangents[:, i, j], factor / scales.pressure, out=entries[i, j][nodes])
         for i in range(3):
             a[i, i] += 1.0 / scales.pressure
         fraction = equation.problem.fields.size

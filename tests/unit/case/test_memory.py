@@ -58,12 +58,14 @@ def make(**changes: Any) -> Case:
 
 
 def test_each_loaded_field_counts():
-    conducting = make(conductivity={"electric": StepConductivity(1.0)}).channels
+    law = StepConductivity(1.0)
+    conducting = make(conductivity={"electric": law}).channels
+    both = make(conductivity={"electric": law, "magnetic": law}).channels
     insulating = make().channels
     frictionless, friction = (required_memory(NODES, law, insulating) for law in (Signorini(), IsotropicCoulomb(0.3)))
-    with_charges = required_memory(NODES, IsotropicCoulomb(0.3), conducting)
+    with_charges, with_both = (required_memory(NODES, IsotropicCoulomb(0.3), each) for each in (conducting, both))
     assert BASE_BYTES < frictionless < friction < with_charges
-    assert with_charges - friction == pytest.approx((friction - frictionless) / 2)
+    assert with_both - with_charges == pytest.approx(with_charges - friction)
 
 
 def test_a_case_that_exceeds_the_memory_is_refused(machine):
