@@ -189,11 +189,11 @@ def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rig
 def _krylov_step(
     equation: ContactResidual, blocks: Linearization, coupled: Mask, prescribed: Array, tolerance: float
 ) -> Callable[[], tuple[Array, Array]]:
-    """Return a function that finds the Newton step (n, fields + 1) and the amounts (m,) of the motions, once.
+    """Return the function that finds the Newton step (n, fields + 1) and the amounts (m,) of the motions.
 
-    It is a Krylov iteration, and holds what it needs of the blocks as long as it needs it. coupled: (n, fields + 1),
-    coupled rows; prescribed: (n, fields + 1), step in the other rows; tolerance: fraction of the residual that may be
-    left. Raises LinAlgError if the equations are not finite.
+    It is a Krylov iteration, and is called once, because it frees the reduced equations when it has prepared itself.
+    coupled: (n, fields + 1), coupled rows; prescribed: (n, fields + 1), step in the other rows; tolerance: fraction of
+    the residual that may be left. Raises LinAlgError if the equations are not finite.
     """
     jacobian = ReducedJacobian.of(
         equation, blocks, coupled, np.dtype(np.float32 if tolerance >= MIN_SINGLE_TOLERANCE else np.float64)
