@@ -139,12 +139,8 @@ ACCELERATIONS: Mapping[str, tuple[str, Without]] = {
         "correction of that start by a step on the coarser grid",
         _constant(moves, "_corrected", lambda state, *_: state),
     ),
-    "settled edge": (
-        "relaxation around the edge of a conducting contact after steps of Newton's method that gain little",
-        _constant(method, "relax_edge", lambda state: state),
-    ),
     "improved start": (
-        "relaxation and correction of the start together",
+        "all three together",
         _constant(method, "improve_start", lambda state, *_: state),
     ),
     "neighbourhood": (

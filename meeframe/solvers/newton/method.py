@@ -18,7 +18,7 @@ from meeframe.fields import MECHANICAL, Array
 from meeframe.laws.base import is_adhesive
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.solvers.newton.linear import newton_step
-from meeframe.solvers.newton.moves import MAX_FLIPS, improve_start, relax_edge, take_step
+from meeframe.solvers.newton.moves import MAX_FLIPS, improve_start, take_step
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, contact_neighbourhood
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.solvers.stopping import StoppingCriteria
@@ -29,7 +29,7 @@ MERIT_WINDOW: Final = 2
 """Number of last states whose largest merit bounds that of the next one."""
 MAX_MERIT_RATIO: Final = 0.99
 """Largest merit after a step, relative to that bound."""
-MAX_TOLERANCE: Final = 0.03
+MAX_TOLERANCE: Final = 0.05
 MIN_TOLERANCE: Final = 1e-4
 """Largest (MAX_TOLERANCE) and smallest (MIN_TOLERANCE) tolerance of the linear equations where there is no matrix."""
 SUFFICIENT_FRACTION: Final = 0.3
@@ -43,11 +43,6 @@ MAX_START_GROWTH: Final = 100.0
 """Largest factor by which the first step from a coarse solution may raise the merit.
 
 A smooth state violates the laws by little, and its short-wave errors are found at once.
-"""
-MAX_SETTLED_RATIO: Final = 0.03
-"""Merit after a step, relative to that before it, above which nodes at the contact edge are taken to change still.
-
-They are relaxed where there is no matrix: inexact steps open and close some of them in turn.
 """
 FIRST_BURST: Final = 25
 """Number of gradient steps in the first burst, made when no fraction of a Newton step helps; it doubles each time."""
@@ -117,8 +112,6 @@ class SemismoothNewton(Solver):
         flips = memory.flips
         for fraction in STEP_FRACTIONS if direction.finite else ():
             flips, candidate = take_step(state, flips, direction, fraction)
-            if problem.system.dense() is None and candidate.merit > MAX_SETTLED_RATIO * state.merit:
-                candidate = relax_edge(candidate)
             if candidate.merit < allowed:
                 merits = (*memory.merits, candidate.merit)[-MERIT_WINDOW:]
                 memory = replace(

@@ -25,7 +25,7 @@ ROUND_OFF: Final = 1e-14
 A flux counts as zero below this fraction of its previous value.
 """
 MAX_RELAXED_GROWTH: Final = 4.0
-"""Largest factor by which relaxation of a start may raise the merit, as the nodes around have not followed yet."""
+"""Largest factor by which relaxation may raise the merit at first, as the nodes around have not followed yet."""
 CORRECTION_TOLERANCE: Final = 0.03
 """Fraction of the residual that the linear equations of a correction by the coarser grid may leave."""
 
@@ -96,17 +96,8 @@ def improve_start(
     return _relaxed(_corrected(relaxed, nodes, coarse, coarse_equation, coarse_nodes), relax)
 
 
-def relax_edge(state: ResidualState) -> ResidualState:
-    """Return a state relaxed around the edge of a conducting contact; the given state if the merit does not fall."""
-    return _relaxed(state, relax_contact_edge, 1.0)
-
-
-def _relaxed(
-    state: ResidualState,
-    relaxation: Callable[[Start], tuple[Array, Array] | None],
-    max_growth: float = MAX_RELAXED_GROWTH,
-) -> ResidualState:
-    """Return a relaxed state; the given state if there is none, or if it raises the merit by more than a factor."""
+def _relaxed(state: ResidualState, relaxation: Callable[[Start], tuple[Array, Array] | None]) -> ResidualState:
+    """Return a state relaxed around the edges of contact and stick; the given state if that does not help."""
     problem, fraction = state.equation.problem, np.clip(state.contact_fraction, 0.0, 1.0)
     closed = state.transmissivity + (1.0 - fraction)[:, None] * state.jump
     values = state.load, state.relative_displacement, state.trial, fraction
@@ -116,7 +107,7 @@ def _relaxed(
     load, fraction = relaxed
     biactive = state.biactive | ((fraction > 0.0) & (fraction < 1.0))
     candidate = state.equation.at(load, fraction, biactive, state.motion)
-    return candidate if candidate.merit < max_growth * state.merit else state
+    return candidate if candidate.merit < MAX_RELAXED_GROWTH * state.merit else state
 
 
 def _corrected(

@@ -24,7 +24,7 @@ from meeframe.material import library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, residual, solve
-from meeframe.solvers.newton.moves import improve_start, relax_edge
+from meeframe.solvers.newton.moves import improve_start
 from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.capabilities import LatticeStencil
 from meeframe.system.rotated import rotate_frames
@@ -213,20 +213,6 @@ def test_only_boundaries_that_matter_are_relaxed(law, flux, changes, conducting,
     assert changed[:, 3:].any() == changes[1]
     assert changed.any(axis=1).mean() < 0.5
     assert (fraction == state.contact_fraction).all() or changes[1]
-
-
-def test_nodes_at_the_edge_that_have_opened_close_again(conducting, at, at_solution) -> None:
-    problem = conducting(64, 0.3, COULOMB, dragged=DRAGGED)
-    solution = at_solution(problem)
-    pressed = np.flatnonzero(solution.load[:, 2] < 0.0)
-    lightest = pressed[np.argsort(-solution.load[pressed, 2])[:12]]
-    load, fraction = solution.load.copy(), solution.contact_fraction.copy()
-    load[lightest], fraction[lightest] = 0.0, 0.0
-    disturbed = at(problem, load, fraction)
-    relaxed = relax_edge(disturbed)
-    assert relaxed.merit < 0.7 * disturbed.merit
-    np.testing.assert_array_equal(relaxed.contact_fraction > 0.0, solution.contact_fraction > 0.0)
-    assert relax_edge(solution).merit <= solution.merit
 
 
 def test_nothing_is_relaxed_without_a_lattice(conducting, at, at_solution) -> None:
