@@ -67,14 +67,14 @@ def solve_with_biactive_friction(
         pulls = [*pulls, pull][-_MEMORY:]
         pressures = [*pressures, _capped_pressure(planned.problem, end.state, exact.contact_law)][-_MEMORY:]
         change = _next_value(pulls, pressures) - pull
-        solution = solve(_relieved(end.state, share * change), Easing(ratio, pull=pull + share * change))
-        iterations += solution[2].iterations
-        while solution[2].status is not Status.CONVERGED:
+        while True:
+            solution = solve(_relieved(end.state, share * change), Easing(ratio, pull=pull + share * change))
+            iterations += solution[2].iterations
+            if solution[2].status is Status.CONVERGED:
+                break
             if share <= _MIN_SHARE:
                 return None
             share /= 2.0
-            solution = solve(_relieved(end.state, share * change), Easing(ratio, pull=pull + share * change))
-            iterations += solution[2].iterations
         planned, end, result = solution
         pull, share = pull + share * change, min(2.0 * share, 1.0)
     return None

@@ -139,7 +139,8 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
 
 def _default_plots(sweep: SweepResult) -> list[SweepPlot]:
     """Return one plot for each combination of values of the other axes, or one alone if these are too many."""
-    others = [axis for axis in sweep.axes if axis not in SweepPlot().plot_axes(sweep.axes)]
+    plot_axes = SweepPlot().plot_axes(sweep.axes)
+    others = [axis for axis in sweep.axes if axis not in plot_axes]
     if math.prod(len(axis.labels) for axis in others) > _MAX_DEFAULT_ROWS:
         return [SweepPlot()]
     names = [axis.name for axis in others]

@@ -154,13 +154,11 @@ class HalfSpaceSystem(
         """
         displacement = np.zeros((self.n_fields, self.grid.count)).T  # columns of zeros are never written
         for number in range(self.n_fields):
-            _add_nonzero(self._component(load, loaded, number), displacement[:, number])
+            system = self if number == loaded else replace(self, convolution=self.convolution.without_entries())
+            (values,) = system._response(load.T[loaded : loaded + 1], [loaded], [number]).T
+            if values.any():
+                displacement[:, number] = values
         return displacement
-
-    def _component(self, load: Array, loaded: int, number: int) -> Array:
-        """Return the displacement (n,) in one field due to a load (n, f) in one field."""
-        system = self if number == loaded else replace(self, convolution=self.convolution.without_entries())
-        return system._response(load.T[loaded : loaded + 1], [loaded], [number])[:, 0]
 
     def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement in k fields by one transform for each of them and for each loaded field."""
@@ -348,12 +346,6 @@ class HalfSpaceSystem(
         result = extended.copy()
         result[:, MECHANICAL] = extended[:, MECHANICAL] @ self.grid.frame
         return result
-
-
-def _add_nonzero(values: Array, total: Array) -> None:
-    """Add values (n,) to a total (n,), whose pages of zeros take no memory unless there is something to add."""
-    if values.any():
-        total += values
 
 
 def potential_signs(n_fields: int) -> Array:
