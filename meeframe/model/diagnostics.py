@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.contact.problem import Status
-from meeframe.contact.residual import limit_jumps
+from meeframe.contact.residual import limit_jumps, node_blocks
 from meeframe.contact.scales import largest
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
@@ -263,24 +263,27 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     every = MotionModes(zone.points, zone.frames, step.loading.axes, step.loading.reference)
     modes = np.stack([every[number][:, :2] for number in numbers])
     modes /= np.linalg.norm(modes, axis=(1, 2), keepdims=True)
-    way = np.linalg.norm(step.slip, axis=1)
-    along = step.slip / np.where(way > 0.0, way, 1.0)[:, None]
+    way = np.linalg.norm(step.slip[slips], axis=1)
+    along = step.slip[slips] / np.where(way > 0.0, way, 1.0)[:, None]
     # the free motion closest to the slip
-    across = np.einsum("knt,nt->nk", modes[:, slips], along[slips, ::-1] * [-1.0, 1.0])
+    across = np.einsum("knt,nt->nk", modes[:, slips], along[:, ::-1] * [-1.0, 1.0])
     # by its small triangular factor: singular vectors along the nodes would fill a matrix of all pairs of them
     least = np.linalg.svd(np.linalg.qr(across, mode="r"))[2][-1]
     motion = np.einsum("knt,k->nt", modes, least)
-    motion *= np.copysign(1.0, (motion * along)[slips].sum()) / np.abs(motion).max()
+    motion *= np.copysign(1.0, (motion[slips] * along).sum()) / largest(motion)
     # far enough to reverse opposite slip
-    distance = 2.0 * max(np.abs(step.slip).max(), np.abs(step.displacement).max())
-    r = (float(np.abs(step.traction).max() / distance),) * 2
-    gap = np.column_stack([step.slip + distance * motion, step.gap])
-    further = fixed_point_map(law, augmented_traction(law, step.traction, gap, r), gap, r)
-    change = np.linalg.norm((further - step.traction)[step.touching])
-    return bool(
-        change
-        <= max(_TRACTION_TOLERANCE, _RESIDUAL_FACTOR * step.residual) * np.linalg.norm(step.traction[step.touching, :2])
-    )
+    distance = 2.0 * max(largest(step.slip), largest(step.displacement))
+    r = (largest(step.traction) / distance,) * 2
+    normal_gap, touching, changes = step.gap, step.touching, []
+    for nodes in node_blocks(law, len(touching)):
+        gap, traction = (
+            np.column_stack([step.slip[nodes] + distance * motion[nodes], normal_gap[nodes]]),
+            step.traction[nodes],
+        )
+        further = fixed_point_map(law, augmented_traction(law, traction, gap, r), gap, r)
+        changes.append((further - traction)[touching[nodes]])
+    tolerance = max(_TRACTION_TOLERANCE, _RESIDUAL_FACTOR * step.residual)
+    return bool(np.linalg.norm(np.concatenate(changes)) <= tolerance * np.linalg.norm(step.traction[touching, :2]))
 
 
 def steepest_fall(law: ContactLaw) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
+from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting
 from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.nested import nested_start, on_sample, with_tension
@@ -254,6 +255,7 @@ def _renew(memory: _Memory, where_due: bool = False) -> _Memory:
     if where_due and not is_due:
         return memory
     memory = replace(memory, age=0, gap=np.zeros(0))  # the former gap takes memory
+    release_freed_memory(len(memory.load))  # of steps in single precision
     if memory.modes.numbers.size:
         free = np.flatnonzero(memory.load[:, NORMAL] < 0.0)
         balanced = memory.modes.restrict(free).balance(-memory.load[free, NORMAL])

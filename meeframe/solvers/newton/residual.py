@@ -79,12 +79,8 @@ class ContactResidual:
         (n, channels) [m/V], [m/A], normal displacement of a node by the flux that changes its potentials by one.
     r : float
         Length of a stable gradient step [Pa/m].
-    modes : Array
-        (n, fields, m), displacement of the indenter by characteristic amounts of its free motions.
     units : Array
-        (m,), these amounts.
-    measures : Array
-        (m, n, fields), measures of the loads by characteristic totals.
+        (m,), characteristic amounts of the free motions.
     loaded : list of int
         Fields that the laws load.
     series : Array
@@ -101,9 +97,7 @@ class ContactResidual:
     self_compliance: Array
     normal_coupling: Array
     r: float
-    modes: Array
     units: Array
-    measures: Array
     loaded: list[int]
     series: Array
     inverse: Callable[[Array], Array] | None
@@ -119,19 +113,11 @@ class ContactResidual:
         scales = problem_scales(full_problem)
         blocks = problem.system.diagonal_blocks()
         blocks = np.asfortranarray(blocks) if blocks.strides[0] else blocks  # may be one block for all nodes
-        n_fields = problem.fields.size
         self_compliance = np.diagonal(blocks[:, POTENTIALS, POTENTIALS], axis1=1, axis2=2)
         distinct = slice(None) if blocks.strides[0] else slice(1)
         couplings = blocks[distinct, 2, POTENTIALS] / self_compliance[distinct]
         normal_coupling = np.broadcast_to(couplings, self_compliance.shape)
         units = motion_scales(full_problem, scales)
-        modes, measures = (np.zeros((len(units), n_fields, len(problem.gap))) for _ in range(2))
-        for k, resultant in enumerate(problem.prescribed_resultants):
-            for field in resultant.mode_fields:
-                modes[k, field] = units[k] * resultant.mode[:, field]
-            for field in resultant.measure_fields:
-                measures[k, field] = resultant.measure[:, field] / scales.totals[k]
-        modes, measures = modes.transpose(2, 1, 0), measures.transpose(0, 2, 1)
         has_friction = bool(problem.contact_law.tangential_scaling().any())
         conducts = [channel.is_conducting for channel in problem.channels]
         heated = thermal_channel(problem)
@@ -153,14 +139,36 @@ class ContactResidual:
             self_compliance,
             normal_coupling,
             r,
-            modes,
             units,
-            measures,
             loaded,
             series,
             inverse,
             len(full_problem.gap),
         )
+
+    @property
+    def modes(self) -> Array:
+        """Displacement (n, fields, m) of the indenter by characteristic amounts of its free motions; not stored."""
+        modes = self._zeros_by_motion()
+        for values, unit, resultant in zip(modes, self.units, self.problem.prescribed_resultants, strict=True):
+            for field in resultant.mode_fields:
+                values[field] = unit * resultant.mode[:, field]
+        return modes.transpose(2, 1, 0)
+
+    @property
+    def measures(self) -> Array:
+        """Measures (m, n, fields) of the loads by characteristic totals; not stored."""
+        measures = self._zeros_by_motion()
+        for values, total, resultant in zip(
+            measures, self.scales.totals, self.problem.prescribed_resultants, strict=True
+        ):
+            for field in resultant.measure_fields:
+                values[field] = resultant.measure[:, field] / total
+        return measures.transpose(0, 2, 1)
+
+    def _zeros_by_motion(self) -> Array:
+        """Return zeros (m, fields, n)."""
+        return np.zeros((len(self.units), self.problem.fields.size, len(self.problem.gap)))
 
     @cached_property
     def load_units(self) -> Array:

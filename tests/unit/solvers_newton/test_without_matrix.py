@@ -8,7 +8,7 @@ import pytest
 from meeframe_halfspace import HalfSpace
 
 from meeframe.contact.channels import flux_channels
-from meeframe.contact.problem import ContactProblem, Solver, Status
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, Solver, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
@@ -104,8 +104,16 @@ def test_linearly_dependent_motions(tolerance: float) -> None:
     three = ContactResidual.of(problem)
     point = three.at(near.load, near.contact_fraction, np.zeros(32**2, bool), near.motion)
     mixed = np.column_stack([np.eye(3), [0.3, 0.7, -0.2]])
-    measures = np.einsum("km,kni->mni", mixed, three.measures)
-    four = replace(three, modes=three.modes @ mixed, measures=measures)
+    resultants = [
+        PrescribedResultant(three.modes @ amounts, np.tensordot(amounts, three.measures, axes=1), 0.0)
+        for amounts in mixed.T
+    ]
+    four = replace(
+        three,
+        problem=replace(problem, prescribed_resultants=tuple(resultants)),
+        scales=replace(three.scales, totals=np.ones(4)),
+        units=np.ones(4),
+    )
     blocks = point.linearise()
     coupled = coupled_rows(blocks)
     given = decoupled_rows(blocks, coupled)
