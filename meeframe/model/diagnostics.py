@@ -276,10 +276,8 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     r = (largest(step.traction) / distance,) * 2
     normal_gap, touching, changes = step.gap, step.touching, []
     for nodes in node_blocks(law, len(touching)):
-        gap, traction = (
-            np.column_stack([step.slip[nodes] + distance * motion[nodes], normal_gap[nodes]]),
-            step.traction[nodes],
-        )
+        traction = step.traction[nodes]
+        gap = np.column_stack([step.slip[nodes] + distance * motion[nodes], normal_gap[nodes]])
         further = fixed_point_map(law, augmented_traction(law, traction, gap, r), gap, r)
         changes.append((further - traction)[touching[nodes]])
     tolerance = max(_TRACTION_TOLERANCE, _RESIDUAL_FACTOR * step.residual)

@@ -106,8 +106,8 @@ class SemismoothNewton(Solver):
         state = memory.state
         if state.merit == 0.0:
             return iterate
-        release_freed_memory(len(problem.gap))  # of the step before, whose directions had another size
         direction = newton_step(state.equation, state.linearise(), _tolerance(memory))
+        release_freed_memory(len(problem.gap))  # of linear iterations: arrays of zeros then take no memory
         allowed = MAX_MERIT_RATIO * max(memory.merits)
         flips = memory.flips
         for fraction in STEP_FRACTIONS if direction.finite else ():

@@ -42,7 +42,9 @@ class ContactNeighbourhood:
     def scatter(self, values: AnyArray) -> AnyArray:
         """Return values (m, ...) of the neighbourhood on all nodes, zero outside it."""
         scattered = np.zeros((*values.shape[:0:-1], len(self.problem.gap)), values.dtype).T
-        scattered[self.nodes] = values
+        for column in np.ndindex(values.shape[1:]):
+            if values[:, *column].any():  # pages of zeros take no memory
+                scattered[self.nodes, *column] = values[:, *column]
         return scattered
 
 
