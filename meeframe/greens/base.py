@@ -98,6 +98,10 @@ class FundamentalSolution(ABC):
     The fields of a concrete class are its keys in case files.
     """
 
+    def check(self, stiffness: Array) -> None:
+        """Raise MaterialError if `bind` does for this stiffness; override it where that takes less than `bind`."""
+        self.bind(stiffness)
+
     @abstractmethod
     def bind(self, stiffness: Array) -> Kernel:
         """Return the kernel of a material.

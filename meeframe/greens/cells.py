@@ -1,5 +1,7 @@
 """Interpolation over all directions by polynomials in cells on the faces of a cube; see _kernels.tabulated."""
 
+from typing import Final
+
 import numpy as np
 from numpy.polynomial.chebyshev import cheb2poly, chebpts1
 from numpy.polynomial.polynomial import polyint
@@ -8,6 +10,20 @@ from meeframe.fields import Array
 from meeframe.greens._kernels.tabulated import CACHE_LINE, DEGREE, WIDTH
 
 COUNT = DEGREE + 1
+MAX_CELLS: Final = 64
+ERROR_MARGIN: Final = 2.5
+"""Bound of the ratio of the largest error of a table to that at its test points, of which cells have a few each."""
+COARSE_CELLS: Final = 6
+"""Cells of the table from which a bound of the error of the finest one follows."""
+_MIN_ORDER: Final = 5
+"""Order of convergence that the bound assumes; tables converge with an order of 7."""
+_ROUND_OFF: Final = 1e-9
+"""Bound of the error of the finest table by round-off."""
+
+
+def finest_error(error: float) -> float:
+    """Return a bound of the error of a table of MAX_CELLS, from the one of COARSE_CELLS at its test points."""
+    return max(ERROR_MARGIN * error * (COARSE_CELLS / MAX_CELLS) ** _MIN_ORDER, _ROUND_OFF)
 
 
 def cell_points(cells: int, s: Array, t: Array) -> Array:

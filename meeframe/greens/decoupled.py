@@ -146,19 +146,42 @@ def bind_fields(
     size = stiffness.shape[1]
     if size == N_FIELDS:
         return fundamental_solution.bind(stiffness)
+    coupled, count = _coupled_fields(stiffness)
+    scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(count, size))
+    kernel = DecoupledKernel(fundamental_solution.bind(coupled), count, scalars)
+    if moduli is None or not moduli.any():
+        return kernel
+    heat = HeatSource.of(coupled, moduli, -stiffness[:, temperature, temperature])
+    return ThermalKernel(kernel, size, temperature, heat)
+
+
+def check_fields(
+    fundamental_solution: FundamentalSolution,
+    stiffness: Array,
+    moduli: Array | None = None,
+    temperature: int = N_FIELDS,
+) -> None:
+    """Raise MaterialError if `bind_fields`, with the same arguments, does."""
+    coupled, _ = _coupled_fields(stiffness)
+    fundamental_solution.check(coupled)
+    if moduli is not None and moduli.any():
+        HeatSource.check(coupled, moduli, -stiffness[:, temperature, temperature])
+
+
+def _coupled_fields(stiffness: Array) -> tuple[Array, int]:
+    """Return the stiffness of N_FIELDS fields, (3, 5, 5, 3), and how many of these, the first ones, the material has.
+
+    Raises MaterialError if a field after the first N_FIELDS is coupled.
+    """
+    size = stiffness.shape[1]
     count = min(size, N_FIELDS)
     couplings = stiffness[:, count:].copy()
     for column in range(size - count):
         couplings[:, column, count + column] = 0.0
     if couplings.any():
         raise MaterialError("a further scalar field is coupled to others; allowed: decoupled fields")
-    complemented = np.zeros((3, N_FIELDS, N_FIELDS, 3))
-    complemented[:, :count, :count] = stiffness[:, :count, :count]
+    coupled = np.zeros((3, N_FIELDS, N_FIELDS, 3))
+    coupled[:, :count, :count] = stiffness[:, :count, :count]
     for column in range(count, N_FIELDS):
-        complemented[:, column, column] = -np.eye(3)
-    scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(count, size))
-    kernel = DecoupledKernel(fundamental_solution.bind(complemented), count, scalars)
-    if moduli is None or not moduli.any():
-        return kernel
-    heat = HeatSource.of(complemented, moduli, -stiffness[:, temperature, temperature])
-    return ThermalKernel(kernel, size, temperature, heat)
+        coupled[:, column, column] = -np.eye(3)
+    return coupled, count

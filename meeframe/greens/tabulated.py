@@ -12,17 +12,22 @@ from meeframe.greens._kernels.modulation import N_PAIRS, triads
 from meeframe.greens._kernels.tabulated import DEGREE, evaluate, gradient
 from meeframe.greens._kernels.tabulated_sums import integrate
 from meeframe.greens.base import FundamentalSolution, Kernel
-from meeframe.greens.cells import cell_points, from_boundary, interpolation_points, polynomials
+from meeframe.greens.cells import (
+    COARSE_CELLS,
+    ERROR_MARGIN,
+    MAX_CELLS,
+    cell_points,
+    finest_error,
+    from_boundary,
+    interpolation_points,
+    polynomials,
+)
 from meeframe.greens.line_integral import LineIntegral, line_modulation
 from meeframe.greens.modulated import validate_stiffness
 
-MAX_CELLS = 64
 # Number of doubles in a huge page of 2 MB.
 HUGE_PAGE = 2**18
 LINE_POINTS = 16
-# The check uses a few directions in every cell, with one normal each; the largest of many errors is up to 2.2 times
-# larger.
-ERROR_MARGIN = 2.5
 
 
 @final
@@ -97,6 +102,17 @@ class Tabulated(FundamentalSolution):
         if not 1 <= self.cells <= MAX_CELLS:
             raise CaseError(f"Tabulated: cells = {self.cells!r}; allowed: 1 to {MAX_CELLS}")
 
+    def check(self, stiffness: Array) -> None:
+        """Raise MaterialError if `bind` does.
+
+        Notes
+        -----
+        A coarse table is compared with the line integral, a fine one only if the errors of the coarse one are large.
+        """
+        stiffness = validate_stiffness(stiffness)
+        if finest_error(_largest_error(_kernel(stiffness, COARSE_CELLS), _reference(stiffness))) > self.tolerance:
+            self.bind(stiffness)
+
     def bind(self, stiffness: Array) -> Kernel:
         """Return the kernel of a material.
 
@@ -116,11 +132,10 @@ class Tabulated(FundamentalSolution):
             If the stiffness is not symmetric, not elliptic, or too anisotropic for the tolerance.
         """
         stiffness = validate_stiffness(stiffness)
-        reference = LineIntegral(LINE_POINTS).bind(stiffness)
-        coefficients = _face_coefficients(stiffness)
+        reference = _reference(stiffness)
         cells = self.cells
         while True:
-            kernel = TabulatedKernel(_table(stiffness, cells), cells, coefficients)
+            kernel = _kernel(stiffness, cells)
             excess = ERROR_MARGIN * _largest_error(kernel, reference) / self.tolerance
             if excess <= 1.0:
                 return kernel
@@ -133,6 +148,15 @@ class Tabulated(FundamentalSolution):
             # The error of T decreases with about the eighth power of the cell size.
             growth = min(2.0, 1.05 * excess ** (1.0 / DEGREE))
             cells = min(MAX_CELLS, max(cells + 2, round(cells * growth)))
+
+
+def _reference(stiffness: Array) -> Kernel:
+    """Return the kernel by which tables are checked."""
+    return LineIntegral(LINE_POINTS).bind(stiffness)
+
+
+def _kernel(stiffness: Array, cells: int) -> TabulatedKernel:
+    return TabulatedKernel(_table(stiffness, cells), cells, _face_coefficients(stiffness))
 
 
 def _face_coefficients(stiffness: Array) -> Array:

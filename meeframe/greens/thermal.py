@@ -24,14 +24,20 @@ from meeframe.greens._kernels.modulation import triads
 from meeframe.greens._kernels.tabulated import DEGREE
 from meeframe.greens._kernels.thermal import heat_source, heat_source_sums
 from meeframe.greens.base import Kernel
-from meeframe.greens.cells import cell_points, interpolation_points, polynomials
+from meeframe.greens.cells import (
+    COARSE_CELLS,
+    ERROR_MARGIN,
+    MAX_CELLS,
+    cell_points,
+    finest_error,
+    interpolation_points,
+    polynomials,
+)
 from meeframe.greens.harmonics import OddHarmonics
 
 TOLERANCE: Final = 1e-9
 """Largest error of the gradient of W in any direction, relative to its largest entry; W is more accurate."""
-CELLS, MAX_CELLS = 16, 64
-ERROR_MARGIN: Final = 2.5
-"""Ratio, found by trial, of the largest error and that at the points of the check, as of the table of U."""
+CELLS: Final = 16
 LINE_POINTS, MAX_LINE_POINTS, LINE_CHANGE = 16, 1 << 12, 1e-7
 
 
@@ -77,17 +83,9 @@ class HeatSource:
         Values are those of spherical harmonics (formula of Funk and Hecke). All cells are checked against the gradient,
         a mean over the circle normal to each direction, and refined if one fails.
         """
-
-        def density(z: Array) -> Array:
-            return _density(stiffness, moduli, conductivity, z)
-
-        harmonics = OddHarmonics.half_sphere_integrals(density, 0.1 * TOLERANCE)
-        cells = CELLS
+        harmonics, cells = _harmonics(stiffness, moduli, conductivity), CELLS
         while True:
-            points = interpolation_points(cells)
-            directions = points / np.linalg.norm(points, axis=1, keepdims=True)
-            values = harmonics.evaluate(directions) / (8.0 * np.pi**2)
-            source = cls(conductivity, polynomials(values, cells), cells)
+            source = cls(conductivity, _table(harmonics, cells), cells)
             excess = ERROR_MARGIN * _largest_error(source, stiffness, moduli) / TOLERANCE
             if excess <= 1.0:
                 return source
@@ -97,6 +95,14 @@ class HeatSource:
                     f"by a factor {excess:.1e}: the material is too anisotropic or too close to incompressible"
                 )
             cells = min(MAX_CELLS, max(cells + 2, round(cells * min(2.0, 1.05 * excess ** (1.0 / DEGREE)))))
+
+    @classmethod
+    def check(cls, stiffness: Array, moduli: Array, conductivity: Array) -> None:
+        """Raise MaterialError if `of` does; see `Tabulated.check`."""
+        harmonics = _harmonics(stiffness, moduli, conductivity)
+        source = cls(conductivity, _table(harmonics, COARSE_CELLS), COARSE_CELLS)
+        if finest_error(_largest_error(source, stiffness, moduli)) > TOLERANCE:
+            cls.of(stiffness, moduli, conductivity)
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
         """Return W and -nu . k grad W, (n, 5) each, for offsets and unit normals (n, 3)."""
@@ -208,6 +214,18 @@ def source_gradient(stiffness: Array, moduli: Array, conductivity: Array, offset
             result: Array = total / (4.0 * np.pi * distance)[:, None, None]
             return result
     raise MaterialError(f"the response to a heat source does not converge with {MAX_LINE_POINTS} points on a circle")
+
+
+def _harmonics(stiffness: Array, moduli: Array, conductivity: Array) -> OddHarmonics:
+    """Return 8 pi^2 W as a function of the direction."""
+    return OddHarmonics.half_sphere_integrals(lambda z: _density(stiffness, moduli, conductivity, z), 0.1 * TOLERANCE)
+
+
+def _table(harmonics: OddHarmonics, cells: int) -> Array:
+    """Return W interpolated in every cell, (3 cells^2, 720)."""
+    points = interpolation_points(cells)
+    directions = points / np.linalg.norm(points, axis=1, keepdims=True)
+    return polynomials(harmonics.evaluate(directions) / (8.0 * np.pi**2), cells)
 
 
 def _density(stiffness: Array, moduli: Array, conductivity: Array, z: Array) -> Array:

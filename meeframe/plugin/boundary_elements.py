@@ -10,7 +10,7 @@ from meeframe.elements._kernels.shape import map_rule
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.collocation import Sources, collocate
-from meeframe.formulations.dense_bem.fundamental import bind_body
+from meeframe.formulations.dense_bem.fundamental import bind_body, check_material
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.interior import InteriorRepresentation
 from meeframe.formulations.dense_bem.layout import NONE, Layout, boundary_fields, lay_out
@@ -32,6 +32,7 @@ __all__ = [
     "boundary_fields",
     "characteristic_length",
     "check_expansion",
+    "check_material",
     "collocate",
     "element_rule",
     "exterior_terms",

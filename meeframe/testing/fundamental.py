@@ -51,6 +51,7 @@ def check_fundamental_solution(
     offset, normal = unit_vectors(random, 40) * random.uniform(0.5, 2.0, (40, 1)), unit_vectors(random, 40)
     reference = LineIntegral().bind(stiffness)
     with explained(solution):
+        solution.check(stiffness)
         kernel = solution.bind(stiffness)
 
         def check_self(points: tuple[Array, Array]) -> None:

@@ -16,7 +16,7 @@ from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
-from meeframe.formulations.dense_bem.fundamental import bind_body
+from meeframe.formulations.dense_bem.fundamental import bind_body, check_material
 from meeframe.formulations.dense_bem.interfaces import Foundation, LayeredSolution, couple
 from meeframe.formulations.dense_bem.interior import BoundaryInterior, InteriorRepresentation, LayeredInterior
 from meeframe.formulations.dense_bem.layout import Layout, lay_out, number_first
@@ -87,7 +87,7 @@ class DenseBEM(Formulation):
             check_expansion(region.body)
             with located_below(number):
                 self._layout(region)
-            bind_body(self.fundamental_solution, region.body)
+            check_material(self.fundamental_solution, region.body)
             anisotropy(_scaled_stiffness(region.body))
 
     def supports_layers(self) -> bool:

@@ -1,15 +1,20 @@
-"""The fundamental solution of a body in units of its system, computed once for checks and further meshes."""
+"""The fundamental solution of a body in units of its system, computed once for further meshes."""
 
 import math
 from functools import lru_cache
 
 import numpy as np
 
-from meeframe.fields import N_FIELDS, THERMAL_FIELD
+from meeframe.fields import N_FIELDS, THERMAL_FIELD, Array
 from meeframe.formulations.dense_bem.units import Units
 from meeframe.greens.base import FundamentalSolution, Kernel
-from meeframe.greens.decoupled import bind_fields
+from meeframe.greens.decoupled import bind_fields, check_fields
 from meeframe.mesh.body import Body
+
+
+def check_material(fundamental_solution: FundamentalSolution, body: Body) -> None:
+    """Raise MaterialError if `bind_body`, with the same arguments, does."""
+    _check(fundamental_solution, *_content(body))
 
 
 def bind_body(fundamental_solution: FundamentalSolution, body: Body) -> Kernel:
@@ -27,18 +32,33 @@ def bind_body(fundamental_solution: FundamentalSolution, body: Body) -> Kernel:
     MaterialError
         As `bind_fields`.
     """
+    return _bind(fundamental_solution, *_content(body))
+
+
+def _content(body: Body) -> tuple[bytes, bytes | None, int]:
+    """Return scaled stiffness, moduli and the column of the temperature, as keys of the caches."""
     units = Units.of(body)
-    moduli = units.thermal_moduli(body)
-    heat = () if moduli is None else (moduli.tobytes(), body.fields.index(THERMAL_FIELD.name))
-    return _bind(fundamental_solution, units.scaling.scale_stiffness(body.stiffness).tobytes(), *heat)
+    stiffness, moduli = units.scaling.scale_stiffness(body.stiffness).tobytes(), units.thermal_moduli(body)
+    if moduli is None:
+        return stiffness, None, 0
+    return stiffness, moduli.tobytes(), body.fields.index(THERMAL_FIELD.name)
+
+
+@lru_cache(maxsize=256)
+def _check(fundamental_solution: FundamentalSolution, stiffness: bytes, moduli: bytes | None, temperature: int) -> None:
+    check_fields(fundamental_solution, *_arrays(stiffness, moduli), temperature)
 
 
 @lru_cache(maxsize=4)
 def _bind(
-    fundamental_solution: FundamentalSolution, stiffness: bytes, moduli: bytes | None = None, temperature: int = 0
+    fundamental_solution: FundamentalSolution, stiffness: bytes, moduli: bytes | None, temperature: int
 ) -> Kernel:
-    """Return the kernel of a scaled stiffness and moduli, whose bytes are keys of the cache."""
+    return bind_fields(fundamental_solution, *_arrays(stiffness, moduli), temperature)
+
+
+def _arrays(stiffness: bytes, moduli: bytes | None) -> tuple[Array, Array | None]:
+    """Return a scaled stiffness and moduli of their bytes."""
     values = np.frombuffer(stiffness)
     size = math.isqrt(len(values) // 9)
     heat = None if moduli is None else np.frombuffer(moduli).reshape(3, N_FIELDS)
-    return bind_fields(fundamental_solution, values.reshape(3, size, size, 3), heat, temperature)
+    return values.reshape(3, size, size, 3), heat

@@ -36,6 +36,7 @@ from meeframe.plugin.boundary_elements import (
     anisotropy,
     bind_body,
     check_expansion,
+    check_material,
     collocate,
     find_patches,
     lay_out,
@@ -115,7 +116,7 @@ class HierarchicalBEM(PersistentFormulation):
         check_contact_zone(body.mesh, body.contact_group)
         layout, _ = self._layout(body)
         _check_memory(layout.n_unknowns, self.tolerance)
-        bind_body(self.fundamental_solution, body)
+        check_material(self.fundamental_solution, body)
         anisotropy(_scaled(body))
 
     def couples_heat(self) -> bool:

@@ -1,6 +1,6 @@
 """Dense boundary elements reproduce exact fields."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from meeframe.fields import Array
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.greens import Isotropic, LineIntegral, Tabulated
-from meeframe.greens.base import Kernel
+from meeframe.greens.base import FundamentalSolution, Kernel
 from meeframe.greens.tabulated import TabulatedKernel
 from meeframe.material import library_material, rotation_about
 from meeframe.mesh import block_mesh, box_mesh, half_space_mesh
@@ -254,6 +254,24 @@ def test_open_meshes_and_missing_zones_are_rejected():
         DenseBEM().reduce(Body(body.stiffness, body.mesh, body.conditions, None))
     with pytest.raises(MeshError, match="no face group 'nowhere'"):
         DenseBEM().reduce(Body(body.stiffness, body.mesh, body.conditions, "nowhere"))
+
+
+@pytest.mark.parametrize("is_accepted", [True, False])
+def test_a_material_is_checked_without_a_kernel(is_accepted):
+    @dataclass(frozen=True)
+    class Unbound(FundamentalSolution):
+        def check(self, stiffness: Array) -> None:
+            if not is_accepted:
+                raise MaterialError("not for this material")
+
+        def bind(self, stiffness: Array) -> Kernel:
+            raise AssertionError("bound")
+
+    if is_accepted:
+        DenseBEM(Unbound()).check(small_block())
+    else:
+        with pytest.raises(MaterialError, match="not for this material"):
+            DenseBEM(Unbound()).check(small_block())
 
 
 @pytest.mark.full

@@ -1,6 +1,7 @@
 """The tabulated form agrees with the line integral in all directions."""
 
 import os
+import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -136,6 +137,27 @@ def test_invalid_points_affect_only_themselves(bad, transversely_isotropic, rand
 def test_rejects_a_material_beyond_its_tolerance(orthotropic):
     with pytest.raises(MaterialError, match=r"a table of 64 cells exceeds the tolerance .*too anisotropic"):
         Tabulated(tolerance=1e-15, cells=64).bind(orthotropic)
+
+
+def stretched(stiffness, factor):
+    """Return the stiffness in coordinates in which one direction is longer by a factor."""
+    deformation = np.diag([1.0, factor, 1.0])
+    return np.einsum("ia,mb,aJKb->iJKm", deformation, deformation, stiffness)
+
+
+@pytest.mark.full(except_for=1)
+@pytest.mark.parametrize("factor", [1.0, 2.4, 2.8])
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
+def test_check_rejects_what_bind_rejects(factor, tolerance, orthotropic):
+    """The answers change between the factors."""
+    solution, stiffness = Tabulated(tolerance), stretched(orthotropic, factor)
+    try:
+        solution.bind(stiffness)
+    except MaterialError as error:
+        with pytest.raises(MaterialError, match=re.escape(str(error))):
+            solution.check(stiffness)
+    else:
+        solution.check(stiffness)
 
 
 @pytest.mark.parametrize("options", [{"cells": 0}, {"cells": 65}, {"tolerance": 0.0}, {"tolerance": float("nan")}])
