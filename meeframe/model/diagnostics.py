@@ -98,11 +98,11 @@ class Diagnostics:
         return Body.of(case.material, case.mesh, (), case.zone, case.layers)
 
     def with_diagnostics(
-        self, increment: Increment, result: StepResult, onsets: "ContactOnsets | None", warns: bool
+        self, increment: Increment, result: StepResult, onsets: "ContactOnsets", ends: bool, warns: bool
     ) -> StepResult:
         """Return a result with diagnostics in its message, and whether its contact reaches the zone boundary.
 
-        onsets: after the increment that ends a load step, else None; warns: add the warnings of the case.
+        onsets: after the increment; ends: whether it ends a load step; warns: add the warnings of the case.
         """
         kinematics, zone = self.kinematics, self.zone
         case = kinematics.case
@@ -118,7 +118,8 @@ class Diagnostics:
                 "the contact reaches the border at which material enters its zone, which should be without load: use "
                 "a wider zone, or move the indenter against the rolling direction"
             )
-        if onsets is not None:
+        sentences += _failed_onset(result, case.contact_law, onsets)
+        if ends:
             sentences += diagnostics_on_end(zone, result, case.contact_law, onsets)
             sentences += snap_in(kinematics.system, case.contact_law, result)
         if warns:
@@ -220,6 +221,20 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     if uncertain > _MAX_AREA_UNCERTAINTY:
         nodes = "one node" if count == 1 else f"{count} nodes, {at_edge} of them at its edge"
         yield f"the contact has {nodes}: its area is uncertain by about {uncertain:.0%}; use more divisions"
+
+
+def _failed_onset(step: StepResult, law: ContactLaw, onsets: ContactOnsets) -> Iterator[str]:
+    """Yield advice if an increment with friction did not converge in which a large part of the contact was to form.
+
+    onsets: after the increment, so that they end with the last converged state.
+    """
+    new = np.count_nonzero(step.touching & ~onsets.touching) / max(1, np.count_nonzero(step.touching))
+    fails, rolls = step.status is not Status.CONVERGED, step.loading.rolling is not None
+    if fails and not rolls and law.tangential_scaling().any() and new > _LARGEST_ONSET:
+        yield (
+            f"{new:.0%} of the contact was to form in this increment, with slip before it touched: more `increments` "
+            "may converge, and are more accurate"
+        )
 
 
 def count_edge_nodes(zone: Zone, step: StepResult) -> int:

@@ -224,7 +224,7 @@ def solve_steps(
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)
                 warns = boundary and ends and number == 1
-                result = diagnostics.with_diagnostics(planned, result, onsets if ends else None, warns)
+                result = diagnostics.with_diagnostics(planned, result, onsets, ends, warns)
                 del planned  # arrays of which nobody has a use any more
                 release_freed_memory(len(system.points))
             count += 1

@@ -13,10 +13,12 @@ import meeframe
 from meeframe.contact.problem import Status
 from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.model import solve as model
 from meeframe.model.diagnostics import diagnostics, open_sides, sides_reached
 from meeframe.model.load import load_case
 from meeframe.model.step import Step
 from meeframe.results.records import Region
+from meeframe.solvers import StoppingCriteria
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
 SLIDING = "the whole contact slips under the prescribed force or torque"
@@ -158,6 +160,20 @@ def test_contact_formed_in_one_increment(bed, frictional, steps, poisson, change
     for message, share in zip(messages, reported, strict=True):
         assert (ONE_INCREMENT in message) == bool(share)
         assert f"{share} {ONE_INCREMENT}" in message or not share
+
+
+@pytest.mark.parametrize(
+    ("increments", "law", "advised"),
+    [(1, IsotropicCoulomb(0.3), "100%"), (2, IsotropicCoulomb(0.3), "100%"), (1, Signorini(), "")],
+)
+def test_more_increments_are_advised_where_one_fails(bed, frictional, increments, law, advised):
+    """No increment converges here, so that all of the contact is new in each."""
+    steps = [Step(approach=2e-5, increments=increments)]
+    case = replace(frictional, steps=steps, contact_law=law, limits=StoppingCriteria(max_iterations=1))
+    results = list(model.solve_steps(case, bed.half_space(24), boundary=False))
+    assert [result.status for result in results] == [Status.ITERATION_LIMIT] * len(results)
+    assert ("more `increments` may converge" in results[-1].message) == bool(advised)
+    assert f"{advised} of the contact was to form" in results[-1].message or not advised
 
 
 @pytest.mark.full
