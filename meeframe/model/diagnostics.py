@@ -228,7 +228,7 @@ def _failed_onset(step: StepResult, law: ContactLaw, onsets: ContactOnsets) -> I
 
     onsets: after the increment, so that they end with the last converged state.
     """
-    new = np.count_nonzero(step.touching & ~onsets.touching) / max(1, np.count_nonzero(step.touching))
+    new = int((step.touching & ~onsets.touching).sum()) / max(1, int(step.touching.sum()))
     fails, rolls = step.status is not Status.CONVERGED, step.loading.rolling is not None
     if fails and not rolls and law.tangential_scaling().any() and new > _LARGEST_ONSET:
         yield (

@@ -129,6 +129,14 @@ HOOKS = {
 }
 
 
+@pytest.fixture(autouse=True)
+def interruptible():
+    """Handle SIGINT as in a foreground process, also where a shell runs the tests in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture
 def plugin(tmp_path):
     file = tmp_path / "hanging.py"
