@@ -18,7 +18,7 @@ from meeframe.laws.base import contact_conductivity, is_pure_projection
 WIDTH: Final = 3
 """Half width of the band, in spacings; farther from the edge, loads depend on those of many nodes.
 
-A width of 2 takes a tenth more products, fluxes alone a fifth, summed over twelve grids of 120 to 544 nodes along a side.
+A width of 2 takes a tenth more products, and a fifth more without friction, in sums over twelve grids.
 """
 SWEEPS: Final = 6
 """Largest number of sweeps, whose direction alternates."""
