@@ -228,9 +228,10 @@ def _failed_onset(step: StepResult, law: ContactLaw, onsets: ContactOnsets) -> I
 
     onsets: after the increment, so that they end with the last converged state.
     """
+    if step.status is Status.CONVERGED or step.loading.rolling is not None or not law.tangential_scaling().any():
+        return
     new = int((step.touching & ~onsets.touching).sum()) / max(1, int(step.touching.sum()))
-    fails, rolls = step.status is not Status.CONVERGED, step.loading.rolling is not None
-    if fails and not rolls and law.tangential_scaling().any() and new > _LARGEST_ONSET:
+    if new > _LARGEST_ONSET:
         yield (
             f"{new:.0%} of the contact was to form in this increment, with slip before it touched: more `increments` "
             "may converge, and are more accurate"
