@@ -10,7 +10,7 @@ from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import Mask, conducting
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_load, start_motion
-from meeframe.contact.nested import coarse_problem, prolonged_start, with_tension
+from meeframe.contact.nested import Coarse, coarse_problem, prolonged_start, with_tension
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
@@ -136,12 +136,9 @@ def _begin(
 ) -> Iterate:
     """Return the start of an iteration; see SemismoothNewton.init."""
     n, restrictions = len(problem.gap), MAX_RESTRICTIONS if problem.system.dense() is None else 0
-    coarse = coarse_problem(problem) if start is None and restrictions else None
-    coarse_iterate = None if coarse is None else _coarse_solution(coarse.problem)
-    if coarse is None or coarse_iterate is None:
-        prolonged = None
-    else:
-        start = prolonged = prolonged_start(problem, coarse, coarse_iterate)
+    coarse_solution = _coarse_solution(problem) if start is None and restrictions else None
+    prolonged = None if coarse_solution is None else prolonged_start(problem, *coarse_solution)
+    start = prolonged or start
     contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(problem, start)
     motion = start_motion(problem, start)
     neighbourhood = None if prolonged is None else contact_neighbourhood(problem, np.asarray(load.any(axis=1)))
@@ -155,7 +152,8 @@ def _begin(
     if not keeps_motion and (np.abs(state.balance) > BALANCE_TOLERANCE).any():
         state = equation.at(state.load, contact_fraction, state.biactive, _balanced_motion(problem, state))
     rise = 1.0
-    if coarse is not None and coarse_iterate is not None:
+    if coarse_solution is not None:
+        coarse, coarse_iterate = coarse_solution
         coarse_memory = coarse_iterate.memory_as(_Memory)
         of_coarse = coarse_memory.neighbourhood
         coarse_nodes = np.arange(len(coarse.problem.gap)) if of_coarse is None else of_coarse.nodes
@@ -212,9 +210,15 @@ def _tolerance(memory: _Memory) -> float:
     return float(np.clip(max(0.9 * memory.fall**1.5, sufficient), MIN_TOLERANCE, MAX_TOLERANCE))
 
 
-def _coarse_solution(problem: ContactProblem) -> Iterate | None:
-    """Return an approximate solution on a coarser system, or None if it is not found or without load. Gain: 1.33."""
-    solver = SemismoothNewton()
+def _coarse_solution(fine_problem: ContactProblem) -> tuple[Coarse, Iterate] | None:
+    """Return the problem on a coarser system and its approximate solution.
+
+    None if there is no such system, or a solution is not found or without load. Gain: 1.33.
+    """
+    coarse = coarse_problem(fine_problem)
+    if coarse is None:
+        return None
+    problem, solver = coarse.problem, SemismoothNewton()
     iterate, steps = _begin(problem, None), 0
     # the merit of a start is small even if its short waves are wrong, which a first step shows
     while steps == 0 or iterate.memory_as(_Memory).state.merit > COARSE_MERIT:
@@ -224,10 +228,11 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     if not iterate.load.any():
         return None
     if conducting(problem):  # where potentials attract the surfaces, the start decides on nodes at the contact edge
-        return iterate
+        return coarse, iterate
     memory = iterate.memory_as(_Memory)
     gap = memory.state.relative_displacement[:, 2]
-    return with_tension(problem, iterate, gap if memory.neighbourhood is None else memory.neighbourhood.scatter(gap))
+    gap = gap if memory.neighbourhood is None else memory.neighbourhood.scatter(gap)
+    return coarse, with_tension(problem, iterate, gap)
 
 
 def _is_infeasible(problem: ContactProblem, iterate: Iterate) -> bool:
