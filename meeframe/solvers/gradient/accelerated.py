@@ -216,7 +216,9 @@ def _secant_step(scaling: Array, change: Array, response: Array, short: bool, pl
     metric = np.eye(3)
     metric[:2, :2] = scaling if short else np.linalg.pinv(scaling)
     if short:
-        r = product / float((response * (response @ metric)).sum())
+        numerator, denominator = product, float((response * (response @ metric)).sum())
     else:
-        r = float((change * (change @ metric)).sum()) / product
-    return float(np.clip(r, STEP_LIMITS[0] * plain_step, STEP_LIMITS[1] * plain_step))
+        numerator, denominator = float((change * (change @ metric)).sum()), product
+    if denominator == 0.0:  # squares of round-off vanish first
+        return plain_step
+    return float(np.clip(numerator / denominator, STEP_LIMITS[0] * plain_step, STEP_LIMITS[1] * plain_step))

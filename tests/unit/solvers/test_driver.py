@@ -12,7 +12,16 @@ from meeframe.common.errors import CaseError
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, Signorini
-from meeframe.solvers import ProjectedCG, SemismoothNewton, StoppingCriteria, Uzawa, residual, solve
+from meeframe.solvers import (
+    BarzilaiBorwein,
+    Nesterov,
+    ProjectedCG,
+    SemismoothNewton,
+    StoppingCriteria,
+    Uzawa,
+    residual,
+    solve,
+)
 from meeframe.system.capabilities import FieldwiseApply
 from meeframe.system.reduced import NodalFields, ReducedSystem
 from meeframe.testing.contact import check_solver, exact_pressure
@@ -175,6 +184,20 @@ def test_no_contact_converges_at_once() -> None:
     assert solution.status is Status.CONVERGED
     assert solution.iterations == 0
     assert not solution.state.load.any()
+
+
+@pytest.mark.parametrize("solver", [Uzawa(), BarzilaiBorwein(), Nesterov(), SemismoothNewton()], ids=str)
+def test_loads_whose_squares_underflow(solver: Solver) -> None:
+    """Round-off that an increment without load leaves may be as small."""
+    system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3]), 5e-3, 4)
+    loads = []
+    for depth in (1e-5, 1e-160):
+        punch = indentation_problem(system, np.zeros(16), depth, IsotropicCoulomb(0.3), translation=(depth, 0.0))
+        iterate = solver.init(punch, None)
+        for _ in range(200):
+            iterate = solver.step(punch, iterate)
+        loads.append(iterate.load / depth)
+    assert np.allclose(loads[1], loads[0], rtol=1e-9, atol=0.0)
 
 
 def test_continuation_from_a_smaller_load() -> None:
