@@ -146,11 +146,10 @@ def stretched(stiffness, factor):
 
 
 @pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("factor", [1.0, 2.4, 2.8])
-@pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
-def test_check_rejects_what_bind_rejects(factor, tolerance, orthotropic):
-    """The answers change between the factors."""
-    solution, stiffness = Tabulated(tolerance), stretched(orthotropic, factor)
+@pytest.mark.parametrize(("factor", "tolerance", "cells"), [(1.0, 1e-8, 20), (2.8, 1e-8, 64), (1.0, 1e-10, 64)])
+def test_check_rejects_what_bind_rejects(factor, tolerance, cells, orthotropic):
+    """The last two are rejected, the second one for an error of 1.2 times the tolerance."""
+    solution, stiffness = Tabulated(tolerance, cells), stretched(orthotropic, factor)
     try:
         solution.bind(stiffness)
     except MaterialError as error:
@@ -176,13 +175,13 @@ np.save(sys.argv[2], Tabulated(tolerance=0.5, cells=1).bind(stiffness).evaluate(
 
 
 @pytest.mark.full
-def test_without_compilation(orthotropic, random, tmp_path):
+def test_without_compilation(isotropic, random, tmp_path):
     """The kernel also works uncompiled, as in debuggers, for cells with many points and with few."""
     offset, normal = unit_vectors(random, 40), unit_vectors(random, 40)
     given, computed = tmp_path / "given.npz", tmp_path / "found.npy"
-    np.savez(given, orthotropic, offset, normal)
+    np.savez(given, isotropic, offset, normal)
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
     subprocess.run([sys.executable, "-c", PLAIN, given, computed], check=True, env=environment)
-    expected = Tabulated(tolerance=0.5, cells=1).bind(orthotropic).evaluate(offset, normal)
+    expected = Tabulated(tolerance=0.5, cells=1).bind(isotropic).evaluate(offset, normal)
     for plain, compiled in zip(np.load(computed), expected, strict=True):
         assert relative_error(plain, compiled) < 1e-12
