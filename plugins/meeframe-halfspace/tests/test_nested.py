@@ -52,9 +52,9 @@ ISOTROPIC = Material.isotropic(200e9, 0.3).stiffness
 ANISOTROPIC = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
 WIDTH, FORCE = 1e-2, 100.0
 GRIDS = [
-    (HalfSpace(matrix_up_to=0), (63, 80)),
-    (HalfSpace("constant", matrix_up_to=0), (64, 69)),
-    (HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (63, 79)),
+    (HalfSpace(matrix_up_to=0), (47, 60)),
+    (HalfSpace("constant", matrix_up_to=0), (48, 53)),
+    (HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (47, 59)),
 ]
 SOLVERS = pytest.mark.parametrize("solver", [ProjectedCG(), SemismoothNewton()], ids=["projected-cg", "newton"])
 
