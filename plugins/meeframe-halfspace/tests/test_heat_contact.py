@@ -153,7 +153,8 @@ SPHERES: tuple[tuple[Material, Potentials, bool], ...] = (
     ("material", "potentials", "floating", "cells"),
     [
         *((*each, 20) for each in SPHERES[1:5:3]),
-        *(pytest.param(*each, cells, marks=pytest.mark.full) for each in SPHERES for cells in (64, 96)),
+        *(pytest.param(*each, 40, marks=pytest.mark.full) for each in SPHERES),
+        pytest.param(*SPHERES[-1], 96, marks=pytest.mark.full),
     ],
 )
 def test_hot_sphere_in_closed_form(material: Material, potentials: Potentials, floating: bool, cells: int) -> None:
@@ -169,7 +170,7 @@ def test_hot_sphere_in_closed_form(material: Material, potentials: Potentials, f
     if floating:
         exact = without_fluxes(exact)
     zone, step, total = indented(exact, material, meeframe.Sphere(R), cells, floating)
-    tolerance = 0.032 / cells  # 5e-4 at 64 cells
+    tolerance = 0.032 / cells  # 8e-4 at 40 cells
     assert np.sqrt(total.contact_area / np.pi) == pytest.approx(A, rel=tolerance)
     assert total.normal_force == pytest.approx(exact.force, rel=tolerance / 8.0)
     assert total.heat == pytest.approx(exact.heat, rel=tolerance)
