@@ -71,9 +71,15 @@ def is_insulated(problem):
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("condition", CONDITIONS)
-@pytest.mark.parametrize("material", ["transverse", "orthotropic"])
 @pytest.mark.parametrize(
-    "law", [Signorini(), IsotropicCoulomb(0.6), IsotropicCoulomb(5.0), OrthotropicCoulomb(0.06, 0.6, 0.3)], ids=str
+    ("material", "law"),
+    [
+        ("transverse", Signorini()),
+        ("orthotropic", IsotropicCoulomb(0.6)),
+        ("transverse", IsotropicCoulomb(5.0)),
+        ("orthotropic", OrthotropicCoulomb(0.06, 0.6, 0.3)),
+    ],
+    ids=str,
 )
 def test_solvers_agree(sphere, condition, material, law) -> None:
     assert_agree(
@@ -83,7 +89,7 @@ def test_solvers_agree(sphere, condition, material, law) -> None:
 
 
 @pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("kappa", [1e-3, 1e-2, 1.0, 1e2])
+@pytest.mark.parametrize("kappa", [1e-3, 1e-2, 1e2])
 def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
     assert_agree(sphere("orthotropic", IsotropicCoulomb(0.3), (kappa, kappa), cells=12), FRICTIONAL)
     assert_agree(sphere("orthotropic", Signorini(), (kappa, kappa), cells=12), FRICTIONAL)
