@@ -113,7 +113,7 @@ def test_insulated_fields_follow_the_surface_and_conducting_flux_the_pressure() 
 @pytest.mark.parametrize("fields", [(2e4, None), (None, -20.0), (-1.5e4, 30.0)])
 def test_prescribed_potentials(fields: tuple[float | None, float | None]) -> None:
     """Fluxes are singular at the edge, which a grid resolves to first order only."""
-    case = problem(28, fields)
+    case = problem(24, fields)
     solution = solve_problem(case)
     exact = indent(XI, Sphere(RADIUS), APPROACH, *fields)
     force, charge, flux = totals(case, solution)
@@ -134,21 +134,21 @@ def test_flat_punch_converges_at_first_order() -> None:
     """The pressure is singular at the edge. The number of cells in a circle scatters more than the force converges,
     so the exact force is that of a circle with the area of the cells."""
     errors = []
-    for group in ((9, 10, 11, 12), (27, 28, 29, 30)):
+    for group in ((9, 10, 11, 12), (21, 22, 23, 24)):
         for cells in group:
             case = problem(cells, shape=FlatPunch(2e-3), side=4.2e-3)
             area = case.system.weights[np.isfinite(case.gap)].sum()
             exact = indent(XI, FlatPunch(float(np.sqrt(area / np.pi))), APPROACH)
             errors.append(totals(case, solve_problem(case))[0] / exact.force - 1.0)
     coarse, fine = np.abs(errors[:4]).mean(), np.abs(errors[4:]).mean()
-    assert np.log(coarse / fine) / np.log(28.5 / 10.5) > 1.0 - 0.3
+    assert np.log(coarse / fine) / np.log(22.5 / 10.5) > 1.0 - 0.3
     assert fine < 0.012
 
 
 @pytest.mark.full
 def test_sphere_converges_at_least_at_first_order() -> None:
     exact = indent(XI, Sphere(RADIUS), APPROACH).force
-    groups = ((7, 8, 9, 10, 11), (21, 24, 27, 30, 33))
+    groups = ((6, 7, 8, 9, 10), (18, 21, 24, 27, 30))
     errors = [[totals(case := problem(n), solve_problem(case))[0] / exact - 1.0 for n in group] for group in groups]
     coarse, fine = (np.sqrt(np.mean(np.square(group))) for group in errors)
     assert np.log(coarse / fine) / np.log(3.0) > 1.0 - 0.3
@@ -163,11 +163,11 @@ def test_force_and_flux_are_monotone_in_conductivity(field: int) -> None:
 
     def at(kappa: float) -> tuple[float, float]:
         pair = (kappa, 0.0) if field == 0 else (0.0, kappa)
-        case = problem(14, kappa=pair)
+        case = problem(12, kappa=pair)
         force, *fluxes = totals(case, solve_problem(case))
         return force, fluxes[field]
 
-    sweep = np.array([at(factor * characteristic) for factor in np.logspace(-3, 3, 9)])
+    sweep = np.array([at(factor * characteristic) for factor in np.logspace(-3, 3, 7)])
     insulated, perfect, large = at(0.0), at(np.inf), at(1e8 * characteristic)
     forces, fluxes = np.vstack([insulated, sweep, perfect]).T
     assert (np.diff(forces) < 0.0).all()
