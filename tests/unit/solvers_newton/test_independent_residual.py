@@ -16,7 +16,7 @@ from meeframe.solvers.newton.residual import ContactResidual, ResidualState
 from meeframe.system.capabilities import diagonal
 from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, prescribe_resultant
 
-MU, NODES = 0.3, 48
+MU, NODES = 0.3, 38
 COULOMB = IsotropicCoulomb(MU)
 KAPPA = {"perfect": (np.inf, np.inf), "alone": (np.inf, 0.0), "finite": (1.0, 0.1), "little": (1e-3, 30.0)}
 """In units of the inverse own response of a node."""
