@@ -145,7 +145,7 @@ def equal(one: Array, other: Array, tolerance: float = 1e-7) -> None:
     np.testing.assert_allclose(one, other, rtol=0.0, atol=tolerance * np.abs(other).max(initial=1e-300))
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("drag", [0.0, 3e-6], ids=["frictionless", "friction"])
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_scalar_field_agrees_with_separate_problem(name: str, drag: float) -> None:

@@ -73,7 +73,7 @@ def point_values(grid: Any, r: Array, theta: Array) -> tuple[Array, Array]:
     return top[:, :5] + top[:, 5:], (difference[:5] + difference[5:]).T
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("layers", [TRICLINIC, ON_BASE], ids=["half space", "base"])
 def test_difference_in_space_is_the_double_integral_over_waves(layers: LayerStack) -> None:
     """The difference of two points, without any level; and the level on a half space, at the reference radius."""

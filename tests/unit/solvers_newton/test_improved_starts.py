@@ -91,6 +91,7 @@ def test_tangential_responses_are_sums_over_nodes_within_reach(is_periodic: bool
     np.testing.assert_allclose(result, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("material", ["orthotropic-mee", "batio3-cofe2o4"])
 def test_sweeps_alone_solve_a_small_contact(material: str, conducting, at) -> None:
     """Projected Gauss-Seidel iteration converges without friction, and the independent residual accepts its result."""

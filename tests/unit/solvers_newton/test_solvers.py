@@ -88,7 +88,7 @@ def test_solvers_agree(sphere, condition, material, law) -> None:
     )
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("kappa", [1e-3, 1e-2, 1e2])
 def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
     assert_agree(sphere("orthotropic", IsotropicCoulomb(0.3), (kappa, kappa), cells=12), FRICTIONAL)
@@ -127,7 +127,7 @@ def test_every_solver_finds_the_biactive_nodes(sphere, law) -> None:
         np.testing.assert_allclose(solution.state.contact_fraction, contact_fraction, atol=1e-6)
 
 
-@pytest.mark.full(except_for=8)
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize("solver", ALL, ids=name)
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
 def test_solutions_do_not_depend_on_units(sphere, solver, scale) -> None:
