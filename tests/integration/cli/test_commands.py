@@ -132,6 +132,7 @@ def test_run_show_and_no_overwriting(case_file, tmp_path):
 
 
 def test_contact_at_zone_boundary_causes_a_warning(case_file, tmp_path):
+    case_file.write_text(case_file.read_text() + "\n[output]\nfigures = false\n")
     assert "edge of its zone" not in meeframe_command("run", case_file, "--out", tmp_path / "within")[2]
     case_file.write_text(case_file.read_text().replace('"40 um"', '"1 mm"').replace('"uzawa"', '"auto"'))
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "beyond")
@@ -140,6 +141,7 @@ def test_contact_at_zone_boundary_causes_a_warning(case_file, tmp_path):
 
 
 def test_figures_of_any_increment_in_any_format(case_file, tmp_path):
+    case_file.write_text(case_file.read_text() + "\n[output]\nfigures = false\n")
     assert meeframe_command("run", case_file, "--out", tmp_path / "out")[0] == 0
     status, out, _ = meeframe_command("figures", tmp_path / "out", "--step", "1", "--format", "pdf", "--out", tmp_path)
     assert status == 0

@@ -12,6 +12,7 @@ from meeframe.model.load import load_case
 from meeframe.model.step import Step
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n[conductivity.electric]\nname = "step"\nkappa = inf\n'
+FILES = "\n[output]\nfigures = false\nvtu = false\n"
 FIRST = '\n[[steps]]\ntangential_force = [300, 0]\nelectric_potential = "3 V"\nincrements = 2\n'
 SECOND = '\n[[steps]]\ntwist = 1e-3\nnormal_force = "2 kN"\nincrements = 2\n'
 RESTART = '\n[restart]\nfrom = "first"\n'
@@ -26,14 +27,14 @@ def restarted(write_case, *changes, more=SECOND):
 
 @pytest.fixture
 def first(write_case, registry, tmp_path):
-    return meeframe.run(load_case(write_case(more=LAW + FIRST), registry), tmp_path / "first")
+    return meeframe.run(load_case(write_case(more=LAW + FILES + FIRST), registry), tmp_path / "first")
 
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("changes", [[], [BEM]], ids=["springs", "boundary elements"])
 def test_restart_matches_a_single_run(write_case, registry, tmp_path, changes):
     whole = meeframe.solve_case(load_case(write_case(*changes, more=LAW + FIRST + SECOND), registry))
-    meeframe.run(load_case(write_case(*changes, more=LAW + FIRST), registry), tmp_path / "first")
+    meeframe.run(load_case(write_case(*changes, more=LAW + FILES + FIRST), registry), tmp_path / "first")
     second = meeframe.run(load_case(restarted(write_case, *changes), registry), tmp_path / "second")
     assert str(second.status) == str(whole.status) == "converged"
     assert [(step.step, step.increment) for step in second.steps] == [(1, 1), (1, 2)]
