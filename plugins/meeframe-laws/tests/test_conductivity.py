@@ -46,6 +46,7 @@ PRESSURE, GAP = 3e7, 5e-6
 """Under the sphere and beside it."""
 
 
+@pytest.mark.full(except_for=8)
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_conformance(law) -> None:
     check_conductivity_law(law)
@@ -154,8 +155,7 @@ NAMES = list(laws_of(1.0))
 
 
 @pytest.mark.full(except_for=3)
-@pytest.mark.parametrize("strength", [1.0, 100.0])
-@pytest.mark.parametrize("friction", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
+@pytest.mark.parametrize(("friction", "strength"), [(Signorini(), 1.0), (IsotropicCoulomb(0.4), 100.0)], ids=str)
 @pytest.mark.parametrize("name", NAMES)
 def test_solvers_agree(name, friction, strength) -> None:
     """Newton's method and gradient steps agree under EMCI with prescribed potentials.

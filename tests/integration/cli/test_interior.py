@@ -59,6 +59,7 @@ def invoke(*arguments):
     return result.exit_code, result.stdout, result.stderr
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("named", [True, False])
 def test_show_interior(run, named):
     """The default box contains the largest shear and von Mises stress under Hertz's pressure, near 0.310 and 0.620
