@@ -26,8 +26,8 @@ KAPPA = {"perfect": (np.inf, np.inf), "alone": (np.inf, 0.0), "finite": (1.0, 0.
 def make_problem(conducting):
     """Return a function that creates a problem by the name of its conduction or of its free motions."""
 
-    def make(law, name: str) -> ContactProblem:
-        problem = conducting(NODES, 0.3, law, Insulating(), dragged=(3e-7, 1e-7))
+    def make(law, name: str, nodes: int = NODES) -> ContactProblem:
+        problem = conducting(nodes, 0.3, law, Insulating(), dragged=(3e-7, 1e-7))
         compliance = np.abs(diagonal(problem.system, (3, 4))[0])
         if name == "insulated":
             return problem
@@ -108,7 +108,7 @@ def test_contact_residual_agrees_with_independent_residual(law, name: str, chang
 def test_scale_of_potential_drops(make_problem) -> None:
     """The scale exceeds that of the rows of the contact residual where little conducts and where fractions are
     intermediate."""
-    problem = make_problem(COULOMB, "perfect")
+    problem = make_problem(COULOMB, "perfect", 48)
     state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
     assert ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
     point = perturb(problem, state, "fraction", 1e-3)
