@@ -1,5 +1,6 @@
 """Direct solution of the sparse symmetric indefinite system: pardiso where it is installed, else SuperLU."""
 
+import os
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -156,8 +157,10 @@ def _schur_complement(matrix: csr_array, unknowns: Indices) -> Array:
 
 
 def _pardiso_solver() -> Any:
-    from pypardiso import PyPardisoSolver  # type: ignore[import-untyped]  # optional
+    from pypardiso import PyPardisoSolver, ps  # type: ignore[import-untyped]  # optional
 
+    # without the path that `ps` found, each solver searches all installed packages for the library
+    os.environ.setdefault("PYPARDISO_MKL_RT", ps.libmkl._name)
     return PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
 
 
