@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,12 @@ def system(case):
     return case.formulation.reduce(case.body)
 
 
+@pytest.fixture(scope="module")
+def solve(system):
+    """Return a function that solves a condition once."""
+    return cache(lambda condition: study.solve(study.load(condition), system))
+
+
 def test_mesh_matches_the_paper(case):
     assert case.mesh.n_elements == 1088
     assert len(case.mesh.points) == 1090
@@ -40,8 +47,8 @@ def test_mesh_matches_the_paper(case):
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
-def test_totals_and_sections_under_the_four_conditions(condition, case, system):
-    solved = study.solve(study.load(condition), system)
+def test_totals_and_sections_under_the_four_conditions(condition, case, solve):
+    solved = solve(condition)
     exact = study.closed_form(case, condition)
     computed = study.differences(solved, exact)
     assert len(computed) == 1 + sum(potential is not None for potential in study.CONDITIONS[condition])
@@ -51,13 +58,13 @@ def test_totals_and_sections_under_the_four_conditions(condition, case, system):
 
 
 @pytest.mark.parametrize("condition", ["ECMII", "EIMCI"])
-def test_force_and_flux_are_monotone_in_conductivity(condition, case, system):
+def test_force_and_flux_are_monotone_in_conductivity(condition, case, system, solve):
     """Fig. 3; with the printed sign of the conductivity law they would not be (docs/explanation/theory.md)."""
     computed = study.sweep(case, system, condition, np.logspace(-3, 3, 7))
     force = [-solved.totals.force[2] for solved in computed.solved]
     name = "charge" if condition == "ECMII" else "magnetic_flux"
     flux = [abs(study.totals(solved)[name]) for solved in computed.solved]
-    limits = [study.solve(study.load(name), system) for name in ("EMII", condition)]
+    limits = [solve(name) for name in ("EMII", condition)]
     assert np.all(np.diff(force) < 0)
     assert np.all(np.diff(flux) > 0)
     assert -limits[1].totals.force[2] < force[-1] < force[0] < -limits[0].totals.force[2]
@@ -65,11 +72,11 @@ def test_force_and_flux_are_monotone_in_conductivity(condition, case, system):
     assert force[-1] == pytest.approx(-limits[1].totals.force[2], rel=1e-3)
 
 
-def test_difference_from_half_space_is_due_to_the_block(case, system):
+def test_difference_from_half_space_is_due_to_the_block(case, solve):
     """On a semi-infinite body with as many elements in the zone, only the discretisation error remains."""
     (half_space,) = study.refinements(case, [(np.inf, 16)])
     for condition in CONDITIONS:
         exact = study.closed_form(case, condition)
         remaining = study.relative(half_space.totals[condition], study.exact_totals(exact))
-        for name, block in study.differences(study.solve(study.load(condition), system), exact).items():
+        for name, block in study.differences(solve(condition), exact).items():
             assert abs(remaining[name]) < min(0.003, 0.7 * abs(block)), (condition, name)
