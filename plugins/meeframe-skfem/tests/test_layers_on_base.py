@@ -119,12 +119,11 @@ SPRINGS = "{normal_stiffness = 3e17, tangential_stiffness = 1e17, electric_condu
 @pytest.mark.parametrize(
     ("film", "lower", "interface"),
     [
-        ("batio3", "cofe2o4", '{electrode = "grounded"}'),
         ("pzt-4", "batio3-cofe2o4", '"bonded"'),
         ("pzt-4", "batio3-cofe2o4", SPRINGS + ROTATION),
         ("orthotropic-mee", "cofe2o4", '{electrode = "grounded"}' + ROTATION),
     ],
-    ids=["electrode", "bonded", "triclinic with springs", "triclinic with electrode"],
+    ids=["bonded", "triclinic with springs", "triclinic with electrode"],
 )
 def test_sphere_on_a_film_by_three_methods(tmp_path, film, lower, interface):
     """On the same nodes, the differences decrease with the elements, and end below 1 % and 2 %."""
@@ -173,7 +172,7 @@ def test_two_coated_bodies_by_three_methods(tmp_path):
     """Force and charge by elements approach those by the half space on the same nodes, to 0.4 % and 1 %."""
     coarse, fine = (
         differences(tmp_path, divisions, growth, rings=rings, text=CASE + SECOND, **COATED)
-        for divisions, growth, rings in ((4, 3.0, 2), (6, 2.2, 4))
+        for divisions, growth, rings in ((4, 3.0, 2), (6, 2.2, 3))
     )
     assert (fine < coarse).all()
     assert (fine < [0.004, 0.01]).all()
