@@ -149,7 +149,7 @@ def spheres(across: int, steps: Sequence[meeframe.Step]) -> meeframe.Result:
 
 def limits_of_creepage(quick: bool) -> Iterator[Item]:
     """Check that forces grow with creepages to full slip, and the limit of large spin, which has no force."""
-    across, largest = 10 if quick else 20, FRICTION * CONTACT / SPHERE
+    across, largest = 8 if quick else 20, FRICTION * CONTACT / SPHERE
     fractions = np.array([0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 20.0])
     for axis, name in enumerate(("longitudinal", "lateral")):
         creepages = np.eye(2)[axis] * largest * fractions[:, None]
@@ -177,7 +177,7 @@ def limits_of_creepage(quick: bool) -> Iterator[Item]:
 
 def steady_limits(quick: bool) -> Iterator[Item]:
     """Check that steady rolling is the limit of transient cells, and its symmetries."""
-    across = 8 if quick else 12
+    across = 6 if quick else 12
     largest, cells = FRICTION * CONTACT / SPHERE, 10 * across
     creepage, spin = np.array([0.5, 0.3]) * largest, 0.5 * largest / CONTACT
     spacing = 2.0 * CONTACT / across

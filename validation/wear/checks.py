@@ -198,7 +198,7 @@ def roller(quick: bool) -> Iterator[Item]:
     All lines along the rolling direction then bear the same load, b^3 = 3 k P xi N R / 2 for the half width b.
     """
     hertz = float((3.0 * SPHERE_FORCE * SPHERE / (4.0 * MODULUS)) ** (1 / 3))
-    depth, creepage, cells = 3.0 * hertz**2 / SPHERE, 0.5, (10, 20) if quick else (16, 32)
+    depth, creepage, cells = 3.0 * hertz**2 / SPHERE, 0.5, (8, 14) if quick else (16, 32)
     half_width = float(np.sqrt(2.0 * depth * SPHERE))
     cycles = half_width**3 / (1.5 * COEFFICIENT * SPHERE_FORCE * creepage * SPHERE)
     steps = [
