@@ -219,7 +219,7 @@ def run(quick: bool) -> Iterator[Item]:
         Curve("computed", np.array(FRACTIONS), fine, points=True),
     )
     yield Plot(f"Creep curve of cylinders, {across[1]} nodes across", "creepage of full slip", "F / (mu N)", curves)
-    grids, finest = (20, 64.0) if quick else (GRIDS, FINEST)
+    grids, finest = (10, 64.0) if quick else (GRIDS, FINEST)
     values, _ = limits(measure(1.0, 0.25, grids, finest=finest))
     for name, computed, reference in zip(NAMES, values, KALKER, strict=True):
         words = f"circle, nu = 0.25: {name}, extrapolated from {grids} grids, {COARSEST:g} to {finest:g} nodes across"

@@ -83,7 +83,7 @@ RODS = (
     Rod(Quad9(), 100, 1, 50, {DENSE: (0.8,), DEFAULT: (inf,), TIGHT: (0.6,)}),
     Rod(Quad9(), 100, 1, 100, {DENSE: (0.36,), DEFAULT: (inf,), TIGHT: (0.4,)}),
 )
-QUICK = (*RODS[:2], RODS[3], RODS[5])
+QUICK = (RODS[0], RODS[3], RODS[5])
 
 
 def displacements(formulation: Formulation, rod: Rod) -> tuple[float, float]:
