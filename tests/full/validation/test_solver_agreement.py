@@ -31,7 +31,7 @@ CONDITIONS = {"EMII": (0.0, 0.0), "ECMII": (np.inf, 0.0), "EIMCI": (0.0, np.inf)
 FINITE = {"Table 1": (1e-5, 0.4), "Table 3": (1e-6, 1.0)}
 """kappa [F/m^2, H/m^2], of the order of the inverse response of a node."""
 PAPER_STEPS = {"Table 1": (5e12, 5e12), "Table 3": (5e11, 3e11)}
-"""r_nu and r_tau [Pa/m] of section 7; Table 1 is given no r_tau."""
+"""r_nu and r_tau [Pa/m] of section 7; Table 1 is given no r_tau. Most cases take thousands of these steps."""
 LAWS = {
     "no friction": Signorini(),
     "isotropic": IsotropicCoulomb(0.6),
@@ -84,13 +84,18 @@ def assert_agree(case, *more):
             assert np.abs(flux) <= 1e-8 * np.abs(case.system.weights @ np.abs(reference.load[:, column])), solver
 
 
+def paper_solvers(table, law, condition):
+    """Return the iteration of the paper with its step lengths, where all fields act."""
+    return [Uzawa(*PAPER_STEPS[table])] if (law, condition) == ("isotropic", "EMCI") else []
+
+
 @pytest.mark.parametrize(
     ("law", "condition"),
     [*(("isotropic", name) for name in CONDITIONS), *((law, "EMCI") for law in LAWS if law != "isotropic")],
 )
 def test_indentation(system, table, law, condition):
     """Sections 7.1 and 7.2, with orthotropic friction as in section 7.3."""
-    assert_agree(problem(system, LAWS[law], CONDITIONS[condition]), Uzawa(*PAPER_STEPS[table]))
+    assert_agree(problem(system, LAWS[law], CONDITIONS[condition]), *paper_solvers(table, law, condition))
 
 
 @pytest.mark.parametrize(
@@ -99,8 +104,8 @@ def test_indentation(system, table, law, condition):
 )
 def test_tangential_load(system, table, law, condition):
     """Section 7.4, by a prescribed translation below full slip."""
-    more = [Uzawa(*PAPER_STEPS[table])] if law == "isotropic" else []  # the other one takes thousands of steps
-    assert_agree(problem(system, LAWS[law], CONDITIONS[condition], (1e-5, 5e-6)), *more)
+    sheared = problem(system, LAWS[law], CONDITIONS[condition], (1e-5, 5e-6))
+    assert_agree(sheared, *paper_solvers(table, law, condition))
 
 
 @pytest.mark.parametrize(("law", "translation"), [("isotropic", (0.0, 0.0)), ("orthotropic", (1e-5, 5e-6))])
