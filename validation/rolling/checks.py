@@ -205,7 +205,7 @@ def run(quick: bool) -> Iterator[Item]:
 
     Forces of given creepages are accurate to first order in the spacing, and extrapolated from two grids.
     """
-    across = (20, 40) if quick else (40, 80)
+    across = (16, 32) if quick else (40, 80)
     (coarse, _), (fine, sticks) = map(cylinders, across)
     exact, words = carter(np.array(FRACTIONS)), f"cylinders, {across[0]} and {across[1]} nodes across"
     for fraction, computed, reference in zip(FRACTIONS, 2.0 * fine - coarse, exact, strict=True):
