@@ -76,12 +76,18 @@ def test_cluster_with_tls(tmp_path, monkeypatch):
             if name.startswith("DASK_DISTRIBUTED__COMM__TLS__CLIENT")
         }
         plain = {name: value for name, value in environment.items() if not name.startswith("DASK_")}
-        for address, variables in ((f"tls://127.0.0.1:{port}", others), (f"tcp://127.0.0.1:{port}", plain)):
-            command = [*sweep[:-1], address, "--overwrite"]
-            refused = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=200, check=False)
-            assert refused.returncode == 2, refused.stderr
-            assert f"error: scheduler {address} does not answer" in " ".join(refused.stderr.split())
-            assert "Traceback" not in refused.stderr
+        attempts = {f"tls://127.0.0.1:{port}": others, f"tcp://127.0.0.1:{port}": plain}
+        refused = {  # both wait for an answer
+            address: subprocess.Popen(
+                [*sweep[:-1], address, "--overwrite"], env=variables, stderr=subprocess.PIPE, text=True
+            )
+            for address, variables in attempts.items()
+        }
+        for address, process in refused.items():
+            _, errors = process.communicate(timeout=200)
+            assert process.returncode == 2, errors
+            assert f"error: scheduler {address} does not answer" in " ".join(errors.split())
+            assert "Traceback" not in errors
 
 
 def wait_for_port(port: int) -> None:
