@@ -11,6 +11,7 @@ and few kernels are compiled twice in a fresh clone.
 import os
 from collections import defaultdict
 
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # or each process that tests start would compile all sources
 if "PYTEST_XDIST_WORKER" in os.environ:  # before numpy is loaded: the workers share the processors already
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("MKL_NUM_THREADS", "1")
