@@ -536,7 +536,7 @@ def test_work_hardly_grows_on_fine_grids() -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("motion", [((1e-3, 0.0), 0.0), ((0.0, 1e-3), 0.0), ((0.0, 0.0), 1.0)])
 def test_work_hardly_grows_in_any_direction(motion: Motion) -> None:
-    """Lines of nodes that should stick do so at once (`undone_slip`); node by node the work grows with their length."""
+    """Creepage along and across the rolling direction, and spin, each alone on a grid with 16 times as many nodes."""
     coarse, fine = rolling_work(48, motion), rolling_work(192, motion)
     assert fine[0] <= coarse[0] + 3
     assert fine[1] < 1.4 * coarse[1]
