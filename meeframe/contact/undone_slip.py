@@ -26,7 +26,7 @@ def undone_slip(problem: ContactProblem, load: Array, trial: Array) -> Mask | No
     and then forward as it should. Each node alone seems to slip rightly, but for the first one or two. As long as
     the sum from there is against the friction, the material would stick.
 
-    Gain: half of the products on 256 x 256 nodes with a creepage along the rolling direction.
+    Gain: 72 instead of 122 products on 256 x 256 nodes with a creepage along the rolling direction.
 
     Parameters
     ----------

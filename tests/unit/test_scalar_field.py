@@ -246,9 +246,9 @@ def test_scalar_field_in_case_files_results_and_reports(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-def test_hierarchical_matrices_match_dense_matrices() -> None:
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_hierarchical_matrices_match_dense_matrices(tolerance: float) -> None:
     """Frictional contact with three channels; small leaves give low-rank blocks."""
-    tolerance = 1e-3
     warm = library_material("batio3-cofe2o4").with_field(HEAT, CONDUCTIVITY)
     mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (10, 10), 3, Quad4())
     body, laws = Body(warm.stiffness, mesh, (), "contact", warm.fields), (*LAWS, StepConductivity(KAPPA))
