@@ -214,7 +214,7 @@ class ConvergenceMonitor:
         self._problem, self._solver, self._criteria = problem, solver, criteria
         self._scales = problem_scales(problem)
         self._motion_scales = motion_scales(problem, self._scales)
-        self._fields = essential_fields(problem) if criteria.by_residual else None
+        self._fields, self._conducts = essential_fields(problem), conducting(problem)
         self._window = criteria.stall_window or solver.stall_window
         self._progression: Progression | None = None
         self._estimates: Progression | None = None
@@ -303,7 +303,7 @@ class ConvergenceMonitor:
         """Evaluate state and residual of an iterate, with the essential fields alone while these violate the laws."""
         problem, fields, tolerance = self._problem, self._fields, self._criteria.tolerance
         nearly_solved = iterate.estimate is not None and iterate.estimate <= tolerance
-        if fields is not None and len(fields) < problem.fields.size and not nearly_solved:
+        if self._criteria.by_residual and len(fields) < problem.fields.size and not nearly_solved:
             self._state = evaluate(problem, iterate, fields)
             self._residual = law_residual(problem, self._state, self._scales, fields)
             if not self._residual <= tolerance:
@@ -316,8 +316,8 @@ class ConvergenceMonitor:
     def _follow(self, iterate: Iterate) -> None:
         """Compare load, contact fraction and motion, in characteristic units, with earlier ones."""
         nodes = slice(None, None, -(-len(iterate.load) // MAX_FOLLOWED_NODES))
-        parts = [iterate.load[nodes, field] / self._scales.load[field] for field in essential_fields(self._problem)]
-        parts += [iterate.contact_fraction[nodes]] if conducting(self._problem) else []
+        parts = [iterate.load[nodes, field] / self._scales.load[field] for field in self._fields]
+        parts += [iterate.contact_fraction[nodes]] if self._conducts else []
         entry = np.concatenate([*parts, iterate.motion / self._motion_scales])
         self._cycle = self._cycle.add(self.iteration, entry, self._criteria.tolerance)
 

@@ -146,7 +146,8 @@ def measure(quick: bool) -> Record:
     sizes = QUICK if quick else SIZES
     record: Record = {"free": {}, "periodic": {}}
     with threads(1):
-        ours(sizes[0], False)  # compiled, loaded
+        for periodic in (False, True):
+            ours(sizes[0], periodic)  # compiled, loaded
         for n in sizes:
             record["free"][str(n)] = ours(n, False)[0]
             if n > max(largest for _, _, largest in OTHERS):

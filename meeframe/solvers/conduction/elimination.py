@@ -122,12 +122,16 @@ class Conductors:
     solve : callable
         Function that returns the flux of the pairs (a,) that raises the negated potentials by differences (a,), with
         the floating conductors at zero. It is given an approximate flux and the part of its error that may remain.
+    couplings : tuple of Array, optional
+        (a, m n), compliance of the pairs in the m mechanical fields, and (m n, a), its counterpart; None if the
+        compliance is not stored.
     """
 
     resistance: Array
     conducts: Mask
     floating: Floating
     solve: Solve
+    couplings: tuple[Array, Array] | None
 
     def without_floating(self, flux: Array, potential: Array) -> Array:
         """Return the flux (n, channels) less the contribution of potentials (j,) of the floating conductors."""
@@ -187,9 +191,14 @@ class Elimination:
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
         conducts = resistance < MAX_RESISTANCE_RATIO * self.self_compliance
-        make = self._iterate if self.matrix is None else self._factorise
-        solve = make(conducts, resistance)
-        return Conductors(resistance, conducts, Floating.of(self.problem, conducts, solve), solve)
+        if self.matrix is None:
+            solve, couplings = self._iterate(conducts, resistance), None
+        else:
+            pairs, size = self._numbers(conducts), len(self.mechanical) * len(resistance)
+            solve = self._factorise(pairs, resistance[conducts])
+            same = previous if previous is not None and np.array_equal(previous.conducts, conducts) else None
+            couplings = same.couplings if same else (self.matrix[pairs, :size], self.matrix[:size, pairs])
+        return Conductors(resistance, conducts, Floating.of(self.problem, conducts, solve), solve, couplings)
 
     def respond(self, traction: Array, conductors: Conductors, guess: Array, reduction: float = 0.0) -> Response:
         """Return the response to tractions alone.
@@ -237,46 +246,52 @@ class Elimination:
         self, traction: Array, conductors: Conductors, guess: Array, reduction: float, total: bool
     ) -> Response:
         conducts, floating = conductors.conducts, conductors.floating
-        loads = dict(zip(self.mechanical, traction.T[self.mechanical], strict=True))
-        displacement = self._apply(loads, self.mechanical + self.conducting)
-        rise = -displacement[:, POTENTIALS]
+        displacement, rise = self._response_to_tractions(traction, conductors)
         if total:
-            displacement += self.problem.system.offset
-            rise -= self.problem.potentials + self.problem.system.offset[:, POTENTIALS]
+            displacement += self.problem.system.offset[:, MECHANICAL]
+            rise -= (self.problem.potentials + self.problem.system.offset[:, POTENTIALS])[conducts]
         flux = np.zeros(conducts.shape)
-        unbalanced = conductors.solve(rise[conducts], guess[conducts], reduction)
+        unbalanced = conductors.solve(rise, guess[conducts], reduction)
         flux[conducts], potential = floating.balance(unbalanced, floating.totals if total else 0.0)
         if flux.any():
-            loads = {field: flux[:, field - N_MECHANICAL] for field in self.conducting}
-            displacement += self._apply(loads, self.mechanical)
-        return Response(flux, displacement[:, MECHANICAL], potential)
+            displacement[:, self.mechanical] += self._displacement_by_flux(flux, conductors)
+        return Response(flux, displacement, potential)
 
-    def _apply(self, loads: dict[int, Array], fields: list[int]) -> Array:
-        """Return the displacement (n, all fields) due to loads (n,) by field; zero in other fields."""
-        displacement = np.zeros((self.problem.fields.size, len(self.self_compliance))).T
-        if self.matrix is None:
-            load = np.array(list(loads.values())).T
-            displacement[:, fields] = apply_fields(self.problem.system, load, list(loads), fields)
-            return displacement
-        stored, n = self.mechanical + self.conducting, len(self.self_compliance)
-        for field in fields:
-            row = stored.index(field) * n
-            for loaded, load in loads.items():
-                column = stored.index(loaded) * n
-                displacement[:, field] += self.matrix[row : row + n, column : column + n] @ load
-        return displacement
+    def _response_to_tractions(self, traction: Array, conductors: Conductors) -> tuple[Array, Array]:
+        """Return the displacement (n, 3) and the rise (a,) of the negated potentials of the conducting pairs."""
+        moved, loads = np.zeros((self.problem.fields.size, len(traction))).T, traction.T[self.mechanical]
+        if self.matrix is None or conductors.couplings is None:
+            fields = self.mechanical + self.conducting
+            moved[:, fields] = apply_fields(self.problem.system, loads.T, self.mechanical, fields)
+            return moved[:, MECHANICAL], -moved[:, POTENTIALS][conductors.conducts]
+        size, values = loads.size, loads.ravel()
+        moved[:, self.mechanical] = (self.matrix[:size, :size] @ values).reshape(loads.shape).T
+        return moved[:, MECHANICAL], -(conductors.couplings[0] @ values)
 
-    def _factorise(self, conducts: Mask, resistance: Array) -> Solve:
-        """Return the solution of the flux equations by LU factorisation, scaled so that units do not matter."""
-        if not conducts.any():
+    def _displacement_by_flux(self, flux: Array, conductors: Conductors) -> Array:
+        """Return the displacement (n, m) in the mechanical fields due to fluxes (n, channels) of the pairs."""
+        if conductors.couplings is None:
+            channels = [field - N_MECHANICAL for field in self.conducting]
+            return apply_fields(self.problem.system, flux[:, channels], self.conducting, self.mechanical)
+        return (conductors.couplings[1] @ flux[conductors.conducts]).reshape(len(self.mechanical), len(flux)).T
+
+    def _numbers(self, conducts: Mask) -> Indices:
+        """Return the numbers (a,) of the conducting pairs (n, channels) in the stored matrix."""
+        nodes, channels = np.nonzero(conducts)
+        position = np.full(conducts.shape[1], -1)
+        position[[field - N_MECHANICAL for field in self.conducting]] = np.arange(len(self.conducting))
+        return np.asarray((len(self.mechanical) + position[channels]) * len(conducts) + nodes)
+
+    def _factorise(self, pairs: Indices, resistance: Array) -> Solve:
+        """Return the solution of the flux equations by LU factorisation, scaled so that units do not matter.
+
+        pairs: (a,), numbers of the conducting pairs in the stored matrix; resistance: (a,).
+        """
+        if not pairs.size:
             return lambda difference, guess, reduction: difference
         assert self.matrix is not None
-        offset, n = len(self.mechanical), len(resistance)
-        nodes, channels = np.nonzero(conducts)
-        position = {field - N_MECHANICAL: offset + k for k, field in enumerate(self.conducting)}
-        dofs = np.array([position[channel] for channel in channels.tolist()]) * n + nodes
-        equations = self.matrix[np.ix_(dofs, dofs)]
-        equations[np.diag_indices(len(dofs))] += resistance[conducts]
+        equations = self.matrix[np.ix_(pairs, pairs)]
+        equations[np.diag_indices(len(pairs))] += resistance
         scale = np.diag(equations) ** -0.5
         factors = lu_factor(scale[:, None] * equations * scale, overwrite_a=True, check_finite=False)
         return lambda difference, guess, reduction: scale * lu_solve(factors, scale * difference, check_finite=False)
