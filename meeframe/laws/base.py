@@ -436,9 +436,13 @@ def attraction_slope(law: ContactLaw, gap: Array) -> Array:
     It is zero at gaps that are not positive or not finite.
     """
     is_open = np.isfinite(gap) & (gap > 0.0)
-    positive_gap = np.where(is_open, gap, 1.0)
-    change = attraction(law, positive_gap * (1.0 + _WIDTH)) - attraction(law, positive_gap * (1.0 - _WIDTH))
-    return np.where(is_open, change / (2.0 * _WIDTH * positive_gap), 0.0)
+    slope = positive_slope(lambda positive_gap: attraction(law, positive_gap), np.where(is_open, gap, 1.0))
+    return np.where(is_open, slope, 0.0)
+
+
+def positive_slope(function: Callable[[Array], Array], at: Array) -> Array:
+    """Return the derivatives (n,) of a function of positive arguments (n,), node by node, by central differences."""
+    return (function(at * (1.0 + _WIDTH)) - function(at * (1.0 - _WIDTH))) / (2.0 * _WIDTH * at)
 
 
 def traction_tangents(

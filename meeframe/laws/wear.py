@@ -12,7 +12,7 @@ from meeframe.common.arguments import checked_arguments
 from meeframe.common.timed import TimeLimited
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
-from meeframe.laws.base import ContactLaw, StepLengths, resolve
+from meeframe.laws.base import ContactLaw, StepLengths, positive_slope, resolve
 
 _ROUND_OFF: Final = 1e-14
 """Relative error of a pressure that counts as zero."""
@@ -129,11 +129,35 @@ class WearingContact(ContactLaw):
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         """Return tractions (n, 3) [Pa] with pressures p that satisfy p + r_nu depth(p) = -trial_nu."""
-        highest, slip = np.maximum(-trial[:, 2], 0.0), self.slip(gap)
+        return resolve(self.law, self._with_wear(trial, self.slip(gap), r), gap, r)
+
+    def tangents(self, trial: Array, gap: Array, r: StepLengths) -> tuple[Array, Array]:
+        """Return the derivatives of `resolve` by the chain rule: by the trial and by the gap [Pa/m], (n, 3, 3) each.
+
+        Nodes without slip are at a kink of the depth, whose derivative by the slip counts as zero.
+        """
+        slip = self.slip(gap)
+        trial_with_wear = self._with_wear(trial, slip, r)
+        by_trial, by_gap = (derivative.copy(order="K") for derivative in self.law.tangents(trial_with_wear, gap, r))
+        wears = (trial_with_wear[:, 2] < 0.0) & (slip > 0.0) & np.isfinite(slip)
+        pressure, length = np.where(wears, -trial_with_wear[:, 2], 1.0), np.where(wears, slip, 1.0)
+        by_pressure = positive_slope(lambda pressure: self.depth(pressure, length), pressure)
+        share = np.where(wears, 1.0 / (1.0 + r[0] * by_pressure), 1.0)
+        if self.sliding is None:
+            by_slip = positive_slope(lambda length: self.depth(pressure, length), length)
+            for column in range(2):
+                direction = np.where(wears, gap[:, column] / length, 0.0)
+                by_gap[:, :, column] += by_trial[:, :, 2] * (r[0] * by_slip * share * direction)[:, None]
+        by_trial[:, :, 2] *= share[:, None]
+        return by_trial, by_gap
+
+    def _with_wear(self, trial: Array, slip: Array, r: StepLengths) -> Array:
+        """Return trials (n, 3) [Pa] of surfaces without wear, with the same pressure as under slips (n,) [m]."""
+        highest = np.maximum(-trial[:, 2], 0.0)
         pressure = _resolved(highest, lambda pressure: r[0] * self.depth(pressure, slip))
-        yielded = trial.copy()
-        yielded[:, 2] = np.where(highest > 0.0, -pressure, trial[:, 2])
-        return resolve(self.law, yielded, gap, r)
+        trial_with_wear = trial.copy(order="K")
+        trial_with_wear[:, 2] = np.where(highest > 0.0, -pressure, trial[:, 2])
+        return trial_with_wear
 
     def slip(self, gap: Array) -> Array:
         """Return the length of the slip (n,) [m], for gaps (n, 3) whose tangential part is the slip of the contact."""

@@ -5,9 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from meeframe_laws.evolving import SlipWeakening
 
 from meeframe.fields import Array
-from meeframe.laws import Archard, IsotropicCoulomb, Signorini
+from meeframe.laws import Archard, IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.laws.base import ContactLaw, for_increment
 from meeframe.laws.wear import WearingContact, WearLaw
 from meeframe.testing import check_wear_law
 from meeframe.testing.contact import check_contact_law
@@ -113,3 +115,40 @@ def test_contact_law_of_worn_surfaces_conforms(sliding: float) -> None:
     """With a prescribed distance it has the properties of a compliant law, as its gap follows from its traction."""
     for base in (Signorini(), IsotropicCoulomb(0.3)):
         check_contact_law(WearingContact(base, Archard(1e-12), np.zeros(1), sliding, None))
+
+
+@dataclass(frozen=True)
+class Fast(WearLaw):
+    """A rate that grows with the speed, and ever less with the pressure."""
+
+    needs_duration: ClassVar[bool] = True
+
+    def rate(self, pressure: Array, speed: Array, worn: Array) -> Array:
+        return 1e-3 * np.tanh(pressure / 1e7) * speed**0.7 / (1.0 + worn / 1e-6)
+
+
+BASES = [
+    Signorini(),
+    IsotropicCoulomb(0.4),
+    IsotropicCoulomb(np.inf),
+    OrthotropicCoulomb(0.2, 0.6, 0.3),
+    SlipWeakening(0.6, 0.2, 3e-6),
+]
+
+
+@pytest.mark.parametrize("law", [Archard(1e-11), Threshold(1.0), Threshold(3.0), Fast()], ids=str)
+@pytest.mark.parametrize("base", BASES, ids=str)
+def test_tangents_are_those_of_the_base_by_the_chain_rule(base: ContactLaw, law: WearLaw) -> None:
+    """They agree with central differences of `resolve`, by the trial and by the gap, also without slip or pressure."""
+    n, random = 300, np.random.default_rng(7)
+    trial = random.normal(size=(n, 3)) * 10.0 ** random.uniform(4.0, 8.0, (n, 1))
+    gap = random.normal(size=(n, 3)) * 10.0 ** random.uniform(-8.0, -5.0, (n, 1))
+    gap[::5, :2], trial[:3, 2], gap[:3, 2] = 0.0, np.inf, np.inf
+    law_of_increment = for_increment(base, np.zeros(n), None)
+    for sliding in (None, 1e-5):
+        contact = WearingContact(law_of_increment, law, random.uniform(0.0, 1e-6, n), sliding, 0.1)
+        for r in ((1e12, 1e12), (1e14, 1e10)):
+            differences = ContactLaw.tangents(contact, trial, gap, r)
+            for exact, expected, unit in zip(contact.tangents(trial, gap, r), differences, (1.0, max(r)), strict=True):
+                size = np.maximum(np.abs(expected).max(axis=(1, 2)), unit)
+                np.testing.assert_allclose(exact / size[:, None, None], expected / size[:, None, None], atol=1e-4)
