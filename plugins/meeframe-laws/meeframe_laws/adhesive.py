@@ -131,7 +131,7 @@ class DMTCoulomb(ContactLaw):
     def project(self, trial: Array) -> Array:
         """Return the radial return to the disc of radius mu (|p_nu| + p_adh) where p_nu < 0, (n, 3) [Pa]."""
         in_contact = trial[:, 2] < 0.0
-        traction = IsotropicCoulomb(self.mu).project(trial - np.array([0.0, 0.0, self.adhesive_pressure]))
+        traction = IsotropicCoulomb(self.mu).project(self._with_adhesion(trial))
         traction[:, 2] = trial[:, 2]
         traction[~in_contact] = 0.0
         return traction
@@ -139,3 +139,13 @@ class DMTCoulomb(ContactLaw):
     def tangential_scaling(self) -> Array:
         """Return the scaling of isotropic Coulomb friction, (2, 2)."""
         return IsotropicCoulomb(self.mu).tangential_scaling()
+
+    def tangent(self, trial: Array) -> Array:
+        """Return the derivative of the radial return, (n, 3, 3), zero without contact."""
+        tangent = IsotropicCoulomb(self.mu).tangent(self._with_adhesion(trial))
+        tangent[~(trial[:, 2] < 0.0)] = 0.0
+        return tangent
+
+    def _with_adhesion(self, trial: Array) -> Array:
+        """Return trials (n, 3) [Pa] with the adhesive pressure added to that of the contact."""
+        return trial - np.array([0.0, 0.0, self.adhesive_pressure])

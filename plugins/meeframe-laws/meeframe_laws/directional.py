@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.plugin import (
     MAX_FRICTION_RATIO,
@@ -72,18 +73,38 @@ class NonAssociatedCoulomb(ContactLaw):
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         """Return the traction with t + r_tau S g(t) = trial, (n, 3) [Pa], for any r."""
-        limit = _half_axes(self.mu1, self.mu2, self.angle)
-        # from the root of M K^-2 M, which may be too ill-conditioned for eigenvalues
-        _, size, right_vectors = np.linalg.svd(_half_axes(1.0, 1.0 / self.slip_ratio, self.slip_angle) @ limit)
-        growth, basis = (size / size[0]) ** 2, right_vectors.T
+        growth, unit = self._modes()
         pressure = contact_pressure(trial)
         traction = np.column_stack([trial[:, :2], -pressure])
         traction[pressure == 0.0, :2] = 0.0
-        unit = limit @ basis
         point = np.linalg.solve(unit, traction[:, :2].T).T
         slips = np.linalg.norm(point, axis=1) > pressure
         traction[slips, :2] = solve_secular_equation(point[slips], growth, pressure[slips]) @ unit.T
         return traction
+
+    def tangents(self, trial: Array, gap: Array, r: StepLengths) -> tuple[Array, Array]:
+        """Return the derivatives by the trial, (n, 3, 3), by the secular equation, and zero for those by the gap."""
+        traction, slips = self.resolve(trial, gap, r), np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
+        growth, unit = self._modes()
+        inverse = np.linalg.inv(unit)
+        slips[slips] = np.linalg.norm(trial[slips, :2] @ inverse.T, axis=1) > -trial[slips, 2]
+        point, y = (array[slips, :2] @ inverse.T for array in (trial, traction))
+        grown = growth * y
+        c = np.maximum((y * (point - y)).sum(axis=1) / (y * grown).sum(axis=1), 0.0)
+        shrink = 1.0 / (1.0 + c[:, None] * growth)
+        change = shrink[:, :, None] * np.eye(2)
+        change -= (
+            (shrink * grown)[:, :, None] * (shrink * y)[:, None, :] / (y * shrink * grown).sum(axis=1)[:, None, None]
+        )
+        by_trial = _homogeneous_tangent(trial, traction, slips, unit @ change @ inverse)
+        return by_trial, np.zeros_like(by_trial)
+
+    def _modes(self) -> tuple[Array, Array]:
+        """Return the factors of c, (2,), and the tractions of unit y in the basis of the secular equation, (2, 2)."""
+        limit = _half_axes(self.mu1, self.mu2, self.angle)
+        # from the root of M K^-2 M, which may be too ill-conditioned for eigenvalues
+        _, size, right_vectors = np.linalg.svd(_half_axes(1.0, 1.0 / self.slip_ratio, self.slip_angle) @ limit)
+        return (size / size[0]) ** 2, limit @ right_vectors.T
 
     def _associated(self) -> OrthotropicCoulomb:
         return OrthotropicCoulomb(self.mu1, self.mu2, self.angle)
@@ -142,6 +163,24 @@ class SuperellipticCoulomb(ContactLaw):
     def tangential_scaling(self) -> Array:
         """Return M^2 / max(mu)^2 in the axes of the limit, (2, 2)."""
         return OrthotropicCoulomb(self.mu1, self.mu2, self.angle).tangential_scaling()
+
+    def tangent(self, trial: Array) -> Array:
+        """Return the derivative of the nearest point, (n, 3, 3), by the curvature of the limit there."""
+        traction, slips = self.project(trial), np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
+        axes, n = _axes(self.angle) / np.array([[self.mu1], [self.mu2]]), self.exponent
+        slips[slips] = lame_norm(trial[slips, :2] @ axes.T, n) > -trial[slips, 2]
+        point, y = (array[slips, :2] @ axes.T / -trial[slips, 2:] for array in (trial, traction))
+        distortion = max(self.mu1, self.mu2) / min(self.mu1, self.mu2)
+        y[np.abs(y) <= ROUND_OFF * distortion] = 0.0  # at the corners of a rhombus
+        normal = np.copysign(np.abs(y) ** (n - 1.0), y)
+        size, distance = np.linalg.norm(normal, axis=1), np.linalg.norm(point - y, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):  # corners, and curves without curvature
+            curvature = (n - 1.0) * np.abs(y).prod(axis=1) ** (n - 2.0) / size**3
+            share = 1.0 / (1.0 + distance * curvature)
+        share = np.where(np.isfinite(curvature), share, 0.0)
+        along = normal[:, ::-1] * [-1.0, 1.0] / size[:, None]
+        change = share[:, None, None] * along[:, :, None] * along[:, None, :]
+        return _homogeneous_tangent(trial, traction, slips, np.linalg.inv(axes) @ change @ axes)
 
 
 def solve_secular_equation(point: Array, growth: Array, radius: Array) -> Array:
@@ -219,6 +258,21 @@ def nearest_on_lame_curve(point: Array, n: float) -> Array:
     nearest[is_swapped] = nearest[is_swapped][:, ::-1]
     signed: Array = np.copysign(nearest, point)
     return signed
+
+
+def _homogeneous_tangent(trial: Array, traction: Array, slips: NDArray[np.bool_], by_tangential: Array) -> Array:
+    """Return the derivative (n, 3, 3) of tractions (n, 3) in proportion to the size of the trial (n, 3).
+
+    slips: (n,), where nodes in contact slip; the others stick. by_tangential: (m, 2, 2), derivative of the tangential
+    traction of these by the tangential trial. The derivative by the normal trial follows by Euler's theorem.
+    """
+    tangent = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)
+    for i in range(3):
+        tangent[:, i, i] = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
+    tangent[slips, :2, :2] = by_tangential
+    remainder = traction[slips, :2] - np.einsum("nij,nj->ni", by_tangential, trial[slips, :2])
+    tangent[slips, :2, 2] = remainder / trial[slips, 2:]
+    return tangent
 
 
 def _axes(angle: float) -> Array:

@@ -8,7 +8,15 @@ from typing import Annotated, ClassVar, final
 import numpy as np
 
 from meeframe.plugin import Array, CaseError, ContactLaw, Quantity, StepLengths, check_quantities
-from meeframe_laws.limits import contact_pressure, isotropic_scaling, return_to_disc, tangential_norm
+from meeframe_laws.limits import (
+    contact_pressure,
+    direction,
+    disc_tangent,
+    is_within_disc,
+    isotropic_scaling,
+    return_to_disc,
+    tangential_norm,
+)
 
 
 @final
@@ -72,7 +80,16 @@ class SlipWeakening(ContactLaw):
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
         """Return the law on surfaces with slip paths before the increment."""
-        return _Increment(self, lambda trial, slip: self.coefficient(slip_path + slip) * contact_pressure(trial))
+
+        def limit(trial: Array, slip: Array) -> Array:
+            return self.coefficient(slip_path + slip) * contact_pressure(trial)
+
+        def slopes(trial: Array, slip: Array) -> tuple[Array, Array]:
+            path = slip_path + slip
+            rate = np.where(path < self.slip_distance, (self.mu_static - self.mu_kinetic) / self.slip_distance, 0.0)
+            return self.coefficient(path), -rate * contact_pressure(trial)
+
+        return _Increment(self, limit, slopes)
 
 
 @final
@@ -133,6 +150,13 @@ class RateAndPressure(ContactLaw):
         mu: Array = self.mu_kinetic + (self.mu_static - self.mu_kinetic) * static
         return mu
 
+    def _coefficient_slope(self, speed: Array) -> Array:
+        """Return dmu/dv, (n,) [s/m], at speeds (n,) >= 0 [m/s], zero at rest, where the direction of slip changes."""
+        d, ratio = self.speed_exponent, np.where(speed > 0.0, speed, self.reference_speed) / self.reference_speed
+        with np.errstate(over="ignore", invalid="ignore"):
+            slope = -d * ratio ** (d - 1.0) * (self.coefficient(speed) - self.mu_kinetic) / self.reference_speed
+        return np.where(np.isfinite(slope) & (speed > 0.0), slope, 0.0)
+
     def limit(self, trial: Array, mu: Array | float) -> Array:
         """Return the largest tangential traction (n,) [Pa] for trials (n, 3) and coefficients mu (n,)."""
         pressure = contact_pressure(trial)
@@ -165,16 +189,37 @@ class RateAndPressure(ContactLaw):
                 f"RateAndPressure: duration of the increment = {duration}; allowed: a positive number of seconds, "
                 "since friction depends on the speed of slip"
             )
-        return _Increment(self, lambda trial, slip: self.limit(trial, self.coefficient(slip / duration)))
+
+        def limit(trial: Array, slip: Array) -> Array:
+            return self.limit(trial, self.coefficient(slip / duration))
+
+        def slopes(trial: Array, slip: Array) -> tuple[Array, Array]:
+            pressure = contact_pressure(trial)
+            by_pressure = np.divide(limit(trial, slip), pressure, out=np.zeros_like(slip), where=pressure > 0.0)
+            by_speed = self._coefficient_slope(slip / duration)
+            return self.pressure_exponent * by_pressure, self.limit(trial, by_speed) / duration
+
+        return _Increment(self, limit, slopes)
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class _Increment(ContactLaw):
-    """A law during an increment, with a limit (n,) [Pa] that is a function of trials (n, 3) and slips (n,) [m]."""
+    """A law during an increment, with a limit (n,) [Pa] that is a function of trials (n, 3) and slips (n,) [m].
+
+    Attributes
+    ----------
+    law : ContactLaw
+        The law.
+    limit : callable
+        The limit.
+    slopes : callable
+        Derivatives of the limit by the pressure, (n,), and by the slip, (n,) [Pa/m].
+    """
 
     law: ContactLaw
     limit: Callable[[Array, Array], Array]
+    slopes: Callable[[Array, Array], tuple[Array, Array]]
 
     def project(self, trial: Array) -> Array:
         return self.law.project(trial)
@@ -184,6 +229,16 @@ class _Increment(ContactLaw):
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         return return_to_disc(trial, self.limit(trial, tangential_norm(gap)))
+
+    def tangents(self, trial: Array, gap: Array, r: StepLengths) -> tuple[Array, Array]:
+        slip = tangential_norm(gap)
+        limit, (by_pressure, by_slip) = self.limit(trial, slip), self.slopes(trial, slip)
+        by_gap = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)
+        slips = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0) & ~is_within_disc(trial, limit)
+        of_friction, of_slip = direction(trial), direction(gap)
+        for i, j in np.ndindex(2, 2):
+            by_gap[:, i, j] = np.where(slips, by_slip * of_friction[i] * of_slip[j], 0.0)
+        return disc_tangent(trial, limit, by_pressure), by_gap
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
         return self.law.for_increment(slip_path, duration)

@@ -13,7 +13,9 @@ from meeframe_laws.limits import (
     MAX_STEPS,
     ROUND_OFF,
     contact_pressure,
+    disc_tangent,
     isotropic_scaling,
+    radial_tangent,
     return_to_disc,
     tangential_norm,
     with_tangential_norm,
@@ -62,6 +64,10 @@ class Tresca(ContactLaw):
         """Return the identity, or zero if the limit is zero."""
         return isotropic_scaling(self.limit)
 
+    def tangent(self, trial: Array) -> Array:
+        """Return the derivative of the radial return, (n, 3, 3)."""
+        return disc_tangent(trial, self.limit)
+
 
 @final
 @dataclass(frozen=True)
@@ -93,13 +99,23 @@ class CappedCoulomb(ContactLaw):
 
     def project(self, trial: Array) -> Array:
         """Return the radial return to the disc of radius min(mu |p_nu|, limit), (n, 3) [Pa]."""
-        pressure = contact_pressure(trial)
-        shear = np.multiply(self.mu, pressure, out=np.zeros_like(pressure), where=pressure > 0.0)
-        return return_to_disc(trial, np.minimum(shear, self.limit))
+        return return_to_disc(trial, np.minimum(self._shear(trial), self.limit))
 
     def tangential_scaling(self) -> Array:
         """Return the identity, or zero if either limit is zero."""
         return isotropic_scaling(min(self.mu, self.limit))
+
+    def tangent(self, trial: Array) -> Array:
+        """Return the derivative of the radial return, (n, 3, 3)."""
+        shear = self._shear(trial)
+        return disc_tangent(
+            trial, np.minimum(shear, self.limit), np.where((shear > 0.0) & (shear < self.limit), self.mu, 0.0)
+        )
+
+    def _shear(self, trial: Array) -> Array:
+        """Return the limit of Coulomb friction (n,) [Pa], zero without pressure."""
+        pressure = contact_pressure(trial)
+        return np.multiply(self.mu, pressure, out=np.zeros_like(pressure), where=pressure > 0.0)
 
 
 @final
@@ -145,10 +161,26 @@ class RegularisedCoulomb(ContactLaw):
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         """Return the traction with t + r_tau g(t) = trial, (n, 3) [Pa], where g(t) is the slip of the traction t."""
-        limit, width = self.mu * contact_pressure(trial), r[1] * self.slip_length
-        return with_tangential_norm(
-            trial, smoothed_friction(tangential_norm(trial), limit, min(max(width, _FLOATS.tiny), _FLOATS.max))
-        )
+        limit, width = self._limit_and_width(trial, r)
+        return with_tangential_norm(trial, smoothed_friction(tangential_norm(trial), limit, width))
+
+    def tangents(self, trial: Array, gap: Array, r: StepLengths) -> tuple[Array, Array]:
+        """Return the derivatives by the trial, (n, 3, 3), and zero for those by the gap.
+
+        With f(x) = limit x / sqrt(width^2 + x^2), they follow from f(x) + x = |trial|.
+        """
+        limit, width = self._limit_and_width(trial, r)
+        friction = smoothed_friction(tangential_norm(trial), limit, width)
+        ratio = np.divide(friction, limit, out=np.zeros_like(limit), where=limit > 0.0)
+        with np.errstate(over="ignore"):  # f is then a step
+            slope = limit / width * np.maximum(1.0 - ratio**2, 0.0) ** 1.5
+        by_trial = radial_tangent(trial, friction, 1.0 - 1.0 / (1.0 + slope), self.mu * ratio / (1.0 + slope))
+        return by_trial, np.zeros_like(by_trial)
+
+    def _limit_and_width(self, trial: Array, r: StepLengths) -> tuple[Array, float]:
+        """Return the limit of Coulomb friction (n,) and the width of the transition to it, both [Pa]."""
+        width = min(max(r[1] * self.slip_length, _FLOATS.tiny), _FLOATS.max)
+        return self.mu * contact_pressure(trial), width
 
 
 def smoothed_friction(trial: Array, limit: Array, width: float) -> Array:
