@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import Annotated, Final, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from meeframe.plugin import (
     check_quantities,
 )
 from meeframe_laws.limits import MAX_STEPS, ROUND_OFF, contact_pressure
+
+_MAX_CURVED_EXPONENT: Final = 1e6
+"""Largest exponent whose curvature is computed: the corners of limits closer to a box are as small as round-off."""
 
 
 @final
@@ -166,16 +169,19 @@ class SuperellipticCoulomb(ContactLaw):
 
     def tangent(self, trial: Array) -> Array:
         """Return the derivative of the nearest point, (n, 3, 3), by the curvature of the limit there."""
+        if self.exponent > _MAX_CURVED_EXPONENT:
+            return super().tangent(trial)
         traction, slips = self.project(trial), np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
         axes, n = _axes(self.angle) / np.array([[self.mu1], [self.mu2]]), self.exponent
         slips[slips] = lame_norm(trial[slips, :2] @ axes.T, n) > -trial[slips, 2]
         point, y = (array[slips, :2] @ axes.T / -trial[slips, 2:] for array in (trial, traction))
         distortion = max(self.mu1, self.mu2) / min(self.mu1, self.mu2)
         y[np.abs(y) <= ROUND_OFF * distortion] = 0.0  # at the corners of a rhombus
-        normal = np.copysign(np.abs(y) ** (n - 1.0), y)
+        magnitude = np.abs(y) / np.abs(y).max(axis=1, keepdims=True)
+        normal, ratio = np.copysign(magnitude ** (n - 1.0), y), magnitude.min(axis=1)
         size, distance = np.linalg.norm(normal, axis=1), np.linalg.norm(point - y, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):  # corners, and curves without curvature
-            curvature = (n - 1.0) * np.abs(y).prod(axis=1) ** (n - 2.0) / size**3
+            curvature = (n - 1.0) * ratio ** (n - 2.0) * (1.0 + ratio**n) ** (1.0 + 1.0 / n) / size**3
             share = 1.0 / (1.0 + distance * curvature)
         share = np.where(np.isfinite(curvature), share, 0.0)
         along = normal[:, ::-1] * [-1.0, 1.0] / size[:, None]
