@@ -137,9 +137,14 @@ def test_surface_meets_the_indenter_at_the_edge_in_full_stick(power: int, poisso
     exact = FullStick(YOUNG, poisson, power, 0.02)
     approach = 0.7 * exact.approach_factor
     a = exact.contact_radius(approach)
-    moved, _ = quad(
-        lambda b: outside_bonded_punch(a / b, poisson) * power * exact.approach_factor * b ** (power - 1), 0.0, a
-    )
+
+    def integrand(angle: float) -> float:
+        """Return the integrand over contact radii b = a sin(angle), in which it has no root at the edge."""
+        share = np.sin(angle)
+        slope = power * exact.approach_factor * (a * share) ** (power - 1)
+        return outside_bonded_punch(1.0 / share, poisson) * slope * a * np.cos(angle)
+
+    moved, _ = quad(integrand, 0.0, 0.5 * np.pi, epsabs=0.0, epsrel=1e-7)
     assert approach - moved == pytest.approx(0.02 * a**power, rel=1e-6)
     step = 1e-6 * approach
     slope = (exact.force(approach + step) - exact.force(approach - step)) / (2 * step)
