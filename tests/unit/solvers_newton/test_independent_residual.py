@@ -1,6 +1,7 @@
 """The violation computed by the contact residual agrees with the independent residual near solutions."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ KAPPA = {"perfect": (np.inf, np.inf), "alone": (np.inf, 0.0), "finite": (1.0, 0.
 """In units of the inverse own response of a node."""
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def make_problem(conducting):
     """Return a function that creates a problem by the name of its conduction or of its free motions."""
 
@@ -47,6 +48,18 @@ def make_problem(conducting):
         )
 
     return make
+
+
+@pytest.fixture(scope="module")
+def solved(make_problem):
+    """Return a function that returns the problem of a law and a name and its solution, which it solves once."""
+
+    @cache
+    def solve_once(law, name: str) -> tuple[ContactProblem, ContactState]:
+        problem = make_problem(law, name)
+        return problem, solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
+
+    return solve_once
 
 
 def perturb(problem: ContactProblem, state: ContactState, changed: str, size: float) -> ResidualState:
@@ -80,9 +93,8 @@ def perturb(problem: ContactProblem, state: ContactState, changed: str, size: fl
     [(COULOMB, name) for name in ("perfect", "alone", "finite", "little", "power", "insulated", "free")]
     + [(Signorini(), "perfect"), (OrthotropicCoulomb(0.2, 0.5, 0.4), "perfect")],
 )
-def test_contact_residual_agrees_with_independent_residual(law, name: str, changed: str, make_problem) -> None:
-    problem = make_problem(law, name)
-    state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
+def test_contact_residual_agrees_with_independent_residual(law, name: str, changed: str, solved) -> None:
+    problem, state = solved(law, name)
     scales, biactive = problem_scales(problem), ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
     for size in (1e-2, 1e-4, 1e-6):
         point = perturb(problem, state, changed, size)
