@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ SOON = 100
 """Steps; the patience of most solvers is 2000."""
 
 
+@cache
 def pressed_sphere(law):
     """Return a sphere at a prescribed approach, and its normal force, which friction does not change here."""
     system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, 1.0, 1.0]), 5e-3, CELLS)
