@@ -1,14 +1,15 @@
 """Gradient iterations solve for motions of the indenter under prescribed forces and moments."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from meeframe.common.errors import CaseError
-from meeframe.contact.problem import Status, resultant
+from meeframe.contact.problem import ContactProblem, ContactState, Status, resultant
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.laws.base import ConductivityLaw
+from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.material import library_material
 from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, ProjectedCG, StoppingCriteria, Uzawa, solve
@@ -32,14 +33,20 @@ FRICTION = [IsotropicCoulomb(MU), OrthotropicCoulomb(0.06, 0.6, 0.3)]
 XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
 
 
+@cache
+def dragged(law: ContactLaw) -> tuple[ContactProblem, ContactState]:
+    """Return a conducting sphere that is dragged, and its solution."""
+    problem = conducting_sphere(law, (1.0, 0.3), drag=0.4)
+    return problem, balanced_solution(problem, Uzawa()).state
+
+
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     "given", [("approach",), ("approach", "translation"), ("translation", "potentials")], ids="-".join
 )
 @pytest.mark.parametrize("law", FRICTION, ids=str)
 def test_resultants_recover_the_motions_with_friction(law, given) -> None:
-    problem = conducting_sphere(law, (1.0, 0.3), drag=0.4)
-    expected = balanced_solution(problem, Uzawa()).state
+    problem, expected = dragged(law)
     free, motion = released(problem, expected, *given)
     for solver in GRADIENT:
         solution = balanced_solution(free, solver, start=replace(expected, load=1.001 * expected.load))
