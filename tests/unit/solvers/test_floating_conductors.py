@@ -1,13 +1,14 @@
 """Gradient iterations solve for potentials of floating conductors, alone and with prescribed forces."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from meeframe.contact.conduction import potential_diagonal, resistances
-from meeframe.contact.problem import ContactState, Status
+from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.contact.scales import problem_scales
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.material import library_material
@@ -38,12 +39,18 @@ MU = 0.3
 XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
 
 
+@cache
+def conducting(condition: str) -> tuple[ContactProblem, ContactState]:
+    """Return a conducting sphere and its solution."""
+    problem = conducting_sphere(Signorini(), KAPPA[condition])
+    return problem, balanced_solution(problem, Uzawa()).state
+
+
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("prescribed", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
 @pytest.mark.parametrize("condition", KAPPA)
 def test_resultants_recover_the_motions(condition, prescribed) -> None:
-    problem = conducting_sphere(Signorini(), KAPPA[condition])
-    expected = balanced_solution(problem, Uzawa()).state
+    problem, expected = conducting(condition)
     free, motion = released(problem, expected, *prescribed)
     # a law that jumps may have two solutions; from a nearby start all solvers agree
     near = replace(expected, load=1.001 * expected.load)
