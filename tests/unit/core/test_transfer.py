@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -38,6 +39,7 @@ STEEL, GLASS = Material.isotropic(210e9, 0.3), Material.isotropic(70e9, 0.22)
 ELEMENTS = {element.name: element for element in (Quad4(), Quad8(), Quad9(), Tri3(), Tri6())}
 
 
+@cache
 def half_space(material: Material, divisions: int, element: SurfaceElement, width: float = SIDE) -> DenseSystem:
     mesh = half_space_mesh(0.1, width, divisions, 5, element)
     system = DenseBEM().reduce(Body(material.stiffness, mesh, (), "contact"))
