@@ -87,7 +87,7 @@ def beyond_bound(problem: ContactProblem) -> str | None:
         return None
     for k in motions(problem):
         resultant = problem.prescribed_resultants[k]
-        most = float((np.maximum(-resultant.measure[:, 2], 0.0) * bound * np.isfinite(problem.gap)).sum())
+        most = float((np.maximum(-resultant.measure_of(2), 0.0) * bound * np.isfinite(problem.gap)).sum())
         if _lifts(problem, k) and resultant.total > most * (1.0 + TOLERANCE):
             return (
                 f"the prescribed force or moment of {resultant.total:.4g} is more than the contact law admits: its "
@@ -144,7 +144,7 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
     )
     prescribed, friction = (", ".join(f"{value:.4g}" for value in values) for values in (totals, resultants))
     allowed = "allowed: less, a motion in their place, or more pressure before they act"
-    if any(2 in problem.prescribed_resultants[k].measure_fields for k in tangential):
+    if any(2 in problem.prescribed_resultants[k].density_fields for k in tangential):
         return (
             "the ratio of tangential to normal force prescribed is more than friction bears: all slips, or nothing "
             f"touches, and at the pressures found the force is missed by {friction} N, N m; {allowed}"

@@ -50,7 +50,7 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
 def restrict_problem(problem: ContactProblem, system: ReducedSystem, nodes: Indices) -> ContactProblem:
     """Return a problem on a reduced system of m of its n nodes.
 
-    The measure of a prescribed resultant is scaled with the weights, which leaves its density unchanged.
+    The prescribed resultants keep their densities and take the weights of the reduced system.
 
     Parameters
     ----------
@@ -61,12 +61,11 @@ def restrict_problem(problem: ContactProblem, system: ReducedSystem, nodes: Indi
     nodes : Indices
         (m,), their numbers among the n nodes.
     """
-    weights = problem.system.weights[nodes]
-    ratio = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)
     prescribed_resultants = tuple(
         PrescribedResultant(
             _columns_at(resultant.mode, resultant.mode_fields, nodes),
-            _columns_at(resultant.measure, resultant.measure_fields, nodes, ratio),
+            _columns_at(resultant.density, resultant.density_fields, nodes),
+            system.weights,
             resultant.total,
         )
         for resultant in problem.prescribed_resultants
@@ -83,15 +82,15 @@ def restrict_problem(problem: ContactProblem, system: ReducedSystem, nodes: Indi
     )
 
 
-def _columns_at(values: Array, columns: tuple[int, ...], nodes: Indices, factors: Array | float = 1.0) -> Array:
-    """Return factors * values (n, fields) at some nodes (m,), of the columns that are not zero."""
-    if values.strides[0] == 0 and np.ndim(factors) == 0:  # the same at all nodes
-        return np.broadcast_to(values[0] * factors, (len(nodes), values.shape[1]))
+def _columns_at(values: Array, columns: tuple[int, ...], nodes: Indices) -> Array:
+    """Return values (n, fields) at some nodes (m,), of the columns that are not zero."""
+    if values.strides[0] == 0:  # the same at all nodes
+        return np.broadcast_to(values[0], (len(nodes), values.shape[1]))
     if not columns:
         return np.broadcast_to(0.0, (len(nodes), values.shape[1]))
     at_nodes = np.zeros((values.shape[1], len(nodes))).T  # columns of zeros are never written, and take no memory
     for column in columns:
-        at_nodes[:, column] = values[nodes, column] * factors
+        at_nodes[:, column] = values[nodes, column]
     return at_nodes
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel, field_set
-from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, THERMAL_FIELD, Array, FieldSet
+from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, THERMAL_FIELD, Array, FieldSet, Indices
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.system.reduced import ReducedSystem
 
@@ -42,9 +42,12 @@ class PrescribedResultant:
         (n, fields), motion of the indenter's surface per unit of the free motion, with components and signs as in a
         displacement of ReducedSystem (a unit potential is -1 in its column). Either the first three columns or the
         others are zero.
-    measure : Array
-        (n, fields), weights of the resultant: that of a load is sum(measure * load). With measure = weights * mode it
-        is the force or moment [N, N m] on the body along the motion.
+    density : Array
+        (n, fields), contribution of a unit load to the resultant per area: that of a load is
+        sum(weights * density * load). With density = mode it is the force or moment [N, N m] on the body along the
+        motion.
+    weights : Array
+        (n,) [m^2], areas of the nodes, as in ReducedSystem.
     total : float
         Prescribed value of the resultant.
 
@@ -55,18 +58,19 @@ class PrescribedResultant:
     """
 
     mode: Array
-    measure: Array
+    density: Array
+    weights: Array
     total: float
 
     def __post_init__(self) -> None:
-        shape = np.shape(self.mode)
-        if len(shape) != 2 or shape[1] < N_MECHANICAL or np.shape(self.measure) != shape:
+        shape, others = np.shape(self.mode), (np.shape(self.density), np.shape(self.weights))
+        if len(shape) != 2 or shape[1] < N_MECHANICAL or others != (shape, shape[:1]):
             raise CaseError(
-                f"a prescribed resultant has a mode of shape {shape} and a measure of shape {np.shape(self.measure)}; "
-                "allowed: (n, fields) for both"
+                f"a prescribed resultant has a mode of shape {shape}, a density of shape {others[0]} and weights of "
+                f"shape {others[1]}; allowed: (n, fields), (n, fields) and (n,)"
             )
-        if not all(np.isfinite(values).all() for values in (self.mode, self.measure, self.total)):
-            raise CaseError("a prescribed resultant is not finite; allowed: finite mode, measure and total")
+        if not all(np.isfinite(values).all() for values in (self.mode, self.density, self.weights, self.total)):
+            raise CaseError("a prescribed resultant is not finite; allowed: finite mode, density, weights and total")
         if len({k >= N_MECHANICAL for k in self.mode_fields}) != 1:
             raise CaseError(
                 "the mode of a prescribed resultant is either a motion or a potential; this one is both or zero"
@@ -83,9 +87,28 @@ class PrescribedResultant:
         return columns_of(self.mode)
 
     @cached_property
-    def measure_fields(self) -> tuple[int, ...]:
-        """Columns of the measure that are not zero."""
-        return columns_of(self.measure)
+    def density_fields(self) -> tuple[int, ...]:
+        """Columns of the density that are not zero."""
+        return columns_of(self.density)
+
+    @property
+    def measure(self) -> Array:
+        """Weights times density, (n, fields): the resultant of a load is sum(measure * load); computed when read."""
+        return (self.weights * self.density.T).T
+
+    def measure_of(self, field: int, nodes: Indices | slice = slice(None)) -> Array:
+        """Return one column (n,) of the measure, at all nodes or some of them."""
+        return np.asarray(self.weights[nodes] * self.density[nodes, field])
+
+    def of_load(self, load: Array) -> float:
+        """Return the resultant of a load (n, fields)."""
+        total = 0.0
+        for column in self.density_fields:
+            if self.density.strides[0]:
+                total += float(self.measure_of(column) @ load[:, column])
+            else:  # the same at all nodes, as in forces
+                total += float(self.density[0, column] * (self.weights @ load[:, column]))
+        return total
 
 
 def columns_of(values: Array) -> tuple[int, ...]:
@@ -479,9 +502,7 @@ def unbalance(problem: ContactProblem, load: Array) -> Array:
     Array
         (m,), in the units of the resultants.
     """
-    return np.array(
-        [sum(f.measure[:, k] @ load[:, k] for k in f.measure_fields) - f.total for f in problem.prescribed_resultants]
-    )
+    return np.array([resultant.of_load(load) - resultant.total for resultant in problem.prescribed_resultants])
 
 
 def resultant(system: ReducedSystem, load: Array) -> tuple[Array, Array]:

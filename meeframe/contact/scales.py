@@ -212,7 +212,10 @@ def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
     flux = np.zeros(len(problem.channels))
     for resultant in problem.prescribed_resultants:
         if resultant.electromagnetic:
-            measure = np.abs(resultant.measure[loaded, POTENTIALS]).sum(axis=0)
+            measure = np.zeros_like(flux)
+            for field in resultant.density_fields:
+                if field >= N_MECHANICAL:
+                    measure[field - N_MECHANICAL] = np.abs(resultant.measure_of(field, loaded)).sum()
             flux += np.divide(abs(resultant.total), measure, out=np.zeros_like(flux), where=measure > 0.0)
     return flux
 
@@ -317,7 +320,7 @@ def _response_on_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
 
 def _resultant_scale(resultant: PrescribedResultant, loaded: Mask, load: Array) -> float:
     """Return the sum of the magnitudes that a load (fields,) on nodes (n,) contributes to a resultant."""
-    return sum(float(np.abs(resultant.measure[loaded, k]).sum() * load[k]) for k in resultant.measure_fields)
+    return sum(float(np.abs(resultant.measure_of(k, loaded)).sum() * load[k]) for k in resultant.density_fields)
 
 
 def largest(values: Array) -> float:

@@ -221,19 +221,14 @@ def motion_measures(modes: Sequence[Array] | Array, weights: Array) -> Array:
     as in ReducedSystem. Forces [N] and moments [N m] are those of the indenter on the body, the normal force positive
     in compression; total fluxes, such as the charge [C], are what leaves the body.
     """
-    return np.stack([motion_measure(modes, weights, number) for number in range(len(modes))])
+    return np.stack([(weights * motion_density(mode, number).T).T for number, mode in enumerate(modes)])
 
 
-def motion_measure(modes: Sequence[Array] | Array, weights: Array, number: int) -> Array:
-    """Return one of the measures of `motion_measures`, (n, fields)."""
-    sign, mode = 1.0 if number < N_RIGID else -1.0, modes[number]
-    if weights.strides == mode.strides[:1] == (0,):  # the same at all points
-        return np.broadcast_to(sign * weights[0] * mode[0], mode.shape)
-    measure = np.zeros(mode.shape[::-1]).T  # field by field, as the modes
-    for column, values in enumerate(mode.T):
-        if values.any():
-            np.multiply(sign * weights, values, out=measure[:, column])
-    return measure
+def motion_density(mode: Array, number: int) -> Array:
+    """Return the resultant that works on a motion per area and unit load, (n, fields), from its mode and number."""
+    if number < N_RIGID:
+        return mode
+    return -mode if mode.strides[0] else np.broadcast_to(-mode[0], mode.shape)
 
 
 def total_resultants(modes: Sequence[Array] | Array, weights: Array, load: Array) -> Array:

@@ -20,7 +20,7 @@ from meeframe.contact.problem import (
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
-from meeframe.indenters.base import FORCE_RATIO, N_RIGID, MotionModes, motion_measure, total_resultants
+from meeframe.indenters.base import FORCE_RATIO, N_RIGID, MotionModes, motion_density, total_resultants
 from meeframe.laws.base import augmented_traction, is_adhesive, resolve
 from meeframe.laws.wear import WearingContact
 from meeframe.mesh import ContactZone
@@ -164,10 +164,6 @@ class IndenterKinematics:
                 displacement += motion[number] * mode
         return displacement
 
-    def _measure(self, number: int) -> Array:
-        """Return the measure (n, fields) of the resultant conjugate to a motion."""
-        return motion_measure(self.modes, self.system.weights, number)
-
     @cached_property
     def resists(self) -> NDArray[np.bool_]:
         """Mask of the motions that anything may resist, (motions,)."""
@@ -267,11 +263,14 @@ class IndenterKinematics:
             for number, total in zip(numbers, totals, strict=True):
                 if not self.resists[number]:
                     continue
-                measure = self._measure(number)
+                mode = self.modes[number]
+                density = motion_density(mode, number)
                 if key == FORCE_RATIO:
                     (normal,) = range(*columns["normal_force"].indices(len(self.modes)))
-                    measure, total = measure - total * self._measure(normal), 0.0
-                prescribed_resultants[number] = PrescribedResultant(self.modes[number], measure, float(total))
+                    rows = slice(None if density.strides[0] else 1)  # one where all nodes have the same
+                    density = np.broadcast_to(density[rows] - total * self.modes[normal][rows], mode.shape)
+                    total = 0.0
+                prescribed_resultants[number] = PrescribedResultant(mode, density, self.system.weights, float(total))
         return dict(sorted(prescribed_resultants.items()))
 
     def restore_unresisted_motions(

@@ -30,7 +30,7 @@ def gmres(
     Parameters
     ----------
     multiply : callable
-        Product of the matrix with a vector (k,).
+        Product of the matrix with a vector (k,), which must be a new vector.
     precondition : callable
         Approximate inverse of the matrix times a vector (k,).
     right : Array
@@ -87,7 +87,7 @@ def _cycle(
     (axpy,) = scipy.linalg.get_blas_funcs(["axpy"], [residual])
     for k in range(max_products):
         directions.append(precondition(basis[k]))
-        product = multiply(directions[k]).copy()  # changed in place below
+        product = multiply(directions[k])  # changed in place below
         length = float(np.linalg.norm(product))
         previous, length_left = np.inf, length
         while length_left < MIN_REMAINDER * previous:

@@ -178,9 +178,8 @@ def _rescale_resultant(resultant: PrescribedResultant, displacement: Array, load
     work = (displacement * load)[resultant.mode.any(axis=0)]
     if not np.allclose(work, work[0], rtol=1e-12, atol=0.0):
         raise ValueError(f"a mode moves fields whose work is scaled differently: {work}")
-    return PrescribedResultant(
-        resultant.mode * displacement, resultant.measure * work[0] / load, resultant.total * work[0]
-    )
+    density, total = resultant.density * work[0] / load, resultant.total * work[0]
+    return PrescribedResultant(resultant.mode * displacement, density, resultant.weights, total)
 
 
 def _check_pressure(problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str) -> None:
@@ -251,7 +250,7 @@ def _prescribe_resultant(weights: Array, field: int, direction: float, total: fl
     mode = np.zeros((len(weights), 5))
     mode[:, field] = direction
     sign = direction if field < 3 else 1.0  # a force along its motion, a charge that leaves the body
-    return PrescribedResultant(mode, np.where(mode == 0.0, 0.0, sign * weights[:, None]), total)
+    return PrescribedResultant(mode, np.where(mode == 0.0, 0.0, sign), weights, total)
 
 
 def _solve(

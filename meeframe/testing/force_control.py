@@ -35,7 +35,7 @@ LOAD_TOLERANCE: Final = 1e-8
 
 
 def prescribe_resultant(
-    system: ReducedSystem, mode: Array, total: float, measure: Array | None = None
+    system: ReducedSystem, mode: Array, total: float, density: Array | None = None
 ) -> PrescribedResultant:
     """Return a prescribed resultant, positive outwards for charges and fluxes.
 
@@ -47,13 +47,13 @@ def prescribe_resultant(
         Motion (5,) of every node or (n, 5), which the resultant works on.
     total
         Force, moment, charge or flux [N, N m, C, Wb].
-    measure
-        Weights of the resultant, like `mode`; by default the mode.
+    density
+        Density of the resultant, like `mode`; by default the mode.
     """
     outward = -1.0 if mode[..., 3:].any() else 1.0
     modes = np.broadcast_to(mode, system.offset.shape)
-    weighted = outward * system.weights * (modes if measure is None else np.broadcast_to(measure, modes.shape)).T
-    return PrescribedResultant(modes, weighted.T, float(total))  # field by field, as in a case
+    density = outward * (mode if density is None else density)
+    return PrescribedResultant(modes, np.broadcast_to(density, modes.shape), system.weights, float(total))
 
 
 def conducting_sphere(

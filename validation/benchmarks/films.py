@@ -71,7 +71,7 @@ def sphere(
     for column, (sign, force) in modes.items():
         mode = np.zeros_like(system.offset)
         mode[:, column] = sign
-        prescribed.append(PrescribedResultant(mode, mode * system.weights[:, None], force))
+        prescribed.append(PrescribedResultant(mode, mode, system.weights, force))
     potential: ConductivityLaw = StepConductivity(np.inf) if conducting else Insulating()
     laws = [potential, potential, StepConductivity(conductance)][: len(fields.scalars)]
     potentials = np.tile([0.0, 0.0, TEMPERATURE][: len(laws)], (len(x), 1))

@@ -18,7 +18,6 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
-from meeframe.indenters.base import motion_measure
 from meeframe.laws import Insulating, Signorini
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
@@ -99,7 +98,7 @@ def reduced(n: int, stiffness: Array, periodic: bool) -> ReducedSystem:
 def pressed(job: Job, system: ReducedSystem, place: Array) -> ContactProblem:
     """Return the job as a contact problem; place (n * n,): nodes of the system in the order of the heights."""
     approach = np.broadcast_to([0.0, 0.0, -1.0, 0.0, 0.0], (len(place), 5))  # in memory as the motions of a case
-    resultant = PrescribedResultant(approach, motion_measure([approach], system.weights, 0), job.force)
+    resultant = PrescribedResultant(approach, approach, system.weights, job.force)
     gap = np.empty(len(place))
     gap[place] = job.heights.ravel()
     none = np.zeros((len(place), 2))

@@ -84,7 +84,7 @@ def _released(problem: ContactProblem, resultants: dict[str, float]) -> ContactP
         mode = np.zeros_like(problem.system.offset)
         mode[:, column] = motion
         sign = -1.0 if column > 2 else 1.0
-        prescribed_resultants.append(PrescribedResultant(mode, sign * problem.system.weights[:, None] * mode, total))
+        prescribed_resultants.append(PrescribedResultant(mode, sign * mode, problem.system.weights, total))
     lift = 1.1 * APPROACH if "press" in resultants else 0.0
     return replace(problem, gap=problem.gap + lift, prescribed_resultants=tuple(prescribed_resultants))
 

@@ -72,7 +72,7 @@ def ours(system: ReducedSystem, heights: Array, mean_pressure: float) -> Contact
     press = np.zeros((len(system.points), 5))
     press[:, 2] = -1.0
     area = float(system.weights.sum())
-    resultant = PrescribedResultant(press, system.weights[:, None] * press, mean_pressure * area)
+    resultant = PrescribedResultant(press, press, system.weights, mean_pressure * area)
     place = np.lexsort((system.points[:, 1], system.points[:, 0]))  # nodes in the order of the heights
     gap = np.empty(len(place))
     gap[place] = heights.ravel()

@@ -10,6 +10,7 @@ Wear 231 (1999) 206).
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -50,7 +51,7 @@ class NormalModes:
         Contact problem of n nodes.
     numbers : Indices
         (k,), numbers among the problem's prescribed resultants.
-    mode, measure : Array
+    mode, density : Array
         (k, f), normal parts, zero where there is no indenter above; of all n nodes at first.
     nodes : Indices
         (f,), nodes to which they are restricted.
@@ -59,7 +60,7 @@ class NormalModes:
     problem: ContactProblem
     numbers: Indices
     mode: Array
-    measure: Array
+    density: Array
     nodes: Indices = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @classmethod
@@ -72,24 +73,29 @@ class NormalModes:
         numbers = motions(problem)
         free = [problem.prescribed_resultants[number] for number in numbers]
         mode = _normal_parts(problem, [resultant.mode for resultant in free])
-        measure = _normal_parts(problem, [resultant.measure for resultant in free])
+        density = _normal_parts(problem, [resultant.density for resultant in free])
         for k, number in enumerate(numbers):
-            work = problem.system.weights * mode[k]
-            factor = (measure[k] @ work) / ((work @ work) or 1.0)
-            deviation, size = (np.abs(values).max(initial=0.0) for values in (measure[k] - factor * work, measure[k]))
+            measure, work = (problem.system.weights * values for values in (density[k], mode[k]))
+            factor = (measure @ work) / ((work @ work) or 1.0)
+            deviation, size = (np.abs(values).max(initial=0.0) for values in (measure - factor * work, measure))
             if deviation > CONJUGACY_TOLERANCE * size:
                 raise CaseError(
                     f"solver 'projected-cg' cannot find free motion {number} of the indenter: its resultant is not the "
                     "force or moment along its motion; allowed: measures whose normal part is weights * mode up to a "
                     "factor. Use 'newton', 'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto'"
                 )
-        return cls(problem, numbers, mode, measure)
+        return cls(problem, numbers, mode, density)
+
+    @cached_property
+    def measure(self) -> Array:
+        """Normal parts (k, f) of the measures at the nodes to which the modes are restricted."""
+        return np.asarray(self.problem.system.weights[self.nodes] * self.density)
 
     def restrict(self, free: Indices) -> "NormalModes":
         """Return the modes of all nodes restricted to the free ones (f,)."""
-        both = (self.mode, self.measure)  # views of one number remain so
-        mode, measure = (np.take(v, free, axis=1) if v.strides[1] else v[:, : free.size] for v in both)
-        return NormalModes(self.problem, self.numbers, mode, measure, free)
+        both = (self.mode, self.density)  # views of one number remain so
+        mode, density = (np.take(v, free, axis=1) if v.strides[1] else v[:, : free.size] for v in both)
+        return NormalModes(self.problem, self.numbers, mode, density, free)
 
     def balance_amounts(self, values: Array) -> Array:
         """Return amounts (k,) with which values (f,) + amounts @ modes have no resultants.

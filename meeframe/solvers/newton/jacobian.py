@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from meeframe.common.memory import stack_columns
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array, Indices
 from meeframe.solvers.krylov import Linear
@@ -97,7 +98,7 @@ class ReducedJacobian:
         nodes, rows, shape = self.nodes, list(zip(self.components, self.units, strict=True)), self.coupled.shape
 
         def expand(values: Array) -> Array:
-            step = prescribed.copy(order="F")
+            step = stack_columns(prescribed.T, prescribed.shape)  # a copy
             for (component, unit), block in zip(rows, values.reshape(shape), strict=True):
                 step[nodes, component] += unit * block
             return step
@@ -150,42 +151,37 @@ class ReducedJacobian:
         """Contribution of displacements (f, c) to the rows (r, c)."""
         return self.b.products(self.precision)
 
-    def motion_columns(self, displacement: Array) -> Array:
-        """Return the contribution (m, r c) of indenter displacements (n, fields, m) to the right-hand side."""
-        motions = displacement.transpose(2, 1, 0)
-        motion_columns = np.zeros((len(motions), *self.coupled.shape), self.precision)
-        for motion, column in zip(motions, motion_columns, strict=True):
-            field_values = self._nonzero_fields(motion, self.displacement_fields)
-            products = self.of_displacement
-            for row, field, entry in zip(products.rows, products.columns, products.entries, strict=True):
-                if field in field_values:
-                    column[row] += entry * field_values[field]
-        return motion_columns.reshape(len(motions), self.coupled.size)
+    def motion_columns(self) -> Array:
+        """Return the contribution (m, r c) of characteristic free motions of the indenter to the right-hand side."""
+        resultants, products = self.equation.problem.prescribed_resultants, self.of_displacement
+        motion_columns = np.zeros((len(resultants), *self.coupled.shape), self.precision)
+        for column, unit, resultant in zip(motion_columns, self.equation.units, resultants, strict=True):
+            moved = {
+                index: (unit * resultant.mode[self.nodes, field]).astype(self.precision)
+                for index, field in enumerate(self.displacement_fields)
+                if field in resultant.mode_fields
+            }
+            for row, index, entry in zip(products.rows, products.columns, products.entries, strict=True):
+                if index in moved:
+                    column[row] += entry * moved[index]
+        return motion_columns.reshape(len(resultants), self.coupled.size)
 
-    def to_unknowns(self, measures: Array) -> list[dict[int, Array]]:
-        """Return measures (m, n, fields) of loads as measures of the unknowns.
+    def measures(self) -> list[dict[int, Array]]:
+        """Return the measures of the resultants, by characteristic totals, as measures of the unknowns.
 
         Each is a dictionary of its nonzero parts (c,) by the row of unknowns.
         """
-        units = self.units.tolist()
-        return [
-            {
-                row: units[row] * values * self.coupled[row]
-                for row, values in self._nonzero_fields(measure, self.fields).items()
-            }
-            for measure in measures.transpose(0, 2, 1)
-        ]
-
-    def _nonzero_fields(self, motion: Array, fields: list[int]) -> dict[int, Array]:
-        """Return the nonzero fields of a motion (fields, n) at the nodes of the rows, (c,) by their index in `fields`.
-
-        Most motions have one such field.
-        """
-        return {
-            index: motion[field].take(self.nodes).astype(self.precision)
-            for index, field in enumerate(fields)
-            if motion[field].any()
-        }
+        measures: list[dict[int, Array]] = []
+        for total, resultant in zip(
+            self.equation.scales.totals, self.equation.problem.prescribed_resultants, strict=True
+        ):
+            loaded = [(row, field) for row, field in enumerate(self.fields) if field in resultant.density_fields]
+            values = {row: resultant.measure_of(field, self.nodes) / total for row, field in loaded}
+            units = self.units.tolist()
+            measures.append(
+                {row: units[row] * each.astype(self.precision) * self.coupled[row] for row, each in values.items()}
+            )
+        return measures
 
 
 def _entries(

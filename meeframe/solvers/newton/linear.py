@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
+from meeframe.common.memory import release_freed_memory, stack_columns
 from meeframe.contact.conduction import Mask
 from meeframe.fields import Array
 from meeframe.solvers.krylov import gmres
@@ -147,13 +148,12 @@ def coupled_rows(blocks: Linearization) -> Mask:
 
 def decoupled_rows(blocks: Linearization, coupled: Mask) -> Array:
     """Return the step (n, fields + 1) that the decoupled rows determine, zero on the coupled ones (n, fields + 1)."""
-    step = np.zeros(coupled.shape[::-1]).T
-    for row in range(coupled.shape[1]):
+
+    def decoupled(row: int) -> Array:
         diagonal = np.where(coupled[:, row], 1.0, blocks.a.entry(row, row))
-        values = np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / diagonal)
-        if values.any():  # pages of zeros take no memory
-            step[:, row] = values
-    return step
+        return np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / diagonal)
+
+    return stack_columns(map(decoupled, range(coupled.shape[1])), blocks.residual.shape)
 
 
 def _direct(equation: ContactResidual, blocks: Linearization, coupled: Mask, rights: Array, matrix: Array) -> Array:
@@ -205,19 +205,20 @@ def _krylov_step(
     # the tolerance refers to the residual, to which a large prescribed part adds
     before, after = float(np.linalg.norm(residual)), float(np.linalg.norm(right))
     tolerance *= max(before / after, MIN_TOLERANCE_FACTOR) if after > before else 1.0
-    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, prescribed[:, :FRACTION])
+    balance = -blocks.balance - equation.resultants(prescribed[:, :FRACTION])
     weight = np.sqrt(equation.count, dtype=jacobian.precision)  # as the merit weighs the balance
-    size, max_motion = len(right), blocks.max_motion
+    size, max_motion, expand = len(right), blocks.max_motion, jacobian.expansion(prescribed)
 
-    def step() -> tuple[Array, Array]:
+    def iteration() -> tuple[Array, Array]:
         nonlocal jacobian
-        multiplication, columns = jacobian.multiplication(), jacobian.motion_columns(equation.modes)
+        multiplication, columns, measures = jacobian.multiplication(), jacobian.motion_columns(), jacobian.measures()
         precondition = preconditioner(jacobian)
+        del jacobian  # its blocks take as much memory as some directions of the iteration
+        release_freed_memory(equation.count)  # of the blocks and what they were computed from
         responses = np.empty_like(columns)
         for response, column in zip(responses, columns, strict=True):
             response[:] = precondition(column)
-        border, expand = BorderedSystem.of(jacobian, responses), jacobian.expansion(prescribed)
-        del jacobian  # its blocks take as much memory as some directions of the iteration
+        border = BorderedSystem.of(measures, responses)
 
         def multiply(values: Array) -> Array:
             loads, amounts, product = values[:size], values[size:], np.empty_like(values)
@@ -239,7 +240,12 @@ def _krylov_step(
             amounts *= max_motion / largest_motion
             motion_right = (amounts @ columns).astype(right.dtype)
             solution = gmres(multiplication, precondition, right + motion_right, tolerance)[0]
-        return expand(solution[:size]), amounts
+        return solution[:size], amounts
+
+    def step() -> tuple[Array, Array]:
+        loads, amounts = iteration()
+        release_freed_memory(equation.count)  # of the iteration
+        return expand(loads), amounts
 
     return step
 
@@ -254,40 +260,39 @@ class BorderedSystem:
         (m, q), amounts of the motions in the combinations.
     combinations : Array
         (m, q), resultants in the combinations.
-    totals : list
-        Measures of the unknowns, as from ReducedJacobian.to_unknowns.
+    measures : list
+        Measures of the unknowns, as from ReducedJacobian.measures.
     stiffness : Array
         (q,), approximate stiffness of the contact against the combinations.
     """
 
     motions: Array
     combinations: Array
-    totals: list[dict[int, Array]]
+    measures: list[dict[int, Array]]
     stiffness: Array
 
     @classmethod
-    def of(cls, jacobian: ReducedJacobian, responses: Array) -> "BorderedSystem":
-        """Return the border of a reduced Jacobian; responses: (m, r c) approximate responses to each motion."""
-        totals = jacobian.to_unknowns(jacobian.equation.measures)
-        matrix = np.array([_resultants(totals, response) for response in responses]).T
-        combinations, stiffness, right = np.linalg.svd(matrix.reshape(len(totals), len(totals)))
-        min_ratio = max(MIN_STIFFNESS_RATIO, ROUND_OFF_FACTOR * np.finfo(jacobian.precision).eps)
+    def of(cls, measures: list[dict[int, Array]], responses: Array) -> "BorderedSystem":
+        """Return the border from the measures and the approximate responses (m, r c) to each motion."""
+        matrix = np.array([_resultants(measures, response) for response in responses]).T
+        combinations, stiffness, right = np.linalg.svd(matrix.reshape(len(measures), len(measures)))
+        min_ratio = max(MIN_STIFFNESS_RATIO, ROUND_OFF_FACTOR * np.finfo(responses.dtype).eps)
         is_resisted = stiffness > min_ratio * stiffness.max(initial=0.0)
-        return cls(right[is_resisted].T, combinations[:, is_resisted], totals, stiffness[is_resisted])
+        return cls(right[is_resisted].T, combinations[:, is_resisted], measures, stiffness[is_resisted])
 
     def resultants(self, loads: Array) -> Array:
         """Return the combinations (q,) of the resultants of loads (r c,)."""
-        return self.combine(_resultants(self.totals, loads))
+        return self.combine(_resultants(self.measures, loads))
 
     def combine(self, resultants: Array) -> Array:
         """Return the combinations (q,) of resultants (m,)."""
         return np.asarray(self.combinations.T @ resultants)
 
 
-def _resultants(totals: list[dict[int, Array]], loads: Array) -> Array:
+def _resultants(measures: list[dict[int, Array]], loads: Array) -> Array:
     """Return the resultants (m,) of loads (r c,)."""
-    resultants = np.zeros(len(totals), loads.dtype)
-    for number, total in enumerate(totals):
-        for row, weights in total.items():
+    resultants = np.zeros(len(measures), loads.dtype)
+    for number, measure in enumerate(measures):
+        for row, weights in measure.items():
             resultants[number] += weights @ loads[row * len(weights) : (row + 1) * len(weights)]
     return resultants

@@ -6,7 +6,6 @@ from typing import ClassVar, Final, final
 import numpy as np
 
 from meeframe.common.arguments import checked_arguments
-from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import Mask, conducting
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_load, start_motion
@@ -107,7 +106,6 @@ class SemismoothNewton(Solver):
         if state.merit == 0.0:
             return iterate
         direction = newton_step(state.equation, state.linearise(), _tolerance(memory))
-        release_freed_memory(len(problem.gap))  # of linear iterations: arrays of zeros then take no memory
         allowed = MAX_MERIT_RATIO * max(memory.merits)
         flips = memory.flips
         for fraction in STEP_FRACTIONS if direction.finite else ():
@@ -162,7 +160,7 @@ def _begin(
     memory = _Memory(
         state,
         (rise * state.merit,),
-        flips=np.zeros(len(state.load)),
+        flips=np.zeros(len(state.load), np.int16),
         neighbourhood=neighbourhood,
         restrictions=restrictions,
         sufficient_residual=SUFFICIENT_FRACTION * tolerance,
@@ -266,7 +264,10 @@ def _iterate(memory: _Memory) -> Iterate:
     """Return the iterate, with the violation of the laws that the equation estimates where products are expensive."""
     state, neighbourhood = memory.state, memory.neighbourhood
     estimate = state.law_residual if state.equation.problem.system.dense() is None else None
-    load, contact_fraction = state.load, np.clip(state.contact_fraction, 0.0, 1.0)
+    # flags take an eighth of the memory of fractions
+    has_fractions = state.biactive.any()
+    contact_fraction = np.clip(state.contact_fraction, 0.0, 1.0) if has_fractions else state.contact_fraction > 0.0
+    load = state.load
     if neighbourhood is not None:
         load, contact_fraction = neighbourhood.scatter(load), neighbourhood.scatter(contact_fraction)
     return Iterate(load, contact_fraction, memory, state.motion, estimate)

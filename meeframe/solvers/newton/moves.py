@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from meeframe.common.memory import stack_columns
 from meeframe.contact.nested import Coarse, with_defect
 from meeframe.contact.problem import ContactProblem, contact_gap, unbalance
 from meeframe.contact.relaxation import Start, relax, relax_contact_edge
@@ -39,7 +40,8 @@ def take_step(state: ResidualState, flips: Array, step: Step, fraction: float) -
     """
     equation = state.equation
     motion = state.motion + fraction * step.motion
-    load = state.load + fraction * step.local[:, :FRACTION]
+    changes = zip(state.load.T, step.local.T[:FRACTION], strict=True)
+    load = stack_columns((before + fraction * change for before, change in changes), state.load.shape)
     load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
     # round-off of tractions, fluxes and fractions that the step removed
     load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0

@@ -30,11 +30,12 @@ from typing import Any, Final
 import numpy as np
 import scipy  # submodules are loaded on first use
 
+from meeframe.common.memory import stack_columns
 from meeframe.contact.conduction import Mask, closed_resistances, conducting, depends_on_gap, switch
 from meeframe.contact.generated_heat import conducted_flux, heat_factors, thermal_channel
-from meeframe.contact.problem import ContactProblem, indenter_position, unbalance
+from meeframe.contact.problem import ContactProblem, indenter_field, unbalance
 from meeframe.contact.residual import node_blocks
-from meeframe.contact.scales import Scales, motion_scales, problem_scales
+from meeframe.contact.scales import Scales, largest, motion_scales, problem_scales
 from meeframe.contact.transmissivity import Transmissivity
 from meeframe.contact.undone_slip import undone_slip
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
@@ -162,9 +163,14 @@ class ContactResidual:
         for values, total, resultant in zip(
             measures, self.scales.totals, self.problem.prescribed_resultants, strict=True
         ):
-            for field in resultant.measure_fields:
-                values[field] = resultant.measure[:, field] / total
+            for field in resultant.density_fields:
+                values[field] = resultant.measure_of(field) / total
         return measures.transpose(0, 2, 1)
+
+    def resultants(self, load: Array) -> Array:
+        """Return the resultants (m,) of a load (n, fields), by characteristic totals."""
+        prescribed = self.problem.prescribed_resultants
+        return np.array([resultant.of_load(load) for resultant in prescribed]) / self.scales.totals
 
     def _zeros_by_motion(self) -> Array:
         """Return zeros (m, fields, n)."""
@@ -196,9 +202,12 @@ class ContactResidual:
         contact_fraction: (n,) of the biactive nodes (n,), that of the others follows.
         """
         load = np.asfortranarray(load)
-        relative_displacement = indenter_position(self.problem, motion)
-        relative_displacement -= self.problem.system.offset
-        relative_displacement -= self.problem.system.apply(load)
+        system = self.problem.system
+        relative = (
+            indenter_field(self.problem, field, motion) - offset - displacement
+            for field, (offset, displacement) in enumerate(zip(system.offset.T, system.apply(load).T, strict=True))
+        )
+        relative_displacement = stack_columns(relative, load.shape)
         return self.at_relative_displacement(load, relative_displacement, contact_fraction, biactive, motion)
 
     def at_relative_displacement(
@@ -207,7 +216,7 @@ class ContactResidual:
         """Return the state of the equation as `at` does, with a known relative displacement (n, fields)."""
         law = self.problem.contact_law
         gap = relative_displacement[:, MECHANICAL]
-        trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
+        trial = self.trial(load, relative_displacement)
         contact_fraction = np.where(biactive, contact_fraction, trial[:, 2] < 0.0)
         normal_traction = contact_traction(law, load[:, 2], gap[:, 2])
         conducted = conducted_flux(self.problem, load, relative_displacement)
@@ -219,24 +228,29 @@ class ContactResidual:
             transmissivity = closed - (1.0 - np.clip(contact_fraction, 0.0, 1.0))[:, None] * jump
             drive = -(relative_displacement[:, POTENTIALS] + flux)
             flux += transmissivity * drive
+            # change of the trial when the node alone opens or closes: only a trial this near to zero can be biactive
+            trial_change = np.abs(self.normal_coupling * jump * drive).sum(axis=1)
+            sigma = self.r * trial_change + MIN_TRANSITION_RATIO * self.scales.pressure
         else:
             transmissivity = jump = drive = np.broadcast_to(0.0, flux.shape)
-        # change of the trial when the node alone opens or closes: only a trial this near to zero can be biactive
-        trial_change = np.abs(self.normal_coupling * jump * drive).sum(axis=1)
-        sigma = self.r * trial_change + MIN_TRANSITION_RATIO * self.scales.pressure
-        switch = contact_fraction - trial[:, 2] / sigma
+            sigma = np.broadcast_to(MIN_TRANSITION_RATIO * self.scales.pressure, len(load))
         residual = np.zeros((self.problem.fields.size + 1, len(load))).T
         for block in node_blocks(law, len(load)):
             contact = load[block, MECHANICAL] - fixed_point_map(law, trial[block], gap[block], (self.r, self.r))
             np.divide(contact, self.scales.pressure, out=residual[block, MECHANICAL])
         if flux.any():  # pages of zeros take no memory
             np.divide(flux, self.scales.drop, out=residual[:, FLUX_ROWS])
-        biactive_nodes = np.flatnonzero(biactive)
-        deviation = contact_fraction[biactive_nodes] - np.clip(switch[biactive_nodes], 0.0, 1.0)
-        residual[biactive_nodes, FRACTION] = deviation * sigma[biactive_nodes] / self.scales.pressure
+        at = np.flatnonzero(biactive)
+        deviation = contact_fraction[at] - np.clip(contact_fraction[at] - trial[at, 2] / sigma[at], 0.0, 1.0)
+        residual[at, FRACTION] = deviation * sigma[at] / self.scales.pressure
         balance = unbalance(self.problem, load) / self.scales.totals
-        nodes = (relative_displacement, trial, transmissivity, jump, drive, sigma, switch, residual)
+        nodes = (relative_displacement, transmissivity, jump, drive, sigma, residual)
         return ResidualState(self, load, contact_fraction, biactive, motion, *nodes, balance)
+
+    def trial(self, load: Array, relative_displacement: Array) -> Array:
+        """Return the trial tractions (n, 3) at a load and a relative displacement (n, fields)."""
+        gap = relative_displacement[:, MECHANICAL]
+        return augmented_traction(self.problem.contact_law, load[:, MECHANICAL], gap, (self.r, self.r))
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,14 +298,12 @@ class ResidualState:
         (m,), free motions.
     relative_displacement : Array
         (n, fields), displacement of the indenter relative to the body.
-    trial : Array
-        (n, 3), trial tractions [Pa].
     transmissivity, jump : Array
         (n, channels), transmissivity and its difference between closed and open contact.
     drive : Array
         (n, channels), potential difference without the node's own flux [V], [A]; zero if nothing conducts.
-    sigma, switch : Array
-        (n,), quantities sigma [Pa] and c - t*_nu / sigma of the row of the contact fraction.
+    sigma : Array
+        (n,), quantity sigma [Pa] of the row of the contact fraction.
     residual, balance : Array
         (n, fields + 1) and (m,), dimensionless.
     """
@@ -302,33 +314,39 @@ class ResidualState:
     biactive: Mask
     motion: Array
     relative_displacement: Array
-    trial: Array
     transmissivity: Array
     jump: Array
     drive: Array
     sigma: Array
-    switch: Array
     residual: Array
     balance: Array
 
+    @property
+    def trial(self) -> Array:
+        """Trial tractions (n, 3) [Pa]; not stored."""
+        return self.equation.trial(self.load, self.relative_displacement)
+
+    @property
+    def switch(self) -> Array:
+        """Quantity c - t*_nu / sigma of the row of the contact fraction, (n,); not stored."""
+        return np.asarray(self.contact_fraction - self.trial[:, 2] / self.sigma)
+
     def with_contact_fraction(self, contact_fraction: Array, biactive: Mask) -> "ResidualState":
         """Return the state at the same load with other contact fractions (n,) and biactive nodes (n,)."""
-        contact_fraction = np.where(biactive, contact_fraction, self.trial[:, 2] < 0.0)
+        trial = self.trial[:, 2]
+        contact_fraction = np.where(biactive, contact_fraction, trial < 0.0)
         nodes = np.flatnonzero((contact_fraction != self.contact_fraction) | (biactive != self.biactive))
         scales, sigma, fraction = self.equation.scales, self.sigma[nodes], contact_fraction[nodes]
         change = (np.clip(fraction, 0.0, 1.0) - np.clip(self.contact_fraction[nodes], 0.0, 1.0))[:, None] * self.jump[
             nodes
         ]
-        transmissivity, switch, residual = (
-            values.copy(order="K") for values in (self.transmissivity, self.switch, self.residual)
-        )
+        transmissivity, residual = (values.copy(order="K") for values in (self.transmissivity, self.residual))
         transmissivity[nodes] += change
-        switch[nodes] = fraction - self.trial[nodes, 2] / sigma
         residual[nodes, FLUX_ROWS] += change * self.drive[nodes] / scales.drop
-        deviation = np.where(biactive[nodes], fraction - np.clip(switch[nodes], 0.0, 1.0), 0.0)
-        residual[nodes, FRACTION] = deviation * sigma / scales.pressure
+        switched = np.clip(fraction - trial[nodes] / sigma, 0.0, 1.0)
+        residual[nodes, FRACTION] = np.where(biactive[nodes], fraction - switched, 0.0) * sigma / scales.pressure
         state = replace(self, contact_fraction=contact_fraction, biactive=biactive)
-        return replace(state, transmissivity=transmissivity, switch=switch, residual=residual)
+        return replace(state, transmissivity=transmissivity, residual=residual)
 
     @property
     def closing_increment(self) -> Array:
@@ -338,7 +356,8 @@ class ResidualState:
     @property
     def between(self) -> Mask:
         """Biactive nodes (n,) that are neither open nor closed."""
-        return np.asarray(self.biactive & (self.switch > 0.0) & (self.switch < 1.0))
+        switch = self.switch
+        return np.asarray(self.biactive & (switch > 0.0) & (switch < 1.0))
 
     def find_switched(self, before: "ResidualState") -> Mask:
         """Return the nodes (n,) that opened or closed since an earlier state, where that changes the conduction."""
@@ -354,14 +373,14 @@ class ResidualState:
     @cached_property
     def violation(self) -> float:
         """Largest component of the residual or the balance."""
-        return float(max(np.abs(values).max(initial=0.0) for values in (self.residual, self.balance)))
+        return max(largest(values) for values in (self.residual, self.balance))
 
     @cached_property
     def law_residual(self) -> float:
         """Violation of the laws in the measure of the independent residual, meeframe.contact.residual."""
         return float(max(self.violation, self.node_residual.max(initial=0.0)))
 
-    @cached_property
+    @property
     def node_residual(self) -> Array:
         """Violation by fluxes and contact fractions at the nodes (n,), in the measure of meeframe.contact.residual.
 
@@ -386,14 +405,13 @@ class ResidualState:
         A biactive node whose fraction is at an end is pressed or open according to that, not to a trial that is almost
         zero. A node at which material undoes its slip of before sticks.
         """
+        trial, switch = self.trial, self.switch
         if is_adhesive(self.equation.problem.contact_law):
-            return self.trial
-        pressed = self.biactive & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
-        opened = self.biactive & (self.switch <= 0.0) & (self.trial[:, 2] < 0.0)
-        sticks = undone_slip(self.equation.problem, self.load, self.trial)
-        if sticks is None and not (pressed | opened).any():
-            return self.trial
-        trial, least = self.trial.copy(order="K"), MIN_TRANSITION_RATIO * self.equation.scales.pressure
+            return trial
+        pressed = self.biactive & (switch >= 1.0) & (trial[:, 2] >= 0.0)
+        opened = self.biactive & (switch <= 0.0) & (trial[:, 2] < 0.0)
+        least = MIN_TRANSITION_RATIO * self.equation.scales.pressure
+        sticks = undone_slip(self.equation.problem, self.load, trial)
         trial[pressed, 2], trial[opened, 2] = -least, least
         if sticks is not None:
             trial[sticks, :2] = 0.0
@@ -415,14 +433,14 @@ class ResidualState:
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
         residual[between, 2] = normal_traction[between] / scales.pressure
         residual[between, FRACTION] = equation.r * self.relative_displacement[between, 2] / scales.pressure
-        trial, gap, r = self._trial_by_fraction(), self.relative_displacement[:, MECHANICAL], (equation.r, equation.r)
-        n = len(trial)
+        actual, trial = self.trial, self._trial_by_fraction()
+        gap, r, n = self.relative_displacement[:, MECHANICAL], (equation.r, equation.r), len(trial)
         a, b = (defaultdict[tuple[int, int], Array](partial(np.zeros, n)) for _ in range(2))
         for nodes in node_blocks(law, n):  # tangents of all nodes would take as much memory as everything else
             by_trial, by_gap = traction_tangents(law, trial[nodes], gap[nodes], r, between[nodes])
-            other = np.flatnonzero((trial[nodes] != self.trial[nodes]).any(axis=1))
+            other = np.flatnonzero((trial[nodes] != actual[nodes]).any(axis=1))
             if other.size:  # value of that linearisation at the actual trial
-                off = np.einsum("nij,nj->ni", by_trial[other], self.trial[nodes][other] - trial[nodes][other])
+                off = np.einsum("nij,nj->ni", by_trial[other], actual[nodes][other] - trial[nodes][other])
                 projected = fixed_point_map(law, trial[nodes], gap[nodes], r)[other]
                 remainder = self.load[nodes, MECHANICAL][other] - projected - off
                 residual[nodes, MECHANICAL][other] = remainder / scales.pressure

@@ -323,11 +323,12 @@ def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:
     middle, workers = padded // 2, numba.get_num_threads()
     if parity == 1:
         return np.asarray(scipy.fft.dct(half, 1, middle + 1, axis, workers=workers))
-    inside = half[1:] if axis == 0 else half[:, 1:]
-    sides = [(1, 1) if axis == along else (0, 0) for along in range(2)]
-    if not inside.size:  # one row of nodes, at zero
-        return np.zeros((middle + 1, half.shape[1]) if axis == 0 else (half.shape[0], middle + 1))
-    return np.negative(np.pad(scipy.fft.dst(inside, 1, middle - 1, axis, workers=workers), sides))
+    spectrum = np.zeros((middle + 1, half.shape[1]) if axis == 0 else (half.shape[0], middle + 1))
+    positive, inside = (values[1:] if axis == 0 else values[:, 1:] for values in (half, spectrum))
+    if positive.size:  # else one row of nodes, at zero
+        inside = inside[:-1] if axis == 0 else inside[:, :-1]
+        np.negative(scipy.fft.dst(positive, 1, middle - 1, axis, workers=workers), out=inside)
+    return spectrum
 
 
 def _double(spacing: tuple[float, float]) -> tuple[float, float]:

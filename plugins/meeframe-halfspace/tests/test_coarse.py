@@ -109,7 +109,7 @@ def test_products_in_chosen_fields_match_matrix(fields: tuple[int, ...]) -> None
 def contact(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
     press = np.zeros((len(gap), 5))
     press[:, 2] = -1.0
-    resultant = PrescribedResultant(press, system.weights[:, None] * press, force)
+    resultant = PrescribedResultant(press, press, system.weights, force)
     none = np.zeros((len(gap), 2))
     return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none, (resultant,))
 

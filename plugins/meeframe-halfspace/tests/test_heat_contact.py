@@ -73,7 +73,7 @@ def hot_problem(
     gap = height(np.hypot(x, y)) - approach
     mode = np.zeros_like(system.offset)
     mode[:, 2] = -1.0
-    prescribed = () if force is None else (PrescribedResultant(mode, mode * system.weights[:, None], force),)
+    prescribed = () if force is None else (PrescribedResultant(mode, mode, system.weights, force),)
     drag = options.pop("translation", 0.0)
     return ContactProblem(
         system,

@@ -39,7 +39,7 @@ def problem(
         height(np.hypot(*system.points[:, :2].T)),
         np.tile([options.pop("translation", 0.0), 0.0], (len(mode), 1)),
         np.tile([voltage, 0.0, 20.0], (len(mode), 1)),
-        (PrescribedResultant(mode, mode * system.weights[:, None], 2e3),),
+        (PrescribedResultant(mode, mode, system.weights, 2e3),),
         **options,
     )
 

@@ -125,7 +125,7 @@ def indentation(
     gap = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * radius)
     mode = np.zeros_like(system.offset)
     mode[:, 2] = -1.0
-    pressed = PrescribedResultant(mode, mode * system.weights[:, None], force)
+    pressed = PrescribedResultant(mode, mode, system.weights, force)
     laws = flux_channels(Insulating(), Insulating(), StepConductivity(1e5), fields=fields)
     given = np.tile([0.0, 0.0, temperature], (len(gap), 1))
     problem = ContactProblem(system, Signorini(), laws, gap, np.zeros((len(gap), 2)), given, (pressed,))

@@ -118,7 +118,7 @@ def normal_resultant(case, force):
     """Return the PrescribedResultant of the approach at a normal force [N]."""
     press = np.zeros((len(case.gap), 5))
     press[:, 2] = -1.0
-    return PrescribedResultant(press, case.system.weights[:, None] * press, force)
+    return PrescribedResultant(press, press, case.system.weights, force)
 
 
 @pytest.mark.parametrize("condition", ["EMII", "EMCI"])
@@ -144,7 +144,7 @@ def test_tangential_force_as_a_fraction_of_friction(system, share):
     push = normal_resultant(case, -float(system.weights @ load[:, 2]))
     slide = np.zeros_like(push.mode)
     slide[:, 0] = 1.0
-    pull = PrescribedResultant(slide, system.weights[:, None] * (slide - share * 0.6 * push.mode), 0.0)
+    pull = PrescribedResultant(slide, slide - share * 0.6 * push.mode, system.weights, 0.0)
     free = replace(case, prescribed_resultants=(push, pull))
     assert_agree(free)
     computed = solve_problem(free, SemismoothNewton())

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from meeframe.indenters.base import MotionModes, motion_measure
+from meeframe.indenters.base import MotionModes, motion_density
 from meeframe.mesh.regular import grid_cells, outermost_cells, shared_frames
 
 
-def test_measures_of_equal_nodes_are_views_of_one_row() -> None:
+def test_densities_of_equal_nodes_are_views_of_one_row() -> None:
     points = np.random.default_rng(1).uniform(size=(7, 3))
     modes = MotionModes(points, shared_frames(np.eye(3), 7), np.eye(3), np.zeros(3))
-    for number in range(len(modes)):
-        measure = motion_measure(modes, np.broadcast_to(0.3, 7), number)
-        np.testing.assert_array_equal(measure, motion_measure(modes, np.full(7, 0.3), number))
-        assert (measure.strides[0] == 0) == (modes[number].strides[0] == 0)
+    for number, mode in enumerate(modes):
+        density = motion_density(mode, number)
+        np.testing.assert_array_equal(density, motion_density(mode.copy(), number))
+        assert (density.strides[0] == 0) == (mode.strides[0] == 0)
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (2, 5), (5, 2), (3, 3), (4, 6)])

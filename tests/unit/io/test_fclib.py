@@ -247,7 +247,7 @@ def test_potentials_are_eliminated_with_the_resistances_of_the_state(kappa):
 def test_free_motions_are_fixed_at_the_state():
     mode = np.zeros((CELLS**2, 5))
     mode[:, 2] = -1.0
-    resultant = PrescribedResultant(mode, mode * SYSTEM.weights[:, None], 2000.0)
+    resultant = PrescribedResultant(mode, mode, SYSTEM.weights, 2000.0)
     problem = replace(pressed_sphere(translation=(0.0, 0.0)), prescribed_resultants=(resultant,))
     with pytest.raises(CaseError, match="1 motions or potentials of the indenter are free"):
         local_problem(problem)

@@ -61,7 +61,7 @@ def test_tangential_force_proportional_to_normal_force(solver, share) -> None:
     """F_x = share mu P, by a measure with a normal component, at a prescribed approach and at a prescribed force."""
     problem = conducting_sphere(IsotropicCoulomb(MU))
     system = problem.system
-    ratio = prescribe_resultant(system, SLIDE, 0.0, measure=SLIDE - share * MU * PRESS)
+    ratio = prescribe_resultant(system, SLIDE, 0.0, density=SLIDE - share * MU * PRESS)
     at_depth = balanced_solution(replace(problem, prescribed_resultants=(ratio,)), solver).state
     force = resultant(system, at_depth.load)[0]
     assert force[0] == pytest.approx(-share * MU * force[2], rel=1e-9)
@@ -235,7 +235,7 @@ def test_forces_cost_no_more_iterations_than_motions() -> None:
 
 def test_conjugate_gradients_reject_nonconjugate_measures() -> None:
     problem = conducting_sphere(Signorini())
-    ratio = prescribe_resultant(problem.system, SLIDE, 0.0, measure=SLIDE - 0.1 * PRESS)
+    ratio = prescribe_resultant(problem.system, SLIDE, 0.0, density=SLIDE - 0.1 * PRESS)
     with pytest.raises(CaseError, match=r"free motion 1 of the indenter.*weights \* mode"):
         solve(
             replace(problem, prescribed_resultants=(prescribe_resultant(problem.system, PRESS, 500.0), ratio)),

@@ -17,7 +17,7 @@ R = 2e13
 
 def prescribe_resultant(system, mode, total):
     mode = np.broadcast_to(mode, (len(system.points), 5)).copy()
-    return PrescribedResultant(mode, system.weights[:, None] * mode, total)
+    return PrescribedResultant(mode, mode, system.weights, total)
 
 
 def problem(law, *totals, cells=12):
@@ -93,6 +93,6 @@ def test_solutions_do_not_depend_on_units(scale):
 
 def test_modes_mixing_motion_and_potential_are_rejected():
     with pytest.raises(CaseError, match="either a motion or a potential"):
-        PrescribedResultant(np.ones((4, 5)), np.ones((4, 5)), 1.0)
+        PrescribedResultant(np.ones((4, 5)), np.ones((4, 5)), np.ones(4), 1.0)
     with pytest.raises(CaseError, match="not finite"):
-        PrescribedResultant(np.eye(5), np.eye(5), np.nan)
+        PrescribedResultant(np.eye(5), np.eye(5), np.ones(5), np.nan)

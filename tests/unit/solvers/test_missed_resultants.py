@@ -35,7 +35,7 @@ def driven(problem, *resultants):
     for motion, total in resultants:
         mode = np.zeros((len(problem.gap), 5))
         mode[:, :3] = motion
-        prescribed_resultants.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, total))
+        prescribed_resultants.append(PrescribedResultant(mode, mode, problem.system.weights, total))
     return replace(problem, prescribed_resultants=tuple(prescribed_resultants))
 
 
@@ -121,10 +121,11 @@ def test_ratio_of_forces_above_the_friction_limit_is_called_a_ratio():
     limit = 1e5
     problem, force = pressed_sphere(CappedCoulomb(MU, limit))
     area = float(problem.system.weights @ (solve(problem, Uzawa()).state.load[:, 2] < 0.0))
-    mode, measure = np.zeros((2, len(problem.gap), 5))
+    mode, density = np.zeros((2, len(problem.gap), 5))
     mode[:, 0] = 1.0
-    measure[:, 0], measure[:, 2] = problem.system.weights, 0.9 * MU * problem.system.weights
-    solution = solve(replace(problem, prescribed_resultants=(PrescribedResultant(mode, measure, 0.0),)), Auto())
+    density[:, 0], density[:, 2] = 1.0, 0.9 * MU
+    ratio = PrescribedResultant(mode, density, problem.system.weights, 0.0)
+    solution = solve(replace(problem, prescribed_resultants=(ratio,)), Auto())
     words = r"ratio of tangential to normal force prescribed is more than friction bears.*missed by (-?[\d.]+) N"
     missed = re.search(words, solution.message)
     assert missed, solution.message

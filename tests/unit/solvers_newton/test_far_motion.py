@@ -21,8 +21,7 @@ def sliding(cells, approach, ratio, translation=0.0):
     n = len(x)
     mode, normal = np.zeros((2, n, 5))
     mode[:, 0], normal[:, 2] = 1.0, -1.0
-    weights = system.weights[:, None]
-    free = (PrescribedResultant(mode, weights * (mode - ratio * normal), 0.0),) if ratio is not None else ()
+    free = (PrescribedResultant(mode, mode - ratio * normal, system.weights, 0.0),) if ratio is not None else ()
     gap = (x**2 + y**2) / 0.2 - approach
     slid = np.tile([translation, 0.0], (n, 1))
     law = OrthotropicCoulomb(MU, MU / 2)
@@ -64,7 +63,7 @@ def test_light_contact_from_a_distance(force):
     n = len(x)
     mode = np.zeros((n, 5))
     mode[:, 2] = -1.0
-    free = (PrescribedResultant(mode, system.weights[:, None] * mode, force),)
+    free = (PrescribedResultant(mode, mode, system.weights, force),)
     gap = (x**2 + y**2) / 2e-2 + 1e-3
     problem = ContactProblem(
         system, Signorini(), flux_channels(Insulating(), Insulating()), gap, np.zeros((n, 2)), np.zeros((n, 2)), free

@@ -22,7 +22,7 @@ def is_feasible(law, *resultants, cells=6) -> bool:
     for motion, total in resultants:
         mode = np.zeros((cells**2, 5))
         mode[:, :3] = motion(system.points) if callable(motion) else motion
-        prescribed_resultants.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))
+        prescribed_resultants.append(PrescribedResultant(mode, mode, system.weights, total))
     problem = replace(problem, prescribed_resultants=tuple(prescribed_resultants))
     return unreachable(problem, problem_scales(problem)) is None
 

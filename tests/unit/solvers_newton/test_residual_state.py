@@ -23,7 +23,7 @@ def moving(problem, fields=(0, 2, 3, 4)):
     for field in fields:
         mode = np.zeros_like(problem.system.offset)
         mode[:, field] = 1.0 + (100.0 * problem.system.points[:, 0] if field == 2 else 0.0)
-        computed.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, 1.0))
+        computed.append(PrescribedResultant(mode, mode, problem.system.weights, 1.0))
     return replace(problem, prescribed_resultants=tuple(computed))
 
 

@@ -97,7 +97,7 @@ def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[Prescrib
     for field, total in totals.items():
         mode = np.zeros_like(system.offset)
         mode[:, field] = 1.0
-        computed.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))
+        computed.append(PrescribedResultant(mode, mode, system.weights, total))
     return tuple(computed)
 
 
@@ -243,7 +243,7 @@ def test_tilt_shifts_a_paraboloid(monkeypatch: pytest.MonkeyPatch) -> None:
     there = solve(replace(shifted, prescribed_resultants=(press,)), SemismoothNewton(), LIMITS)
     moment = float((system.weights * mode[:, 2]) @ there.state.load[:, 2])
     assert moment == pytest.approx(-force * shift, rel=0.05)  # not axisymmetric, and divided into nodes
-    tilt = PrescribedResultant(mode, system.weights[:, None] * mode, moment)
+    tilt = PrescribedResultant(mode, mode, system.weights, moment)
     tilted = replace(plain, prescribed_resultants=(press, tilt))
     sizes = record_sizes(monkeypatch)
     check_same(solve(tilted, SemismoothNewton(), LIMITS), there)
@@ -255,7 +255,7 @@ def test_restriction_uses_the_scales_of_the_whole_problem() -> None:
     system = half_space()
     problem, mode = sphere(system, (0.0, 0.0)), np.zeros_like(system.offset)
     mode[:, 2] = system.points[:, 0]
-    tilted = replace(problem, prescribed_resultants=(PrescribedResultant(mode, system.weights[:, None] * mode, 0.0),))
+    tilted = replace(problem, prescribed_resultants=(PrescribedResultant(mode, mode, system.weights, 0.0),))
     part = contact_neighbourhood(tilted, problem.gap < 0.0)
     assert part is not None
     np.testing.assert_array_equal(part.equation.units, ContactResidual.of(tilted).units)

@@ -105,7 +105,12 @@ def test_linearly_dependent_motions(tolerance: float) -> None:
     point = three.at(near.load, near.contact_fraction, np.zeros(32**2, bool), near.motion)
     mixed = np.column_stack([np.eye(3), [0.3, 0.7, -0.2]])
     resultants = [
-        PrescribedResultant(three.modes @ amounts, np.tensordot(amounts, three.measures, axes=1), 0.0)
+        PrescribedResultant(
+            three.modes @ amounts,
+            np.tensordot(amounts, three.measures, axes=1) / problem.system.weights[:, None],
+            problem.system.weights,
+            0.0,
+        )
         for amounts in mixed.T
     ]
     four = replace(
