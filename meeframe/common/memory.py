@@ -12,8 +12,7 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-
-from meeframe.fields import Array
+from numpy.typing import NDArray
 
 MAX_RETAINED_BYTES: Final = 2**30
 """Number of free bytes at the end of the heap that stay with the process."""
@@ -67,19 +66,19 @@ def release_freed_memory(nodes: int) -> None:
         trim(0)
 
 
-def stack_columns(columns: Iterable[Array], shape: tuple[int, int]) -> Array:
+def stack_columns(columns: Iterable[NDArray[np.float64]], shape: tuple[int, int]) -> NDArray[np.float64]:
     """Return columns (n,) as an array (n, k), stored one after another: columns of zeros take no memory.
 
     Parameters
     ----------
-    columns : iterable of Array
+    columns : iterable of array
         The k columns.
     shape : tuple of int
         Shape (n, k) of the array.
 
     Returns
     -------
-    Array
+    array
         The array; pages of a large one that are never written stay with the operating system.
     """
     stacked = np.zeros(shape[::-1]).T

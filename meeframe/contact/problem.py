@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import ClassVar, Final, Protocol, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel, field_set
@@ -96,7 +97,7 @@ class PrescribedResultant:
         """Weights times density, (n, fields): the resultant of a load is sum(measure * load); computed when read."""
         return (self.weights * self.density.T).T
 
-    def measure_of(self, field: int, nodes: Indices | slice = slice(None)) -> Array:
+    def measure_of(self, field: int, nodes: Indices | NDArray[np.bool_] | slice = slice(None)) -> Array:
         """Return one column (n,) of the measure, at all nodes or some of them."""
         return np.asarray(self.weights[nodes] * self.density[nodes, field])
 

@@ -20,7 +20,7 @@ from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.jacobian import TANGENTIAL, ReducedJacobian
 from meeframe.system.capabilities import MaterialFlow
-from meeframe.system.node_blocks import NodeBlocks
+from meeframe.system.node_blocks import NodeBlocks, NodeProducts
 
 NEARBY_RADIUS: Final = 1.1
 """Radius, in spacings of nodes, beyond which the response to a single node is neglected.
@@ -132,15 +132,14 @@ def _solution_of_loads(jacobian: ReducedJacobian) -> Linear:
     by_inverse = NodeBlocks.of(
         {(i, i): mask / jacobian.units[i] for i, mask in enumerate(prescribing)}, prescribing.shape
     )
+
+    def products(blocks: NodeBlocks) -> NodeProducts:
+        return rotation.to_original(blocks).products(jacobian.precision)
+
     # prescribed displacements, and unknowns by right-hand sides and by inverse: one map each, with rotation and units
-    maps = (
-        to_displacement,
-        node_inverse.plus(by_displacement.compose(to_displacement)),
-        by_inverse.plus(by_loads.compose(by_inverse)),
-    )
-    displacement_products, right_products, inverse_products = (
-        rotation.to_original(blocks).products(jacobian.precision) for blocks in maps
-    )
+    displacement_products = products(to_displacement)
+    right_products = products(node_inverse.plus(by_displacement.compose(to_displacement)))
+    inverse_products = products(by_inverse.plus(by_loads.compose(by_inverse)))
     number = np.array([loaded.index(field) if field in loaded else -1 for field in jacobian.fields], np.intp)
     displacement_products = replace(
         displacement_products, rows=number[displacement_products.rows], shape=(len(loaded), len(jacobian.nodes))
