@@ -6,10 +6,12 @@ large contacts.
 """
 
 import ctypes
+import math
+import mmap
 import os
 from collections.abc import Iterable
 from functools import cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,8 @@ With 2**22, runs on 2048 x 2048 nodes take 9 to 16 bytes less per node, and an e
 """
 MIN_RELEASED_NODES: Final = 2**20
 """Number of nodes from which free memory is returned between the stages of a run: 30 to 60 bytes per node."""
+MIN_PAGED_BYTES: Final = 2**22
+"""Size in bytes from which zeros are mapped by themselves: in memory that was freed they would have to be written."""
 _TRIM_THRESHOLD: Final = -1
 _MMAP_THRESHOLD: Final = -3
 _TUNING_VARIABLES: Final = "MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_", "GLIBC_TUNABLES"
@@ -66,6 +70,28 @@ def release_freed_memory(nodes: int) -> None:
         trim(0)
 
 
+def zeros(shape: tuple[int, ...], kind: type[np.generic] = np.float64) -> NDArray[Any]:
+    """Return zeros, of which pages that are never written take no memory if there are many of them.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of the array, whose first axis varies fastest: the columns of a matrix are stored one after another.
+    kind : type, optional
+        Type of the numbers.
+
+    Returns
+    -------
+    array
+        The zeros.
+    """
+    size = math.prod(shape) * np.dtype(kind).itemsize
+    if size < MIN_PAGED_BYTES:
+        return np.zeros(shape, kind, order="F")
+    pages = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return np.frombuffer(pages, kind).reshape(shape, order="F")
+
+
 def stack_columns(columns: Iterable[NDArray[np.float64]], shape: tuple[int, int]) -> NDArray[np.float64]:
     """Return columns (n,) as an array (n, k), stored one after another: columns of zeros take no memory.
 
@@ -79,9 +105,9 @@ def stack_columns(columns: Iterable[NDArray[np.float64]], shape: tuple[int, int]
     Returns
     -------
     array
-        The array; pages of a large one that are never written stay with the operating system.
+        The array.
     """
-    stacked = np.zeros(shape[::-1]).T
+    stacked = zeros(shape)
     for column, values in zip(stacked.T, columns, strict=True):
         if values.any():
             column[:] = values

@@ -7,6 +7,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.common.memory import zeros
 from meeframe.contact.conduction import depends_on_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant, columns_of
 from meeframe.fields import N_MECHANICAL, POTENTIALS, Array, Indices
@@ -88,7 +89,7 @@ def _columns_at(values: Array, columns: tuple[int, ...], nodes: Indices) -> Arra
         return np.broadcast_to(values[0], (len(nodes), values.shape[1]))
     if not columns:
         return np.broadcast_to(0.0, (len(nodes), values.shape[1]))
-    at_nodes = np.zeros((values.shape[1], len(nodes))).T  # columns of zeros are never written, and take no memory
+    at_nodes = zeros((len(nodes), values.shape[1]))
     for column in columns:
         at_nodes[:, column] = values[nodes, column]
     return at_nodes
@@ -129,7 +130,7 @@ def nested_start(
 
 def prolonged_start(problem: ContactProblem, coarse: Coarse, coarse_state: ContactState | Iterate) -> ContactState:
     """Return a start with the interpolated load of a state of the coarse problem; see `nested_start`."""
-    load = np.zeros((problem.fields.size, len(problem.gap))).T  # field by field
+    load = zeros((len(problem.gap), problem.fields.size))
     loaded = np.flatnonzero(coarse_state.load.any(axis=0))
     load[:, loaded] = coarse.coarsening.prolong(coarse_state.load[:, loaded])
     above = np.isfinite(problem.gap)

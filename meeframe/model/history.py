@@ -56,7 +56,8 @@ def at_rest(motions: IndenterMotions, potentials: Mapping[str, float], n: int) -
     motion = np.zeros(motions.size)
     for name, potential in potentials.items():
         motion[motions.columns[name]] = potential
-    return ConvergedState(motions, motion, np.zeros(motions.size), np.zeros((n, 2)), np.zeros(n), np.zeros(n), None)
+    distances = np.broadcast_to(0.0, (n, 2)), np.broadcast_to(0.0, n), np.broadcast_to(0.0, n)
+    return ConvergedState(motions, motion, np.zeros(motions.size), *distances, None)
 
 
 def hold_motions(start: ConvergedState, prescribed: Controls) -> Controls:

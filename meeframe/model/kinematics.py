@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.common.memory import stack_columns, zeros
 from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import (
     ContactProblem,
@@ -94,7 +95,7 @@ class IndenterKinematics:
         """Change of the gap by the contact law and the corresponding motion of the indenter, (n,) [m]."""
         added = gap_of_law(self.case.contact_law, self.system.points)
         if not added.any():
-            return added
+            return np.broadcast_to(0.0, added.shape)
         gap = self.gaps(self.system.points, self.system.frames) + added
         nearing = -self.modes[0][:, 2]  # change of the gap per metre of approach
         # a tilted indenter may lie above nodes whose normals are across its axis: approach never closes their gaps
@@ -213,11 +214,8 @@ class IndenterKinematics:
             gap = gap + shift
         if start.wear.any():
             gap = gap + start.wear
-        translation = np.zeros((2, len(gap))).T  # columns of zeros are never written, and take no memory
-        for column in range(2):
-            shift = self._mode_displacement(base, column) - start.total_slip[:, column]
-            if shift.any():
-                translation[:, column] = shift
+        shifts = (self._mode_displacement(base, column) - start.total_slip[:, column] for column in range(2))
+        translation = stack_columns(shifts, (len(gap), 2))
         potentials = np.broadcast_to(base[N_RIGID:], (len(gap), len(base) - N_RIGID))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         if self.case.wear is not None and not (rolling is not None and rolling.is_steady):
@@ -300,8 +298,8 @@ class IndenterKinematics:
         start, motion = increment.start, increment.base.copy()
         motion[increment.free] += state.motion
         total_slip = start.total_slip + slip if start.total_slip.any() else slip
-        path = np.zeros(len(touches))
-        np.copyto(path, start.slip_path, where=start.slip_path != 0.0)  # pages of zeros take no memory
+        path = zeros(touches.shape)
+        np.copyto(path, start.slip_path, where=start.slip_path != 0.0)
         path[touches] += path_length(increment, slip[touches])
         return replace(
             start,

@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from meeframe.common.memory import zeros
 from meeframe.contact.conduction import Mask, depends_on_gap
 from meeframe.contact.nested import is_uniform, restrict_problem
 from meeframe.contact.problem import ContactProblem
@@ -41,9 +42,9 @@ class ContactNeighbourhood:
 
     def scatter(self, values: AnyArray) -> AnyArray:
         """Return values (m, ...) of the neighbourhood on all nodes, zero outside it."""
-        scattered = np.zeros((*values.shape[:0:-1], len(self.problem.gap)), values.dtype).T
+        scattered = zeros((len(self.problem.gap), *values.shape[1:]), values.dtype.type)
         for column in np.ndindex(values.shape[1:]):
-            if values[:, *column].any():  # pages of zeros take no memory
+            if values[:, *column].any():
                 scattered[self.nodes, *column] = values[:, *column]
         return scattered
 
