@@ -14,7 +14,7 @@ from meeframe.mesh.surface import SurfaceMesh
 
 BASE_BYTES: Final = 270_000_000
 """Memory of Python, its libraries and compiled kernels."""
-BYTES_PER_TANGENTIAL_FIELD: Final = 165
+BYTES_PER_TANGENTIAL_FIELD: Final = 100
 """Memory per node of each tangential traction.
 
 It is that of partial slip, where Newton's method stores most directions, with contact on a quarter of the grid. Most

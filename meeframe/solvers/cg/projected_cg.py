@@ -9,7 +9,7 @@ import numpy as np
 
 from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
-from meeframe.common.memory import release_freed_memory, zeros
+from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting
 from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.nested import nested_start, on_sample, with_tension
@@ -303,7 +303,7 @@ def _iterate(memory: _Memory) -> Iterate:
 
 def _load(problem: ContactProblem, pressure: Array, free: Indices) -> Array:
     """Return the load (n, fields) of pressures (f,) on the free nodes (f,)."""
-    load = zeros((len(problem.gap), problem.fields.size))
+    load = np.zeros((problem.fields.size, len(problem.gap))).T  # columns of zeros are never written
     load[free, NORMAL] = -pressure
     return load
 

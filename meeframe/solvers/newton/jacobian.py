@@ -171,17 +171,15 @@ class ReducedJacobian:
 
         Each is a dictionary of its nonzero parts (c,) by the row of unknowns.
         """
-        measures: list[dict[int, Array]] = []
-        for total, resultant in zip(
-            self.equation.scales.totals, self.equation.problem.prescribed_resultants, strict=True
-        ):
-            loaded = [(row, field) for row, field in enumerate(self.fields) if field in resultant.density_fields]
-            values = {row: resultant.measure_of(field, self.nodes) / total for row, field in loaded}
-            units = self.units.tolist()
-            measures.append(
-                {row: units[row] * each.astype(self.precision) * self.coupled[row] for row, each in values.items()}
-            )
-        return measures
+        totals, rows = self.equation.scales.totals, list(zip(self.fields, self.units, self.coupled, strict=False))
+        return [
+            {
+                row: float(unit) * (resultant.measure_of(field, self.nodes) / total).astype(self.precision) * coupled
+                for row, (field, unit, coupled) in enumerate(rows)
+                if field in resultant.density_fields
+            }
+            for total, resultant in zip(totals, self.equation.problem.prescribed_resultants, strict=True)
+        ]
 
 
 def _entries(

@@ -205,7 +205,8 @@ def _krylov_step(
     # the tolerance refers to the residual, to which a large prescribed part adds
     before, after = float(np.linalg.norm(residual)), float(np.linalg.norm(right))
     tolerance *= max(before / after, MIN_TOLERANCE_FACTOR) if after > before else 1.0
-    balance = -blocks.balance - equation.resultants(prescribed[:, :FRACTION])
+    resultants = [each.of_load(prescribed[:, :FRACTION]) for each in equation.problem.prescribed_resultants]
+    balance = -blocks.balance - np.array(resultants) / equation.scales.totals
     weight = np.sqrt(equation.count, dtype=jacobian.precision)  # as the merit weighs the balance
     size, max_motion, expand = len(right), blocks.max_motion, jacobian.expansion(prescribed)
 

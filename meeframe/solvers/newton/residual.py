@@ -167,11 +167,6 @@ class ContactResidual:
                 values[field] = resultant.measure_of(field) / total
         return measures.transpose(0, 2, 1)
 
-    def resultants(self, load: Array) -> Array:
-        """Return the resultants (m,) of a load (n, fields), by characteristic totals."""
-        prescribed = self.problem.prescribed_resultants
-        return np.array([resultant.of_load(load) for resultant in prescribed]) / self.scales.totals
-
     def _zeros_by_motion(self) -> Array:
         """Return zeros (m, fields, n)."""
         return np.zeros((len(self.units), self.problem.fields.size, len(self.problem.gap)))
@@ -216,7 +211,7 @@ class ContactResidual:
         """Return the state of the equation as `at` does, with a known relative displacement (n, fields)."""
         law = self.problem.contact_law
         gap = relative_displacement[:, MECHANICAL]
-        trial = self.trial(load, relative_displacement)
+        trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
         contact_fraction = np.where(biactive, contact_fraction, trial[:, 2] < 0.0)
         normal_traction = contact_traction(law, load[:, 2], gap[:, 2])
         conducted = conducted_flux(self.problem, load, relative_displacement)
@@ -246,11 +241,6 @@ class ContactResidual:
         balance = unbalance(self.problem, load) / self.scales.totals
         nodes = (relative_displacement, transmissivity, jump, drive, sigma, residual)
         return ResidualState(self, load, contact_fraction, biactive, motion, *nodes, balance)
-
-    def trial(self, load: Array, relative_displacement: Array) -> Array:
-        """Return the trial tractions (n, 3) at a load and a relative displacement (n, fields)."""
-        gap = relative_displacement[:, MECHANICAL]
-        return augmented_traction(self.problem.contact_law, load[:, MECHANICAL], gap, (self.r, self.r))
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,7 +314,8 @@ class ResidualState:
     @property
     def trial(self) -> Array:
         """Trial tractions (n, 3) [Pa]; not stored."""
-        return self.equation.trial(self.load, self.relative_displacement)
+        law, r = self.equation.problem.contact_law, (self.equation.r, self.equation.r)
+        return augmented_traction(law, self.load[:, MECHANICAL], self.relative_displacement[:, MECHANICAL], r)
 
     @property
     def switch(self) -> Array:
