@@ -130,7 +130,7 @@ def nested_start(
 
 def prolonged_start(problem: ContactProblem, coarse: Coarse, coarse_state: ContactState | Iterate) -> ContactState:
     """Return a start with the interpolated load of a state of the coarse problem; see `nested_start`."""
-    load = zeros((len(problem.gap), problem.fields.size))
+    load = np.zeros((problem.fields.size, len(problem.gap))).T  # field by field
     loaded = np.flatnonzero(coarse_state.load.any(axis=0))
     load[:, loaded] = coarse.coarsening.prolong(coarse_state.load[:, loaded])
     above = np.isfinite(problem.gap)

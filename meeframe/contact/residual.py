@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.common.memory import release_freed_memory, zeros
+from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting, depends_on_gap, potential_diagonal, resistances, switch, unloaded
 from meeframe.contact.generated_heat import conducted_flux
 from meeframe.contact.nested import has_nodal_data, is_uniform
@@ -67,13 +67,13 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
         if system.offset.any():
             displacement = system.offset + displacement
     else:
-        displacement = zeros((len(iterate.load), system.n_fields))
+        displacement = np.zeros((system.n_fields, len(iterate.load))).T  # field by field
         for field, values in zip(fields, apply_load(system, iterate.load, fields).T, strict=True):
             np.add(system.offset[:, field], values, out=displacement[:, field])
     contact_fraction = iterate.contact_fraction
     if contact_fraction.dtype == bool:
-        flags, contact_fraction = contact_fraction, zeros(contact_fraction.shape)
-        contact_fraction[flags] = 1.0
+        flags, contact_fraction = contact_fraction, np.zeros(len(contact_fraction))
+        contact_fraction[flags] = 1.0  # pages of zeros take no memory
     return ContactState(iterate.load, displacement, np.asarray(contact_fraction, float), iterate.motion)
 
 

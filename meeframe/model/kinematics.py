@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.common.memory import stack_columns, zeros
+from meeframe.common.memory import stack_columns
 from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import (
     ContactProblem,
@@ -298,8 +298,8 @@ class IndenterKinematics:
         start, motion = increment.start, increment.base.copy()
         motion[increment.free] += state.motion
         total_slip = start.total_slip + slip if start.total_slip.any() else slip
-        path = zeros(touches.shape)
-        np.copyto(path, start.slip_path, where=start.slip_path != 0.0)
+        path = np.zeros(len(touches))
+        np.copyto(path, start.slip_path, where=start.slip_path != 0.0)  # pages of zeros take no memory
         path[touches] += path_length(increment, slip[touches])
         return replace(
             start,
