@@ -70,11 +70,7 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
         displacement = np.zeros((system.n_fields, len(iterate.load))).T  # field by field
         for field, values in zip(fields, apply_load(system, iterate.load, fields).T, strict=True):
             np.add(system.offset[:, field], values, out=displacement[:, field])
-    contact_fraction = iterate.contact_fraction
-    if contact_fraction.dtype == bool:
-        flags, contact_fraction = contact_fraction, np.zeros(len(contact_fraction))
-        contact_fraction[flags] = 1.0  # pages of zeros take no memory
-    return ContactState(iterate.load, displacement, np.asarray(contact_fraction, float), iterate.motion)
+    return ContactState(iterate.load, displacement, np.asarray(iterate.contact_fraction, float), iterate.motion)
 
 
 def residual(problem: ContactProblem, state: ContactState, scales: Scales | None = None) -> float:

@@ -194,7 +194,9 @@ class Elimination:
         if self.matrix is None:
             solve, couplings = self._iterate(conducts, resistance), None
         else:
-            pairs, size = self._numbers(conducts), len(self.mechanical) * len(resistance)
+            (nodes, channels), n = np.nonzero(conducts), len(conducts)
+            number = {field - N_MECHANICAL: k for k, field in enumerate(self.conducting, len(self.mechanical))}
+            pairs, size = np.array([number[k] for k in channels.tolist()], int) * n + nodes, len(self.mechanical) * n
             solve = self._factorise(pairs, resistance[conducts])
             same = previous if previous is not None and np.array_equal(previous.conducts, conducts) else None
             couplings = same.couplings if same else (self.matrix[pairs, :size], self.matrix[:size, pairs])
@@ -226,19 +228,7 @@ class Elimination:
     ) -> Response:
         """Return the total response, including offset, potentials of the indenter and prescribed totals.
 
-        Parameters
-        ----------
-        traction, conductors, reduction
-            As for `respond`.
-        flux : Array
-            (n, channels), approximate flux.
-        potential : Array
-            (j,), approximate potentials of the floating conductors.
-
-        Returns
-        -------
-        Response
-            State of the contact zone.
+        flux: (n, channels), and potential: (j,), of the floating conductors, are approximate; the others as `respond`.
         """
         return self._respond(traction, conductors, conductors.without_floating(flux, potential), reduction, total=True)
 
@@ -274,13 +264,6 @@ class Elimination:
             channels = [field - N_MECHANICAL for field in self.conducting]
             return apply_fields(self.problem.system, flux[:, channels], self.conducting, self.mechanical)
         return (conductors.couplings[1] @ flux[conductors.conducts]).reshape(len(self.mechanical), len(flux)).T
-
-    def _numbers(self, conducts: Mask) -> Indices:
-        """Return the numbers (a,) of the conducting pairs (n, channels) in the stored matrix."""
-        nodes, channels = np.nonzero(conducts)
-        position = np.full(conducts.shape[1], -1)
-        position[[field - N_MECHANICAL for field in self.conducting]] = np.arange(len(self.conducting))
-        return np.asarray((len(self.mechanical) + position[channels]) * len(conducts) + nodes)
 
     def _factorise(self, pairs: Indices, resistance: Array) -> Solve:
         """Return the solution of the flux equations by LU factorisation, scaled so that units do not matter.

@@ -1,7 +1,7 @@
 """Semismooth Newton on the nonsmooth equation of the contact problem, globalised so that it converges from zero."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final, cast, final
+from typing import ClassVar, Final, final
 
 import numpy as np
 
@@ -264,9 +264,7 @@ def _iterate(memory: _Memory) -> Iterate:
     """Return the iterate, with the violation of the laws that the equation estimates where products are expensive."""
     state, neighbourhood = memory.state, memory.neighbourhood
     estimate = state.law_residual if state.equation.problem.system.dense() is None else None
-    # flags take an eighth of the memory of fractions
-    flags = cast(Array, state.contact_fraction > 0.0)
-    load, contact_fraction = state.load, np.clip(state.contact_fraction, 0.0, 1.0) if state.biactive.any() else flags
+    load, contact_fraction = state.load, np.clip(state.contact_fraction, 0.0, 1.0)
     if neighbourhood is not None:
         load, contact_fraction = neighbourhood.scatter(load), neighbourhood.scatter(contact_fraction)
     return Iterate(load, contact_fraction, memory, state.motion, estimate)
