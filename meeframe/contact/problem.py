@@ -103,13 +103,7 @@ class PrescribedResultant:
 
     def of_load(self, load: Array) -> float:
         """Return the resultant of a load (n, fields)."""
-        total = 0.0
-        for column in self.density_fields:
-            if self.density.strides[0]:
-                total += float(self.measure_of(column) @ load[:, column])
-            else:  # the same at all nodes, as in forces
-                total += float(self.density[0, column] * (self.weights @ load[:, column]))
-        return total
+        return sum(float(self.measure_of(field) @ load[:, field]) for field in self.density_fields)
 
 
 def columns_of(values: Array) -> tuple[int, ...]:

@@ -212,10 +212,7 @@ def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
     flux = np.zeros(len(problem.channels))
     for resultant in problem.prescribed_resultants:
         if resultant.electromagnetic:
-            measure = np.zeros_like(flux)
-            for field in resultant.density_fields:
-                if field >= N_MECHANICAL:
-                    measure[field - N_MECHANICAL] = np.abs(resultant.measure_of(field, loaded)).sum()
+            measure = np.abs(resultant.measure[loaded, POTENTIALS]).sum(axis=0)
             flux += np.divide(abs(resultant.total), measure, out=np.zeros_like(flux), where=measure > 0.0)
     return flux
 

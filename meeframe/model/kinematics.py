@@ -261,13 +261,10 @@ class IndenterKinematics:
             for number, total in zip(numbers, totals, strict=True):
                 if not self.resists[number]:
                     continue
-                mode = self.modes[number]
-                density = motion_density(mode, number)
+                mode, density = self.modes[number], motion_density(self.modes[number], number)
                 if key == FORCE_RATIO:
                     (normal,) = range(*columns["normal_force"].indices(len(self.modes)))
-                    rows = slice(None if density.strides[0] else 1)  # one where all nodes have the same
-                    density = np.broadcast_to(density[rows] - total * self.modes[normal][rows], mode.shape)
-                    total = 0.0
+                    density, total = density - total * motion_density(self.modes[normal], normal), 0.0
                 prescribed_resultants[number] = PrescribedResultant(mode, density, self.system.weights, float(total))
         return dict(sorted(prescribed_resultants.items()))
 

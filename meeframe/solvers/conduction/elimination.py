@@ -89,7 +89,7 @@ class Floating:
             return cls(numbers, np.zeros(0), empty, empty, empty)
         resultants = [problem.prescribed_resultants[i] for i in numbers]
         flux = np.column_stack([solve(modes[i], np.zeros_like(modes[i]), 0.0) for i in numbers])
-        measure = np.stack([(one.weights * one.density[:, POTENTIALS].T).T[conducts] for one in resultants])
+        measure = np.stack([resultant.measure[:, POTENTIALS][conducts] for resultant in resultants])
         capacitance = measure @ flux
         size = np.sqrt(np.abs(np.diag(capacitance)))
         size[size == 0.0] = 1.0

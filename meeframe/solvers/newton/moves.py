@@ -53,10 +53,9 @@ def take_step(state: ResidualState, flips: Array, step: Step, fraction: float) -
     becomes_biactive = (flips > MAX_FLIPS) & ~candidate.biactive
     if becomes_biactive.any():
         contact_fraction, increment = candidate.contact_fraction.copy(), candidate.closing_increment
-        near = np.flatnonzero(becomes_biactive & (np.abs(candidate.trial[:, 2]) < increment))
-        contact_fraction[near] = np.clip(
-            state.contact_fraction[near] - candidate.trial[near, 2] / increment[near], 0.0, 1.0
-        )
+        normal_trial = candidate.trial[:, 2]
+        near = np.flatnonzero(becomes_biactive & (np.abs(normal_trial) < increment))
+        contact_fraction[near] = np.clip(state.contact_fraction[near] - normal_trial[near] / increment[near], 0.0, 1.0)
         candidate = candidate.with_contact_fraction(contact_fraction, candidate.biactive | becomes_biactive)
     return flips, candidate
 

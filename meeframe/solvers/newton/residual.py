@@ -344,12 +344,6 @@ class ResidualState:
         """Increase of a node's trial by its own closing, (n,) [Pa]: the node may be biactive where that is positive."""
         return np.asarray(self.equation.r * (self.equation.normal_coupling * self.jump * self.drive).sum(axis=1))
 
-    @property
-    def between(self) -> Mask:
-        """Biactive nodes (n,) that are neither open nor closed."""
-        switch = self.switch
-        return np.asarray(self.biactive & (switch > 0.0) & (switch < 1.0))
-
     def find_switched(self, before: "ResidualState") -> Mask:
         """Return the nodes (n,) that opened or closed since an earlier state, where that changes the conduction."""
         return np.asarray(((self.contact_fraction > 0.0) != (before.contact_fraction > 0.0)) & self.jump.any(axis=1))
@@ -390,19 +384,20 @@ class ResidualState:
         )
         return violation
 
-    def _trial_by_fraction(self) -> Array:
-        """Return the trial (n, 3) at which the laws are linearised.
+    def _trial_by_fraction(self, trial: Array, switch_value: Array) -> Array:
+        """Return the trial (n, 3) at which the laws are linearised, from that of the state.
 
         A biactive node whose fraction is at an end is pressed or open according to that, not to a trial that is almost
         zero. A node at which material undoes its slip of before sticks.
         """
-        trial, switch = self.trial, self.switch
         if is_adhesive(self.equation.problem.contact_law):
             return trial
-        pressed = self.biactive & (switch >= 1.0) & (trial[:, 2] >= 0.0)
-        opened = self.biactive & (switch <= 0.0) & (trial[:, 2] < 0.0)
-        least = MIN_TRANSITION_RATIO * self.equation.scales.pressure
+        pressed = self.biactive & (switch_value >= 1.0) & (trial[:, 2] >= 0.0)
+        opened = self.biactive & (switch_value <= 0.0) & (trial[:, 2] < 0.0)
         sticks = undone_slip(self.equation.problem, self.load, trial)
+        if sticks is None and not (pressed | opened).any():
+            return trial
+        trial, least = trial.copy(order="K"), MIN_TRANSITION_RATIO * self.equation.scales.pressure
         trial[pressed, 2], trial[opened, 2] = -least, least
         if sticks is not None:
             trial[sticks, :2] = 0.0
@@ -415,7 +410,8 @@ class ResidualState:
         """
         equation, scales = self.equation, self.equation.scales
         law = equation.problem.contact_law
-        between = self.between
+        actual, switch_value = self.trial, self.switch
+        between = self.biactive & (switch_value > 0.0) & (switch_value < 1.0)
         # a fraction that stays at its end changes no flux, and its row then involves the node alone
         stays = (self.residual[:, FRACTION] == 0.0) & ~between
         moves = between | (self.biactive & ~stays & (self.contact_fraction >= 0.0) & (self.contact_fraction <= 1.0))
@@ -424,7 +420,7 @@ class ResidualState:
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
         residual[between, 2] = normal_traction[between] / scales.pressure
         residual[between, FRACTION] = equation.r * self.relative_displacement[between, 2] / scales.pressure
-        actual, trial = self.trial, self._trial_by_fraction()
+        trial = self._trial_by_fraction(actual, switch_value)
         gap, r, n = self.relative_displacement[:, MECHANICAL], (equation.r, equation.r), len(trial)
         a, b = (defaultdict[tuple[int, int], Array](partial(np.zeros, n)) for _ in range(2))
         for nodes in node_blocks(law, n):  # tangents of all nodes would take as much memory as everything else

@@ -16,7 +16,7 @@ from meeframe.plugin import (
     StepLengths,
     check_quantities,
 )
-from meeframe_laws.limits import MAX_STEPS, ROUND_OFF, contact_pressure
+from meeframe_laws.limits import MAX_STEPS, ROUND_OFF, contact_pressure, in_contact
 
 _MAX_CURVED_EXPONENT: Final = 1e6
 """Largest exponent whose curvature is computed: the corners of limits closer to a box are as small as round-off."""
@@ -87,7 +87,7 @@ class NonAssociatedCoulomb(ContactLaw):
 
     def tangents(self, trial: Array, gap: Array, r: StepLengths) -> tuple[Array, Array]:
         """Return the derivatives by the trial, (n, 3, 3), by the secular equation, and zero for those by the gap."""
-        traction, slips = self.resolve(trial, gap, r), np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
+        traction, slips = self.resolve(trial, gap, r), in_contact(trial)
         growth, unit = self._modes()
         inverse = np.linalg.inv(unit)
         slips[slips] = np.linalg.norm(trial[slips, :2] @ inverse.T, axis=1) > -trial[slips, 2]
@@ -171,7 +171,7 @@ class SuperellipticCoulomb(ContactLaw):
         """Return the derivative of the nearest point, (n, 3, 3), by the curvature of the limit there."""
         if self.exponent > _MAX_CURVED_EXPONENT:
             return super().tangent(trial)
-        traction, slips = self.project(trial), np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
+        traction, slips = self.project(trial), in_contact(trial)
         axes, n = _axes(self.angle) / np.array([[self.mu1], [self.mu2]]), self.exponent
         slips[slips] = lame_norm(trial[slips, :2] @ axes.T, n) > -trial[slips, 2]
         point, y = (array[slips, :2] @ axes.T / -trial[slips, 2:] for array in (trial, traction))
@@ -274,7 +274,7 @@ def _homogeneous_tangent(trial: Array, traction: Array, slips: NDArray[np.bool_]
     """
     tangent = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)
     for i in range(3):
-        tangent[:, i, i] = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
+        tangent[:, i, i] = in_contact(trial)
     tangent[slips, :2, :2] = by_tangential
     remainder = traction[slips, :2] - np.einsum("nij,nj->ni", by_tangential, trial[slips, :2])
     tangent[slips, :2, 2] = remainder / trial[slips, 2:]

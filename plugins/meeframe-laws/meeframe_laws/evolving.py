@@ -12,6 +12,7 @@ from meeframe_laws.limits import (
     contact_pressure,
     direction,
     disc_tangent,
+    in_contact,
     is_within_disc,
     isotropic_scaling,
     return_to_disc,
@@ -234,7 +235,7 @@ class _Increment(ContactLaw):
         slip = tangential_norm(gap)
         limit, (by_pressure, by_slip) = self.limit(trial, slip), self.slopes(trial, slip)
         by_gap = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)
-        slips = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0) & ~is_within_disc(trial, limit)
+        slips = in_contact(trial) & ~is_within_disc(trial, limit)
         of_friction, of_slip = direction(trial), direction(gap)
         for i, j in np.ndindex(2, 2):
             by_gap[:, i, j] = np.where(slips, by_slip * of_friction[i] * of_slip[j], 0.0)

@@ -21,6 +21,11 @@ def contact_pressure(trial: Array) -> Array:
     return pressure
 
 
+def in_contact(trial: Array) -> NDArray[np.bool_]:
+    """Return where trials (n, 3) are pressed and finite, (n,)."""
+    return np.asarray(np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0))
+
+
 def tangential_norm(trial: Array) -> Array:
     """Return the norm (n,) of the tangential components of vectors (n, 3)."""
     size: Array = np.hypot(trial[:, 0], trial[:, 1])
@@ -71,15 +76,15 @@ def radial_tangent(trial: Array, size: Array, by_length: Array | NDArray[np.bool
     by_length, by_pressure : Array
         Derivatives of that norm by the norm of the tangential trial, and by the contact pressure, (n,).
     """
-    length, in_contact = tangential_norm(trial), np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
-    factor = np.divide(size, length, out=by_length.astype(float), where=in_contact & (length > 0.0))
+    length, is_pressed = tangential_norm(trial), in_contact(trial)
+    factor = np.divide(size, length, out=by_length.astype(float), where=is_pressed & (length > 0.0))
     unit, tangent = direction(trial), np.zeros((3, 3, len(trial))).transpose(2, 0, 1)
     for i, j in np.ndindex(2, 2):
         tangent[:, i, j] = (by_length - factor) * unit[i] * unit[j] + (factor if i == j else 0.0)
     for i in range(2):
         tangent[:, i, 2] = -by_pressure * unit[i]
     tangent[:, 2, 2] = 1.0
-    tangent[~in_contact] = 0.0
+    tangent[~is_pressed] = 0.0
     return tangent
 
 
