@@ -277,23 +277,24 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
         return False
     numbers = np.concatenate([np.r_[RIGID_RESULTANTS[key]] for key in free])
     every = MotionModes(zone.points, zone.frames, step.loading.axes, step.loading.reference)
-    modes = np.stack([every[number][:, :2] for number in numbers])
+    touching = step.touching
+    modes = np.stack([every[number][touching, :2] for number in numbers])
     modes /= np.linalg.norm(modes, axis=(1, 2), keepdims=True)
     way = np.linalg.norm(step.slip[slips], axis=1)
     along = step.slip[slips] / np.where(way > 0.0, way, 1.0)[:, None]
     # the free motion closest to the slip
-    across = np.einsum("knt,nt->nk", modes[:, slips], along[:, ::-1] * [-1.0, 1.0])
+    across = np.einsum("knt,nt->nk", modes[:, slips[touching]], along[:, ::-1] * [-1.0, 1.0])
     # by its small triangular factor: singular vectors along the nodes would fill a matrix of all pairs of them
     least = np.linalg.svd(np.linalg.qr(across, mode="r"))[2][-1]
     motion = np.einsum("knt,k->nt", modes, least)
-    motion *= np.copysign(1.0, (motion[slips] * along).sum()) / largest(motion)
+    motion *= np.copysign(1.0, (motion[slips[touching]] * along).sum()) / largest(motion)
     # far enough to reverse opposite slip
     distance = 2.0 * max(largest(step.slip), largest(step.displacement))
     r = (largest(step.traction) / distance,) * 2
-    normal_gap, touching, changes = step.gap, step.touching, []
+    gaps, changes = np.column_stack([step.slip, step.gap]), []
+    gaps[touching, :2] += distance * motion
     for nodes in node_blocks(law, len(touching)):
-        traction = step.traction[nodes]
-        gap = np.column_stack([step.slip[nodes] + distance * motion[nodes], normal_gap[nodes]])
+        traction, gap = step.traction[nodes], gaps[nodes]
         further = fixed_point_map(law, augmented_traction(law, traction, gap, r), gap, r)
         changes.append((further - traction)[touching[nodes]])
     tolerance = max(_TRACTION_TOLERANCE, _RESIDUAL_FACTOR * step.residual)

@@ -24,8 +24,8 @@ def gmres(
 ) -> tuple[Array, float]:
     """Return an approximate solution of linear equations by flexible restarted GMRES.
 
-    The preconditioner acts from the right: the norm is that of the residual itself, and the preconditioner need only be
-    approximately linear, so that it may use single precision.
+    The preconditioner acts from the right: the norm is that of the residual itself. It need only be linear to single
+    precision: preconditioned vectors in double precision are stored, those in single precision computed again.
 
     Parameters
     ----------
@@ -83,11 +83,14 @@ def _cycle(
     # separate vectors: the memory of all together would be newly allocated by the operating system each time
     basis, directions = [residual / size], list[Array]()
     hessenberg = np.zeros((max_products + 1, max_products))
-    weights, remainder = np.zeros(0), size
+    weights, remainder, is_flexible = np.zeros(0), size, residual.dtype == np.float64
     (axpy,) = scipy.linalg.get_blas_funcs(["axpy"], [residual])
     for k in range(max_products):
-        directions.append(precondition(basis[k]))
-        product = multiply(directions[k])  # changed in place below
+        direction = precondition(basis[k])
+        if is_flexible:
+            directions.append(direction)
+        product = multiply(direction)  # changed in place below
+        del direction
         length = float(np.linalg.norm(product))
         previous, length_left = np.inf, length
         while length_left < MIN_REMAINDER * previous:
@@ -106,6 +109,6 @@ def _cycle(
             break
         basis.append(product / length_left)
     change = np.zeros_like(residual)
-    for weight, direction in zip(weights.tolist(), directions, strict=False):
-        change += weight * direction
-    return change, remainder, len(directions)
+    for weight, vector in zip(weights.tolist(), directions if is_flexible else basis, strict=False):
+        change += weight * vector
+    return change if is_flexible else precondition(change), remainder, k + 1

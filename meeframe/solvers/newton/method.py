@@ -144,9 +144,11 @@ def _begin(
         equation, nodes = ContactResidual.of(problem), np.arange(n)
     else:
         equation, nodes, restrictions = neighbourhood.equation, neighbourhood.nodes, restrictions - 1
-    state = equation.at(load[nodes], contact_fraction[nodes], _is_partial(contact_fraction[nodes]), motion)
     # an attractive contact may adhere in its present state, so that the indenter is not lifted off first
     keeps_motion = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
+    load, contact_fraction = load[nodes], contact_fraction[nodes]
+    del start, prolonged  # arrays of the whole zone
+    state = equation.at(load, contact_fraction, _is_partial(contact_fraction), motion)
     if not keeps_motion and (np.abs(state.balance) > BALANCE_TOLERANCE).any():
         state = equation.at(state.load, contact_fraction, state.biactive, _balanced_motion(problem, state))
     rise = 1.0

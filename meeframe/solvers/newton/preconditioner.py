@@ -132,21 +132,24 @@ def _solution_of_loads(jacobian: ReducedJacobian) -> Linear:
     by_inverse = NodeBlocks.of(
         {(i, i): mask / jacobian.units[i] for i, mask in enumerate(prescribing)}, prescribing.shape
     )
+    number = np.array([loaded.index(field) if field in loaded else -1 for field in jacobian.fields], np.intp)
+    zone_displacement = np.zeros((len(loaded), len(jacobian.equation.blocks) if inverse else 0), jacobian.precision)
+    nodes, precision = jacobian.nodes, jacobian.precision
+    del jacobian, node_compliance, friction  # blocks take as much memory as the iteration
 
     def products(blocks: NodeBlocks) -> NodeProducts:
-        return rotation.to_original(blocks).products(jacobian.precision)
+        return rotation.to_original(blocks).products(precision)
 
     # prescribed displacements, and unknowns by right-hand sides and by inverse: one map each, with rotation and units
-    displacement_products = products(to_displacement)
     right_products = products(node_inverse.plus(by_displacement.compose(to_displacement)))
+    del node_inverse, by_displacement
+    displacement_products = products(to_displacement)
+    del to_displacement
     inverse_products = products(by_inverse.plus(by_loads.compose(by_inverse)))
-    number = np.array([loaded.index(field) if field in loaded else -1 for field in jacobian.fields], np.intp)
     displacement_products = replace(
-        displacement_products, rows=number[displacement_products.rows], shape=(len(loaded), len(jacobian.nodes))
+        displacement_products, rows=number[displacement_products.rows], shape=(len(loaded), len(nodes))
     )
     inverse_products = replace(inverse_products, columns=number[inverse_products.columns])
-    zone_displacement = np.zeros((len(loaded), len(jacobian.equation.blocks) if inverse else 0), jacobian.precision)
-    nodes = jacobian.nodes  # the function does not hold the blocks
 
     def solve(right: Array) -> Array:
         solution = np.zeros_like(right)
