@@ -214,16 +214,6 @@ def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fi
     return np.stack(list(MotionModes(points, frames, axes, reference, fields)))
 
 
-def motion_measures(modes: Sequence[Array] | Array, weights: Array) -> Array:
-    """Return measures (motions, n, fields) of the resultants that work on the motions.
-
-    Each resultant is sum(measure * load) of a load (n, fields). modes: as returned by motion_modes; weights: (n,) [m^2]
-    as in ReducedSystem. Forces [N] and moments [N m] are those of the indenter on the body, the normal force positive
-    in compression; total fluxes, such as the charge [C], are what leaves the body.
-    """
-    return np.stack([(weights * motion_density(mode, number).T).T for number, mode in enumerate(modes)])
-
-
 def motion_density(mode: Array, number: int) -> Array:
     """Return the resultant that works on a motion per area and unit load, (n, fields), from its mode and number."""
     if number < N_RIGID:
@@ -232,7 +222,12 @@ def motion_density(mode: Array, number: int) -> Array:
 
 
 def total_resultants(modes: Sequence[Array] | Array, weights: Array, load: Array) -> Array:
-    """Return the resultants (motions,) of a load (n, fields), see `motion_measures`, without their measures."""
+    """Return the resultants (motions,) of a load (n, fields) that work on the motions.
+
+    modes: as returned by motion_modes; weights: (n,) [m^2] as in ReducedSystem. Forces [N] and moments [N m] are those
+    of the indenter on the body, the normal force positive in compression; total fluxes, such as the charge [C], are
+    what leaves the body.
+    """
     weighted = {number: weights * column for number, column in enumerate(load.T) if column.any()}
     if isinstance(modes, MotionModes) and shares_frame(modes.frames):
         result = modes.work(weighted)

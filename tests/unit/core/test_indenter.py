@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from meeframe.indenters import Placement
-from meeframe.indenters.base import (
-    MOTIONS,
-    N_MOTIONS,
-    MotionModes,
-    motion_measures,
-    motion_modes,
-    total_resultants,
-)
+from meeframe.indenters.base import MOTIONS, N_MOTIONS, MotionModes, motion_modes, total_resultants
 from meeframe.mesh.regular import shared_frames
 from meeframe.mesh.zone import local_frames
 
@@ -49,7 +42,7 @@ def test_approach_and_translations():
 
 def test_resultants_are_forces_moments_and_charges():
     load = np.random.default_rng(4).normal(size=(20, 5))
-    totals = np.einsum("kni,ni->k", motion_measures(MODES, WEIGHTS), load)
+    totals = total_resultants(MODES, WEIGHTS, load)
     forces = WEIGHTS[:, None] * in_global_axes(load)
     force, moment = forces.sum(axis=0), np.cross(POINTS - REFERENCE, forces).sum(axis=0)
     expected = [-AXES[2] @ force, *(AXES[:2] @ force), *(AXES @ moment), *(WEIGHTS @ load[:, 3:])]
@@ -64,9 +57,7 @@ def test_resultants_without_load_are_zero():
 def test_resultants_of_points_with_one_frame_follow_from_moments():
     load, frames = np.random.default_rng(4).normal(size=(20, 5)), shared_frames(FRAMES[0], 20)
     modes = MotionModes(POINTS, frames, AXES, REFERENCE)
-    expected = np.einsum(
-        "kni,ni->k", motion_measures(motion_modes(POINTS, frames.copy(), AXES, REFERENCE), WEIGHTS), load
-    )
+    expected = total_resultants(motion_modes(POINTS, frames.copy(), AXES, REFERENCE), WEIGHTS, load)
     np.testing.assert_allclose(total_resultants(modes, WEIGHTS, load), expected, rtol=1e-12)
     largest = [np.abs(mode).max(axis=0) for mode in modes]
     for extreme, bound in zip(modes.at_extremes(), largest, strict=True):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meeframe.elements import ELEMENTS
-from meeframe.indenters.base import RESULTANTS, motion_measures, motion_modes
+from meeframe.indenters.base import RESULTANTS, motion_modes
 from meeframe.mesh import find_contact_zone, half_space_mesh
 from meeframe.results.records import Region, Zone
 from meeframe.results.resultants import resultants
@@ -74,8 +74,9 @@ def test_resultants_are_conjugate_to_the_motions(synthetic):
     step = dataclasses.replace(
         whole, loading=loading, traction=rng.normal(size=(25, 3)), fluxes=rng.normal(size=(25, 2))
     )
-    measures = motion_measures(motion_modes(zone.points, zone.frames, loading.axes, loading.reference), zone.weights)
-    works = np.einsum("kni,ni->k", measures, np.column_stack([step.traction, step.fluxes]))
+    modes = motion_modes(zone.points, zone.frames, loading.axes, loading.reference)
+    leaving = np.column_stack([step.traction, -step.fluxes])  # a unit potential is a motion of -1
+    works = np.einsum("kni,n,ni->k", modes, zone.weights, leaving)
     computed = resultants(zone, step)
     for key, columns in RESULTANTS.items():
         np.testing.assert_allclose(np.atleast_1d(getattr(computed, key)), works[columns], rtol=1e-12, atol=1e-18)
