@@ -14,13 +14,13 @@ from meeframe.mesh.surface import SurfaceMesh
 
 BASE_BYTES: Final = 270_000_000
 """Memory of Python, its libraries and compiled kernels."""
-BYTES_PER_TANGENTIAL_FIELD: Final = 100
+BYTES_PER_TANGENTIAL_FIELD: Final = 80
 """Memory per node of each tangential traction.
 
-It is that of partial slip, where Newton's method stores most directions, with contact on a quarter of the grid. Most
+It is that of partial slip, where Newton's method stores most vectors, with contact on a quarter of the grid. Most
 of it is stored for nodes near the contact.
 """
-BYTES_PER_FLUX: Final = 350
+BYTES_PER_FLUX: Final = 240
 """Memory per node of each flux that the contact conducts, with friction."""
 NOTICED_FRACTION: Final = 0.5
 """Fraction of the memory of the machine above which the estimate is a warning."""
