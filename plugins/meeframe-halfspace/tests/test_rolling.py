@@ -261,6 +261,7 @@ def creep_coefficients(across: int, poisson: float = 0.25) -> np.ndarray:
     )
 
 
+@pytest.mark.full
 def test_linear_creep_coefficients_of_a_circle() -> None:
     """Extrapolated values agree with those of Kalker, Three-Dimensional Elastic Bodies (1990), table E.3."""
     coarse, fine = creep_coefficients(16), creep_coefficients(32)
@@ -464,7 +465,7 @@ def test_rough_slider_has_the_limit_of_friction() -> None:
     assert numbers["friction_work"] == pytest.approx(6.0, rel=0.02)
 
 
-@pytest.mark.full(except_for=4)
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_steady_state_repeats_from_cell_to_cell(variant: str) -> None:
     """Transient increments, which are solved with another operator, leave the steady state as it is."""
@@ -537,7 +538,7 @@ def test_work_hardly_grows_on_fine_grids() -> None:
 @pytest.mark.parametrize("motion", [((1e-3, 0.0), 0.0), ((0.0, 1e-3), 0.0), ((0.0, 0.0), 1.0)])
 def test_work_hardly_grows_in_any_direction(motion: Motion) -> None:
     """Creepage along and across the rolling direction, and spin, each alone on a grid with 16 times as many nodes."""
-    coarse, fine = rolling_work(48, motion), rolling_work(192, motion)
+    coarse, fine = rolling_work(32, motion), rolling_work(128, motion)
     assert fine[0] <= coarse[0] + 3
     assert fine[1] < 1.4 * coarse[1]
 
