@@ -67,7 +67,7 @@ def test_difference_in_space_is_the_double_integral_over_waves(layers):
     one = body(layers)
     response = LayeredResponse.of(one, np.eye(3))
     computed = point_difference(response.difference, UM, 20 * UM)
-    k, weights, angles = polar_rule(40.0 / UM, 500, 96)
+    k, weights, angles = polar_rule(20.0 / UM, 320, 64)
     symbol = surface_symbol(one, np.eye(3), angles)
     difference = symbol.difference(k)
     largest = np.abs(computed.coefficients).max()
@@ -166,17 +166,18 @@ def test_all_fields_converge_with_second_order(density):
     """All 25 entries take part: a load of all fields on a triclinic stack with springs."""
     amplitude = np.array([1.0, -0.7, 1.3, 0.8, -0.6]) / FieldScaling.of(TRICLINIC.layers[0].material.stiffness).factors
     field, errors = GaussianOnLayers(body(TRICLINIC), amplitude, 0.4 * UM), []
-    for n in (16, 32, 64):
+    for n in (32, 64):
         system = HalfSpace(density, matrix_up_to=0).reduce(body(TRICLINIC, divisions=(n, n)))
         computed = system.apply(field.load(system.points)) * POTENTIALS
         chosen = np.random.default_rng(0).choice(len(system.points), 60, replace=False)
         exact = field.values(system.points[chosen])
         errors.append(np.abs(computed[chosen] - exact).max(axis=0) / np.abs(exact).max(axis=0))
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert (orders[1] > 1.8).all()
-    assert (errors[-1] < 4e-3).all()
+    orders = np.log2(errors[0] / errors[1])
+    assert (orders > 1.8).all()
+    assert (errors[1] < 4e-3).all()
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("thickness", [0.02 * UM, 0.1 * UM, 0.5 * UM])
 def test_layers_thinner_than_the_cells(thickness):
     """Grids as coarse as ten thicknesses converge to the same waves: the difference is integrated over each cell."""
@@ -216,9 +217,8 @@ def test_periodic_waves_have_their_compliance():
 
 
 @pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("periodic", [True, False])
-@pytest.mark.parametrize("layers", [TRICLINIC, FILM])
-def test_capabilities(periodic, layers):
+@pytest.mark.parametrize(("layers", "periodic"), [(TRICLINIC, True), (TRICLINIC, False), (FILM, True)])
+def test_capabilities(layers, periodic):
     """Coarser grids, subgrids, fields of the product, the approximate inverse and fields inside agree with the product.
 
     The depths at which fields are evaluated, up to 0.3 widths, are in the first layer.
@@ -242,6 +242,7 @@ def test_interpolation_far_from_the_source():
     assert_close(part.system.apply(load[part.nodes]), system.apply(load)[part.nodes], 1e-10)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("periodic", [False, True])
 def test_floating_electrodes(periodic):
     """A floating electrode differs from a grounded one in the response to the mean of a periodic load alone."""
@@ -346,6 +347,7 @@ def test_two_equal_coated_bodies_share_the_approach():
     np.testing.assert_allclose(two[-1].traction[:, 2], pressure, rtol=0.0, atol=1e-8 * np.abs(pressure).max())
 
 
+@pytest.mark.full
 def test_differently_coated_bodies_exchanged():
     """Two coated bodies that take each other's place carry the same load, which is not that of equal bodies.
 
@@ -402,6 +404,7 @@ def test_resolved_edges():
         HalfSpace(edges="resolved").check(body(LayerStack((Layer(library_material("batio3"), 0.5 * UM),))))
 
 
+@pytest.mark.full
 def test_interior_of_layers_of_the_substrate():
     """Layers of the substrate's material leave the fields inside as they are."""
     layers = LayerStack((Layer(SUBSTRATE, 0.4 * UM), Layer(SUBSTRATE, 0.3 * UM)))
@@ -432,6 +435,7 @@ def test_interior_fields_balance_the_load():
     assert_close(stresses[1][:, :3], stresses[0][:, :3], 1e-5)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     "layers",
     [TRICLINIC, LayerStack(TRICLINIC.layers, RigidBase(UM)), FILM, LayerStack(FILM.layers, RigidBase(UM))],
