@@ -39,9 +39,15 @@ increments = 2
 
 
 @pytest.mark.full(except_for=2)
-@pytest.mark.parametrize("solver", ["auto", "uzawa", "uzawa-bb"])
-@pytest.mark.parametrize("prescribed", ["electric_potential = 1e10", "charge = 1e-3", "charge = 1.0"])
-def test_laws_hold_in_units_of_the_solution(solver, prescribed):
+@pytest.mark.parametrize(
+    ("prescribed", "solver"),
+    [
+        *(("electric_potential = 1e10", solver) for solver in ("auto", "uzawa", "uzawa-bb")),
+        ("charge = 1e-3", "auto"),
+        *(("charge = 1.0", solver) for solver in ("auto", "uzawa", "uzawa-bb")),
+    ],
+)
+def test_laws_hold_in_units_of_the_solution(prescribed, solver):
     """Stated for each node by the numbers of the result alone, relative to its own largest pressure and flux."""
     result = Case.from_toml(CASE.format(mu=MU, kappa=KAPPA, solver=solver, prescribed=prescribed)).solve()
     for one in result:
