@@ -144,6 +144,7 @@ def test_steps_on_surface_rougher_than_grid_do_not_cycle() -> None:
     assert solution.iterations < 30
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("periodic", [False, True])
 def test_preconditioner_and_nested_grids_do_not_change_solution(periodic: bool) -> None:
     """Rough contact: the pressures are the same without preconditioner and nested grids."""

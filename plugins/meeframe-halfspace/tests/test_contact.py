@@ -56,6 +56,7 @@ def indentation_errors(shape, potentials, cells, density="bilinear", divisions=N
     return np.array([totals[field] / value - 1.0 for field, value in expected.items() if value])
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_sphere_64_cells_wide(condition):
     assert np.abs(indentation_errors(Sphere(0.1), CONDITIONS[condition], 64)).max() < 2e-4
@@ -91,6 +92,7 @@ def test_sphere_at_potentials():
     assert np.abs(errors).max() < 2e-3
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("density", ["bilinear", "constant"])
 def test_force_converges_with_second_order(density):
     """Errors are averaged over grids with different positions of the contact edge."""
@@ -101,6 +103,7 @@ def test_force_converges_with_second_order(density):
     assert np.log(means[0] / means[1]) / np.log(4.0) == pytest.approx(2.0, abs=0.3)
 
 
+@pytest.mark.full
 def test_flat_punch_converges_with_first_order():
     """Errors are root mean squares over grids with different positions of the punch's edge."""
     errors = [

@@ -189,7 +189,7 @@ def without_symmetry(made: Convolution) -> Convolution:
     return replace(made, symbol=Symbol.of(np.array(entries), symbol.numbers, None))
 
 
-@pytest.mark.full(except_for=8)
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 @pytest.mark.parametrize(("loaded", "fields"), CHOICES)
 @pytest.mark.parametrize("size", SIZES)
@@ -201,6 +201,7 @@ def test_half_symbol_matches_full_symbol(size, loaded, fields, precision) -> Non
         assert np.abs(computed - expected).max() < 8.0 * np.finfo(precision).eps * np.abs(expected).max()
 
 
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize("fields", [(2,), (4, 2), ALL])
 @pytest.mark.parametrize("size", [*SIZES, (9, 15)])
 def test_half_symbol_matches_full_inverse(size, fields) -> None:

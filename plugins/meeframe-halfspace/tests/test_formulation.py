@@ -40,7 +40,7 @@ def random_load(system, seed=0):
     return np.random.default_rng(seed).normal(size=(len(system.points), 5)) * scale
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     "formulation", [HalfSpace(), HalfSpace("constant", matrix_up_to=0), HalfSpace(edges="resolved")]
 )
@@ -54,6 +54,7 @@ def test_kit_detects_undeclared_edge_resolution():
         check_edges(HalfSpace(), system)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -89,6 +90,7 @@ def test_indentation_kit():
     check_indentation(HalfSpace(), Body(stiffness, mesh, (), "contact"), tolerance=2e-3)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("density", ["bilinear", "constant"])
 def test_all_fields_converge_with_second_order(density):
     errors = []
@@ -104,6 +106,7 @@ def test_all_fields_converge_with_second_order(density):
     assert (errors[-1] < 1.5e-3).all()
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("divisions", [(9, 6), (8, 11)])
 @pytest.mark.parametrize("formulation", [HalfSpace(), HalfSpace("constant"), HalfSpace("trigonometric", periodic=True)])
 def test_matrix_matches_fft(divisions, formulation):

@@ -56,6 +56,7 @@ def test_nearly_degenerate_layers() -> None:
     assert force(1e-10) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("periodic", [False, True])
 def test_contact_on_layers_of_the_substrate(periodic: bool) -> None:
     """With friction and conduction, a rotated stack of one material has the contact history of a half space."""
@@ -95,6 +96,7 @@ def test_isolated_and_periodic_contact_on_a_rigid_base() -> None:
     np.testing.assert_allclose(two[inner], one[inner], rtol=0.0, atol=5e-3 * np.abs(one).max())
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("interface", "jumps"),
     [

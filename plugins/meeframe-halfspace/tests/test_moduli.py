@@ -37,6 +37,7 @@ def test_moduli_from_the_surface_compliance(crystal):
         assert indentation_modulus(stiffness, normal) / 1e9 == pytest.approx(published, abs=0.06)
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("crystal", CONSTANTS)
 @pytest.mark.parametrize("face", NORMALS)
 def test_moduli_from_runs(crystal, face):

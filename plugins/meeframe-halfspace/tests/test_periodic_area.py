@@ -66,6 +66,7 @@ class PeriodicSphere(Indenter):
         return height
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("position", [(16, 0), (16, 16), (13, -5)])
 def test_resolved_edges_cross_the_border_of_the_period(position: tuple[int, int]) -> None:
     """Charge and area equal those of the same contact in the middle of the zone."""

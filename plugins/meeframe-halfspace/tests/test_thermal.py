@@ -143,6 +143,7 @@ def test_point_response_is_the_integral_over_directions() -> None:
     )
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("shape", ["bilinear", "constant"])
 @pytest.mark.parametrize("number", [2, 7])
 def test_cells_are_integrated_to_round_off(shape: str, number: int) -> None:

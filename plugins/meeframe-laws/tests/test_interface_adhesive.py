@@ -67,6 +67,7 @@ def test_dmt_between_rigid_bodies_matches_bradley(distance):
     assert abs(errors[2]) < abs(errors[1]) / 4.0 < abs(errors[0]) / 16.0
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("parameter", [0.1, 0.3, 0.5])
 def test_dugdale_matches_maugis(parameter):
     """Force and radii at prescribed approach on 48 x 48 cells."""
@@ -91,6 +92,7 @@ def test_dugdale_matches_maugis(parameter):
     np.testing.assert_allclose(state.load[open_, 2], law.adhesion(gap[open_]), atol=1e-8 * theory.stress)
 
 
+@pytest.mark.full
 def test_forces_converge_to_those_of_maugis():
     unit = Maugis(R, MODULUS, W, 1.0)
     theory = replace(unit, stress=0.3 / unit.transition)
@@ -109,6 +111,7 @@ def test_forces_converge_to_those_of_maugis():
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", ["dmt", "dugdale"])
+@pytest.mark.full
 def test_weak_attraction_reduces_the_hertz_force(name):
     """The change at prescribed approach is of first order in the work of adhesion and scatters with the position of
     the edge on the grid."""
@@ -193,6 +196,7 @@ def test_friction_limit_includes_the_offset():
     assert along == pytest.approx(0.3 * (-force[2] + 2e8 * area), rel=1e-9)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("law", [DMT(W, 3e-9), Dugdale(W, 3e7, transition=0.5)], ids=repr)
 def test_prescribed_force_recovers_the_approach(law):
     """Compressive, zero and tensile forces, the latter 0.4 of the pull-off force of rigid bodies,
