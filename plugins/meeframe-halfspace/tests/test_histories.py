@@ -69,8 +69,7 @@ def restart_history(whole: Result, steps: tuple[Step, ...], matrix_up_to: int, k
 
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("kappa", [0.0, np.inf], ids=["insulated", "conducting"])
-@pytest.mark.parametrize("matrix_up_to", [0, 400], ids=["transforms", "matrix"])
-@pytest.mark.parametrize("control", STEPS)
+@pytest.mark.parametrize(("control", "matrix_up_to"), [("motions", 0), ("motions", 400), ("forces", 0)])
 def test_restart_within_a_step_gives_same_states(control: str, matrix_up_to: int, kappa: float) -> None:
     whole = solved(control, matrix_up_to, kappa)
     middle = whole.steps[PRESS + DRAG // 2 - 1]
