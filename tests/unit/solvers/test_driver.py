@@ -186,15 +186,20 @@ def test_no_contact_converges_at_once() -> None:
     assert not solution.state.load.any()
 
 
-@pytest.mark.parametrize("solver", [Uzawa(), BarzilaiBorwein(), Nesterov(), SemismoothNewton()], ids=str)
-def test_loads_whose_squares_underflow(solver: Solver) -> None:
-    """Round-off that an increment without load leaves may be as small."""
+@pytest.mark.parametrize(
+    ("solver", "steps"), [(Uzawa(), 100), (BarzilaiBorwein(), 100), (Nesterov(), 100), (SemismoothNewton(), 20)], ids=str
+)
+def test_loads_whose_squares_underflow(solver: Solver, steps: int) -> None:
+    """Round-off that an increment without load leaves may be as small.
+
+    Newton steps at round-off include gradient steps, which take longer.
+    """
     system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3]), 5e-3, 4)
     loads = []
     for depth in (1e-5, 1e-160):
         punch = indentation_problem(system, np.zeros(16), depth, IsotropicCoulomb(0.3), translation=(depth, 0.0))
         iterate = solver.init(punch, None)
-        for _ in range(200):
+        for _ in range(steps):
             iterate = solver.step(punch, iterate)
         loads.append(iterate.load / depth)
     assert np.allclose(loads[1], loads[0], rtol=1e-9, atol=0.0)
