@@ -63,6 +63,7 @@ def test_a_reader_that_closes_its_pipe():
     assert (done.returncode, done.stderr) == (1, "")
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("command", ["--version", "--help", "doctor", "materials"])
 def test_a_full_or_closed_standard_output(command):
     """Python writes what is left in its buffer at the end."""

@@ -13,6 +13,7 @@ import pytest
 import meeframe
 from meeframe.common.errors import PluginFault
 from meeframe.model.load import load_case
+from meeframe.plugin import watchdog
 from meeframe.plugin.registry import load
 from meeframe.results.files import read_result
 from meeframe.study.sweep.engine import pool_of
@@ -130,8 +131,10 @@ HOOKS = {
 
 
 @pytest.fixture(autouse=True)
-def interruptible():
-    """Handle SIGINT as in a foreground process, also where a shell runs the tests in the background."""
+def interruptible(monkeypatch):
+    """Handle SIGINT as in a foreground process, also where a shell runs the tests in the background; look at calls
+    often."""
+    monkeypatch.setattr(watchdog, "INTERVAL", 0.05)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -216,14 +219,24 @@ def test_slow_calls_within_the_limit_and_other_code_are_not_interrupted(plugin, 
     assert not any(thread.is_alive() for thread in watchdogs)
 
 
-def test_an_interruption_by_the_user_stays_one(plugin, write):
-    plugin.write_text(PLUGIN.replace("LIMIT = 0.5", "LIMIT = 60.0"), encoding="utf-8")
+def test_an_interruption_by_the_user_stays_one(plugin, write, tmp_path):
+    sleeping = tmp_path / "sleeping"
+    text = PLUGIN.replace("LIMIT = 0.5", "LIMIT = 60.0")
+    text = text.replace("time.sleep(1000.0)", f"open({str(sleeping)!r}, 'w').close()\n        time.sleep(1000.0)")
+    plugin.write_text(text, encoding="utf-8")
     case = load_case(write(FRICTION % "sleep"), load(plugin))
-    timer = threading.Timer(2.0, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
+
+    def interrupt():
+        while not sleeping.exists():
+            time.sleep(0.02)
+        time.sleep(0.1)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
     with pytest.raises(KeyboardInterrupt):
         meeframe.solve_case(case)
-    timer.join()
+    thread.join()
 
 
 def test_code_under_a_debugger_runs_after_a_fault(plugin, write):

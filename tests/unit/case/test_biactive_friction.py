@@ -80,6 +80,7 @@ def test_friction_against_the_slip_or_beyond_the_limit_is_no_solution():
         assert law_residual(problem, state, problem_scales(problem)) > 1e-3
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("kappa", [0.0, 1.0])
 @pytest.mark.parametrize(
     ("law", "friction"),
