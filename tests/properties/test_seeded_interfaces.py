@@ -94,6 +94,7 @@ class WeakensWithPath(Law):
         return replace(self, path=slip_path)
 
 
+@pytest.mark.full
 def test_correct_laws_pass() -> None:
     for law in (Law(), Law(weakening), WeakensWithPath()):
         check_contact_law(law, reference=law)

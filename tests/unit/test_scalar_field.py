@@ -299,7 +299,7 @@ def test_finite_body_with_uncoupled_fields(formulation: Formulation) -> None:
     assert not both[:, :5, :, 5].any()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     "formulation",
     [DenseBEM(), FiniteElements(), HierarchicalBEM(tolerance=1e-5, leaf_size=10)],

@@ -53,14 +53,21 @@ def box(divisions: int, element: SurfaceElement) -> SurfaceMesh:
     return box_mesh((1.0, 1.0, 1.0), (divisions, divisions, divisions), element)
 
 
-@pytest.mark.parametrize(("mesh_of", "kinds"), [(box, BOX), (halved_sphere, SPHERE)], ids=["box", "sphere"])
-@pytest.mark.parametrize("element", [Quad4(), Quad8(), Quad9(), Tri3(), Tri6()], ids=lambda e: e.name)
-def test_order_of_convergence(mesh_of, kinds, element):
+@pytest.mark.parametrize(
+    ("mesh_of", "element"),
+    [
+        *((box, element) for element in (Quad4(), Quad8(), Quad9(), Tri3(), Tri6())),
+        *((halved_sphere, element) for element in (Quad9(), Tri3())),
+    ],
+    ids=lambda value: getattr(value, "name", None) or value.__name__,
+)
+def test_order_of_convergence(mesh_of, element):
     """Values converge with the degree of the shape functions plus one, fluxes with their degree.
 
     Where the value is prescribed, the flux solves an integral equation of the first kind and loses one order compared
     with the interpolated values.
     """
+    kinds = BOX if mesh_of is box else SPHERE
     meshes = [mesh_of(divisions, element) for divisions in ((4, 8) if element.order == 1 else (2, 4))]
     check_orders(element, [prescribe(mesh, SOURCE, MATERIAL.stiffness, kinds) for mesh in meshes], SOURCE)
 

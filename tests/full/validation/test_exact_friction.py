@@ -26,7 +26,7 @@ def load(*names):
 study, elements = load("study", "elements")
 
 
-@pytest.mark.parametrize(("body", "shares"), [(EXACT, (0.3, 0.6, 0.8, 0.9)), (COUPLED, (0.6,))])
+@pytest.mark.parametrize(("body", "shares"), [(EXACT, (0.3, 0.9)), (COUPLED, (0.6,))])
 def test_partial_slip_on_32_x_32_cells(body, shares):
     """Bounds chosen beforehand: stick radius within 2 %, traction within 3 % of its maximum except within one cell
     of the two radii, root mean square within 3 % everywhere, area of sticking cells within half a cell."""
@@ -74,7 +74,7 @@ def test_bonded_flat_punch_carries_c_times_the_load(poisson):
 
 
 @pytest.mark.parametrize("power", [1, 2])
-@pytest.mark.parametrize("poisson", [0.0, 0.2, 0.3, 0.4])
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
 def test_contact_stiffness_under_full_stick(poisson, power):
     coarse, fine = (study.full_stick(power, poisson, cells, cells) for cells in (8, 16))
     assert abs(fine.stiffness_difference) < 0.01
@@ -94,10 +94,10 @@ def test_torsion_of_a_sphere():
 def test_partial_slip_on_boundary_elements():
     """A case file prescribes forces. Nodal tractions oscillate about the exact ones; their root mean square error is
     bounded and decreases with the element size."""
+    coarse, _ = elements.drag_on_elements(8)
     drag, _ = elements.drag_on_elements(12)
-    finer, _ = elements.drag_on_elements(16)
-    assert finer.row.traction_rms < 0.06
-    assert finer.row.traction_rms < drag.row.traction_rms
+    assert drag.row.traction_rms < 0.06
+    assert drag.row.traction_rms < coarse.row.traction_rms
     assert abs(drag.approach) < 0.01
     assert abs(drag.row.load) < 0.01
     assert abs(drag.second_reversal) < 0.01

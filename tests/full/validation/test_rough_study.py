@@ -9,7 +9,7 @@ from meeframe.study.rough.run import solve_rough
 YOUNG, POISSON, SIGMA = 120e9, 0.34, 5.8e7
 
 
-def test_barber_on_512_nodes():
+def test_barber_on_256_nodes():
     study = declare(
         {
             "surface": {
@@ -19,7 +19,7 @@ def test_barber_on_512_nodes():
                 "roll_off": 0.25e-3,
                 "hurst": 0.8,
                 "rms_slope": 0.05,
-                "samples": 512,
+                "samples": 256,
             },
             "material": {"name": "isotropic", "young_modulus": YOUNG, "poisson_ratio": POISSON},
             "pressures": ["0.3 GPa"],

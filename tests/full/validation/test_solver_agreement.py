@@ -98,6 +98,7 @@ def test_indentation(system, table, law, condition):
     assert_agree(problem(system, LAWS[law], CONDITIONS[condition]), *paper_solvers(table, law, condition))
 
 
+@pytest.mark.parametrize("table", ["Table 3"], indirect=True)
 @pytest.mark.parametrize(
     ("law", "condition"),
     [("isotropic", "EMII"), ("isotropic", "EMCI"), ("orthotropic", "ECMII"), ("orthotropic", "EIMCI")],
@@ -121,6 +122,7 @@ def normal_resultant(case, force):
     return PrescribedResultant(press, press, case.system.weights, force)
 
 
+@pytest.mark.parametrize("table", ["Table 1"], indirect=True)
 @pytest.mark.parametrize("condition", ["EMII", "EMCI"])
 def test_normal_force(system, condition):
     """Without friction, a prescribed force recovers the approach that causes it."""
@@ -136,6 +138,7 @@ def test_normal_force(system, condition):
         assert solve_problem(free, solver).motion[0] == pytest.approx(APPROACH, rel=1e-8)
 
 
+@pytest.mark.parametrize("table", ["Table 3"], indirect=True)
 @pytest.mark.parametrize("share", [0.3, 0.9])
 def test_tangential_force_as_a_fraction_of_friction(system, share):
     """Section 7.4: F_x = fraction mu P at prescribed P agrees with the prescribed motion that it causes."""

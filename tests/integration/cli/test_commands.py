@@ -13,6 +13,7 @@ from meeframe.api import progress
 from meeframe.cli import app, main
 from meeframe.formulations.dense_bem import DenseBEM
 
+BARE = "\n[output]\nfigures = false\nvtu = false\n"
 OUTPUT = [
     "electric_potential.png", "fields.pvd", "fields.series", "fields.vtu", "history.png", "magnetic_potential.png",
     "pressure.png", "result.h5", "sections.png", "summary.json",
@@ -82,7 +83,7 @@ def test_warnings_of_libraries_are_shown_once(case_file, tmp_path):
     plugin = tmp_path / "noisy.py"
     plugin.write_text(NOISY, encoding="utf-8")
     with case_file.open("a", encoding="utf-8") as text:
-        text.write('[contact]\nlaw = "noisy"\n')
+        text.write('[contact]\nlaw = "noisy"\n' + BARE)
     status, _, errors = meeframe_command("run", case_file, "--plugin", plugin, "--out", tmp_path / "out")
     assert status == 0
     warnings_printed = [line for line in errors.splitlines() if "Warning" in line or "lines" in line]
@@ -382,6 +383,7 @@ def test_help_shows_flags_without_a_value(monkeypatch):
 
 
 def test_threads_of_a_run(case_file, tmp_path):
+    case_file.write_text(case_file.read_text() + BARE)
     status, out, _ = meeframe_command("run", case_file, "--out", tmp_path / "out", "--threads", 1)
     assert status == 0
     assert "1 threads" in out

@@ -14,7 +14,7 @@ AT_LEAST = {
     "slender_rods", "sliding_hertz", "spence", "tilted_flat_punch", "transversely_isotropic_indentation", "two_bodies",
     "verification", "wear",
 }  # fmt: skip
-SHORTEST = {"hertz", "mee_indentation"}
+SHORTEST = {"hertz"}
 CASES = [pytest.param(name, marks=[] if name in SHORTEST else pytest.mark.full) for name in known_cases(FOLDER)]
 
 

@@ -72,6 +72,7 @@ def square(element: SurfaceElement, divisions: int, width: float = SIDE, bend: f
 # integrals
 
 
+@pytest.mark.full(except_for=7)
 @pytest.mark.parametrize("name", ELEMENTS)
 @pytest.mark.parametrize("other", ELEMENTS)
 def test_integrals_on_the_same_square(name: str, other: str) -> None:

@@ -110,7 +110,7 @@ def test_worn_surfaces_overlap_by_the_worn_depth(law: WearLaw, friction: float) 
         np.testing.assert_array_equal(traction[:, :2], limited[:, :2])
 
 
-@pytest.mark.parametrize("sliding", [0.0, 0.3])
+@pytest.mark.parametrize("sliding", [pytest.param(0.0, marks=pytest.mark.full), 0.3])
 def test_contact_law_of_worn_surfaces_conforms(sliding: float) -> None:
     """With a prescribed distance it has the properties of a compliant law, as its gap follows from its traction."""
     for base in (Signorini(), IsotropicCoulomb(0.3)):
@@ -136,6 +136,7 @@ BASES = [
 ]
 
 
+@pytest.mark.full(except_for=7)
 @pytest.mark.parametrize("law", [Archard(1e-11), Threshold(1.0), Threshold(3.0), Fast()], ids=str)
 @pytest.mark.parametrize("base", BASES, ids=str)
 def test_tangents_are_those_of_the_base_by_the_chain_rule(base: ContactLaw, law: WearLaw) -> None:

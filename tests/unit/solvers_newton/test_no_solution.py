@@ -13,7 +13,7 @@ from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, SemismoothNewton, 
 
 STICK = IsotropicCoulomb(np.inf)
 SOLVERS = [SemismoothNewton(), BarzilaiBorwein(), Nesterov(), Uzawa(), Auto()]
-GRADIENT = StoppingCriteria(max_iterations=3000, stall_window=3000)
+GRADIENT = StoppingCriteria(max_iterations=1000, stall_window=1000)
 """Enough for gradient iterations by far: those that converge here do so within 300 steps."""
 NEWTON = StoppingCriteria(max_iterations=100, stall_window=100)
 

@@ -188,6 +188,7 @@ def test_auto_selects_conjugate_gradients_without_friction() -> None:
     np.testing.assert_array_equal(by_auto.state.load, by_newton.state.load)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("kappa", [1e-5, np.inf])
 def test_auto_selects_newton_with_conduction(kappa: float) -> None:
     """Results are bitwise those of `newton` and agree with gradient steps; one conducting potential suffices."""
