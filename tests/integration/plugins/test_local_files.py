@@ -49,6 +49,9 @@ LAW = """
 """
 
 
+BARE = "[output]\nfigures = false\nvtu = false\n"
+
+
 @pytest.fixture
 def write(tmp_path):
     def make(text, name="laws.py"):
@@ -93,7 +96,7 @@ def test_description_of_parameters(write):
 def test_result_records_the_plugin_file(write, case_file, tmp_path):
     file = write(LAW)
     with case_file.open("a", encoding="utf-8") as text:
-        text.write('[conductivity]\nelectric = {name = "linear", slope = 1e-12}\n')
+        text.write('[conductivity]\nelectric = {name = "linear", slope = 1e-12}\n' + BARE)
     arguments = ["run", str(case_file), "--out", str(tmp_path / "out"), "--plugin", str(file)]
     assert CliRunner().invoke(app, arguments).exit_code == 0
     versions = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["versions"]
@@ -169,7 +172,7 @@ def test_failing_law_is_reported_and_finished_steps_are_saved(write, case_file, 
     computed."""
     file, case, out = write(WORN), case_file.read_text(encoding="utf-8"), tmp_path / "out"
     drag = '\n[[steps]]\ntranslation = ["1 um", 0]\nincrements = 2\n'
-    case_file.write_text(case + drag + '[contact]\nlaw = "worn"\n', encoding="utf-8")
+    case_file.write_text(case + drag + '[contact]\nlaw = "worn"\n' + BARE, encoding="utf-8")
     done = CliRunner().invoke(app, ["run", str(case_file), "--out", str(out), "--plugin", str(file)])
     assert done.exit_code == 2
     line = 1 + file.read_text(encoding="utf-8").splitlines().index('        assert not slip_path.any(), "worn through"')

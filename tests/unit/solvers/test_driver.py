@@ -187,7 +187,9 @@ def test_no_contact_converges_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("solver", "steps"), [(Uzawa(), 100), (BarzilaiBorwein(), 100), (Nesterov(), 100), (SemismoothNewton(), 20)], ids=str
+    ("solver", "steps"),
+    [(Uzawa(), 100), (BarzilaiBorwein(), 100), (Nesterov(), 100), (SemismoothNewton(), 20)],
+    ids=str,
 )
 def test_loads_whose_squares_underflow(solver: Solver, steps: int) -> None:
     """Round-off that an increment without load leaves may be as small.
