@@ -53,8 +53,8 @@ def test_opposite_poling_matches_joined_half_space(condition):
 @pytest.mark.full
 def test_exchanged_roles():
     case = study.load("roles")
-    block = block_mesh(0.05, 0.12, 0.005, 10, 4, 2, Quad4())
-    result = study.roles(replace(case, mesh=COARSE, second_body=replace(study.second_body(case), mesh=block)))
+    half_space, block = half_space_mesh(0.1, 0.005, 7, 3, Quad4()), block_mesh(0.05, 0.12, 0.005, 7, 3, 2, Quad4())
+    result = study.roles(replace(case, mesh=half_space, second_body=replace(study.second_body(case), mesh=block)))
     assert 0 < result.stuck < result.pressed
     assert result.alike
     assert result.differences.max() < 1e-8
