@@ -44,13 +44,11 @@ def test_edge_nodes_become_biactive() -> None:
     assert ((state.contact_fraction == 1.0) == (state.load[:, 2] < -1e-9 * pressure))[~biactive].all()
 
 
-@pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("cells", [12, 16])
-def test_force_decreases_monotonically_to_less_than_half(cells: int) -> None:
+def test_force_decreases_monotonically_to_less_than_half() -> None:
     """All conductivities converge, including both limits."""
     forces = []
     for factor in (0.0, 1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, np.inf):
-        case = problem(factor, cells)
+        case = problem(factor, 12)
         solution = solve(case, Uzawa())
         assert solution.status is Status.CONVERGED, (factor, solution.message)
         forces.append(-resultant(case.system, solution.state.load)[0][2])
