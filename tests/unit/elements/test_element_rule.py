@@ -192,8 +192,9 @@ def test_solid_angle_depends_on_the_outline_only():
 def test_kernel_reports_a_small_buffer():
     points, weights = np.empty((10, 2)), np.empty(10)
     nodes, source = FLAT["square"], np.array([0.5, 0.5, 0.01])
+    # all arguments, as in the library, or another version would be compiled
     count = kernels.element_rule(
-        source, nodes, shape_table(Quad4()), np.full(2, np.nan), 1e-6, gauss_table(), points, weights
+        source, nodes, shape_table(Quad4()), np.full(2, np.nan), 1e-6, gauss_table(), points, weights, 1.5
     )
     assert count == kernels.BUFFER_TOO_SMALL
 
