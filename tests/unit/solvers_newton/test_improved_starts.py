@@ -104,7 +104,7 @@ def test_sweeps_alone_solve_a_small_contact(material: str, conducting, at) -> No
     state = at(problem, np.zeros_like(problem.system.offset), np.zeros(len(problem.gap)))
     load, displacement = (np.ascontiguousarray(each[nodes]) for each in (state.load, state.relative_displacement))
     fraction, closed = np.zeros(len(nodes)), np.ones((len(nodes), 2))
-    lattice = number, np.argwhere(inside), False, np.ascontiguousarray(stencil.responses)
+    lattice = number, np.argwhere(inside), False, stencil.responses
     slips = np.zeros(len(nodes), bool)
     sweep_nodes(*lattice, closed, np.zeros_like(closed), slips, load, displacement, fraction, 4000, 1e-15)
     full, fractions = np.zeros_like(state.load), np.zeros(len(problem.gap))
