@@ -227,7 +227,8 @@ def test_an_interruption_by_the_user_stays_one(plugin, write, tmp_path):
     case = load_case(write(FRICTION % "sleep"), load(plugin))
 
     def interrupt():
-        while not sleeping.exists():
+        end = time.monotonic() + 60.0
+        while not sleeping.exists() and time.monotonic() < end:
             time.sleep(0.02)
         time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGINT)
