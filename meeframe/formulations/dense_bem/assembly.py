@@ -1,7 +1,7 @@
 """Assembly of the collocated system by threads, whose kernels release the global interpreter lock."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import get_num_threads
@@ -137,6 +137,7 @@ def assemble(
     MeshError
         If a source lies on an element of which it is not a node.
     """
+    mesh = _in_row_order(mesh)
     rules = tuple(tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
     exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
     planes = tuple(plane_normals(rule) for rule in rules)
@@ -161,6 +162,12 @@ class _Panels:
     value: Array
     flux: Array
     total: Array
+
+
+def _in_row_order(mesh: SurfaceMesh) -> SurfaceMesh:
+    """Return the mesh with its arrays row by row: kernels are compiled once for each order."""
+    blocks = (replace(block, connectivity=np.ascontiguousarray(block.connectivity)) for block in mesh.blocks)
+    return replace(mesh, points=np.ascontiguousarray(mesh.points), blocks=tuple(blocks))
 
 
 def _collocate(problem: Problem, task: range, system: System) -> None:
