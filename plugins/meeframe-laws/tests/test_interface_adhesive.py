@@ -109,9 +109,8 @@ def test_forces_converge_to_those_of_maugis():
     assert errors[2] < errors[1] / 2.0 < errors[0] / 4.0
 
 
-@pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("name", ["dmt", "dugdale"])
 @pytest.mark.full
+@pytest.mark.parametrize("name", ["dmt", "dugdale"])
 def test_weak_attraction_reduces_the_hertz_force(name):
     """The change at prescribed approach is of first order in the work of adhesion and scatters with the position of
     the edge on the grid."""

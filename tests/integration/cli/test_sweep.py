@@ -518,8 +518,7 @@ def test_killed_scheduler_of_a_cluster(study, tmp_path, log, release):
 
 
 @pytest.mark.full
-def test_unreachable_scheduler(study, tmp_path, monkeypatch):
-    monkeypatch.setattr("meeframe.study.sweep.dask._CONNECT_TIMEOUT", "1s")
+def test_unreachable_scheduler(study, tmp_path):
     out = tmp_path / "out"
     result = CliRunner().invoke(app, command(study(LINE), out, "--scheduler", "tcp://127.0.0.1:1"))
     assert result.exit_code == 2

@@ -13,7 +13,6 @@ import pytest
 import meeframe
 from meeframe.common.errors import PluginFault
 from meeframe.model.load import load_case
-from meeframe.plugin import watchdog
 from meeframe.plugin.registry import load
 from meeframe.results.files import read_result
 from meeframe.study.sweep.engine import pool_of
@@ -131,10 +130,8 @@ HOOKS = {
 
 
 @pytest.fixture(autouse=True)
-def interruptible(monkeypatch):
-    """Handle SIGINT as in a foreground process, also where a shell runs the tests in the background; look at calls
-    often."""
-    monkeypatch.setattr(watchdog, "INTERVAL", 0.05)
+def interruptible():
+    """Handle SIGINT as in a foreground process, also where a shell runs the tests in the background."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
