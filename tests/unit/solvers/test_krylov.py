@@ -43,6 +43,19 @@ def test_single_precision_preconditioner_does_not_limit_accuracy() -> None:
     assert len(products) < RESTART
 
 
+@pytest.mark.parametrize("restarts", [False, True])
+def test_preconditioner_of_a_system_in_single_precision(restarts: bool) -> None:
+    """Vectors to which the preconditioner was applied are computed again, also in several cycles."""
+    matrix, right = (array.astype(np.float32) for array in system())
+    weights = (1.0 / np.diag(matrix) if not restarts else np.geomspace(1.0, 30.0, len(right))).astype(np.float32)
+    multiply, products = count_products(matrix)
+    computed, left = gmres(multiply, lambda x: weights * x, right, 1e-4)
+    assert (len(products) > RESTART) == restarts
+    remainder = np.linalg.norm(right - matrix.astype(float) @ computed)
+    assert remainder <= 1.01e-4 * np.linalg.norm(right)
+    assert left == pytest.approx(remainder, rel=1e-2)
+
+
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-6])
 def test_tolerance_bounds_the_residual(tolerance) -> None:
     matrix, right = system()
