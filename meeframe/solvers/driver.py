@@ -111,7 +111,8 @@ def resolve_edges(
     edge of the indenter is unknown. indenter_edge: returns the edge of the indenter; called only if the system
     resolves edges.
     """
-    pressure = np.maximum(-state.load[:, 2], 0.0)
+    biactive = (state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)
+    pressure = np.where(biactive, 0.0, np.maximum(-state.load[:, 2], 0.0))  # round-off there would move the edge
     resolution = problem.system.capability(EdgeResolution)
     if resolution is None:
         return None

@@ -27,7 +27,8 @@ from meeframe.model.kinematics import IndenterKinematics
 from meeframe.model.solve import reduce, solve_case
 from meeframe.model.step import Step
 from meeframe.results.resultants import resultants
-from meeframe.solvers import Auto, Nesterov, ProjectedCG, SemismoothNewton, StoppingCriteria, solve_to_edges
+from meeframe.solvers import Auto, Nesterov, ProjectedCG, SemismoothNewton, StoppingCriteria, solve, solve_to_edges
+from meeframe.solvers.driver import resolve_edges
 from meeframe.system.capabilities import EdgeResolution, Multigrid
 from meeframe.system.dense import with_matrix
 from meeframe.system.rotated import rotate_frames
@@ -301,6 +302,23 @@ def test_pointwise_heights_have_no_indenter_edge(potential):
         expected = force_of_case(shape, depth, Placement(), width, 40, edges, potential)
         computed = force_of_case(sampled, depth, Placement(), width, 40, "resolved", potential)
         assert computed == pytest.approx(expected, rel=1e-6)
+
+
+def test_contact_edge_does_not_depend_on_round_off():
+    """Nodes between open and closed have no pressure, whatever its sign in the last digit."""
+    h = 2.0 * np.sqrt(0.1 * APPROACH) / 24.3
+    system = half_space((h, h), 40)
+    gap = rigid.Sphere(0.1).height(system.points[:, 0], system.points[:, 1])
+    problem = indentation_problem(system, gap, APPROACH, None, (np.inf, 0.0), (1.5e4, 0.0))
+    state = solve(problem, SemismoothNewton()).state
+    biactive = np.flatnonzero((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0))
+    assert len(biactive) > 0
+    corrected = []
+    for round_off in (0.0, -1e-16 * np.abs(state.load[:, 2]).max()):
+        load = state.load.copy()
+        load[biactive[::2], 2] = round_off
+        corrected.append(resolve_edges(problem, replace(state, load=load)).area_fraction)
+    np.testing.assert_array_equal(corrected[1], corrected[0])
 
 
 # indenters that end outside the contact
