@@ -231,6 +231,11 @@ def switch(contact_fraction: Array, trial: Array, pressure: float) -> Array:
     return np.clip(contact_fraction - trial / pressure, 0.0, 1.0)
 
 
+def is_partial(contact_fraction: Array) -> Mask:
+    """Return where contact fractions (n,) are those of biactive nodes between open and closed."""
+    return np.asarray((contact_fraction > 0.0) & (contact_fraction < 1.0))
+
+
 def depends_on_gap(problem: ContactProblem) -> bool:
     """Return whether a conductivity of the problem depends on the gap or the drop."""
     return any(channel.law.across_gap for channel in problem.channels)

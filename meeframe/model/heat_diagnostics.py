@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.memoize import memoize_by_identity
-from meeframe.contact.conduction import MIN_TRACTION, depends_on_gap
+from meeframe.contact.conduction import MIN_TRACTION, depends_on_gap, is_partial
 from meeframe.contact.generated_heat import TANGENTIAL
 from meeframe.contact.problem import AT_REST, ContactProblem, indenter_position
 from meeframe.fields import MECHANICAL, N_FIELDS, N_MECHANICAL, THERMAL_FIELD, Array
@@ -45,7 +45,7 @@ def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weigh
     if not body.expands:
         return
     channel = body.fields.index(THERMAL_FIELD.name)
-    partial = (result.contact_fraction > 0.0) & (result.contact_fraction < 1.0)
+    partial = is_partial(result.contact_fraction)
     if partial.any() and increment.problem.channels[channel - N_MECHANICAL].is_conducting:
         yield (
             f"{int(partial.sum())} nodes with zero pressure and zero gap conduct heat in part: neither contact nor "

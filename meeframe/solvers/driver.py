@@ -9,7 +9,7 @@ from scipy.linalg import LinAlgWarning
 
 from meeframe.common.blas import ONE_BLAS_THREAD
 from meeframe.common.memory import keep_freed_memory
-from meeframe.contact.conduction import MIN_TRACTION
+from meeframe.contact.conduction import MIN_TRACTION, is_partial
 from meeframe.contact.free_motion import reachable_start
 from meeframe.contact.generated_heat import heat_moves_surface
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
@@ -111,11 +111,11 @@ def resolve_edges(
     edge of the indenter is unknown. indenter_edge: returns the edge of the indenter; called only if the system
     resolves edges.
     """
-    biactive = (state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)
-    pressure = np.where(biactive, 0.0, np.maximum(-state.load[:, 2], 0.0))  # round-off there would move the edge
     resolution = problem.system.capability(EdgeResolution)
     if resolution is None:
         return None
+    # round-off at biactive nodes would move the edge
+    pressure = np.where(is_partial(state.contact_fraction), 0.0, np.maximum(-state.load[:, 2], 0.0))
     smooth, edge = resolution.edge_correction(pressure), indenter_edge()
     correction = smooth if edge is None else resolution.edge_correction(pressure, edge)
     # the indenter's edge counts only if it changes the contact edge: the contact may not reach it

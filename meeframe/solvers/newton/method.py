@@ -6,7 +6,7 @@ from typing import ClassVar, Final, final
 import numpy as np
 
 from meeframe.common.arguments import checked_arguments
-from meeframe.contact.conduction import Mask, conducting
+from meeframe.contact.conduction import Mask, conducting, is_partial
 from meeframe.contact.feasibility import beyond_friction
 from meeframe.contact.free_motion import balanced_projection, motions, start_load, start_motion
 from meeframe.contact.nested import Coarse, coarse_problem, prolonged_start, with_tension
@@ -148,7 +148,7 @@ def _begin(
     keeps_motion = prolonged is not None or (start is not None and is_adhesive(problem.contact_law))
     load, contact_fraction = load[nodes], contact_fraction[nodes]
     del start, prolonged  # arrays of the whole zone
-    state = equation.at(load, contact_fraction, _is_partial(contact_fraction), motion)
+    state = equation.at(load, contact_fraction, is_partial(contact_fraction), motion)
     if not keeps_motion and (np.abs(state.balance) > BALANCE_TOLERANCE).any():
         state = equation.at(state.load, contact_fraction, state.biactive, _balanced_motion(problem, state))
     rise = 1.0
@@ -272,10 +272,6 @@ def _iterate(memory: _Memory) -> Iterate:
     return Iterate(load, contact_fraction, memory, state.motion, estimate)
 
 
-def _is_partial(contact_fraction: Array) -> Mask:
-    return (contact_fraction > 0.0) & (contact_fraction < 1.0)
-
-
 def _gradient_steps(problem: ContactProblem, state: ResidualState, biactive: Mask, count: int) -> ResidualState:
     """Return the state after projected Barzilai-Borwein steps; biactive nodes (n,) remain biactive."""
     solver = BarzilaiBorwein()
@@ -284,5 +280,5 @@ def _gradient_steps(problem: ContactProblem, state: ResidualState, biactive: Mas
     for _ in range(count):
         iterate = solver.step(problem, iterate)
     return state.equation.at(
-        iterate.load, iterate.contact_fraction, biactive | _is_partial(iterate.contact_fraction), iterate.motion
+        iterate.load, iterate.contact_fraction, biactive | is_partial(iterate.contact_fraction), iterate.motion
     )

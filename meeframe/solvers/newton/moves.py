@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.memory import stack_columns
+from meeframe.contact.conduction import is_partial
 from meeframe.contact.nested import Coarse, with_defect
 from meeframe.contact.problem import ContactProblem, contact_gap, unbalance
 from meeframe.contact.relaxation import Start, relax, relax_contact_edge
@@ -106,7 +107,7 @@ def _relaxed(state: ResidualState, relaxation: Callable[[Start], tuple[Array, Ar
     if relaxed is None:
         return state
     load, fraction = relaxed
-    biactive = state.biactive | ((fraction > 0.0) & (fraction < 1.0))
+    biactive = state.biactive | is_partial(fraction)
     candidate = state.equation.at(load, fraction, biactive, state.motion)
     return candidate if candidate.merit < MAX_RELAXED_GROWTH * state.merit else state
 
