@@ -8,7 +8,7 @@ import numpy as np
 from meeframe.contact.conduction import MIN_TRACTION
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array
-from meeframe.laws.base import ConductivityLaw, ContactLaw, attraction
+from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths, attraction, resolve
 
 
 @dataclass(frozen=True)
@@ -28,19 +28,31 @@ class CappedLaw(ContactLaw):
 
     def project(self, trial: Array) -> Array:
         """Return the projection of the law, shortened along its friction to the largest one, (n, 3) [Pa]."""
-        return self._shorten(self.law.project(trial))
+        traction = self.law.project(trial)
+        return self._shorten(traction, -traction[:, 2])
 
     def tangential_scaling(self) -> Array:
         """Return that of the law."""
         return self.law.tangential_scaling()
 
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        """Return the tractions of the law, with friction of at most a multiple of the pressure, (n, 3) [Pa].
+
+        The pressure is the one before the trial, equal to that of the trial in a solution: the gap of a trial that is
+        none would change the largest friction by the ratio times as much as the pressure.
+        """
+        traction = resolve(self.law, trial, gap, r)
+        pressure = np.zeros(len(trial))
+        pressed = traction[:, 2] < 0.0
+        pressure[pressed] = np.maximum(r[0] * gap[pressed, 2] - trial[pressed, 2], 0.0)
+        return self._shorten(traction, pressure)
+
     def __getattr__(self, name: str) -> Any:
         """Return an optional method of the law."""
-        method = getattr(self.law, name)
-        return method if name != "resolve" else lambda *arguments: self._shorten(method(*arguments))
+        return getattr(self.law, name)
 
-    def _shorten(self, traction: Array) -> Array:
-        size, limit = np.linalg.norm(traction[:, :2], axis=1), -self.ratio * traction[:, 2]
+    def _shorten(self, traction: Array, pressure: Array) -> Array:
+        size, limit = np.linalg.norm(traction[:, :2], axis=1), self.ratio * pressure
         factor = np.divide(limit, size, out=np.ones_like(size), where=size > limit)
         return np.column_stack([factor[:, None] * traction[:, :2], traction[:, 2]])
 
@@ -49,6 +61,8 @@ class CappedLaw(ContactLaw):
 class AttractedLaw(CappedLaw):
     """A capped law with an attraction at each node, which cancels the pressure that bears friction up to the cap.
 
+    Surfaces touch rigidly where they attract each other: in the solution they have no pressure under which to yield.
+
     Attributes
     ----------
     pull : Array
@@ -56,6 +70,12 @@ class AttractedLaw(CappedLaw):
     """
 
     pull: Array
+
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        """Return the tractions of the capped law, without its compliance where there is an attraction, (n, 3) [Pa]."""
+        traction = super().resolve(trial, gap, r)
+        traction[:, 2] = np.where(self.pull > 0.0, np.minimum(trial[:, 2], 0.0), traction[:, 2])
+        return traction
 
     def adhesion(self, gap: Array) -> Array:
         """Return the attraction of the law and the further one, (n,) [Pa]."""

@@ -87,9 +87,10 @@ def test_random_problems(seed):
     assert set(answer.outcomes) <= {"converged", "rejected", "stalled, with a reason"}, answer.notes
 
 
-def test_limits_that_jump():
-    """Nodes that shear would lift touch without pressure: this problem had increments without a solution."""
-    answer = random_problems.answer(68181, "auto")
+@pytest.mark.parametrize("seed", [68181, 71598, 82224])
+def test_limits_that_jump(seed):
+    """Nodes that shear would lift touch without pressure: these problems had increments without a solution."""
+    answer = random_problems.answer(seed, "auto")
     assert set(answer.outcomes) == {"converged"}, answer.notes
 
 

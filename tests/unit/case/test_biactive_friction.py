@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from meeframe_laws.adhesive import DMT
+from meeframe_laws.compliant import Compliant
 from meeframe_laws.friction import CappedCoulomb, Tresca
 
 from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
@@ -84,7 +85,12 @@ def test_friction_against_the_slip_or_beyond_the_limit_is_no_solution():
 @pytest.mark.parametrize("kappa", [0.0, 1.0])
 @pytest.mark.parametrize(
     ("law", "friction"),
-    [(Tresca(LIMIT), 0.9 * LIMIT), (Tresca(2.0 * LIMIT), 0.9 * LIMIT), (IsotropicCoulomb(np.inf), 0.9 * LIMIT)],
+    [
+        (Tresca(LIMIT), 0.9 * LIMIT),
+        (Tresca(2.0 * LIMIT), 0.9 * LIMIT),
+        (IsotropicCoulomb(np.inf), 0.9 * LIMIT),
+        (Compliant(LIMIT, COUPLING, 3.0, mu=np.inf), 0.9 * LIMIT),  # it yields steeply under hardly any pressure
+    ],
 )
 def test_a_node_between_open_and_closed_is_found(synthetic, law, friction, kappa):
     problem = single_node(law, kappa=kappa)

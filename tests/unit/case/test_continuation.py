@@ -11,7 +11,7 @@ from meeframe_laws.friction import Tresca
 
 from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.laws import IsotropicCoulomb
-from meeframe.laws.base import attraction, has_resolvent, is_adhesive
+from meeframe.laws.base import attraction, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.model.continuation import (
     solve_by_capped_friction,
     solve_by_continuation,
@@ -168,13 +168,31 @@ def test_capped_friction_is_that_of_a_finite_coefficient():
     )
 
 
+def test_solutions_of_the_capped_law_are_those_of_a_finite_coefficient():
+    rng, mu, r = np.random.default_rng(2), 2.0, (3.0, 0.5)
+    pressure, angle, share, slip = rng.uniform([0.1, 0.0, 0.0, 0.1], [1.0, 6.0, 1.0, 1.0], (50, 4)).T
+    along = np.column_stack([np.cos(angle), np.sin(angle)])
+    sticks = np.arange(50) < 25
+    traction = np.column_stack([(mu * pressure * np.where(sticks, share, 1.0))[:, None] * along, -pressure])
+    gap = np.column_stack([np.where(sticks, 0.0, slip)[:, None] * along, np.zeros(50)])
+    capped = CappedLaw(IsotropicCoulomb(np.inf), mu)
+    trial = augmented_traction(capped, traction, gap, r)
+    np.testing.assert_allclose(fixed_point_map(capped, trial, gap, r), traction, atol=1e-14)
+    for wrong in (traction * [1.01, 1.01, 1.0], traction * [0.99, 0.99, 1.0]):
+        trial = augmented_traction(capped, wrong, gap, r)
+        off = np.abs(fixed_point_map(capped, trial, gap, r) - wrong).max(axis=1)
+        assert (off[~sticks] > 1e-3).all()
+    overlapping = gap - [0.0, 0.0, 0.1]
+    trial = augmented_traction(capped, traction, overlapping, r)
+    assert (np.abs(fixed_point_map(capped, trial, overlapping, r) - traction).max(axis=1) > 0.1).all()
+
+
 def test_capped_laws_have_the_capabilities_of_their_law():
     gap = np.array([0.0, 0.1, 1.0])
     law = DMT(0.05, 1.0, mu=np.inf)
     assert is_adhesive(CappedLaw(law, 10.0))
     np.testing.assert_array_equal(attraction(CappedLaw(law, 10.0), gap), attraction(law, gap))
     assert not is_adhesive(CappedLaw(Tresca(1.0), 10.0))
-    assert not has_resolvent(CappedLaw(Tresca(1.0), 10.0))
 
 
 def test_easing_changes_conductors_alone(coupled):
