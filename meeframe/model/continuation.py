@@ -8,6 +8,7 @@ import numpy as np
 
 from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactState, Status
+from meeframe.contact.residual import limit_jumps
 from meeframe.model.biactive_friction import (
     Solution,
     SolveEased,
@@ -26,8 +27,10 @@ _MIN_FRACTION: Final = 1.0 / 16.0
 """Least part of the change of the load by which it is raised from one state to the next."""
 _FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
 """Status of an increment for which no other way is sought."""
-_RATIOS: Final = (10.0, 1e6, np.inf)
-"""Ratios of friction to pressure by which a limit that jumps is replaced: the first, the last, and the limit itself."""
+LARGE_RATIO: Final = 10.0
+"""Ratio of friction to pressure from which friction counts as large."""
+_RATIOS: Final = (LARGE_RATIO, 1e6, np.inf)
+"""Ratios of friction to pressure by which large friction is replaced: the first, the last, and the law itself."""
 _CONDUCTION_FACTORS: Final = (1e-6, 1.0, 1.0)
 """Factors of conductivities that are too large to begin with, likewise."""
 _FACTORS: Final = (10.0, 1.05)
@@ -64,7 +67,7 @@ class Attempt:
 
 
 def solve_persistently(
-    solve: Callable[[Attempt], Solution], window: int, limit_jumps: bool, stores: bool, tolerance: float
+    solve: Callable[[Attempt], Solution], window: int, has_large_friction: bool, stores: bool, tolerance: float
 ) -> Solution:
     """Return the solution of an increment, sought in other ways where the usual one does not lead to it.
 
@@ -74,8 +77,8 @@ def solve_persistently(
         Makes an attempt.
     window : int
         Stall window of attempts that converge soon or lead nowhere.
-    limit_jumps : bool
-        Whether the friction limit jumps where contact begins.
+    has_large_friction : bool
+        Whether friction may be many times the pressure, as where its limit jumps.
     stores : bool
         Whether attempts after the first one may store the compliance as a matrix.
     tolerance : float
@@ -86,7 +89,7 @@ def solve_persistently(
     tuple
         Solution, or the increment as it ended last.
     """
-    is_brief, reached = stores or limit_jumps, 0.0
+    is_brief, reached = stores or has_large_friction, 0.0
     solution = solve(Attempt(stall_window=window if is_brief else None))
     if solution[2].status in _FINAL:
         return solution
@@ -95,7 +98,7 @@ def solve_persistently(
     def solve_eased(start: ContactState | None, easing: Easing) -> Solution:
         return solve(replace(brief, start=start, easing=easing))
 
-    if limit_jumps:
+    if has_large_friction:
         capped, reached = solve_by_capped_friction(solve_eased, solution, tolerance)
         if capped is not None:
             return capped
@@ -118,11 +121,12 @@ def solve_persistently(
 
 
 def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: float) -> tuple[Solution | None, float]:
-    """Return the solution of an increment whose friction limit jumps where contact begins; None if it is not found.
+    """Return the solution of an increment with large friction; None if it is not found.
 
     It is sought from states under friction of at most a multiple of the pressure, under larger and larger ones. The
     pressure of nodes with the largest friction is inverse to the multiple: extrapolated to an infinite one, they touch
-    without pressure. Where the states end before, an attraction of these nodes takes their pressure.
+    without pressure. Where the states end before and the limit jumps, an attraction of these nodes takes their
+    pressure.
 
     Parameters
     ----------
@@ -153,10 +157,10 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
             solution, path = _raise_value(by_ratio, eased, _RATIOS, eased[1].state)
     if solution is not None:
         return with_biactive_nodes(solution, _RATIOS[1]), np.inf
-    reached = path[-1][0] if path else 0.0
-    while path:
+    reached, problem = path[-1][0] if path else 0.0, failed[0].problem
+    while path and limit_jumps(problem.contact_law, len(problem.gap)):
         ratio, capped = path[-1]
-        solution = solve_with_biactive_friction(solve, capped, ratio, failed[0].problem, tolerance)
+        solution = solve_with_biactive_friction(solve, capped, ratio, problem, tolerance)
         if solution is not None:
             return solution, reached
         path = path[: len(path) // 2]  # smaller multiples are further, but vary less

@@ -14,7 +14,7 @@ from meeframe.common.errors import TooLargeError
 from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_field
-from meeframe.contact.residual import limit_jumps
+from meeframe.contact.residual import friction_exceeds
 from meeframe.contact.scales import largest, problem_scales
 from meeframe.fields import POTENTIALS, Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
@@ -24,7 +24,7 @@ from meeframe.model.biactive_friction import Solution
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
-from meeframe.model.continuation import Attempt, solve_persistently
+from meeframe.model.continuation import LARGE_RATIO, Attempt, solve_persistently
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
@@ -355,14 +355,14 @@ class _Subincrement:
             return solve_part(Attempt(stall_window=stall_window))
         window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
         stores = system.dense() is None and len(system.points) <= _MAX_STORED
-        return solve_persistently(solve_part, window, self._limit_jumps, stores, limits.tolerance)
+        return solve_persistently(solve_part, window, self._has_large_friction, stores, limits.tolerance)
 
     @property
-    def _limit_jumps(self) -> bool:
-        """True if the friction limit jumps where contact begins, by a law without wear and memory."""
+    def _has_large_friction(self) -> bool:
+        """True if friction may be many times the pressure, by a law without wear and memory."""
         case, n = self.kinematics.case, len(self.kinematics.system.points)
         law, is_simple = case.contact_law, case.wear is None and not has_memory(case.contact_law)
-        return is_simple and limit_jumps(law, n)
+        return is_simple and friction_exceeds(law, n, LARGE_RATIO)
 
 
 def _solve(

@@ -11,11 +11,13 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[3] / "validation" / "campaigns"))
 
 import judge
+import problems
 import random_problems
 
 import meeframe
+from meeframe.contact.problem import Status
 from meeframe.model.load import load_case
-from meeframe.model.solve import bodies_of
+from meeframe.model.solve import bodies_of, solve_case
 
 CASE = """
 material = { name = "batio3-cofe2o4" }
@@ -92,6 +94,15 @@ def test_limits_that_jump(seed):
     """Nodes that shear would lift touch without pressure: these problems had increments without a solution."""
     answer = random_problems.answer(seed, "auto")
     assert set(answer.outcomes) == {"converged"}, answer.notes
+
+
+def test_a_large_coefficient(tmp_path):
+    """Newton's method finds no state by itself."""
+    file = tmp_path / "case.toml"
+    file.write_text(problems.draw(82867, tmp_path, "auto").replace("mu = inf", "mu = 50.0"))
+    steps = solve_case(load_case(file)).steps
+    assert {step.status for step in steps} == {Status.CONVERGED}
+    assert any("friction of at most" in step.message for step in steps)
 
 
 def test_a_campaign_continues_after_a_stop(tmp_path, monkeypatch, capsys):

@@ -126,7 +126,7 @@ def test_friction_is_raised_in_smaller_steps_where_that_fails(synthetic, coupled
 def test_an_unsolved_increment_names_the_friction_up_to_which_there_is_a_state(synthetic, coupled):
     increments = Eased(synthetic.step(1e-6), coupled, 10.0, 10.0, 50.0)
     solve = lambda attempt: increments.solve(attempt.start, attempt.easing)  # noqa: E731
-    result = solve_persistently(solve, 10, limit_jumps=True, stores=False, tolerance=1e-10)[2]
+    result = solve_persistently(solve, 10, has_large_friction=True, stores=False, tolerance=1e-10)[2]
     assert result.status is Status.STALLED
     words = re.search(r"friction of at most (\S+) times the pressure there is a state, with more none", result.message)
     assert words is not None
