@@ -38,8 +38,9 @@ class CappedLaw(ContactLaw):
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         """Return the tractions of the law, with friction of at most a multiple of the pressure, (n, 3) [Pa].
 
-        The pressure is the one before the trial, equal to that of the trial in a solution: the gap of a trial that is
-        none would change the largest friction by the ratio times as much as the pressure.
+        The pressure is that before the trial, which in a solution is that of the trial. The gap of other trials would
+        change the largest friction by `ratio` times as much as the pressure: Newton's method would then find a state
+        only from very close to it.
         """
         traction = resolve(self.law, trial, gap, r)
         pressure = np.zeros(len(trial))
