@@ -33,6 +33,10 @@ _TRACTION_TOLERANCE: Final = 1e-6
 """Relative change of tractions below which they count as equal."""
 _RESIDUAL_FACTOR: Final = 10.0
 """Change of tractions, in multiples of the residual, below which they count as equal."""
+_ROUND_OFF: Final = 1e-9
+"""Motion relative to that of the whole zone that may be round-off of positions."""
+_NEGLIGIBLE_MOTION: Final = 1e-6
+"""Relative motion of the contact that counts as none."""
 _LARGEST_ONSET: Final = 0.25
 """Fraction of the nodes in contact that may come into contact within one increment.
 
@@ -278,8 +282,7 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     numbers = np.concatenate([np.r_[RIGID_RESULTANTS[key]] for key in free])
     every = MotionModes(zone.points, zone.frames, step.loading.axes, step.loading.reference)
     touching = step.touching
-    modes = np.stack([every[number][touching, :2] for number in numbers])
-    modes /= np.linalg.norm(modes, axis=(1, 2), keepdims=True)
+    modes = np.stack([_scaled_to_contact(every[number][:, :2], touching) for number in numbers])
     way = np.linalg.norm(step.slip[slips], axis=1)
     along = step.slip[slips] / np.where(way > 0.0, way, 1.0)[:, None]
     # the free motion closest to the slip
@@ -287,6 +290,8 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     # by its small triangular factor: singular vectors along the nodes would fill a matrix of all pairs of them
     least = np.linalg.svd(np.linalg.qr(across, mode="r"))[2][-1]
     motion = np.einsum("knt,k->nt", modes, least)
+    if largest(motion) < _NEGLIGIBLE_MOTION:
+        return True  # a twist about the only node in contact
     motion *= np.copysign(1.0, (motion[slips[touching]] * along).sum()) / largest(motion)
     # far enough to reverse opposite slip
     distance = 2.0 * max(largest(step.slip), largest(step.displacement))
@@ -299,6 +304,12 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
         changes.append((further - traction)[touching[nodes]])
     tolerance = max(_TRACTION_TOLERANCE, _RESIDUAL_FACTOR * step.residual)
     return bool(np.linalg.norm(np.concatenate(changes)) <= tolerance * np.linalg.norm(step.traction[touching, :2]))
+
+
+def _scaled_to_contact(mode: Array, touching: NDArray[np.bool_]) -> Array:
+    """Return a mode (n, 2) at the nodes in contact, of norm one, or less if it moves them by round-off alone."""
+    in_contact = mode[touching]
+    return np.asarray(in_contact / max(float(np.linalg.norm(in_contact)), _ROUND_OFF * largest(mode)))
 
 
 def steepest_fall(law: ContactLaw) -> float:

@@ -113,6 +113,17 @@ def test_node_below_its_limit_prevents_sliding(synthetic, law):
     assert SLIDING not in " ".join(diagnostics(zone, replace(step, traction=traction, region=region), law))
 
 
+@pytest.mark.parametrize("node", [12, 13])
+@pytest.mark.parametrize(("prescribed", "slides"), [(TORQUE, None), (FORCE, True), (FORCE | TORQUE, True)])
+def test_a_single_node_twists_freely(synthetic, node, prescribed, slides):
+    """The motion is undetermined if it is free about the node; the torque about an axis beside it is resisted."""
+    zone, step = with_rigid_slip(synthetic, LAWS[0], (1e-6, 2e-6, 0.0), prescribed)
+    region = np.where(np.arange(25) == node, Region.SLIP, Region.OPEN)
+    step = replace(step, region=region, traction=np.where((region == Region.SLIP)[:, None], step.traction, 0.0))
+    on_axis = not zone.points[node, :2].any()
+    assert (SLIDING in " ".join(diagnostics(zone, step, LAWS[0]))) == (on_axis if slides is None else slides)
+
+
 def test_opposite_slip_is_no_sliding(synthetic):
     """Slip directions are parallel, but slip is opposite on both sides: the force is far below its limit."""
     law = LAWS[0]
