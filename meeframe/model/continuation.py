@@ -110,9 +110,12 @@ def solve_persistently(
         words = f"with friction of at most {reached:.3g} times the pressure there is a state, with more none was found"
         solution = _with_words(solution, words)
     if conducting(solution[0].problem):
-        conducted = solve_by_scaled_conduction(solve_eased, solution)
+        conducted, factor = solve_by_scaled_conduction(solve_eased, solution)
         if conducted is not None:
             return conducted
+        if factor > 0.0:
+            words = f"with {factor:.3g} times the conductivities there is a state, with more none was found"
+            solution = _with_words(solution, words)
     # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
     has_start = solution[2].area_fraction is not None
     if has_start:
@@ -167,16 +170,27 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
     return None, reached
 
 
-def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> Solution | None:
+def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Solution | None, float]:
     """Return the solution of an increment from states under a part of its conductivities; None if it is not found.
 
     Parameters
     ----------
     solve, failed
         As for `solve_by_capped_friction`.
+
+    Returns
+    -------
+    Solution or None
+        The solution.
+    float
+        Largest part of the conductivities under which a state was found; 0 if there is none.
     """
-    solution, _ = _raise_value(lambda start, factor: solve(start, Easing(factor=factor)), failed, _CONDUCTION_FACTORS)
-    return None if solution is None else _with_words(solution, "from a state with smaller conductivities")
+    solution, path = _raise_value(
+        lambda start, factor: solve(start, Easing(factor=factor)), failed, _CONDUCTION_FACTORS
+    )
+    if solution is None:
+        return None, path[-1][0] if path else 0.0
+    return _with_words(solution, "from a state with smaller conductivities"), 1.0
 
 
 def _raise_value(

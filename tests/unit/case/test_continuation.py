@@ -133,6 +133,16 @@ def test_an_unsolved_increment_names_the_friction_up_to_which_there_is_a_state(s
     assert float(words[1]) == pytest.approx(50.0, rel=0.1)
 
 
+def test_an_unsolved_increment_names_the_conduction_up_to_which_there_is_a_state(synthetic, coupled):
+    increments = Eased(synthetic.step(1e-6), coupled, 10.0, 1e-6, 0.05)
+    solve = lambda attempt: increments.solve(attempt.start, replace(attempt.easing, ratio=1.0))  # noqa: E731
+    result = solve_persistently(solve, 10, has_large_friction=False, stores=False, tolerance=1e-10)[2]
+    assert result.status is Status.STALLED
+    words = re.search(r"with (\S+) times the conductivities there is a state, with more none", result.message)
+    assert words is not None
+    assert float(words[1]) == pytest.approx(0.05, rel=0.1)
+
+
 def test_conduction_is_raised_first_where_even_little_friction_fails(synthetic, coupled):
     increments = Eased(synthetic.step(1e-6), coupled, 10.0, 1e-5, 10.0)
     failed = increments.solve(None, Easing())
@@ -149,8 +159,9 @@ def test_conduction_is_raised_to_its_law(synthetic, coupled, reach, is_found):
     increments = Eased(synthetic.step(1e-6), coupled, reach, 1e-6)
     solve = lambda start, easing: increments.solve(start, replace(easing, ratio=1.0))  # noqa: E731
     failed = solve(None, Easing())
-    solution = solve_by_scaled_conduction(solve, failed)
-    assert (solution is not None) == is_found
+    solution, reached = solve_by_scaled_conduction(solve, failed)
+    assert (solution is not None) == is_found == (reached == 1.0)
+    assert reached > 0.0
     if is_found:
         assert increments.easings[-1].factor == 1.0
         assert solution[2].iterations == 7 * len(increments.easings)
