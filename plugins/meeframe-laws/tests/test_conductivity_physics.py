@@ -11,6 +11,8 @@ from meeframe.contact.conduction import potential_diagonal
 from meeframe.contact.problem import ContactProblem, Status
 from meeframe.laws import Insulating, Signorini, StepConductivity
 from meeframe.material import library_material
+from meeframe.model.load import load_case
+from meeframe.model.solve import solve_case
 from meeframe.solvers import Auto, SemismoothNewton, solve
 from meeframe.testing.contact_cases import SphereCase
 from meeframe.testing.force_control import TIGHT_CRITERIA
@@ -214,3 +216,24 @@ def test_saturation_matches_coverage_by_random_spots() -> None:
         area_fraction |= np.hypot(*(points - spot).T) < radius
     kappa = Saturating(1.0, 1.0).conductivity(np.array([-total]), np.zeros(1), np.zeros(1))[0]
     assert area_fraction.mean() == pytest.approx(kappa, abs=0.02)
+
+
+WITHDRAWN = """
+material = { name = "batio3-cofe2o4" }
+mesh = { type = "half-space", contact_width = "5 mm", divisions = 8 }
+formulation = { name = "half-space" }
+indenter = { name = "sphere", radius = "100 mm" }
+conductivity = { electric = { name = "across-gap", gap_constant = 1e-10, residual_gap = 1e-8 } }
+output = { figures = false, vtu = false }
+steps = [{ approach = 1e-5 }, { approach = -1e-6, increments = 2 }]
+"""
+
+
+def test_withdrawal_leaves_no_flux(tmp_path) -> None:
+    file = tmp_path / "case.toml"
+    file.write_text(WITHDRAWN, encoding="utf-8")
+    pressed, *_, withdrawn = solve_case(load_case(file)).steps
+    assert np.abs(pressed.fluxes).max() > 0.0
+    assert not withdrawn.touching.any()
+    assert not withdrawn.fluxes.any()
+    assert not withdrawn.potentials.any()
