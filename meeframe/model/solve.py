@@ -13,12 +13,12 @@ import numpy as np
 from meeframe.common.errors import TooLargeError
 from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting
-from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_field
+from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Status, indenter_field
 from meeframe.contact.residual import friction_exceeds, law_residual
 from meeframe.contact.scales import largest, problem_scales
 from meeframe.fields import POTENTIALS, Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
-from meeframe.laws.base import has_memory, is_adhesive, is_pure_projection
+from meeframe.laws.base import has_memory, is_pure_projection
 from meeframe.mesh.body import Body
 from meeframe.model.biactive_friction import Solution
 from meeframe.model.case import Case, warnings_of
@@ -300,21 +300,8 @@ def _start(increment: Increment, last: ConvergedState | None, here: ConvergedSta
         predicted = extrapolate(problem.contact_law, last, here)
         if predicted is not None and len(predicted.motion) == len(increment.free):
             return predicted
-    if _stays_unloaded(increment):
-        return None  # fluxes across gaps would fall from those of the converged state to small ones, not to zero
     # free motions count from the converged state
     return here.state and replace(here.state, motion=np.zeros(len(increment.free)))
-
-
-def _stays_unloaded(increment: Increment) -> bool:
-    """Return whether the laws hold without any load below an indenter that is prescribed above the body."""
-    problem, n = increment.problem, len(increment.problem.gap)
-    offset = problem.system.offset
-    if increment.free.size or is_adhesive(problem.contact_law) or (offset[:, 2] >= problem.gap).any():
-        return False
-    load = np.zeros(offset.shape[::-1]).T
-    unloaded = ContactState(load, offset, np.zeros(n), np.zeros(0))
-    return law_residual(problem, unloaded, problem_scales(problem)) == 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -407,6 +394,8 @@ def _solve(
         increment, solution = kinematics.repeat_steady(increment, steady, solution)
     solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
+    if solution.status is Status.CONVERGED and not touches.any():
+        solution = replace(solution, state=_without_noise(increment.problem, solution.state))
     solution = replace(solution, state=kinematics.restore_unresisted_motions(increment, solution.state, touches))
     slip = slip_of(increment, solution.state)
     region = regions(increment, solution, slip, touches)
@@ -414,6 +403,17 @@ def _solve(
     release_freed_memory(len(slip))
     result = _step_result(kinematics, increment, end, solution, slip, region, numbers)
     return increment, (end if solution.status is Status.CONVERGED else here), result
+
+
+def _without_noise(problem: ContactProblem, state: ContactState) -> ContactState:
+    """Return a state in which nothing touches, without its fluxes across gaps if the laws hold without any load."""
+    if problem.prescribed_resultants or not state.load.any():
+        return state
+    load = np.zeros(state.load.shape[::-1]).T
+    unloaded = replace(
+        state, load=load, displacement=problem.system.offset.copy(), contact_fraction=np.zeros(len(load))
+    )
+    return unloaded if law_residual(problem, unloaded, problem_scales(problem)) == 0.0 else state
 
 
 def provenance(case: Case) -> Provenance:
