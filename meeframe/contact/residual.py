@@ -180,7 +180,7 @@ def limit_jumps(law: ContactLaw, n: int, size: float = 1.0) -> bool:
     return friction_exceeds(law, n, MIN_JUMP / NEGLIGIBLE_PRESSURE, NEGLIGIBLE_PRESSURE * size)
 
 
-def friction_exceeds(law: ContactLaw, n: int, ratio: float, pressure: float = 1.0) -> bool:
+def friction_exceeds(law: ContactLaw, n: int, ratio: float, pressure: float) -> bool:
     """Return whether a law of n nodes admits friction of more than a multiple of a pressure [Pa]."""
     trial = np.tile([2.0 * ratio * pressure, 0.0, -pressure], (n if has_nodal_data(law, n) else 1, 1))
     return bool(np.abs(law.project(trial)[:, :2]).max(initial=0.0) > ratio * pressure)

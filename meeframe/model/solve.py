@@ -14,7 +14,7 @@ from meeframe.common.errors import TooLargeError
 from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Status, indenter_field
-from meeframe.contact.residual import friction_exceeds, law_residual
+from meeframe.contact.residual import NEGLIGIBLE_PRESSURE, friction_exceeds, law_residual
 from meeframe.contact.scales import largest, problem_scales
 from meeframe.fields import POTENTIALS, Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
@@ -362,7 +362,7 @@ class _Subincrement:
         """True if friction may be many times the pressure, by a law without wear and memory."""
         case, n = self.kinematics.case, len(self.kinematics.system.points)
         law, is_simple = case.contact_law, case.wear is None and not has_memory(case.contact_law)
-        return is_simple and friction_exceeds(law, n, LARGE_RATIO)
+        return is_simple and friction_exceeds(law, n, LARGE_RATIO, NEGLIGIBLE_PRESSURE)
 
 
 def _solve(
@@ -442,9 +442,10 @@ def _step_result(
     traction, fluxes = split_load(state.load)
     displacement, potentials, second_body = _surfaces(kinematics.system, state)
     scales, offset = problem_scales(increment.problem), increment.problem.system.offset
-    caused = scales.compliance @ [largest(values) for values in state.load.T]
+    caused = scales.compliance[POTENTIALS] @ [largest(values) for values in state.load.T]
+    caused += [largest(values) for values in offset.T[POTENTIALS]]
     # less than expected where little of the expected load is left
-    expected = np.minimum(scales.displacement, caused + [largest(values) for values in offset.T])[POTENTIALS]
+    expected = np.minimum(scales.displacement[POTENTIALS], caused)
     # fluxes through the contact, and the potentials that they cause, are as accurate as the solution
     accuracy = solution.residual if solution.status is Status.CONVERGED else 0.0
     for column, scale in enumerate(expected):

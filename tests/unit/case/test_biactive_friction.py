@@ -10,7 +10,7 @@ from meeframe_laws.compliant import Compliant
 from meeframe_laws.friction import CappedCoulomb, Tresca
 
 from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
-from meeframe.contact.residual import friction_exceeds, law_residual, limit_jumps
+from meeframe.contact.residual import NEGLIGIBLE_PRESSURE, friction_exceeds, law_residual, limit_jumps
 from meeframe.contact.scales import problem_scales
 from meeframe.laws import IsotropicCoulomb
 from meeframe.model.continuation import solve_by_capped_friction
@@ -125,6 +125,7 @@ def test_a_node_between_open_and_closed_is_found(synthetic, law, friction, kappa
     ("law", "jumps", "largest"),
     [
         (Tresca(LIMIT), True, LIMIT),
+        (Tresca(1e-3 * LIMIT), True, 1e-3 * LIMIT),
         (DMT(0.05, 1.0, mu=np.inf), True, np.inf),
         (CappedCoulomb(10.0, LIMIT), False, LIMIT),
         (IsotropicCoulomb(50.0), False, 50.0),
@@ -133,5 +134,6 @@ def test_a_node_between_open_and_closed_is_found(synthetic, law, friction, kappa
 )
 def test_limits_that_jump(law, jumps, largest):
     assert limit_jumps(law, 25) == jumps
-    assert not friction_exceeds(law, 25, 1.01 * largest)
-    assert largest == 0.0 or friction_exceeds(law, 25, min(0.99 * largest, 1e3))
+    assert not jumps or friction_exceeds(law, 25, 10.0, NEGLIGIBLE_PRESSURE)
+    assert not friction_exceeds(law, 25, 1.01 * largest, 1.0)
+    assert largest == 0.0 or friction_exceeds(law, 25, min(0.99 * largest, 1e3), 1.0)
