@@ -16,8 +16,12 @@ from meeframe.contact.scales import Scales
 from meeframe.fields import POTENTIALS, Array
 from meeframe.laws.base import contact_conductivity
 
-DIFFERENCE_WIDTH: Final = 6e-6
-"""Width of differences on a logarithmic scale of pressure."""
+DIFFERENCE_WIDTH: Final = 1e-8
+"""Width of differences on a logarithmic scale of pressure.
+
+Their round-off, 1e-8, exceeds that of wider ones, but they cross a threshold, from which a good conductor conducts
+perfectly at hardly more pressure, in fewer states.
+"""
 MIN_PRESSURE_RATIO: Final = 1e-9
 """Fraction of the characteristic pressure below which the slope of a conductivity is not resolved."""
 MIN_WIDTH_RATIO: Final = 1e-4

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.contact.conduction import conducting
+from meeframe.contact.generated_heat import heat_moves_surface
 from meeframe.contact.problem import ContactState, Status
 from meeframe.contact.residual import limit_jumps
 from meeframe.model.biactive_friction import (
@@ -16,6 +17,7 @@ from meeframe.model.biactive_friction import (
     with_biactive_nodes,
 )
 from meeframe.model.easier_laws import EXACT, Easing
+from meeframe.system.capabilities import EdgeResolution
 
 SolveFrom = Callable[[float, ContactState | None], Solution]
 """Solves an increment under a fraction of the change of its load, from an initial guess or, with None, the usual one.
@@ -52,7 +54,7 @@ class Attempt:
     start : ContactState, optional
         Initial guess; by default the usual one.
     easing : Easing, optional
-        Change of the laws.
+        Change that makes it easier.
     stall_window : int, optional
         That of the solver; by default that of the case.
     stores : bool, optional
@@ -173,6 +175,9 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
 def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Solution | None, float]:
     """Return the solution of an increment from states under a part of its conductivities; None if it is not found.
 
+    With contact edges between nodes, the conductivities are raised at nodes first, and then, if need be, once more with
+    the edge of the solution at nodes: an edge that moved with the conductivities would move in jumps.
+
     Parameters
     ----------
     solve, failed
@@ -185,9 +190,20 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
     float
         Largest part of the conductivities under which a state was found; 0 if there is none.
     """
-    solution, path = _raise_value(
-        lambda start, factor: solve(start, Easing(factor=factor)), failed, _CONDUCTION_FACTORS
-    )
+
+    def raised(easing: Easing) -> tuple[Solution | None, list[tuple[float, Solution]]]:
+        return _raise_value(
+            lambda start, factor: solve(start, replace(easing, factor=factor)), failed, _CONDUCTION_FACTORS
+        )
+
+    problem = failed[0].problem
+    solution, path = raised(Easing(at_nodes=True))
+    if solution is not None and problem.system.capability(EdgeResolution) is not None:
+        at_nodes = solution[1].state
+        solution = solve(at_nodes, EXACT)
+        if solution[2].status is not Status.CONVERGED:
+            # heat that moves the surface moves the edge once more
+            solution, path = (None, path) if heat_moves_surface(problem) else raised(Easing(edge_of=at_nodes))
     if solution is None:
         return None, path[-1][0] if path else 0.0
     return _with_words(solution, "from a state with smaller conductivities"), 1.0

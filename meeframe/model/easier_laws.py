@@ -1,4 +1,4 @@
-"""Laws that make an increment easier to solve, whose states are initial guesses for the solution under its own laws."""
+"""Changes that make an increment easier to solve, whose states are initial guesses for the solution without them."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.contact.conduction import MIN_TRACTION
-from meeframe.contact.problem import ContactProblem
+from meeframe.contact.problem import ContactProblem, ContactState
 from meeframe.fields import Array
 from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths, attraction, resolve
 
@@ -139,7 +139,7 @@ class ScaledLawAcrossGap(ScaledLaw):
 
 @dataclass(frozen=True)
 class Easing:
-    """Change of the laws that makes an increment easier to solve.
+    """Change of the laws, or of the contact edge, that makes an increment easier to solve.
 
     Attributes
     ----------
@@ -149,11 +149,17 @@ class Easing:
         Factor of all conductivities.
     pull : Array, optional
         (n,), attraction that cancels the pressure of nodes whose friction is the largest one [Pa].
+    at_nodes : bool, optional
+        Whether the contact ends at nodes even if the formulation resolves its edge between them.
+    edge_of : ContactState, optional
+        State at nodes whose contact edge is resolved; by default that of the solution at nodes.
     """
 
     ratio: float = np.inf
     factor: float = 1.0
     pull: Array | None = None
+    at_nodes: bool = False
+    edge_of: ContactState | None = None
 
     def apply(self, problem: ContactProblem) -> ContactProblem:
         """Return a problem under the changed laws."""
@@ -184,4 +190,4 @@ class Easing:
 
 
 EXACT: Final = Easing()
-"""No change of the laws."""
+"""No change."""

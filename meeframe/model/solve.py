@@ -50,7 +50,7 @@ from meeframe.results.records import (
     zone_of,
 )
 from meeframe.results.result import Interrupted, Result
-from meeframe.solvers import Auto, StoppingCriteria, solve, solve_to_edges
+from meeframe.solvers import Auto, StoppingCriteria, resolve_edges, solve, solve_to_edges
 from meeframe.system.capabilities import Multigrid, ZoneRecovery
 from meeframe.system.dense import DenseSystem, with_matrix
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
@@ -344,10 +344,14 @@ class _Subincrement:
             problem = attempt.easing.apply(planned.problem)
             if attempt.stores:
                 problem = replace(problem, system=with_matrix(problem.system))
+            if attempt.easing.edge_of is not None:
+                edge = partial(self.kinematics.indenter_edge, planned)
+                problem = resolve_edges(problem, attempt.easing.edge_of, edge) or problem
             planned = replace(planned, problem=problem)
             window = attempt.stall_window
             bounds = limits if window is None else replace(limits, stall_window=window)
-            return _solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress)
+            resolves = problem.area_fraction is None and not attempt.easing.at_nodes
+            return _solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress, resolves)
 
         system, is_auto = self.kinematics.system, isinstance(self.kinematics.case.solver, Auto)
         is_steady = self.rolling is not None and self.rolling.is_steady
@@ -373,19 +377,21 @@ def _solve(
     limits: StoppingCriteria,
     numbers: tuple[int, int],
     progress: Progress,
+    resolves: bool = True,
 ) -> Solution:
     """Return an increment as solved, the state after it, or the one before if it does not converge, and its result.
 
-    start: initial guess of the solver; numbers: of the step and the increment.
+    start: initial guess of the solver; numbers: of the step and the increment; resolves: whether contact edges are to
+    be resolved between nodes.
     """
     case, rolling = kinematics.case, increment.rolling
     steady = rolling if rolling is not None and rolling.is_steady else None
     if steady is not None and increment.problem.system.capability(Multigrid) is not None:
         start = None  # a coarser division is closer than the state before
-    if case.wear is None:
+    if case.wear is None and resolves:
         edge = partial(kinematics.indenter_edge, increment)
         solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, edge)
-    else:  # the contact edge lies at nodes
+    else:  # with wear, the contact edge lies at nodes
         solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
     release_freed_memory(len(problem.gap))
     problem, depth = without_wear(problem, solution.state)

@@ -3,7 +3,7 @@
 from meeframe.contact.residual import residual
 from meeframe.solvers.auto import Auto
 from meeframe.solvers.cg.projected_cg import ProjectedCG
-from meeframe.solvers.driver import solve, solve_to_edges
+from meeframe.solvers.driver import resolve_edges, solve, solve_to_edges
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.gradient.uzawa import Uzawa
 from meeframe.solvers.newton.method import SemismoothNewton
@@ -18,6 +18,7 @@ __all__ = [
     "StoppingCriteria",
     "Uzawa",
     "residual",
+    "resolve_edges",
     "solve",
     "solve_to_edges",
 ]
