@@ -197,8 +197,9 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
         )
 
     problem = failed[0].problem
+    resolves_edges = problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None
     solution, path = raised(Easing(at_nodes=True))
-    if solution is not None and problem.system.capability(EdgeResolution) is not None:
+    if solution is not None and resolves_edges:
         at_nodes = solution[1].state
         solution = solve(at_nodes, EXACT)
         if solution[2].status is not Status.CONVERGED:

@@ -108,6 +108,17 @@ def test_a_large_coefficient(tmp_path):
     assert any("friction of at most" in step.message for step in steps)
 
 
+def test_steep_conduction_beside_resolved_edges(tmp_path):
+    """Conductivities are raised at nodes first, and then with the contact edge found there."""
+    file = tmp_path / "case.toml"
+    first_step = problems.draw(84349, tmp_path, "auto").rpartition("[[steps]]")[0]
+    file.write_text(first_step.replace("increments = 2", "increments = 1"))
+    (step,) = solve_case(load_case(file)).steps
+    assert step.status is Status.CONVERGED
+    assert step.area_fraction is not None
+    assert "from a state with smaller conductivities" in step.message
+
+
 def test_a_campaign_continues_after_a_stop(tmp_path, monkeypatch, capsys):
     record, asked = tmp_path / "answers.jsonl", []
 

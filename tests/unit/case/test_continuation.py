@@ -167,6 +167,23 @@ def test_conduction_is_raised_to_its_law(synthetic, coupled, reach, is_found):
         assert solution[2].iterations == 7 * len(increments.easings)
 
 
+def test_conduction_is_raised_at_nodes_and_then_at_the_edge_found_there(synthetic, coupled):
+    increments = Eased(synthetic.step(1e-6), replace(coupled, area_fraction=np.ones(25)), 10.1, 1e-6)
+
+    def solve(start, easing):
+        level = 1.0 if easing.at_nodes or easing.edge_of else np.inf  # an edge that moves is too difficult
+        return increments.solve(start, replace(easing, ratio=level))
+
+    solution, reached = solve_by_scaled_conduction(solve, solve(None, Easing()))
+    assert solution is not None
+    assert reached == 1.0
+    at_nodes = [easing.factor for easing in increments.easings if easing.at_nodes]
+    at_edge = [easing for easing in increments.easings if easing.edge_of]
+    assert at_nodes[-1] == at_edge[-1].factor == 1.0
+    assert {easing.edge_of.load[0, 2] for easing in at_edge} == {-1.0}  # of the state under the whole conductivity
+    assert at_edge[0].factor < 1.0
+
+
 def test_capped_friction_is_that_of_a_finite_coefficient():
     trial = np.random.default_rng(1).normal(size=(50, 3)) * [5.0, 5.0, 1.0]
     finite = IsotropicCoulomb(2.0)
