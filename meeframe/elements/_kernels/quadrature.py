@@ -115,8 +115,10 @@ def _sample(table, polynomial, source, corners, singular, cell, offsets, normals
 
 @njit(cache=True, nogil=True)
 def _normal_spreads(normals):
-    along_u = min(normal_spread(normals, 0, 2), normal_spread(normals, 1, 3))
-    along_v = min(normal_spread(normals, 0, 1), normal_spread(normals, 2, 3))
+    along_u = along_v = np.inf
+    for k in range(2):
+        along_u = min(along_u, normal_spread(normals, k, k + 2))
+        along_v = min(along_v, normal_spread(normals, 2 * k, 2 * k + 1))
     return along_u, along_v
 
 
@@ -150,7 +152,8 @@ def _patch_rule(
     depth = 1
     while depth > 0:
         depth -= 1
-        cell[:] = stack[depth]
+        for side in range(4):  # numba would compile functions of strings for an assignment of arrays
+            cell[side] = stack[depth, side]
         _sample(table, polynomial, source, corners, singular, cell, offsets, normals)
         length_u, length_v, bulge = lengths_and_bulge(offsets)
         spread_u, spread_v = cell_spreads(offsets, length_u, length_v, bulge)
@@ -166,10 +169,9 @@ def _patch_rule(
         if cell[low + 1] - cell[low] < _MIN_CELL_SIZE or depth + 2 > _STACK_SIZE:
             return SOURCE_ON_ELEMENT
         middle = 0.5 * (cell[low] + cell[low + 1])
-        stack[depth] = cell
-        stack[depth, low + 1] = middle
-        stack[depth + 1] = cell
-        stack[depth + 1, low] = middle
+        for side in range(4):
+            stack[depth, side] = stack[depth + 1, side] = cell[side]
+        stack[depth, low + 1] = stack[depth + 1, low] = middle
         depth += 2
     return count
 
@@ -207,23 +209,18 @@ def element_rule(source, nodes, table, source_xi, tolerance, gauss, points, weig
     geometry_polynomial(table, nodes, polynomial)
     corners = np.empty((4, 2))
     n_corners = _reference_corners(table.triangle, corners)
-    if np.isnan(source_xi[0]):
-        degree = shape_degree(table)
-        return _patch_rule(
-            table, polynomial, source, corners, False, degree, tolerance, anisotropy, gauss, points, weights, 0
-        )
-    degree = _total_degree(table) + 1
-    count = 0
-    wedge = np.empty((4, 2))
-    for side in range(n_corners):
-        wedge[0] = source_xi
-        wedge[1] = corners[side]
-        wedge[2] = corners[(side + 1) % n_corners]
-        wedge[3] = wedge[0]
-        if _bilinear_area(wedge, 1.0, 0.0) < 1e-12:
-            continue
+    singular = not np.isnan(source_xi[0])
+    degree = _total_degree(table) + 1 if singular else shape_degree(table)
+    count, patch = np.intp(0), corners.copy()
+    for side in range(n_corners if singular else 1):
+        if singular:
+            for axis in range(2):
+                patch[0, axis] = patch[3, axis] = source_xi[axis]
+                patch[1, axis], patch[2, axis] = corners[side, axis], corners[(side + 1) % n_corners, axis]
+            if _bilinear_area(patch, 1.0, 0.0) < 1e-12:
+                continue
         count = _patch_rule(
-            table, polynomial, source, wedge, True, degree, tolerance, anisotropy, gauss, points, weights, count
+            table, polynomial, source, patch, singular, degree, tolerance, anisotropy, gauss, points, weights, count
         )
         if count < 0:
             break
@@ -236,7 +233,7 @@ def rectangular_rule(order_xi, order_eta, triangle, gauss, points, weights):
     corners = np.empty((4, 2))
     _reference_corners(triangle, corners)
     cell = np.array([-1.0, 1.0, -1.0, 1.0])
-    _emit(corners, cell, order_xi, order_eta, gauss, points, weights, 0)
+    _emit(corners, cell, order_xi, order_eta, gauss, points, weights, np.intp(0))
 
 
 @njit(cache=True, nogil=True)
@@ -250,13 +247,14 @@ def element_extents(table, nodes, tolerance, centres, sizes, min_orders):
     corners = np.empty((4, 2))
     _reference_corners(table.triangle, corners)
     cell = np.array([-1.0, 1.0, -1.0, 1.0])
-    offsets, normals, origin = np.empty((9, 3)), np.empty((4, 3)), np.zeros(3)
+    offsets, normals, origin, singular = np.empty((9, 3)), np.empty((4, 3)), np.zeros(3), np.bool_(False)
     for e in range(nodes.shape[0]):
         geometry_polynomial(table, nodes[e], polynomial)
-        _sample(table, polynomial, origin, corners, False, cell, offsets, normals)
+        _sample(table, polynomial, origin, corners, singular, cell, offsets, normals)
         length_u, length_v, bulge = lengths_and_bulge(offsets)
         skew_u, skew_v = skew_lengths(offsets)
-        centres[e] = offsets[4]
+        for axis in range(3):
+            centres[e, axis] = offsets[4, axis]
         sizes[e, 0] = max(length_u, skew_v) + 2.0 * bulge
         sizes[e, 1] = max(length_v, skew_u) + 2.0 * bulge
         normal_u, normal_v = _normal_spreads(normals)

@@ -84,11 +84,12 @@ def _segment_distance(grid, first, second):
 @njit(cache=True, nogil=True)
 def lengths_and_bulge(grid):
     """Return lengths along u and v, and deviation from a bilinear shape, of a cell on a grid (9, 3), v fastest."""
-    length_u = max(_distance(grid, 0, 6), max(_distance(grid, 1, 7), _distance(grid, 2, 8)))
-    length_v = max(_distance(grid, 0, 2), max(_distance(grid, 3, 5), _distance(grid, 6, 8)))
-    bulge = max(_midpoint_distance(grid, 0, 1, 2), _midpoint_distance(grid, 6, 7, 8))
-    bulge = max(bulge, max(_midpoint_distance(grid, 0, 3, 6), _midpoint_distance(grid, 2, 5, 8)))
-    bulge = max(bulge, max(_midpoint_distance(grid, 1, 4, 7), _midpoint_distance(grid, 3, 4, 5)))
+    length_u = length_v = bulge = 0.0
+    for k in range(3):  # literal numbers would compile a function for each of them
+        length_u = max(length_u, _distance(grid, k, k + 6))
+        length_v = max(length_v, _distance(grid, 3 * k, 3 * k + 2))
+        bulge = max(bulge, _midpoint_distance(grid, k, k + 3, k + 6))
+        bulge = max(bulge, _midpoint_distance(grid, 3 * k, 3 * k + 1, 3 * k + 2))
     return length_u, length_v, bulge
 
 
@@ -99,8 +100,10 @@ def cell_spreads(grid, length_u, length_v, bulge):
     The distances of the two end lines are those of their nearest points, less the bulge of the cell. The bounds are
     exact for plane rectangles.
     """
-    ends_u = _segment_distance(grid, 0, 2) + _segment_distance(grid, 6, 8) - 2.0 * bulge
-    ends_v = _segment_distance(grid, 0, 6) + _segment_distance(grid, 2, 8) - 2.0 * bulge
+    ends_u = ends_v = -2.0 * bulge
+    for end in range(2):
+        ends_u += _segment_distance(grid, 6 * end, 6 * end + 2)
+        ends_v += _segment_distance(grid, 2 * end, 2 * end + 6)
     return ends_u / max(length_u, _TINY), ends_v / max(length_v, _TINY)
 
 
@@ -108,10 +111,11 @@ def cell_spreads(grid, length_u, length_v, bulge):
 def skew_lengths(grid):
     """Return twice the largest distance of the centre from midpoints between the end lines of u, and of v."""
     along_u = along_v = 0.0
+    centre = grid.shape[0] // 2
     for first in range(0, 3, 2):
         for second in range(0, 3, 2):
-            along_u = max(along_u, _midpoint_distance(grid, first, 4, 6 + second))
-            along_v = max(along_v, _midpoint_distance(grid, 3 * first, 4, 3 * second + 2))
+            along_u = max(along_u, _midpoint_distance(grid, first, centre, 6 + second))
+            along_v = max(along_v, _midpoint_distance(grid, 3 * first, centre, 3 * second + 2))
     return 2.0 * along_u, 2.0 * along_v
 
 

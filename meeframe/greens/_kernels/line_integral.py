@@ -213,7 +213,7 @@ def line_integrals(stiffness, triad, points, max_points, tolerance, with_tangent
             _add_angles(forms, 0.5 * step, step, count, with_tangents, total, work)
             count *= 2
             step *= 0.5
-            change_before[:] = change
+            change, change_before = change_before, change
             _compare(total, previous, change, scale)
             for p in range(n_used):
                 if not converged[p] and max(change[p], change_before[p] ** 2) <= tolerance:

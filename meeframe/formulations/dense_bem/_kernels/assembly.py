@@ -292,7 +292,8 @@ def adaptive_points(source, points, connectivity, element, xi, table, accuracy, 
     """
     nodes = np.empty((connectivity.shape[1], 3))
     for a in range(connectivity.shape[1]):
-        nodes[a] = points[connectivity[element, a]]
+        for axis in range(3):
+            nodes[a, axis] = points[connectivity[element, a], axis]
     n = element_rule(
         source, nodes, table, xi, accuracy.tolerance, gauss, out.reference, out.reference_weights, accuracy.anisotropy
     )
