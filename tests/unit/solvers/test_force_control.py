@@ -253,12 +253,14 @@ class ConductingUnderPressure(ConductivityLaw):
         return 1e-6 * np.clip((-normal_traction - self.threshold) / 1e6, 0.0, 1.0)
 
 
-@pytest.mark.parametrize(("threshold", "converges"), [(1e12, False), (0.0, True)])
-def test_a_charge_that_no_node_conducts_has_its_reason(threshold, converges) -> None:
+@pytest.mark.parametrize(
+    ("charge", "threshold", "converges"), [(1e-9, 1e12, False), (1e-15, 1e12, False), (1e-9, 0.0, True)]
+)
+def test_a_charge_that_no_node_conducts_has_its_reason(charge, threshold, converges) -> None:
     """A threshold above all pressures insulates: pressures are those of an insulating contact."""
     problem = conducting_sphere(IsotropicCoulomb(MU), cells=6)
     channels = (replace(problem.channels[0], law=ConductingUnderPressure(threshold)), *problem.channels[1:])
-    free = prescribe_resultant(problem.system, np.array([0.0, 0.0, 0.0, 1.0, 0.0]), 1e-9)
+    free = prescribe_resultant(problem.system, np.array([0.0, 0.0, 0.0, 1.0, 0.0]), charge)
     solution = solve(replace(problem, channels=channels, prescribed_resultants=(free,)), Auto())
     assert (solution.status is Status.CONVERGED) == converges, solution.message
     if not converges:
