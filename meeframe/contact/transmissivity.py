@@ -16,7 +16,9 @@ from meeframe.contact.scales import Scales
 from meeframe.fields import POTENTIALS, Array
 from meeframe.laws.base import contact_conductivity
 
-DIFFERENCE_WIDTH: Final = 1e-8
+DIFFERENCE_WIDTH: Final = 6e-6
+"""Width of differences by gap and drop, relative to these."""
+PRESSURE_WIDTH: Final = 1e-8
 """Width of differences on a logarithmic scale of pressure.
 
 Their round-off, 1e-8, exceeds that of wider ones, but they cross a threshold, from which a good conductor conducts
@@ -102,14 +104,14 @@ class Transmissivity:
         return np.where(np.abs(projected_slope) < np.abs(slope), projected_slope, slope)
 
     def _slope(self, traction: Array, relative_displacement: Array) -> Array:
-        above, below = traction * (1.0 + DIFFERENCE_WIDTH), traction * (1.0 - DIFFERENCE_WIDTH)
+        above, below = traction * (1.0 + PRESSURE_WIDTH), traction * (1.0 - PRESSURE_WIDTH)
         if not depends_on_gap(self.problem):  # most laws are steps, without a slope: this test is cheaper
             laws = [channel.law for channel in self.problem.channels]
             kappas = ((contact_conductivity(law, above), contact_conductivity(law, below)) for law in laws)
             if all(np.array_equal(more, less) for more, less in kappas):
                 return np.zeros_like(self.self_compliance)
         more, less = (self(end, relative_displacement, 1.0) for end in (above, below))
-        return np.asarray((more - less) / (2.0 * DIFFERENCE_WIDTH * traction)[:, None])
+        return np.asarray((more - less) / (2.0 * PRESSURE_WIDTH * traction)[:, None])
 
     def gap_slopes(
         self, normal_traction: Array, relative_displacement: Array, contact_fraction: Array

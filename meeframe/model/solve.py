@@ -391,7 +391,7 @@ def _solve(
     if case.wear is None and resolves:
         edge = partial(kinematics.indenter_edge, increment)
         solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, edge)
-    else:  # with wear, the contact edge lies at nodes
+    else:  # the contact edge lies at nodes, as with wear, or is already resolved
         solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
     release_freed_memory(len(problem.gap))
     problem, depth = without_wear(problem, solution.state)
