@@ -191,20 +191,21 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
         Largest part of the conductivities under which a state was found; 0 if there is none.
     """
 
-    def raised(easing: Easing) -> tuple[Solution | None, list[tuple[float, Solution]]]:
+    def raised(easing: Easing, before: Solution) -> tuple[Solution | None, list[tuple[float, Solution]]]:
         return _raise_value(
-            lambda start, factor: solve(start, replace(easing, factor=factor)), failed, _CONDUCTION_FACTORS
+            lambda start, factor: solve(start, replace(easing, factor=factor)), before, _CONDUCTION_FACTORS
         )
 
     problem = failed[0].problem
     resolves_edges = problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None
-    solution, path = raised(Easing(at_nodes=True))
+    solution, path = raised(Easing(at_nodes=True), failed)
     if solution is not None and resolves_edges:
         at_nodes = solution[1].state
-        solution = solve(at_nodes, EXACT)
-        if solution[2].status is not Status.CONVERGED:
+        planned, end, result = solve(at_nodes, EXACT)
+        solution = planned, end, replace(result, iterations=solution[2].iterations + result.iterations)
+        if result.status is not Status.CONVERGED:
             # heat that moves the surface moves the edge once more
-            solution, path = (None, path) if heat_moves_surface(problem) else raised(Easing(edge_of=at_nodes))
+            solution, path = (None, path) if heat_moves_surface(problem) else raised(Easing(edge_of=at_nodes), solution)
     if solution is None:
         return None, path[-1][0] if path else 0.0
     return _with_words(solution, "from a state with smaller conductivities"), 1.0

@@ -182,6 +182,7 @@ def test_conduction_is_raised_at_nodes_and_then_at_the_edge_found_there(syntheti
     assert at_nodes[-1] == at_edge[-1].factor == 1.0
     assert {easing.edge_of.load[0, 2] for easing in at_edge} == {-1.0}  # of the state under the whole conductivity
     assert at_edge[0].factor < 1.0
+    assert solution[2].iterations == 7 * len(increments.easings)
 
 
 def test_capped_friction_is_that_of_a_finite_coefficient():
