@@ -168,7 +168,8 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
         solution = solve_with_biactive_friction(solve, capped, ratio, problem, tolerance)
         if solution is not None:
             return solution, reached
-        path = path[: len(path) // 2]  # smaller multiples are further, but vary less
+        # smaller multiples are further, but vary less; under the last one, pressures are nearly too small to be found
+        path = path[:-1] if ratio >= _RATIOS[1] else path[: len(path) // 2]
     return None, reached
 
 

@@ -121,6 +121,29 @@ def test_a_node_between_open_and_closed_is_found(synthetic, law, friction, kappa
     np.testing.assert_allclose(np.abs(end.state.load[NODE, 3]), expected, atol=1e-8)
 
 
+def test_biactive_friction_is_found_from_a_smaller_multiple_where_pressures_are_too_small(synthetic):
+    problem = single_node(Tresca(LIMIT))
+    ratios = []
+
+    def attempt(start, easing):
+        if easing.pull is not None:
+            ratios.append(easing.ratio)
+        fails = easing.ratio == np.inf or (easing.pull is not None and not 1e4 < easing.ratio < 9e5)
+        eased = easing.apply(problem)
+        solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), start)
+        result = replace(
+            synthetic.step(1e-6), status=Status.STALLED if fails else solution.status, residual=solution.residual
+        )
+        return Planned(eased), SimpleNamespace(state=solution.state), result
+
+    failed = Planned(problem), SimpleNamespace(state=None), replace(synthetic.step(1e-6), status=Status.STALLED)
+    solution, reached = solve_by_capped_friction(attempt, failed, 1e-10)
+    assert solution is not None
+    assert ratios[0] == reached == 1e6
+    assert 1e4 < ratios[-1] < 1e6
+    np.testing.assert_allclose(solution[1].state.load[NODE, :3], [-0.9 * LIMIT, 0.0, 0.0], atol=1e-8)
+
+
 @pytest.mark.parametrize(
     ("law", "jumps", "largest"),
     [
