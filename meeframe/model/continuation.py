@@ -8,8 +8,11 @@ import numpy as np
 
 from meeframe.contact.conduction import conducting
 from meeframe.contact.generated_heat import heat_moves_surface
-from meeframe.contact.problem import ContactState, Status
+from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.contact.residual import limit_jumps
+from meeframe.contact.scales import problem_scales
+from meeframe.indenters.base import N_RIGID, RIGID_MOTIONS
+from meeframe.laws.base import is_adhesive
 from meeframe.model.biactive_friction import (
     Solution,
     SolveEased,
@@ -24,6 +27,9 @@ SolveFrom = Callable[[float, ContactState | None], Solution]
 
 Slip counts from the beginning of the increment, whatever the fraction.
 """
+
+SolveApproached = Callable[[float | None, ContactState | None, Easing], Solution]
+"""Solves an increment with an approach in place of the force, or with None as it is, under easier laws."""
 
 _MIN_FRACTION: Final = 1.0 / 16.0
 """Least part of the change of the load by which it is raised from one state to the next."""
@@ -41,6 +47,10 @@ _MIN_FIRST: Final = 1.0
 """Value by which the first one is replaced where that fails, if it is less."""
 _MAX_VALUES: Final = 40
 """Number of values that are tried."""
+_APPROACH_STEPS: Final = 1.0 / 16.0, 1.0 / 4096.0
+"""First and least step of the approach, in displacements that the load causes."""
+_STEP_GROWTH: Final = 1.5
+"""Factor of the next step of the approach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +69,8 @@ class Attempt:
         That of the solver; by default that of the case.
     stores : bool, optional
         Whether the compliance is stored as a matrix.
+    approach : float, optional
+        Approach [m] that is prescribed in place of the normal force; by default the force is.
     """
 
     part: float = 1.0
@@ -66,6 +78,7 @@ class Attempt:
     easing: Easing = EXACT
     stall_window: int | None = None
     stores: bool = False
+    approach: float | None = None
 
 
 def solve_persistently(
@@ -118,6 +131,14 @@ def solve_persistently(
         if factor > 0.0:
             words = f"with {factor:.3g} times the conductivities there is a state, with more none was found"
             solution = _with_words(solution, words)
+    if "normal_force" in solution[0].prescribed and _may_attract(solution[0].problem):
+        approached, words = solve_by_approach(
+            lambda approach, start, easing: solve(replace(brief, approach=approach, start=start, easing=easing)),
+            solution,
+        )
+        if approached is not None:
+            return approached
+        solution = _with_words(solution, words) if words else solution
     # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
     has_start = solution[2].area_fraction is not None
     if has_start:
@@ -212,6 +233,68 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
     return _with_words(solution, "from a state with smaller conductivities"), 1.0
 
 
+def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solution | None, str]:
+    """Return the solution of an increment under a normal force from states with prescribed approaches, if it is found.
+
+    Where surfaces attract each other, states under a force end where the surfaces snap together; those with an approach
+    mostly do not. From the approach before the increment, it changes until the force is passed.
+
+    Parameters
+    ----------
+    solve : callable
+        Solves the increment with an approach in place of the force, or with None as it is.
+    failed : tuple
+        Increment that did not converge.
+
+    Returns
+    -------
+    Solution or None
+        The solution; None if it is not found.
+    str
+        Words on the forces that were found with approaches; empty if there are none.
+    """
+    planned, iterations = failed[0], failed[2].iterations
+    (column,) = range(N_RIGID)[RIGID_MOTIONS["approach"]]
+    approach, force = float(planned.base[column]), float(planned.prescribed["normal_force"].item())
+
+    def at_nodes(approach: float, start: ContactState | None, factor: float = 1.0) -> Solution:
+        return solve(approach, start, Easing(factor=factor, at_nodes=True))
+
+    def force_of(solution: Solution) -> float:
+        return float(solution[1].resultants[column])
+
+    first = at_nodes(approach, None)
+    solution: Solution | None = first
+    if first[2].status is not Status.CONVERGED:
+        solution, _ = _raise_value(lambda start, factor: at_nodes(approach, start, factor), first, _CONDUCTION_FACTORS)
+    if solution is None:
+        return None, ""
+    iterations += solution[2].iterations
+    sign, passed = np.sign(force - force_of(solution)), ""
+    step, least = (part * problem_scales(planned.problem).displacement[2] for part in _APPROACH_STEPS)
+    for _ in range(_MAX_VALUES):
+        if step < least:
+            break
+        further = at_nodes(approach + sign * step, solution[1].state)
+        iterations += further[2].iterations
+        if further[2].status is not Status.CONVERGED:
+            step /= 2.0
+        elif sign * (force - force_of(further)) > 0.0:
+            approach, solution, step = approach + sign * step, further, _STEP_GROWTH * step
+        else:
+            for _, end, _ in (further, solution):
+                motion = end.motion[planned.free] - planned.base[planned.free]
+                exact = solve(None, end.state and replace(end.state, motion=motion), EXACT)
+                iterations += exact[2].iterations
+                if exact[2].status is Status.CONVERGED:
+                    result = replace(exact[2], iterations=iterations)
+                    return _with_words((*exact[:2], result), "from a state with a prescribed approach"), ""
+            passed = f", with {approach + sign * step:.6g} m under {force_of(further):.4g} N, none between"
+            step /= 2.0
+    found = f"with an approach of {approach:.6g} m there is a state under a normal force of {force_of(solution):.4g} N"
+    return None, found + (passed or ", none beyond")
+
+
 def _raise_value(
     solve: Callable[[ContactState | None, float], Solution],
     before: Solution,
@@ -260,6 +343,11 @@ def _extrapolated(path: list[tuple[float, Solution]], value: float) -> ContactSt
         new + share * (new - old) for new, old in ((state.load, earlier.load), (state.motion, earlier.motion))
     )
     return replace(state, load=np.where(state.load == 0.0, 0.0, load), motion=motion)
+
+
+def _may_attract(problem: ContactProblem) -> bool:
+    """Return whether an adhesive law or potentials may attract the surfaces."""
+    return is_adhesive(problem.contact_law) or conducting(problem)
 
 
 def _with_words(solution: Solution, words: str) -> Solution:

@@ -339,6 +339,8 @@ class _Subincrement:
         def solve_part(attempt: Attempt) -> Solution:
             fraction = (self.numbers[1] - 1 + first + attempt.part * share) / step.increments
             controls = ramp(self.controls, self.begin, self.prescribed, fraction)
+            if attempt.approach is not None:
+                controls = ramp(controls, self.begin, {"approach": np.array([attempt.approach])})
             planned = self.kinematics.increment(controls, here, duration, self.rolling, sliding)
             start = _start(planned, self.last, here) if attempt.start is None else attempt.start
             problem = attempt.easing.apply(planned.problem)

@@ -1,6 +1,7 @@
 """Random problems, judged from their result files by code that shares nothing with the solvers; faults that the judge
 must find; problems that once failed."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -18,6 +19,7 @@ import meeframe
 from meeframe.contact.problem import Status
 from meeframe.model.load import load_case
 from meeframe.model.solve import bodies_of, solve_case
+from meeframe.results.resultants import resultants
 
 CASE = """
 material = { name = "batio3-cofe2o4" }
@@ -117,6 +119,18 @@ def test_steep_conduction_beside_resolved_edges(tmp_path):
     assert step.status is Status.CONVERGED
     assert step.area_fraction is not None
     assert "from a state with smaller conductivities" in step.message
+
+
+def test_a_force_at_which_potentials_pull_the_surfaces_in(tmp_path):
+    """States under larger and larger forces or conductivities end before it, those with an approach do not."""
+    file = tmp_path / "case.toml"
+    text = problems.draw(86999, tmp_path, "auto").replace('edges = "resolved"\n', "").replace("matrix_up_to = 0\n", "")
+    text = re.sub(r"law = \{.*\}", 'law = "signorini"', text).replace("stall_window = 120", "stall_window = 24")
+    file.write_text("[[steps]]".join(text.split("[[steps]]")[:2]))
+    result = solve_case(load_case(file))
+    assert {step.status for step in result.steps} == {Status.CONVERGED}
+    assert "from a state with a prescribed approach" in result.steps[-1].message
+    assert resultants(result.zone, result.steps[-1]).normal_force == pytest.approx(55.84125084362929, rel=1e-9)
 
 
 def test_a_campaign_continues_after_a_stop(tmp_path, monkeypatch, capsys):

@@ -1,7 +1,7 @@
 """Continuation of an increment that does not converge, through states of problems that are easier to solve."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +10,12 @@ from meeframe_laws.adhesive import DMT
 from meeframe_laws.friction import Tresca
 
 from meeframe.contact.problem import ContactProblem, ContactState, Status
+from meeframe.contact.scales import problem_scales
+from meeframe.fields import Array, Indices
 from meeframe.laws import IsotropicCoulomb
 from meeframe.laws.base import attraction, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.model.continuation import (
+    solve_by_approach,
     solve_by_capped_friction,
     solve_by_continuation,
     solve_by_scaled_conduction,
@@ -68,6 +71,9 @@ class Planned:
     """Increment with nothing but its problem."""
 
     problem: ContactProblem
+    prescribed: dict[str, Array] = field(default_factory=dict)
+    base: Array = field(default_factory=lambda: np.zeros(8))
+    free: Indices = field(default_factory=lambda: np.zeros(1, np.intp))
 
 
 class Eased:
@@ -183,6 +189,82 @@ def test_conduction_is_raised_at_nodes_and_then_at_the_edge_found_there(syntheti
     assert {easing.edge_of.load[0, 2] for easing in at_edge} == {-1.0}  # of the state under the whole conductivity
     assert at_edge[0].factor < 1.0
     assert solution[2].iterations == 7 * len(increments.easings)
+
+
+class Approached:
+    """Increments under a force of 3 N, solved from states with nearly that force, or with an approach.
+
+    The force is a function of the approach in units of the displacement that the load causes; NaN where there is no
+    state. Conductivities must be raised from the first factor, and then from one to the next.
+    """
+
+    def __init__(self, step, problem, force, first_factor: float = 1.0) -> None:
+        self._step, self._force, self._factor = step, force, first_factor
+        self._planned = Planned(problem, {"normal_force": np.array([3.0])})
+        self.unit = problem_scales(problem).displacement[2]
+        self.approaches: list[float | None] = []
+
+    def solve(self, approach, start, easing: Easing):
+        self.approaches.append(approach)
+        at = (start.motion[0] if start else np.inf) if approach is None else approach
+        force = self._force(at / self.unit)
+        if approach is None:
+            solved = abs(force - 3.0) < 0.5 and easing == Easing()
+        else:
+            solved = np.isfinite(force) and easing.at_nodes and (start is not None or easing.factor <= self._factor)
+        motion, resultants = np.zeros(8), np.zeros(8)
+        motion[0], resultants[0] = at, force
+        state = ContactState(np.zeros((25, 5)), np.zeros((25, 5)), np.zeros(25), np.array([at]))
+        result = replace(self._step, status=Status.CONVERGED if solved else Status.STALLED, iterations=7)
+        return self._planned, SimpleNamespace(state=state, motion=motion, resultants=resultants), result
+
+    def search(self):
+        return solve_by_approach(self.solve, self.solve(None, None, Easing()))
+
+
+@pytest.mark.parametrize("first_factor", [1.0, 1e-3])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_force_is_found_between_approaches(synthetic, coupled, first_factor, sign):
+    """Also where the first force is too large, and after conductivities are raised."""
+    increments = Approached(synthetic.step(1e-6), coupled, lambda a: 3.0 - sign + a * abs(a), first_factor)
+    solution, words = increments.search()
+    assert words == ""
+    assert solution[2].status is Status.CONVERGED
+    assert increments.approaches[-1] is None
+    assert solution[1].resultants[0] == pytest.approx(3.0, abs=0.5)
+    assert solution[2].iterations == 7 * len(increments.approaches)
+    assert "from a state with a prescribed approach" in solution[2].message
+
+
+def test_a_force_that_the_states_jump_over_is_reported(synthetic, coupled):
+    increments = Approached(synthetic.step(1e-6), coupled, lambda a: 2.0 + a if a < 0.4 else 4.0 + a)
+    solution, words = increments.search()
+    assert solution is None
+    numbers = re.fullmatch(
+        r"with an approach of (\S+) m there is a state under a normal force of (\S+) N, "
+        r"with (\S+) m under (\S+) N, none between",
+        words,
+    )
+    below, force_below, above, force_above = map(float, numbers.groups())
+    assert below < 0.4 * increments.unit <= above
+    assert above - below < increments.unit / 1000.0
+    assert (force_below, force_above) == pytest.approx((2.4, 4.4), abs=0.01)
+
+
+def test_the_last_force_is_reported_where_the_states_end(synthetic, coupled):
+    increments = Approached(synthetic.step(1e-6), coupled, lambda a: 1.0 + a if a < 0.7 else np.nan)
+    solution, words = increments.search()
+    assert solution is None
+    numbers = re.fullmatch(
+        r"with an approach of (\S+) m there is a state under a normal force of (\S+) N, none beyond", words
+    )
+    assert float(numbers[1]) == pytest.approx(0.7 * increments.unit, rel=1e-2)
+    assert float(numbers[2]) == pytest.approx(1.7, rel=1e-2)
+    assert len(increments.approaches) < 40
+
+
+def test_no_force_is_reported_without_a_state(synthetic, coupled):
+    assert Approached(synthetic.step(1e-6), coupled, lambda a: np.nan).search() == (None, "")
 
 
 def test_capped_friction_is_that_of_a_finite_coefficient():
