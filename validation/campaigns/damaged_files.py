@@ -79,15 +79,25 @@ material = { name = "silicon" }
 mesh = { type = "half-space", contact_width = "1.6 um", divisions = 4 }
 formulation = { name = "half-space" }
 base = { thickness = "500 um", electric = "grounded" }
-layers = [
-    { material = "pzt-4", thickness = "1 um", interface = { electrode = "grounded" } },
-    { material = "batio3", thickness = "200 nm", grading = { law = "power", exponent = 0.5, material = "cofe2o4" } },
-    { material = "glass", thickness = "200 nm", interface = { normal_stiffness = 1e17, electric_conductance = 1e-3 } },
-]
 conductivity = { electric = { name = "step", kappa = inf } }
 indenter = { name = "sphere", radius = "10 um" }
 output = { figures = false, vtu = false }
 steps = [{ normal_force = "2 mN", electric_potential = "1 V" }, { charge = "0 C" }]
+
+[[layers]]
+material = "pzt-4"
+thickness = "1 um"
+interface = { electrode = "grounded" }
+
+[[layers]]
+material = "batio3"
+thickness = "200 nm"
+grading = { law = "power", exponent = 0.5, material = "cofe2o4", tolerance = 0.1 } # few sublayers
+
+[[layers]]
+material = "glass"
+thickness = "200 nm"
+interface = { normal_stiffness = 1e17, electric_conductance = 1e-3 }
 """
 ROLLING: Final = """
 title = "rolling"
