@@ -112,6 +112,8 @@ def totals(folder, rings=2, text=CASE, **values):
 
 COATED = {"film": "batio3", "lower": "cofe2o4", "interface": '{electrode = "grounded"}', "element": "quad9"}
 ROTATION = '\nrotation = {axis = [1, 2, 3], angle = "40 deg"}'
+BOUNDARY_ELEMENTS = 'name = "dense-bem"\nquadrature_tolerance = 1e-3'
+"""Quadrature as accurate as 1e-5 changes the totals by less than 1e-4."""
 SPRINGS = "{normal_stiffness = 3e17, tangential_stiffness = 1e17, electric_conductance = 0.5}"
 
 
@@ -137,7 +139,7 @@ def test_sphere_on_a_film_by_three_methods(tmp_path, film, lower, interface):
 
 def differences(folder, divisions, growth, **values):
     """Return the differences of the totals by finite and boundary elements, relative to those by the half space."""
-    formulations = 'name = "half-space"', f'name = "skfem"\ngrowth = {growth}', 'name = "dense-bem"'
+    formulations = 'name = "half-space"', f'name = "skfem"\ngrowth = {growth}', BOUNDARY_ELEMENTS
     by_waves, *by_elements = (totals(folder, divisions=divisions, formulation=text, **values) for text in formulations)
     return np.abs(np.array(by_elements) / by_waves - 1.0)
 
@@ -193,9 +195,8 @@ def test_verify_takes_the_same_case_file(tmp_path):
 @pytest.mark.full
 def test_verify_takes_the_same_case_file_with_boundary_elements(tmp_path):
     """Limits agree; the errors of those of force and charge are not resolved with so few elements."""
-    verification = verify(
-        film_on_electrode(tmp_path, divisions=12, rings=6), tmp_path / "out", ("half-space", "dense-bem")
-    )
+    both = ("half-space", '{name = "dense-bem", quadrature_tolerance = 1e-3}')
+    verification = verify(film_on_electrode(tmp_path, divisions=12, rings=6), tmp_path / "out", both)
     assert verification.verdict is Verdict.AGREE
     pairs = {pair.first.quantity: pair for pair in verification.agreements}
     assert pairs["max_pressure"].verdict is Verdict.AGREE
