@@ -6,6 +6,7 @@ Added to a magneto-electro-elastic body, it changes no other field and agrees wi
 import json
 import re
 from dataclasses import replace
+from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -245,22 +246,31 @@ def test_scalar_field_in_case_files_results_and_reports(tmp_path: Path) -> None:
     assert "temperature" in figures(read)
 
 
+@cache
+def dense_solution() -> tuple[Body, ReducedSystem, ContactState]:
+    """Return a warm half space, its dense system, and the state of frictional contact with three channels."""
+    warm = library_material("batio3-cofe2o4").with_field(HEAT, CONDUCTIVITY)
+    mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (10, 10), 3, Quad4())
+    body = Body(warm.stiffness, mesh, (), "contact", warm.fields)
+    system = DenseBEM(quadrature_tolerance=1e-8).reduce(body)
+    return body, system, press_and_conduct(system, body)
+
+
+def press_and_conduct(system: ReducedSystem, body: Body) -> ContactState:
+    laws = (*LAWS, StepConductivity(KAPPA))
+    return solve_problem(indentation(system, body.fields, laws, (2e3, -3.0, POTENTIAL), 3e-6))
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
 def test_hierarchical_matrices_match_dense_matrices(tolerance: float) -> None:
     """Frictional contact with three channels; small leaves give low-rank blocks."""
-    warm = library_material("batio3-cofe2o4").with_field(HEAT, CONDUCTIVITY)
-    mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (10, 10), 3, Quad4())
-    body, laws = Body(warm.stiffness, mesh, (), "contact", warm.fields), (*LAWS, StepConductivity(KAPPA))
-    formulations = DenseBEM(quadrature_tolerance=1e-8), HierarchicalBEM(tolerance=tolerance, leaf_size=10)
-    dense, hierarchical = (formulation.reduce(body) for formulation in formulations)
+    body, dense, expected = dense_solution()
+    hierarchical = HierarchicalBEM(tolerance=tolerance, leaf_size=10).reduce(body)
     assert hierarchical.dense() is None
-    expected, state = (
-        solve_problem(indentation(system, warm.fields, laws, (2e3, -3.0, POTENTIAL), 3e-6))
-        for system in (dense, hierarchical)
-    )
+    state = press_and_conduct(hierarchical, body)
     assert (np.abs(expected.load).max(axis=0) > 0.0).all()
-    for column in range(warm.fields.size):
+    for column in range(body.fields.size):
         equal(state.load[:, column], expected.load[:, column], tolerance)
         equal(state.displacement[:, column], expected.displacement[:, column], tolerance)
     values, fluxes = (
@@ -269,7 +279,7 @@ def test_hierarchical_matrices_match_dense_matrices(tolerance: float) -> None:
     )
     equal(values[0][:, -1], values[1][:, -1], tolerance)
     equal(fluxes[0][:, -1], fluxes[1][:, -1], tolerance)
-    alone = np.where(np.arange(warm.fields.size) == 5, expected.load, 0.0)
+    alone = np.where(np.arange(body.fields.size) == 5, expected.load, 0.0)
     assert not hierarchical.apply(alone)[:, :5].any()
 
 
