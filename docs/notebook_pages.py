@@ -7,10 +7,12 @@ reused until the notebook or the code of meeframe changes.
 
 import base64
 import hashlib
+import os
 import re
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from logging import getLogger
 from pathlib import Path
 from queue import Empty
@@ -53,8 +55,10 @@ EMPTY: Final = re.compile(r"<pre[^>]*></pre>\s*")
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add a page, its pictures and the notebook with outputs for each notebook."""
-    for source in sorted(NOTEBOOKS.glob("*.py")):
-        notebook = executed(source)
+    sources = sorted(NOTEBOOKS.glob("*.py"))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # each notebook runs in a process
+        notebooks = list(pool.map(executed, sources))
+    for source, notebook in zip(sources, notebooks, strict=True):
         pictures: dict[str, bytes] = {}
         page = "\n\n".join(_page(source.stem, notebook, pictures))
         files.append(File.generated(config, f"notebooks/{source.stem}.md", content=page))
