@@ -291,6 +291,8 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
                     return _with_words((*exact[:2], result), "from a state with a prescribed approach"), ""
             passed = f", with {approach + sign * step:.6g} m under {force_of(further):.4g} N, none between"
             step /= 2.0
+    else:  # there may be states that were not sought
+        return None, ""
     found = f"with an approach of {approach:.6g} m there is a state under a normal force of {force_of(solution):.4g} N"
     return None, found + (passed or ", none beyond")
 

@@ -263,8 +263,11 @@ def test_the_last_force_is_reported_where_the_states_end(synthetic, coupled):
     assert len(increments.approaches) < 40
 
 
-def test_no_force_is_reported_without_a_state(synthetic, coupled):
-    assert Approached(synthetic.step(1e-6), coupled, lambda a: np.nan).search() == (None, "")
+@pytest.mark.parametrize("force", [np.nan, 1.0])
+def test_no_force_is_reported_where_states_neither_begin_nor_end(synthetic, coupled, force):
+    increments = Approached(synthetic.step(1e-6), coupled, lambda a: force)
+    assert increments.search() == (None, "")
+    assert len(increments.approaches) < 50
 
 
 def test_capped_friction_is_that_of_a_finite_coefficient():
