@@ -28,8 +28,8 @@ SolveFrom = Callable[[float, ContactState | None], Solution]
 Slip counts from the beginning of the increment, whatever the fraction.
 """
 
-SolveApproached = Callable[[float | None, ContactState | None, Easing], Solution]
-"""Solves an increment with an approach in place of the force, or with None as it is, under easier laws."""
+SolveApproached = Callable[[ContactState | None, Easing, float | None], Solution]
+"""Solves an increment as SolveEased does, with an approach in place of the force, or with None under the force."""
 
 _MIN_FRACTION: Final = 1.0 / 16.0
 """Least part of the change of the load by which it is raised from one state to the next."""
@@ -110,8 +110,8 @@ def solve_persistently(
         return solution
     brief = Attempt(stall_window=window, stores=stores)
 
-    def solve_eased(start: ContactState | None, easing: Easing) -> Solution:
-        return solve(replace(brief, start=start, easing=easing))
+    def solve_eased(start: ContactState | None, easing: Easing, approach: float | None = None) -> Solution:
+        return solve(replace(brief, start=start, easing=easing, approach=approach))
 
     if has_large_friction:
         capped, reached = solve_by_capped_friction(solve_eased, solution, tolerance)
@@ -132,10 +132,7 @@ def solve_persistently(
             words = f"with {factor:.3g} times the conductivities there is a state, with more none was found"
             solution = _with_words(solution, words)
     if "normal_force" in solution[0].prescribed and _may_attract(solution[0].problem):
-        approached, words = solve_by_approach(
-            lambda approach, start, easing: solve(replace(brief, approach=approach, start=start, easing=easing)),
-            solution,
-        )
+        approached, words = solve_by_approach(solve_eased, solution)
         if approached is not None:
             return approached
         solution = _with_words(solution, words) if words else solution
@@ -242,7 +239,7 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
     Parameters
     ----------
     solve : callable
-        Solves the increment with an approach in place of the force, or with None as it is.
+        Solves the increment under easier laws, with an approach in place of the force, or with None under the force.
     failed : tuple
         Increment that did not converge.
 
@@ -258,7 +255,7 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
     approach, force = float(planned.base[column]), float(planned.prescribed["normal_force"].item())
 
     def at_nodes(approach: float, start: ContactState | None, factor: float = 1.0) -> Solution:
-        return solve(approach, start, Easing(factor=factor, at_nodes=True))
+        return solve(start, Easing(factor=factor, at_nodes=True), approach)
 
     def force_of(solution: Solution) -> float:
         return float(solution[1].resultants[column])
@@ -270,7 +267,7 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
     if solution is None:
         return None, ""
     iterations += solution[2].iterations
-    sign, passed = np.sign(force - force_of(solution)), ""
+    sign, passed, untried = np.sign(force - force_of(solution)), "", [solution]
     step, least = (part * problem_scales(planned.problem).displacement[2] for part in _APPROACH_STEPS)
     for _ in range(_MAX_VALUES):
         if step < least:
@@ -281,16 +278,17 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
             step /= 2.0
         elif sign * (force - force_of(further)) > 0.0:
             approach, solution, step = approach + sign * step, further, _STEP_GROWTH * step
+            untried = [solution]
         else:
-            for _, end, _ in (further, solution):
+            for _, end, _ in (further, *untried):
                 motion = end.motion[planned.free] - planned.base[planned.free]
-                exact = solve(None, end.state and replace(end.state, motion=motion), EXACT)
+                exact = solve(end.state and replace(end.state, motion=motion), EXACT, None)
                 iterations += exact[2].iterations
                 if exact[2].status is Status.CONVERGED:
                     result = replace(exact[2], iterations=iterations)
                     return _with_words((*exact[:2], result), "from a state with a prescribed approach"), ""
             passed = f", with {approach + sign * step:.6g} m under {force_of(further):.4g} N, none between"
-            step /= 2.0
+            step, untried = step / 2.0, []
     else:  # there may be states that were not sought
         return None, ""
     found = f"with an approach of {approach:.6g} m there is a state under a normal force of {force_of(solution):.4g} N"

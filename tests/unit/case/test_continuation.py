@@ -68,7 +68,7 @@ def test_a_failed_increment_is_returned_as_it_was(synthetic, most):
 
 @dataclass(frozen=True)
 class Planned:
-    """Increment with nothing but its problem."""
+    """Increment with its problem, its force, and where its free motions count from."""
 
     problem: ContactProblem
     prescribed: dict[str, Array] = field(default_factory=dict)
@@ -204,7 +204,7 @@ class Approached:
         self.unit = problem_scales(problem).displacement[2]
         self.approaches: list[float | None] = []
 
-    def solve(self, approach, start, easing: Easing):
+    def solve(self, start, easing: Easing, approach=None):
         self.approaches.append(approach)
         at = (start.motion[0] if start else np.inf) if approach is None else approach
         force = self._force(at / self.unit)
@@ -219,7 +219,7 @@ class Approached:
         return self._planned, SimpleNamespace(state=state, motion=motion, resultants=resultants), result
 
     def search(self):
-        return solve_by_approach(self.solve, self.solve(None, None, Easing()))
+        return solve_by_approach(self.solve, self.solve(None, Easing()))
 
 
 @pytest.mark.parametrize("first_factor", [1.0, 1e-3])
