@@ -90,10 +90,13 @@ def skeleton_sources(remainder, source, limit, is_sketch):
                     row -= (row * basis[b]).sum() * basis[b]
             remaining_norm = sqrt((row**2).sum())
             if rank < len(basis) and remaining_norm > round_off * norm:
-                basis[rank] = row / remaining_norm
+                for q in range(n):  # numba compiles assignments of arrays to slices for seconds
+                    basis[rank, q] = row[q] / remaining_norm
                 rank += 1
         dots = np.dot(remainder, basis[first:rank].T)
-        coefficients[:, first:rank] = dots
+        for i in range(m):
+            for b in range(first, rank):
+                coefficients[i, b] = dots[i, b - first]
         np.dot(dots, basis[first:rank], projected)
         squares[:] = 0.0
         for i in range(m):

@@ -46,8 +46,9 @@ def truncate(remainder, tolerance):
     limit = tolerance * tolerance * squares.sum()
     rank = 0
     while rank < max_rank and squares.sum() > PIVOTING_FRACTION * PIVOTING_FRACTION * limit:
-        row = right[rank]
-        row[:] = remainder[squares.argmax()]
+        row, pivot = right[rank], squares.argmax()
+        for q in range(n):
+            row[q] = remainder[pivot, q]
         for b in range(rank):  # orthogonalize again because of round-off
             dot = (row * right[b]).sum()
             row -= dot * right[b]
