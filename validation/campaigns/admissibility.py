@@ -187,17 +187,30 @@ def _non_associated(law: Keys, nodes: Nodes, low: Array, high: Array) -> dict[st
     half_axes = np.array([law["mu1"], law["mu2"]])
     gauge = np.linalg.norm(_turned(law, nodes.friction) / half_axes, axis=1)
     # friction in slip is along K^2 g: g is normal to an ellipse of half axes 1, slip_ratio there
-    along = _turned(law, nodes.slip, "slip_angle") * np.array([1.0, law.get("slip_ratio", 1.0) ** 2])
-    angle = law.get("slip_angle", 0.0)
-    first = np.array([math.cos(angle), math.sin(angle)])
-    direction = along[:, :1] * first + along[:, 1:] * np.array([-first[1], first[0]])
+    axes = np.array([1.0, law.get("slip_ratio", 1.0)])
+    direction = _along(law, nodes.slip, axes**2)
     size = np.linalg.norm(_turned(law, direction) / half_axes, axis=1)
     unit_direction = np.divide(direction, size[:, None], out=np.zeros_like(direction), where=size[:, None] > 0.0)
     error = np.linalg.norm(nodes.friction - np.maximum(nodes.pressure, 0.0)[:, None] * unit_direction, axis=1) / unit
+    # short slips have uncertain directions: by the slip that belongs to the friction, if that is at its limit
+    expected = _along(law, nodes.friction, axes**-2)
+    length = np.hypot(*expected.T)
+    expected = np.divide(expected, length[:, None], out=np.zeros_like(expected), where=length[:, None] > 0.0)
+    slipped = np.maximum((nodes.slip * expected).sum(axis=1), 0.0)
+    by_slip = np.linalg.norm(nodes.slip - slipped[:, None] * expected, axis=1) / nodes.length_unit
+    below_limit = np.maximum(low - gauge, 0.0) * half_axes.min() / unit
+    error = np.minimum(error, np.maximum(by_slip, below_limit))
     return {
         "friction beyond its limit": np.maximum(gauge - high, 0.0) * half_axes.min() / unit,
         "direction of slip": np.where(way > 0.0, np.minimum(error, way / nodes.length_unit), 0.0),
     }
+
+
+def _along(law: Keys, vectors: Array, factors: Array) -> Array:
+    """Return vectors (m, 2) with components along the axes of the slip times factors (2,)."""
+    first, second = (_turned(law, vectors, "slip_angle") * factors).T[:, :, None]
+    angle = law.get("slip_angle", 0.0)
+    return np.asarray(first * [math.cos(angle), math.sin(angle)] + second * [-math.sin(angle), math.cos(angle)])
 
 
 def conductivity(law: Keys, pressure: Array, touches: NDArray[np.bool_], gap: Array, drop: Array) -> Array:

@@ -11,6 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "validation" / "campaigns"))
 
+import admissibility
 import judge
 import problems
 import random_problems
@@ -20,6 +21,7 @@ from meeframe.contact.problem import Status
 from meeframe.model.load import load_case
 from meeframe.model.solve import bodies_of, solve_case
 from meeframe.results.resultants import resultants
+from meeframe.testing import create
 
 CASE = """
 material = { name = "batio3-cofe2o4" }
@@ -76,6 +78,26 @@ def test_faults_are_found(solved, tmp_path, name):
         entry = file[f"steps/0002/{dataset}"]
         entry[...] = change(entry[()])
     assert worst(tmp_path, compliances)[statement] > random_problems.TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("way", "angle", "share", "is_found"),
+    [(1e-5, 0.0, 1.0, False), (1e-5, 1e-5, 1.0, False), (1.0, 1e-5, 1.0, True), (1e-5, 0.0, 0.999, True)],
+)
+def test_directions_of_short_slips_are_uncertain(way, angle, share, is_found):
+    keys = {"mu1": 0.4, "mu2": 0.2, "slip_ratio": 0.4, "angle": -0.7, "slip_angle": 0.1}
+    angles = np.linspace(0.0, 2.0 * np.pi, 50)
+    trial = np.column_stack([np.cos(angles), np.sin(angles), -np.ones(50)])
+    law = create("contact law", {"name": "non-associated-coulomb", **keys})
+    friction = law.resolve(trial, np.zeros((50, 3)), (1.0, 1.0))[:, :2]
+    slip = (trial[:, :2] - friction) @ np.linalg.inv(law.tangential_scaling())
+    slip *= way / np.linalg.norm(slip, axis=1, keepdims=True)
+    slip = slip @ [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+    ones, zeros = np.ones(50), np.zeros(50)
+    nodes = admissibility.Nodes(ones, zeros, share * friction, slip, zeros, 1.0, 1.0, None)
+    found = admissibility.friction_violations({"name": "non-associated-coulomb", **keys}, nodes)
+    largest = max(violation.max() for violation in found.values())
+    assert (largest > random_problems.TOLERANCE) if is_found else (largest < 1e-9)
 
 
 @pytest.mark.parametrize(
