@@ -64,8 +64,8 @@ def solve_with_biactive_friction(
         if residual <= tolerance:
             result = replace(result, residual=residual, iterations=iterations)
             return with_biactive_nodes((replace(planned, problem=problem), end, result), ratio)
-        pulls = [*pulls, pull][-_MEMORY:]
-        pressures = [*pressures, _capped_pressure(planned.problem, end.state, exact.contact_law)][-_MEMORY:]
+        pressure = _capped_pressure(planned.problem, end.state, exact.contact_law, ratio, pull)
+        pulls, pressures = [*pulls, pull][-_MEMORY:], [*pressures, pressure][-_MEMORY:]
         change = _next_value(pulls, pressures) - pull
         while True:
             solution = solve(_relieved(end.state, share * change), Easing(ratio, pull=pull + share * change))
@@ -87,17 +87,22 @@ def _relieved(state: ContactState, pull: Array) -> ContactState:
     return replace(state, load=load)
 
 
-def _capped_pressure(problem: ContactProblem, state: ContactState, law: ContactLaw) -> Array:
+def _capped_pressure(problem: ContactProblem, state: ContactState, law: ContactLaw, ratio: float, pull: Array) -> Array:
     """Return the pressure (n,) [Pa] of the nodes whose friction a law would increase, zero elsewhere.
 
-    problem: that of the state, under friction of at most a multiple of the pressure.
+    Nodes that stick under a larger attraction count with the pressure that their friction needs.
+
+    problem: that of the state, under friction of at most a multiple of the pressure; ratio: the multiple; pull: (n,),
+    attraction [Pa].
     """
     r = (1.0 / problem_scales(problem).normal_compliance,) * 2
     gap = contact_gap(problem, state.displacement, state.motion)
     trial = augmented_traction(problem.contact_law, state.load[:, MECHANICAL], gap, r)
     capped = resolve(problem.contact_law, trial, gap, r)
     size, largest = (np.linalg.norm(each[:, :2], axis=1) for each in (capped, resolve(law, trial, gap, r)))
-    return np.where(largest > (1.0 + _MIN_EXCESS) * size, -capped[:, 2], 0.0)
+    pressure = -capped[:, 2]
+    is_capped = largest > (1.0 + _MIN_EXCESS) * size
+    return np.where(is_capped, pressure, np.where(pressure < pull, size / ratio, 0.0))
 
 
 def _next_value(values: list[Array], images: list[Array]) -> Array:

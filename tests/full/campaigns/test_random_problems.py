@@ -132,6 +132,16 @@ def test_a_large_coefficient(tmp_path):
     assert any("friction of at most" in step.message for step in steps)
 
 
+def test_an_attraction_that_exceeds_the_pressure(tmp_path):
+    """A node that sticks under it needs a smaller one, not none."""
+    file = tmp_path / "case.toml"
+    history, _, last = problems.draw(88938, tmp_path, "auto").rpartition("[[steps]]")
+    file.write_text(f"{history}[[steps]]{last.replace('increments = 3', 'increments = 1')}")
+    steps = solve_case(load_case(file)).steps
+    assert {step.status for step in steps} == {Status.CONVERGED}
+    assert "1 node touches without pressure" in steps[-1].message
+
+
 def test_steep_conduction_beside_resolved_edges(tmp_path):
     """Conductivities are raised at nodes first, and then with the contact edge found there."""
     file = tmp_path / "case.toml"
