@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from meeframe.contact.conduction import Mask
 from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
 from meeframe.contact.residual import MIN_JUMP, law_residual
 from meeframe.contact.scales import problem_scales
@@ -20,6 +21,10 @@ Solution = tuple[Increment, ConvergedState, StepResult]
 SolveEased = Callable[[ContactState | None, Easing], Solution]
 """Solves an increment under easier laws, from an initial guess or, with None, the usual one."""
 
+_BIACTIVE_RATIO: Final = 1e6
+"""Ratio of friction to pressure from which nodes of a solution count as biactive."""
+_RATIOS: Final = (1e3, 1e2, 1e4)
+"""Largest ratios of friction to pressure with which it is sought from a state nearby."""
 _MAX_PULLS: Final = 12
 """Number of attractions that are tried."""
 _MIN_SHARE: Final = 1.0 / 8.0
@@ -32,8 +37,40 @@ _MIN_SINGULAR_VALUE: Final = 1e-8
 """Relative singular value from which changes of pressures count."""
 
 
+def solve_from_biactive_friction(
+    solve: SolveEased, start: ContactState | None, exact: ContactProblem, tolerance: float
+) -> Solution | None:
+    """Return the solution of an increment in which nodes may be biactive from one under a similar load, or None.
+
+    Parameters
+    ----------
+    solve, exact, tolerance
+        As for `solve_with_biactive_friction`.
+    start : ContactState, optional
+        The other solution; by default the usual initial guess.
+    """
+    for ratio in _RATIOS:
+        pulls = [np.zeros(len(exact.gap))]
+        if start is not None:
+            size, is_biactive = _biactive(exact, start, np.zeros(len(exact.gap)), _BIACTIVE_RATIO)
+            if is_biactive.any():
+                pulls = [np.where(is_biactive, size / ratio, 0.0), *pulls]
+        for pull in pulls:
+            capped = solve(start, Easing(ratio, pull=pull if pull.any() else None))
+            if capped[2].status is Status.CONVERGED:
+                solution = solve_with_biactive_friction(solve, capped, ratio, exact, tolerance, pull)
+                if solution is not None:
+                    return solution
+    return None
+
+
 def solve_with_biactive_friction(
-    solve: SolveEased, capped: Solution, ratio: float, exact: ContactProblem, tolerance: float
+    solve: SolveEased,
+    capped: Solution,
+    ratio: float,
+    exact: ContactProblem,
+    tolerance: float,
+    pull: Array | None = None,
 ) -> Solution | None:
     """Return the solution of an increment in which biactive nodes bear a fraction of the largest friction, or None.
 
@@ -52,9 +89,11 @@ def solve_with_biactive_friction(
         Problem with the laws of the increment.
     tolerance : float
         Residual of a solution.
+    pull : Array, optional
+        (n,), attraction [Pa] in that increment; zero by default.
     """
     (planned, end, result), share = capped, 1.0
-    iterations, pull = result.iterations, np.zeros(len(exact.gap))
+    iterations, pull = result.iterations, np.zeros(len(exact.gap)) if pull is None else pull
     pulls: list[Array] = []
     pressures: list[Array] = []
     for _ in range(_MAX_PULLS):
@@ -125,11 +164,9 @@ def with_biactive_nodes(solution: Solution, ratio: float) -> Solution:
     """
     planned, end, result = solution
     assert end.state is not None
-    problem, load = planned.problem, end.state.load
-    gap = contact_gap(problem, end.state.displacement, end.state.motion)
-    pressure = np.maximum(-contact_traction(problem.contact_law, load[:, 2], gap[:, 2]), 0.0)
-    size = np.linalg.norm(load[:, :2], axis=1)
-    is_biactive = (size > ratio * pressure) & (size > MIN_JUMP * problem_scales(problem).pressure)
+    problem = planned.problem
+    gap = contact_gap(problem, end.state.displacement, end.state.motion)[:, 2]
+    is_biactive = _biactive(problem, end.state, gap, ratio)[1]
     if is_biactive.any():
         position = ", ".join(f"{value:.4g}" for value in problem.system.points[is_biactive].mean(axis=0))
         number = int(is_biactive.sum())
@@ -140,3 +177,10 @@ def with_biactive_nodes(solution: Solution, ratio: float) -> Solution:
     else:
         words = f"from a state with friction of at most {ratio:.4g} times the pressure"
     return planned, end, replace(result, message=f"{result.message}; {words}")
+
+
+def _biactive(problem: ContactProblem, state: ContactState, gap: Array, ratio: float) -> tuple[Array, Mask]:
+    """Return the friction (n,) [Pa], and where it exceeds a multiple of the pressure at gaps (n,)."""
+    pressure = np.maximum(-contact_traction(problem.contact_law, state.load[:, 2], gap), 0.0)
+    size = np.linalg.norm(state.load[:, :2], axis=1)
+    return size, (size > ratio * pressure) & (size > MIN_JUMP * problem_scales(problem).pressure)

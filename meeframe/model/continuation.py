@@ -16,23 +16,25 @@ from meeframe.laws.base import is_adhesive
 from meeframe.model.biactive_friction import (
     Solution,
     SolveEased,
+    solve_from_biactive_friction,
     solve_with_biactive_friction,
     with_biactive_nodes,
 )
 from meeframe.model.easier_laws import EXACT, Easing
 from meeframe.system.capabilities import EdgeResolution
 
-SolveFrom = Callable[[float, ContactState | None], Solution]
+SolveFrom = Callable[[float, ContactState | None], Solution | None]
 """Solves an increment under a fraction of the change of its load, from an initial guess or, with None, the usual one.
 
-Slip counts from the beginning of the increment, whatever the fraction.
+Slip counts from the beginning of the increment, whatever the fraction. The result may be None if there is no solution.
 """
 
 SolveApproached = Callable[[ContactState | None, Easing, float | None], Solution]
 """Solves an increment as SolveEased does, with an approach in place of the force, or with None under the force."""
 
 _MIN_FRACTION: Final = 1.0 / 16.0
-"""Least part of the change of the load by which it is raised from one state to the next."""
+_MIN_BIACTIVE_FRACTION: Final = 1.0 / 64.0
+"""Least part of the change of the load by which it is raised from one state to the next, and with biactive friction."""
 _FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
 """Status of an increment for which no other way is sought."""
 LARGE_RATIO: Final = 10.0
@@ -82,7 +84,12 @@ class Attempt:
 
 
 def solve_persistently(
-    solve: Callable[[Attempt], Solution], window: int, has_large_friction: bool, stores: bool, tolerance: float
+    solve: Callable[[Attempt], Solution],
+    window: int,
+    has_large_friction: bool,
+    stores: bool,
+    tolerance: float,
+    before: ContactState | None = None,
 ) -> Solution:
     """Return the solution of an increment, sought in other ways where the usual one does not lead to it.
 
@@ -98,6 +105,8 @@ def solve_persistently(
         Whether attempts after the first one may store the compliance as a matrix.
     tolerance : float
         Residual of a solution.
+    before : ContactState, optional
+        Converged state before the increment, from which the usual initial guess follows.
 
     Returns
     -------
@@ -140,6 +149,19 @@ def solve_persistently(
     has_start = solution[2].area_fraction is not None
     if has_start:
         return solution
+    problem = solution[0].problem
+    if has_large_friction and limit_jumps(problem.contact_law, len(problem.gap)):
+
+        def solve_part(part: float, start: ContactState | None) -> Solution | None:
+            attempt = replace(brief, part=part)
+            return solve_from_biactive_friction(
+                lambda guess, easing: solve(replace(attempt, start=None if guess is before else guess, easing=easing)),
+                start or before,
+                problem,
+                tolerance,
+            )
+
+        return solve_by_continuation(solve_part, solution, _MIN_BIACTIVE_FRACTION)
     return solve_by_continuation(lambda part, start: solve(replace(brief, part=part, start=start)), solution)
 
 
@@ -356,7 +378,7 @@ def _with_words(solution: Solution, words: str) -> Solution:
     return planned, end, replace(result, message=f"{result.message}; {words}")
 
 
-def solve_by_continuation(solve: SolveFrom, failed: Solution) -> Solution:
+def solve_by_continuation(solve: SolveFrom, failed: Solution, least: float = _MIN_FRACTION) -> Solution:
     """Return the solution of an increment from states under parts of its load; the failed one if there is none.
 
     The states are initial guesses alone: the result solves the same problem.
@@ -367,18 +389,22 @@ def solve_by_continuation(solve: SolveFrom, failed: Solution) -> Solution:
         Solves a part of the increment.
     failed : tuple
         Whole increment that did not converge.
+    least : float, optional
+        Least part of the change of the load by which it is raised from one state to the next.
     """
     done, size, iterations = 0.0, 0.5, failed[2].iterations
     start: ContactState | None = None
-    while size >= _MIN_FRACTION:
-        planned, end, result = solve(done + size, start)
-        iterations += result.iterations
-        if result.status is not Status.CONVERGED:
+    while size >= least:
+        solution = solve(done + size, start)
+        iterations += 0 if solution is None else solution[2].iterations
+        if solution is None or solution[2].status is not Status.CONVERGED:
             size /= 2.0  # for good: parts that fail cost the most
             continue
+        planned, end, result = solution
         done += size
         if done == 1.0:
             solution = planned, end, replace(result, iterations=iterations)
             return _with_words(solution, "from a state with a part of the load of the increment")
         start, size = end.state, min(size, 1.0 - done)
-    return failed
+    words = f"with {done:.3g} of the change of the load there is a state, with more none was found"
+    return _with_words(failed, words) if done > 0.0 else failed

@@ -361,7 +361,7 @@ class _Subincrement:
             return solve_part(Attempt(stall_window=stall_window))
         window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
         stores = system.dense() is None and len(system.points) <= _MAX_STORED
-        return solve_persistently(solve_part, window, self._has_large_friction, stores, limits.tolerance)
+        return solve_persistently(solve_part, window, self._has_large_friction, stores, limits.tolerance, here.state)
 
     @property
     def _has_large_friction(self) -> bool:

@@ -1,6 +1,6 @@
 """Friction of nodes that touch without pressure, where its limit jumps, against closed forms of a single node."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +13,9 @@ from meeframe.contact.problem import ContactProblem, ContactState, Status, conta
 from meeframe.contact.residual import NEGLIGIBLE_PRESSURE, friction_exceeds, law_residual, limit_jumps
 from meeframe.contact.scales import problem_scales
 from meeframe.laws import IsotropicCoulomb
-from meeframe.model.continuation import solve_by_capped_friction
+from meeframe.laws.base import attraction
+from meeframe.model.biactive_friction import solve_from_biactive_friction
+from meeframe.model.continuation import solve_by_capped_friction, solve_persistently
 from meeframe.solvers import Auto, StoppingCriteria, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
@@ -30,6 +32,7 @@ class Planned:
     """Increment with nothing but its problem."""
 
     problem: ContactProblem
+    prescribed: dict[str, float] = field(default_factory=dict)
 
 
 def single_node(law, slip=SLIP, kappa=0.0):
@@ -142,6 +145,60 @@ def test_biactive_friction_is_found_from_a_smaller_multiple_where_pressures_are_
     assert ratios[0] == reached == 1e6
     assert 1e4 < ratios[-1] < 1e6
     np.testing.assert_allclose(solution[1].state.load[NODE, :3], [-0.9 * LIMIT, 0.0, 0.0], atol=1e-8)
+
+
+@pytest.mark.parametrize("law", [Tresca(LIMIT), IsotropicCoulomb(np.inf), DMT(0.05, 1.0, mu=np.inf)])
+def test_biactive_friction_follows_the_load(synthetic, law):
+    """From a state with three quarters of the friction, without the path of smaller multiples of the pressure."""
+    problem = single_node(law)
+
+    def attempt(start, easing):
+        eased = easing.apply(problem)
+        solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), start)
+        result = replace(synthetic.step(1e-6), status=solution.status, residual=solution.residual)
+        return Planned(eased), SimpleNamespace(state=solution.state), result
+
+    adhesion = attraction(law, np.zeros(25))[NODE]
+    start = state_of(problem, (-0.75 * LIMIT, 0.0, adhesion))
+    solution = solve_from_biactive_friction(attempt, start, problem, 1e-10)
+    assert solution is not None
+    planned, end, result = solution
+    assert planned.problem.contact_law is law
+    assert result.status is Status.CONVERGED
+    assert law_residual(problem, end.state, problem_scales(problem)) < 1e-10
+    friction = (OVERLAP + adhesion) / COUPLING
+    np.testing.assert_allclose(end.state.load[NODE, :3], [-friction, 0.0, adhesion], atol=1e-8)
+    assert solve_from_biactive_friction(lambda *_: (*solution[:2], failed(result)), start, problem, 1e-10) is None
+
+
+def failed(result):
+    return replace(result, status=Status.STALLED)
+
+
+def test_friction_that_jumps_is_sought_from_parts_of_the_load(synthetic):
+    """Where states under smaller multiples of the pressure end before, too."""
+    whole, reached, parts = single_node(IsotropicCoulomb(np.inf)), [0.0], []
+
+    def attempt(attempt):
+        problem = replace(whole, gap=attempt.part * whole.gap)
+        eased = attempt.easing.apply(problem)
+        solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), attempt.start)
+        is_near = attempt.easing.ratio < np.inf and attempt.part <= reached[-1] + 0.2
+        status = solution.status if is_near else Status.STALLED
+        if status is Status.CONVERGED and law_residual(problem, solution.state, problem_scales(problem)) < 1e-10:
+            reached.append(attempt.part)
+        parts.append(attempt.part)
+        result = replace(synthetic.step(1e-6), status=status, residual=solution.residual, area_fraction=None)
+        return Planned(eased), SimpleNamespace(state=solution.state), result
+
+    before = state_of(whole, np.zeros(3))
+    _, end, result = solve_persistently(attempt, 10, True, False, 1e-10, before)
+    assert result.status is Status.CONVERGED
+    assert "1 node touches without pressure" in result.message
+    assert "from a state with a part of the load" in result.message
+    np.testing.assert_allclose(end.state.load[NODE, :3], [-0.9 * LIMIT, 0.0, 0.0], atol=1e-8)
+    assert reached[-1] == 1.0
+    assert len(reached) > 4
 
 
 @pytest.mark.parametrize(

@@ -58,12 +58,29 @@ def test_load_is_raised_in_parts(synthetic, radius, fractions):
     assert result.iterations == 7 * (1 + len(increments.fractions))  # those of the failed increment count, too
 
 
-@pytest.mark.parametrize("most", [0.0, 0.3, 0.99])
-def test_a_failed_increment_is_returned_as_it_was(synthetic, most):
+@pytest.mark.parametrize(("most", "reached"), [(0.0, "0"), (0.3, "0.25"), (0.99, "0.938")])
+@pytest.mark.parametrize("returns_none", [False, True])
+def test_a_failed_increment_states_the_part_of_the_load_that_was_reached(synthetic, most, reached, returns_none):
     increments = Increments(synthetic.step(1e-6), 1.0, most)
     failed = increments.solve(1.0, None)
-    assert solve_by_continuation(increments.solve, failed) is failed
+
+    def solve(fraction, start):
+        solution = increments.solve(fraction, start)
+        return None if returns_none and solution[2].status is Status.STALLED else solution
+
+    planned, end, result = solve_by_continuation(solve, failed)
+    assert (planned, end) == failed[:2]
     assert len(increments.fractions) < 20
+    words = f"; with {reached} of the change of the load there is a state, with more none was found"
+    assert result.status is Status.STALLED
+    assert result.message == ("" if most == 0.0 else words)
+
+
+def test_smaller_parts_reach_further(synthetic):
+    increments = Increments(synthetic.step(1e-6), 0.02, 1.0)
+    failed = increments.solve(1.0, None)
+    assert solve_by_continuation(increments.solve, failed) is failed
+    assert solve_by_continuation(increments.solve, failed, 1.0 / 64.0)[2].status is Status.CONVERGED
 
 
 @dataclass(frozen=True)
