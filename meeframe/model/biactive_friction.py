@@ -49,13 +49,14 @@ def solve_from_biactive_friction(
     start : ContactState, optional
         The other solution; by default the usual initial guess.
     """
+    frictions = [np.zeros(len(exact.gap))]
+    if start is not None:
+        size, is_biactive = _biactive(exact, start, np.zeros(len(exact.gap)), _BIACTIVE_RATIO)
+        if is_biactive.any():
+            frictions = [np.where(is_biactive, size, 0.0), *frictions]
     for ratio in _RATIOS:
-        pulls = [np.zeros(len(exact.gap))]
-        if start is not None:
-            size, is_biactive = _biactive(exact, start, np.zeros(len(exact.gap)), _BIACTIVE_RATIO)
-            if is_biactive.any():
-                pulls = [np.where(is_biactive, size / ratio, 0.0), *pulls]
-        for pull in pulls:
+        for friction in frictions:
+            pull = friction / ratio
             capped = solve(start, Easing(ratio, pull=pull if pull.any() else None))
             if capped[2].status is Status.CONVERGED:
                 solution = solve_with_biactive_friction(solve, capped, ratio, exact, tolerance, pull)

@@ -176,7 +176,7 @@ def failed(result):
 
 
 def test_friction_that_jumps_is_sought_from_parts_of_the_load(synthetic):
-    """Where states under smaller multiples of the pressure end before, too."""
+    """States under smaller multiples of the pressure end before the whole load, too."""
     whole, reached, parts = single_node(IsotropicCoulomb(np.inf)), [0.0], []
 
     def attempt(attempt):
