@@ -328,7 +328,7 @@ def _with_area_fraction(
             continue
         touching = contact_conductivity(law, np.full(len(nodes), MIN_TRACTION))
         pressed = contact_conductivity(law, pressure)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             increase = np.where(touching < pressed, pressed - touching, 0.0)
             partial = np.where(area_fraction[nodes] > 0.0, area_fraction[nodes] * touching, 0.0)
             resistance[nodes, k] = np.where(touching > 0.0, 1.0 / (partial + increase), unscaled[nodes, k])

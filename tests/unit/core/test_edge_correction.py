@@ -56,6 +56,13 @@ def test_area_fractions_conduct_with_and_without_pressure():
     assert np.isinf(perfect[20:, 0]).all()
 
 
+def test_hardly_conducting_areas_insulate():
+    """The conductivity of saturating laws without pressure, whose inverse is no finite number."""
+    case, closed = problem(1e-320, np.full(25, 0.25)), np.ones(25)
+    resistance = resistances(case, np.full(25, -1e6), closed, np.abs(potential_diagonal(case)))
+    assert (resistance == np.inf).all()
+
+
 @pytest.mark.parametrize("area_fraction", [np.ones(3), np.full(25, 1.5), np.full(25, np.nan)])
 def test_area_fractions_are_between_zero_and_one(area_fraction):
     with pytest.raises(CaseError, match="area_fraction"):
