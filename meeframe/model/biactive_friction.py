@@ -38,7 +38,11 @@ _MIN_SINGULAR_VALUE: Final = 1e-8
 
 
 def solve_from_biactive_friction(
-    solve: SolveEased, start: ContactState | None, exact: ContactProblem, tolerance: float
+    solve: SolveEased,
+    start: ContactState | None,
+    similar: ContactState | None,
+    exact: ContactProblem,
+    tolerance: float,
 ) -> Solution | None:
     """Return the solution of an increment in which nodes may be biactive from one under a similar load, or None.
 
@@ -47,11 +51,13 @@ def solve_from_biactive_friction(
     solve, exact, tolerance
         As for `solve_with_biactive_friction`.
     start : ContactState, optional
-        The other solution; by default the usual initial guess.
+        Initial guess; by default the usual one.
+    similar : ContactState, optional
+        The other solution, in which nodes may be biactive.
     """
     frictions = [np.zeros(len(exact.gap))]
-    if start is not None:
-        size, is_biactive = _biactive(exact, start, np.zeros(len(exact.gap)), _BIACTIVE_RATIO)
+    if similar is not None:
+        size, is_biactive = _biactive(exact, similar, np.zeros(len(exact.gap)), _BIACTIVE_RATIO)
         if is_biactive.any():
             frictions = [np.where(is_biactive, size, 0.0), *frictions]
     for ratio in _RATIOS:

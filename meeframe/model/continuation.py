@@ -106,7 +106,7 @@ def solve_persistently(
     tolerance : float
         Residual of a solution.
     before : ContactState, optional
-        Converged state before the increment, from which the usual initial guess follows.
+        Converged state before the increment, in which nodes may be biactive.
 
     Returns
     -------
@@ -155,7 +155,8 @@ def solve_persistently(
         def solve_part(part: float, start: ContactState | None) -> Solution | None:
             attempt = replace(brief, part=part)
             return solve_from_biactive_friction(
-                lambda guess, easing: solve(replace(attempt, start=None if guess is before else guess, easing=easing)),
+                lambda guess, easing: solve(replace(attempt, start=guess, easing=easing)),
+                start,
                 start or before,
                 problem,
                 tolerance,

@@ -160,7 +160,7 @@ def test_biactive_friction_follows_the_load(synthetic, law):
 
     adhesion = attraction(law, np.zeros(25))[NODE]
     start = state_of(problem, (-0.75 * LIMIT, 0.0, adhesion))
-    solution = solve_from_biactive_friction(attempt, start, problem, 1e-10)
+    solution = solve_from_biactive_friction(attempt, start, start, problem, 1e-10)
     assert solution is not None
     planned, end, result = solution
     assert planned.problem.contact_law is law
@@ -168,16 +168,13 @@ def test_biactive_friction_follows_the_load(synthetic, law):
     assert law_residual(problem, end.state, problem_scales(problem)) < 1e-10
     friction = (OVERLAP + adhesion) / COUPLING
     np.testing.assert_allclose(end.state.load[NODE, :3], [-friction, 0.0, adhesion], atol=1e-8)
-    assert solve_from_biactive_friction(lambda *_: (*solution[:2], failed(result)), start, problem, 1e-10) is None
-
-
-def failed(result):
-    return replace(result, status=Status.STALLED)
+    stalled = *solution[:2], replace(result, status=Status.STALLED)
+    assert solve_from_biactive_friction(lambda *_: stalled, start, start, problem, 1e-10) is None
 
 
 def test_friction_that_jumps_is_sought_from_parts_of_the_load(synthetic):
     """States under smaller multiples of the pressure end before the whole load, too."""
-    whole, reached, parts = single_node(IsotropicCoulomb(np.inf)), [0.0], []
+    whole, reached = single_node(IsotropicCoulomb(np.inf)), [0.0]
 
     def attempt(attempt):
         problem = replace(whole, gap=attempt.part * whole.gap)
@@ -187,7 +184,6 @@ def test_friction_that_jumps_is_sought_from_parts_of_the_load(synthetic):
         status = solution.status if is_near else Status.STALLED
         if status is Status.CONVERGED and law_residual(problem, solution.state, problem_scales(problem)) < 1e-10:
             reached.append(attempt.part)
-        parts.append(attempt.part)
         result = replace(synthetic.step(1e-6), status=status, residual=solution.residual, area_fraction=None)
         return Planned(eased), SimpleNamespace(state=solution.state), result
 
