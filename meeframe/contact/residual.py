@@ -10,7 +10,7 @@ from meeframe.contact.conduction import conducting, depends_on_gap, potential_di
 from meeframe.contact.generated_heat import conducted_flux
 from meeframe.contact.nested import has_nodal_data, is_uniform
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
-from meeframe.contact.scales import Scales, largest, problem_scales
+from meeframe.contact.scales import Scales, largest, largest_potentials, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map, has_resolvent, resolve
 from meeframe.system.capabilities import apply_load
@@ -223,7 +223,7 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     difference = -relative_displacement[:, POTENTIALS]
     weight = compliance / (compliance + resistance)
     drop = np.where(weight > 0.0, difference, 0.0) * weight + (1.0 - weight) * compliance * flux
+    unit = scales.transmitted_drop(weight, flux, largest_potentials(problem, state.motion, relative_displacement))
     return [
-        largest(np.where(np.isnan(values), scale, values)) / scale
-        for values, scale in zip(drop.T, scales.transmitted_drop(weight, flux), strict=True)
+        largest(np.where(np.isnan(values), scale, values)) / scale for values, scale in zip(drop.T, unit, strict=True)
     ]

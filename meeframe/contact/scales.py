@@ -66,11 +66,11 @@ class Scales:
         """Characteristic contact pressure [Pa]."""
         return float(self.load[2])
 
-    def transmitted_drop(self, share: Array, flux: Array) -> Array:
+    def transmitted_drop(self, share: Array, flux: Array, potential: Array) -> Array:
         """Return the unit (channels,) in which violations of the flux laws by a state count.
 
         It is the drop that the contact is expected to transmit, or less if the state transmits less: its fluxes then
-        count in units of the largest of them.
+        count in units of the largest of them, its drops in units of its potentials.
 
         Parameters
         ----------
@@ -78,6 +78,8 @@ class Scales:
             (n, channels), share of a drop that each node transmits in series with the body.
         flux : Array
             (n, channels), conducted flux densities.
+        potential : Array
+            (channels,), largest magnitudes of the potentials of body and indenter.
 
         Returns
         -------
@@ -85,7 +87,9 @@ class Scales:
             Positive potentials.
         """
         compliance = np.diag(self.compliance)[POTENTIALS]
-        transmitted = np.fmax(share * self.displacement[POTENTIALS], compliance * np.abs(flux)).max(axis=0, initial=0.0)
+        largest_drop = np.fmin(self.displacement[POTENTIALS], potential)
+        transmitted = np.fmax(share * largest_drop, compliance * np.abs(flux)).max(axis=0, initial=0.0)
+        transmitted = np.fmax(transmitted, np.finfo(float).eps * self.drop)  # of a state without potentials
         return np.where((share > 0.0).any(axis=0), np.fmin(self.drop, transmitted), self.drop)
 
 
@@ -142,6 +146,28 @@ def problem_scales(problem: ContactProblem) -> Scales:
     return Scales(
         compliance, _positive(displacement), load, _positive(np.array(totals)), _positive(np.array(transmitted))
     )
+
+
+def largest_potentials(problem: ContactProblem, motion: Array, relative_displacement: Array) -> Array:
+    """Return the largest magnitudes (channels,) of the potentials of body and indenter.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    motion : Array
+        (m,), free motions of the indenter.
+    relative_displacement : Array
+        (n, fields), position of the indenter relative to the body.
+
+    Returns
+    -------
+    Array
+        Magnitudes, not negative.
+    """
+    fields = range(problem.fields.size)[POTENTIALS]
+    positions = ((indenter_field(problem, k, motion), relative_displacement[:, k]) for k in fields)
+    return np.array([max(largest(position), largest(position - relative)) for position, relative in positions])
 
 
 def motion_scales(problem: ContactProblem, scales: Scales) -> Array:

@@ -35,7 +35,7 @@ from meeframe.contact.conduction import Mask, closed_resistances, conducting, de
 from meeframe.contact.generated_heat import conducted_flux, heat_factors, thermal_channel
 from meeframe.contact.problem import ContactProblem, indenter_field, unbalance
 from meeframe.contact.residual import node_blocks
-from meeframe.contact.scales import Scales, largest, motion_scales, problem_scales
+from meeframe.contact.scales import Scales, largest, largest_potentials, motion_scales, problem_scales
 from meeframe.contact.transmissivity import Transmissivity
 from meeframe.contact.undone_slip import undone_slip
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
@@ -375,8 +375,10 @@ class ResidualState:
         scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.biactive)
         compliance = np.diag(scales.compliance)[POTENTIALS]
         conducted = compliance / (compliance * share + self.equation.self_compliance * (1.0 - share))
-        flux = conducted_flux(self.equation.problem, self.load, self.relative_displacement)
-        conducted *= scales.drop / scales.transmitted_drop(share * conducted, flux)
+        problem = self.equation.problem
+        flux = conducted_flux(problem, self.load, self.relative_displacement)
+        potential = largest_potentials(problem, self.motion, self.relative_displacement)
+        conducted *= scales.drop / scales.transmitted_drop(share * conducted, flux, potential)
         violation: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
         contact_fraction = np.clip(self.contact_fraction[at], 0.0, 1.0)
         violation[at] = np.maximum(

@@ -101,15 +101,15 @@ def test_directions_of_short_slips_are_uncertain(way, angle, share, is_found):
 
 
 @pytest.mark.parametrize(
-    "seed", [5001, 5002, 6513, 6650, 6959, 7266, 7861, 8848, 9210, 20297, 52222, 52387, 71351, 84707]
+    "seed", [5001, 5002, 6513, 6650, 6959, 7266, 7861, 8848, 9210, 20297, 52222, 52387, 71351, 84707, 90589]
 )
 def test_random_problems(seed):
     """The seeds from 6513 on once failed.
 
     They have conduction that almost insulates, sets in steeply or strongly, floating potentials, a return to no
     approach, a release from friction that is not along the slip, increments solved from states under a part of the
-    load or of the conductivity, or with a matrix, a floating potential behind a poor conductor, and a gap that conducts
-    after the indenter is withdrawn.
+    load or of the conductivity, or with a matrix, a floating potential behind a poor conductor, a gap that conducts
+    after the indenter is withdrawn, and a gap with potentials far below those that contact would cause.
     """
     answer = random_problems.answer(seed, "auto")
     assert answer.outcomes
