@@ -322,12 +322,12 @@ def _with_area_fraction(
     """
     resistance = unscaled.copy()
     nodes = np.flatnonzero(area_fraction < 1.0)
-    pressure = np.where(contact_fraction[nodes] > 0.0, np.minimum(normal_traction[nodes], MIN_TRACTION), MIN_TRACTION)
+    touch = np.full(len(normal_traction), MIN_TRACTION)
+    pressure = np.where(contact_fraction > 0.0, np.minimum(normal_traction, touch), touch)
     for k, law in enumerate(channel.law for channel in problem.channels):
         if law.across_gap:
             continue
-        touching = contact_conductivity(law, np.full(len(nodes), MIN_TRACTION))
-        pressed = contact_conductivity(law, pressure)
+        touching, pressed = (contact_conductivity(law, traction)[nodes] for traction in (touch, pressure))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             increase = np.where(touching < pressed, pressed - touching, 0.0)
             partial = np.where(area_fraction[nodes] > 0.0, area_fraction[nodes] * touching, 0.0)

@@ -7,6 +7,8 @@ from meeframe.common.errors import CaseError
 from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.problem import ContactProblem
 from meeframe.laws import Signorini, StepConductivity
+from meeframe.laws.base import ConductivityLaw
+from meeframe.model.easier_laws import AttractedConductivity
 from meeframe.system.capabilities import apply_load
 from meeframe.system.edge_correction import correct_edge
 from meeframe.testing.half_space import half_space_system, indentation_problem
@@ -54,6 +56,24 @@ def test_area_fractions_conduct_with_and_without_pressure():
     perfect = resistances(problem(np.inf, area_fraction), traction, contact_fraction, np.abs(potential_diagonal(case)))
     assert (perfect[:10, 0] == 0.0).all()
     assert np.isinf(perfect[20:, 0]).all()
+
+
+class LinearConductivity(ConductivityLaw):
+    """One where surfaces touch, and one more for each pascal."""
+
+    def conductivity(self, normal_traction, gap, drop):
+        return np.where(normal_traction < 0.0, 1.0 - normal_traction, 0.0)
+
+
+def test_laws_with_a_value_at_each_node():
+    """They are evaluated at all nodes, not at those of partial area alone."""
+    pull = np.linspace(1.0, 3.0, 25)
+    case = problem(1.0, np.where(np.arange(25) < 10, 0.25, 1.0))
+    case = case.with_laws(electric=AttractedConductivity(LinearConductivity(), pull))
+    own = np.abs(potential_diagonal(case))
+    assert resistances(case, -pull, np.ones(25), own)[:, 0] == pytest.approx(np.repeat([4.0, 1.0], [10, 15]))
+    pressed = resistances(case, -pull - 1.0, np.ones(25), own)[:, 0]
+    assert pressed == pytest.approx(np.repeat([1.0 / 1.25, 0.5], [10, 15]))
 
 
 def test_hardly_conducting_areas_insulate():
