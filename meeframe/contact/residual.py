@@ -223,7 +223,8 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     difference = -relative_displacement[:, POTENTIALS]
     weight = compliance / (compliance + resistance)
     drop = np.where(weight > 0.0, difference, 0.0) * weight + (1.0 - weight) * compliance * flux
-    unit = scales.transmitted_drop(weight, flux, largest_potentials(problem, state.motion, relative_displacement))
+    potential = largest_potentials(problem, state.motion, relative_displacement)
+    unit = scales.transmitted_drop(weight, state.load, flux, potential)
     return [
         largest(np.where(np.isnan(values), scale, values)) / scale for values, scale in zip(drop.T, unit, strict=True)
     ]

@@ -66,16 +66,19 @@ class Scales:
         """Characteristic contact pressure [Pa]."""
         return float(self.load[2])
 
-    def transmitted_drop(self, share: Array, flux: Array, potential: Array) -> Array:
+    def transmitted_drop(self, share: Array, load: Array, flux: Array, potential: Array) -> Array:
         """Return the unit (channels,) in which violations of the flux laws by a state count.
 
         It is the drop that the contact is expected to transmit, or less if the state transmits less: its fluxes then
-        count in units of the largest of them, its drops in units of its potentials.
+        count in units of the largest of them, its drops in units of its potentials, or of those that its tractions
+        alone would cause in any direction: other loads, or a second body, may cancel them.
 
         Parameters
         ----------
         share : Array
             (n, channels), share of a drop that each node transmits in series with the body.
+        load : Array
+            (n, fields), tractions and flux densities.
         flux : Array
             (n, channels), conducted flux densities.
         potential : Array
@@ -87,7 +90,8 @@ class Scales:
             Positive potentials.
         """
         compliance = np.diag(self.compliance)[POTENTIALS]
-        largest_drop = np.fmin(self.displacement[POTENTIALS], potential)
+        caused = largest(load[:, MECHANICAL]) * self.compliance[POTENTIALS, MECHANICAL].sum(axis=1)
+        largest_drop = np.fmin(self.displacement[POTENTIALS], np.fmax(potential, caused))
         transmitted = np.fmax(share * largest_drop, compliance * np.abs(flux)).max(axis=0, initial=0.0)
         transmitted = np.fmax(transmitted, np.finfo(float).eps * self.drop)  # of a state without potentials
         return np.where((share > 0.0).any(axis=0), np.fmin(self.drop, transmitted), self.drop)

@@ -378,7 +378,7 @@ class ResidualState:
         problem = self.equation.problem
         flux = conducted_flux(problem, self.load, self.relative_displacement)
         potential = largest_potentials(problem, self.motion, self.relative_displacement)
-        conducted *= scales.drop / scales.transmitted_drop(share * conducted, flux, potential)
+        conducted *= scales.drop / scales.transmitted_drop(share * conducted, self.load, flux, potential)
         violation: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
         contact_fraction = np.clip(self.contact_fraction[at], 0.0, 1.0)
         violation[at] = np.maximum(

@@ -13,6 +13,7 @@ import meeframe
 from meeframe import PointGrid
 from meeframe.cli import app
 from meeframe.common.errors import CaseError, ResultError
+from meeframe.contact.problem import Status
 from meeframe.model.solve import reduce
 from meeframe.results.interior import interior, write_interior
 from meeframe.results.records import Region
@@ -187,7 +188,9 @@ translation = ["0.2 um", "0.1 um"]
 
 def solve_case_text(text, folder):
     (folder / "case.toml").write_text(text)
-    return meeframe.solve_case(meeframe.load_case(folder / "case.toml"))
+    result = meeframe.solve_case(meeframe.load_case(folder / "case.toml"))
+    assert {step.status for step in result.steps} == {Status.CONVERGED}
+    return result
 
 
 def test_tractions_and_fluxes_are_continuous_across_the_interface(tmp_path):
