@@ -111,7 +111,9 @@ def _exponential(matrix, scale, out, work):
             out[i, i] += INVERSE_FACTORIALS[n]
     for _ in range(squarings):
         _multiply(out, out, product)
-        out[:] = product
+        for i in range(size):
+            for j in range(size):
+                out[i, j] = product[i, j]
 
 
 @njit(cache=True, nogil=True)

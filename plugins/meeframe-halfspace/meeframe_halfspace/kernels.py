@@ -150,7 +150,8 @@ def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, around, rule,
         for j in range(out.shape[2]):
             x, y = i * spacing[0], (j - middle) * spacing[1]
             cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, around, rule, tables, thresholds, values)
-            out[:, i, j] = values
+            for entry in range(len(values)):
+                out[entry, i, j] = values[entry]
 
 
 @njit(cache=True, nogil=True)
@@ -161,12 +162,10 @@ def series_values(c, s, coefficients, odd, work, values):
     are vectorized by the compiler.
     """
     step_c, step_s, cn, sn = work[0], work[1], work[2], work[3]
-    step_c[:], step_s[:] = c, s
+    for j in range(len(c)):
+        step_c[j], step_s[j] = c[j], s[j]
+        cn[j], sn[j] = (c[j], s[j]) if odd else (1.0, 0.0)
     _add_angles(step_c, step_s, c, s)
-    if odd:
-        cn[:], sn[:] = c, s
-    else:
-        cn[:], sn[:] = 1.0, 0.0
     values[:] = 0.0
     for n in range(coefficients.shape[1]):
         for k in range(len(values)):

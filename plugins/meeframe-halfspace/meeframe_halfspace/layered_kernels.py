@@ -175,4 +175,5 @@ def fill_cells(first, last, spacing, pieces_x, pieces_y, width, height, series, 
                         radial,
                         values,
                     )
-            out[:, i, j] = values[0] + values[1]
+            for entry in range(len(out)):
+                out[entry, i, j] = values[0, entry] + values[1, entry]
