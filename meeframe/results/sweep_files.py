@@ -29,6 +29,8 @@ SYSTEMS: Final = "systems"
 NODE: Final = "node"
 _KEY: Final = re.compile(r"[0-9a-f]{64}", re.ASCII)
 """Pattern of the key of a point, which is also the name of its folder."""
+_LEFTOVER: Final = re.compile(rf"\.(sweep\.\d+\.(h5|json)|{_KEY.pattern}\.\d+\.h5)", re.ASCII)
+"""Pattern of the name of a file that a sweep was writing when its process ended."""
 _SAME_LINE: Final = 1e-9
 """Distance of nodes on one line of a grid, as a fraction of the extent of the grid."""
 
@@ -170,9 +172,9 @@ def _make_ready(folder: Path, wanted: set[str], overwrite: bool) -> None:
     try:
         (folder / SYSTEMS).mkdir(exist_ok=True)
         (folder / POINTS).mkdir(exist_ok=True)
-        # of a process that was killed while it wrote
-        for leftover in (*folder.glob(".sweep.*"), *folder.glob(f"{SYSTEMS}/.*")):
-            leftover.unlink(missing_ok=True)  # by a worker that is just ending
+        for leftover in (*folder.glob(".*"), *folder.glob(f"{SYSTEMS}/.*")):
+            if _LEFTOVER.fullmatch(leftover.name):
+                leftover.unlink(missing_ok=True)  # by a worker that is just ending
         for leftover in folder.glob(f"{POINTS}/.*"):
             if _KEY.fullmatch(leftover.name[1:]):
                 shutil.rmtree(leftover)
@@ -193,7 +195,7 @@ def _unwritable(folder: Path, error: OSError) -> ResultError:
 def drop_systems(folder: Path, keys: Collection[str]) -> None:
     """Remove the reduced systems of a sweep's folder that have none of these keys."""
     for path in (folder / SYSTEMS).glob("*.h5"):
-        if path.stem not in keys:
+        if _KEY.fullmatch(path.stem) and path.stem not in keys:
             with suppress(OSError):
                 path.unlink()
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from meeframe.common.errors import ResultError
-from meeframe.results.sweep_files import FORMAT, open_folder
+from meeframe.results.sweep_files import FORMAT, drop_systems, open_folder
 
 WANTED = ["0" * 64]
 
@@ -60,3 +60,18 @@ def test_only_other_and_unfinished_points_are_removed(tmp_path):
         (folder / "points" / name).mkdir()
     with open_folder(folder, WANTED, overwrite=True):
         assert {path.name for path in (folder / "points").iterdir()} == {kept, "2" * 64, ".git"}
+
+
+def test_only_systems_and_unfinished_files_of_sweeps_are_removed(tmp_path):
+    written = {f".{'1' * 64}.17.h5", f"{'1' * 64}.h5", ".sweep.17.json", ".sweep.17.h5"}
+    foreign = {"measured.h5", ".gitignore", ".sweep.notes", f".{'1' * 64}.txt", f"{'1' * 63}.h5"}
+    folder = write_list(tmp_path / "out", *WANTED)
+    for place in (folder, folder / "systems"):
+        place.mkdir(exist_ok=True)
+        for name in written | foreign:
+            (place / name).touch()
+    with open_folder(folder, WANTED, overwrite=True):
+        drop_systems(folder, set())
+    assert {path.name for path in (folder / "systems").iterdir()} == foreign
+    assert foreign <= {path.name for path in folder.iterdir()}
+    assert not any(path.name.startswith(".sweep.17") for path in folder.iterdir())
