@@ -58,6 +58,36 @@ def test_restart_matches_a_single_run(write_case, registry, tmp_path, changes):
     assert second.steps[0].loading.electric_potential == 3.0, "it stays, whatever [indenter] says"
 
 
+RESOLVED = """
+material = {name = "batio3-cofe2o4"}
+mesh = {type = "half-space", contact_width = "5 mm", divisions = 11}
+formulation = {name = "half-space", edges = "resolved"}
+indenter = {name = "sphere", radius = "100 mm", electric_potential = "1 kV"}
+conductivity = {electric = {name = "step", kappa = 1e-5}}
+contact = {law = {name = "orthotropic-coulomb", mu1 = 0.2, mu2 = 0.4}}
+output = {figures = false, vtu = false}
+"""
+
+
+def test_restart_with_resolved_edges(tmp_path):
+    press, drag = '{approach = "20 um", increments = 2}', '{translation = ["1 um", "2 um"]}'
+
+    def run(name, text):
+        (tmp_path / f"{name}.toml").write_text(text)
+        return meeframe.run(load_case(tmp_path / f"{name}.toml"), tmp_path / name).steps[-1]
+
+    whole = run("whole", f"{RESOLVED}steps = [{press}, {drag}]")
+    first = run("first", f"{RESOLVED}steps = [{press}]")
+    assert ((first.area_fraction > 0.0) & (first.area_fraction < 1.0)).any()
+    second = run("second", f"{RESOLVED}steps = [{drag}]{RESTART}")
+    for name in ("traction", "displacement", "potentials", "fluxes", "total_slip"):
+        expected = getattr(whole, name)
+        np.testing.assert_allclose(getattr(second, name), expected, atol=1e-9 * np.abs(expected).max(), rtol=0)
+    other = f"{RESOLVED}steps = [{drag}]{RESTART}".replace("batio3-cofe2o4", "pzt-4")
+    with pytest.raises(CaseError, match="the loads of that run cause other displacements in this body"):
+        run("other", other)
+
+
 def test_restart_from_last_converged_increment(write_case, registry, tmp_path, first):
     with h5py.File(tmp_path / "first" / "result.h5", "r+") as file:
         file["steps/0003"].attrs["status"] = "stalled"
