@@ -8,6 +8,7 @@ from typing import Final, final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.contact.conduction import is_partial
 from meeframe.contact.problem import Status
 from meeframe.contact.residual import limit_jumps, node_blocks
 from meeframe.contact.scales import largest
@@ -160,7 +161,12 @@ def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, d
         yield "the next increment starts from the last one that converged"
         return
     if not step.touching.any() and not distant:
-        yield "the indenter does not touch the body"
+        between = is_partial(step.contact_fraction).any()  # at a potential that takes all pressure away
+        yield (
+            "no node bears a pressure, but some conduct between open and closed"
+            if between
+            else "the indenter does not touch the body"
+        )
     if sides:
         yield f"the contact reaches the boundary of its zone at {sides} element side{'s' * (sides > 1)}"
     yield from _large(zone, step)

@@ -156,6 +156,23 @@ def test_supports_by_components_of_several_groups(case):
         fixed([("side_x-", 0), ("base", 2)])
 
 
+def test_message_about_contact_without_pressure():
+    """A high potential takes the pressure of all nodes away."""
+    result = meeframe.Case.from_toml("""
+material = {name = "batio3-cofe2o4"}
+mesh = {type = "half-space", contact_width = "5 mm", divisions = 6}
+formulation = "half-space"
+indenter = {name = "sphere", radius = "100 mm"}
+conductivity = {electric = {name = "step", kappa = 2e-7}}
+contact = {law = {name = "signorini"}}
+steps = [{approach = "20 um", electric_potential = 3.16e8}]
+""").solve()
+    (step,) = result.steps
+    assert not step.touching.any()
+    assert step.fluxes[:, 0].any()
+    assert step.message.endswith("; no node bears a pressure, but some conduct between open and closed")
+
+
 def test_message_about_missing_contact(case):
     """The message appears once, in the first step, and states the distance."""
     away = (Step(-1e-5), Step(-2e-5))
