@@ -33,6 +33,8 @@ ROOT_TOLERANCE: Final = 1e-15
 MAX_ROOT_STEPS: Final = 180
 MIN_TRACTION: Final = -float(np.finfo(float).tiny)
 """Smallest normal traction in magnitude [Pa], for the evaluation of laws on the closed side of their jump."""
+MIN_PRESSURE: Final = 1e-9
+"""Least pressure, in units of the largest, by which a node counts as touching where the contact edge is located."""
 
 
 def conducting(problem: ContactProblem) -> bool:

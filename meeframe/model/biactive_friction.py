@@ -25,7 +25,7 @@ _BIACTIVE_RATIO: Final = 1e6
 """Ratio of friction to pressure from which nodes of a solution count as biactive."""
 _RATIOS: Final = (1e3, 1e2, 1e4)
 """Largest ratios of friction to pressure with which it is sought from a state nearby."""
-_MAX_PULLS: Final = 12
+_MAX_PULLS: Final = 20
 """Number of attractions that are tried."""
 _MIN_SHARE: Final = 1.0 / 8.0
 """Least part of the change of an attraction by which it is changed."""

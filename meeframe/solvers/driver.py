@@ -9,7 +9,7 @@ from scipy.linalg import LinAlgWarning
 
 from meeframe.common.blas import ONE_BLAS_THREAD
 from meeframe.common.memory import keep_freed_memory
-from meeframe.contact.conduction import MIN_TRACTION, is_partial
+from meeframe.contact.conduction import MIN_PRESSURE, MIN_TRACTION, is_partial
 from meeframe.contact.free_motion import reachable_start
 from meeframe.contact.generated_heat import heat_moves_surface
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
@@ -114,8 +114,9 @@ def resolve_edges(
     resolution = problem.system.capability(EdgeResolution)
     if resolution is None:
         return None
+    pressure = np.maximum(-state.load[:, 2], 0.0)
     # round-off at biactive nodes would move the edge
-    pressure = np.where(is_partial(state.contact_fraction), 0.0, np.maximum(-state.load[:, 2], 0.0))
+    pressure[is_partial(state.contact_fraction) | (pressure < MIN_PRESSURE * pressure.max(initial=0.0))] = 0.0
     smooth, edge = resolution.edge_correction(pressure), indenter_edge()
     correction = smooth if edge is None else resolution.edge_correction(pressure, edge)
     # the indenter's edge counts only if it changes the contact edge: the contact may not reach it
