@@ -24,6 +24,8 @@ MAX_REPRESENTATIVE_NODES: Final = 5_000
 """Number of nodes that suffice to estimate the magnitude of a compliance."""
 _LEAST_POTENTIAL: Final = 1e-20
 """Least unit of a potential, as a fraction of the one whose energy equals that of the pressure."""
+_LEAST_DROP: Final = 1e-4
+"""Least unit of a drop, as a fraction of the expected one: states may converge to one without potentials."""
 _SLIDING: Final = 1e6
 """Trial tangential traction, in pressures, under which any surface slides."""
 MAX_FOUNDATION_STEPS: Final = 3
@@ -93,8 +95,7 @@ class Scales:
         caused = largest(load[:, MECHANICAL]) * self.compliance[POTENTIALS, MECHANICAL].sum(axis=1)
         largest_drop = np.fmin(self.displacement[POTENTIALS], np.fmax(potential, caused))
         transmitted = np.fmax(share * largest_drop, compliance * np.abs(flux)).max(axis=0, initial=0.0)
-        transmitted = np.fmax(transmitted, np.finfo(float).eps * self.drop)  # of a state without potentials
-        return np.where((share > 0.0).any(axis=0), np.fmin(self.drop, transmitted), self.drop)
+        return np.where((share > 0.0).any(axis=0), np.clip(transmitted, _LEAST_DROP * self.drop, self.drop), self.drop)
 
 
 @memoize_by_identity
